@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from roletrust_env.benchmarking.learners.results import ALL_TASKS, LearnerResult, TaskScale, ranking
-from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
+from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET, quiet
 
 _COLUMNS = 4
 """Number of tasks side by side."""
@@ -92,8 +92,7 @@ def _bars(
     axes.set_xlim(min(0.0, axes.get_xlim()[0]), max(1.0, axes.get_xlim()[1]) * 1.12)
     axes.axvline(1, color=QUIET, linewidth=0.8, linestyle="--")
     axes.set_xlabel(f"share with {largest:,} rounds, 95% interval", color=INK)
-    axes.grid(axis="x", color="#E5E7EB", linewidth=0.8)
-    _quiet(axes)
+    quiet(axes, "x")
 
 
 def _curves(axes: Axes, found: Sequence[LearnerResult], looks: Mapping[str, dict[str, Any]]) -> None:
@@ -111,12 +110,4 @@ def _curves(axes: Axes, found: Sequence[LearnerResult], looks: Mapping[str, dict
     axes.set_xticks(budgets, [f"{budget / 1000:g}k" for budget in budgets])
     axes.set_xticks([], minor=True)
     axes.set_xlabel("rounds of play", color=INK)
-    axes.grid(axis="y", color="#E5E7EB", linewidth=0.8)
-    _quiet(axes)
-
-
-def _quiet(axes: Axes) -> None:
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    quiet(axes, "y")

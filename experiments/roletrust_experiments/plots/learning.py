@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from roletrust_agents.learned import SavedAttacker
-from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, QUIET
+from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, quiet
 
 
 def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence[float]]) -> Figure:
@@ -20,9 +20,6 @@ def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence
     axes.set_title(f"{card.task.id}, {card.scenario.name}, {card.task.objective}", loc="left", color=INK)
     axes.set_xlabel("rounds of all games", color=INK)
     axes.set_ylabel("mean reward per round", color=INK)
-    axes.grid(axis="y", color="#E5E7EB", linewidth=0.8)
-    axes.tick_params(colors=QUIET, labelcolor=INK)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    quiet(axes, "y")
     axes.legend(frameon=False, loc="best")
     return figure

@@ -1,6 +1,7 @@
 """Style of all figures: colours for colour-blind readers (Okabe and Ito 2008), and plain axes."""
 
 from collections.abc import Iterable
+from typing import Literal
 
 from matplotlib.axes import Axes
 
@@ -12,17 +13,22 @@ INK, QUIET = "#222222", "#6B7280"
 PERTURBED, ATTACKED = "#9CA3AF", "#FBE3D2"
 
 
+def quiet(axes: Axes, along: Literal["x", "y", "both"]) -> None:
+    """Draw a light grid along an axis, and no frame at the top and on the right."""
+    axes.grid(axis=along, color="#E5E7EB", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
 def tidy(axes: Axes, label: str) -> None:
     """Set a trust axis from 0 to 1 with a light grid."""
     axes.set_ylim(-0.03, 1.05)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "0.5", "", "1"])
     axes.set_ylabel(label, color=INK)
-    axes.grid(axis="y", color="#E5E7EB", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
+    quiet(axes, "y")
     axes.margins(x=0)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
         axes.spines[side].set_color("#9CA3AF")
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from roletrust_env.benchmarking.learners.results import title
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.learners import learners_column, learners_figure
-from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, tidy
+from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, quiet, tidy
 from roletrust_experiments.report.content import Content
 from roletrust_experiments.report.robustness import Robustness, Table
 
@@ -165,7 +165,7 @@ def _leaderboard(robustness: Robustness, layout: Layout) -> Figure:
     axes.set_xlabel(
         f"{robustness.suite.score} of going by trust, with 95% intervals; dotted lines between tiers", color=INK
     )
-    _quiet(axes, "x")
+    quiet(axes, "x")
     axes.legend(frameon=False, loc="lower left", ncols=2, bbox_to_anchor=(0, 1), labelcolor=INK)
     return figure
 
@@ -280,7 +280,7 @@ def _draw_breakdown(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, An
     played = sorted({row["share"] for row in rows})
     axes.set_xticks(played, list(map(_percent, played)))
     axes.set_xlabel("share of the compromised", color=INK)
-    _quiet(axes, "y")
+    quiet(axes, "y")
 
 
 def _several_shares(table: Table, layout: Layout) -> list[str] | None:
@@ -304,7 +304,7 @@ def _draw_tradeoff(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any
     axes.set_xlim(-0.03, 1.03)
     axes.set_xlabel("detectability (AUC)", color=INK)
     axes.set_ylabel("damage", color=INK)
-    _quiet(axes, "both")
+    quiet(axes, "both")
 
 
 def _draw_colours(figure: Figure, beside: Any, lowest: float, label: str) -> None:
@@ -325,11 +325,3 @@ def _groups(table: Table) -> dict[Any, list[dict[str, Any]]]:
 def _percent(share: float) -> str:
     """Return a share for a label, different for different shares."""
     return f"{100 * share:.3g}%"
-
-
-def _quiet(axes: Axes, along: Any) -> None:
-    axes.grid(axis=along, color="#E5E7EB")
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
-    for side in axes.spines.values():
-        side.set_visible(False)
