@@ -1,6 +1,5 @@
 """Options that several studies share, each with one spelling and one help text."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,7 +17,6 @@ NamedAttacks = Annotated[
         show_default=False,
     ),
 ]
-Threads = Annotated[int, typer.Option(min=1, help="Number of threads of torch.")]
 ConditionSuite = Annotated[
     str,
     typer.Option(
@@ -28,9 +26,3 @@ ConditionSuite = Annotated[
 ]
 Searches = Annotated[int, typer.Option("--runs", min=1, help="Number of searches, with this seed and those after it.")]
 Again = Annotated[bool, typer.Option("--force", help="Begin again, and overwrite the runs in --out.")]
-OptionalOut = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="DIR", help="Folder for the results; nothing is written if it is left out.", show_default=False
-    ),
-]

@@ -80,7 +80,7 @@ def test_a_dry_run_tells_the_rounds(here):
     [
         (["--model", "mean"], "--model is not for the suite tiny, which is one for learners"),
         (["--suite", "quick", "--learner", "PPO"], "--learner is not for the suite quick, which is one for robustness"),
-        (["--learner", "PPOO"], "unknown learner 'PPOO'; did you mean 'PPO'? Known: PPO,"),
+        (["--learner", "PPOO"], "unknown learner 'PPOO'; did you mean 'PPO'?"),
         (["--learner", "my_learners:MINE"], "learner 'my_learners:MINE' cannot be loaded"),
         (["--learner", "os:system:command=touch hacked"], "learner 'os:system' must make a Learner"),
         (["--suite", "theirs.toml"], "the file names the learner 'my_learners:Always', which is not installed"),
