@@ -70,8 +70,8 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
             shown = "are the last of their role" if suite.places == "last" else "are at random places"
             yield f"{name}: its trust depends on the places of agents; the liars of this suite {shown}"
         clean = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
-        informative = [one for one in clean if _providers_differ(one)]
-        if informative and all(_ignores_ratings(one) for one in informative):
+        leads = [one.measured["utility"] - one.measured["blind"] for one in clean if _providers_differ(one)]
+        if leads and all(np.nanmax(abs(lead)) < _SAME for lead in leads):
             yield f"{name}: choosing by its trust is no better than choosing blindly; it (almost) ignores ratings"
     if discontinuous:
         them = "them" if discontinuous[1:] else "it"
@@ -81,12 +81,6 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
 def _providers_differ(clean: AttackScores) -> bool:
     """Return whether providers differ in quality, so that the best choice is better than a blind choice."""
     return bool(np.nanmin(clean.measured["blind"]) < 1 - _SAME)
-
-
-def _ignores_ratings(clean: AttackScores) -> bool:
-    """Return whether a choice by trust has the same utility as a blind choice."""
-    difference = clean.measured["utility"] - clean.measured["blind"]
-    return bool(np.nanmax(abs(difference)) < _SAME)
 
 
 def _is_random(game: Game) -> bool:

@@ -15,7 +15,6 @@ from roletrust_env.benchmarking.learners.results import (
     learner_results,
     ranking,
     table_rows,
-    title,
 )
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.store import StoredCell
@@ -56,7 +55,7 @@ def tell_learners(suite: LearnersSuite, kept: Sequence[StoredCell], out: Path) -
 
     scales, found = learner_results(suite, kept)
     write_csv(out / "learners.csv", HEADER, table_rows(found))
-    write_figure(out / "learners.png", learners_figure(title(suite), found, scales))
+    write_figure(out / "learners.png", learners_figure(suite.title, found, scales))
     command = reproduction_command(suite, out / "results.sqlite")
     write_text(out / "learners.md", _markdown(suite, found, scales, command))
     console.print(_table(suite, found, scales))

@@ -13,7 +13,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from roletrust_env.benchmarking.learners.results import title
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.learners import learners_column, learners_figure
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, quiet, tidy
@@ -110,7 +109,7 @@ def write_figures(folder: Path, content: Content, layout: Layout, *suffixes: str
             found["learners"] = (
                 learners_column(learners.found, layout.width)
                 if layout.selected
-                else learners_figure(title(learners.suite), learners.found, learners.scales)
+                else learners_figure(learners.suite.title, learners.found, learners.scales)
             )
         for name, figure in found.items():
             for suffix in suffixes:

@@ -8,7 +8,7 @@ import numpy as np
 from roletrust_env.benchmarking.learners.learner import BOUNDS, HONEST_PLAY
 from roletrust_env.benchmarking.learners.suite import LearnersSuite, Trial
 from roletrust_env.benchmarking.schema import CellResult
-from roletrust_env.metrics.confidence import Floats, Interval, interquartile_mean
+from roletrust_env.metrics.confidence import Interval, interquartile_mean
 
 ALL_TASKS = "all tasks"
 """Name of the task in results over all tasks."""
@@ -101,16 +101,20 @@ def aggregate(scales: dict[str, TaskScale], runs: Sequence[LearnerRun]) -> list[
     """Return the results of each learner with each budget on each task, and over all tasks if it has runs on each.
 
     Args:
-        scales: TaskScale of each task.
+        scales: Scale of each task.
         runs: Runs of the learners.
     """
     results = []
     for learner, budget in _group_scores(runs):
-        by_task = {task: [run for run in runs if run[:3] == (task, learner, budget)] for task in scales}
-        shares = {task: np.array([scales[task].share(run) for run in group]) for task, group in by_task.items()}
-        if all(by_task.values()):
-            results.append(_result(ALL_TASKS, learner, budget, [], list(shares.values())))
-        results += [_result(task, learner, budget, group, [shares[task]]) for task, group in by_task.items() if group]
+        groups = {task: [run for run in runs if run[:3] == (task, learner, budget)] for task in scales}
+        shares = {task: np.array([scales[task].share(run) for run in group]) for task, group in groups.items()}
+        if all(groups.values()):
+            share = interquartile_mean(list(shares.values()))
+            results.append(LearnerResult(ALL_TASKS, learner, budget, sum(map(len, groups.values())), np.nan, share))
+        for task, group in groups.items():
+            if group:
+                score, share = float(np.mean([run.score for run in group])), interquartile_mean([shares[task]])
+                results.append(LearnerResult(task, learner, budget, len(group), score, share))
     return results
 
 
@@ -143,23 +147,7 @@ def _group_scores(runs: Sequence[LearnerRun]) -> dict[tuple[str, int], list[floa
     return scores
 
 
-def _result(
-    task: str, learner: str, budget: int, runs: Sequence[LearnerRun], shares: Sequence[Floats]
-) -> LearnerResult:
-    score = float(np.mean([run.score for run in runs])) if runs else np.nan
-    return LearnerResult(task, learner, budget, sum(map(len, shares)), score, interquartile_mean(shares))
-
-
 _BOUND_DESCRIPTIONS = dict(zip(BOUNDS, ("the exact optimum", "a bound that is proven"), strict=True))
-
-
-def title(suite: LearnersSuite) -> str:
-    """Return the title of a figure of the results.
-
-    Args:
-        suite: Suite of the run.
-    """
-    return f"Learners, suite {suite.name}, {len(suite.seeds)} seeds"
 
 
 def learner_results(

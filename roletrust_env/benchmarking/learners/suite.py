@@ -102,6 +102,11 @@ class LearnersSuite(SuiteSchema):
             raise ValueError(f"learners must not contain {references.pop()!r}, which is always played")
         return self
 
+    @property
+    def title(self) -> str:
+        """Title of a figure of the results."""
+        return f"Learners, suite {self.name}, {len(self.seeds)} seeds"
+
     def cells(self) -> list[Trial]:
         """Return all trials. The longest come first, so that all workers end at about the same time."""
         found = [
