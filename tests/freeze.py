@@ -76,23 +76,22 @@ def zoo_scores(name: str) -> Any:
 def journal(model: Any, path: Path, rounds: Any, teams: list[Any]) -> list[Any]:
     """The bytes of a manager's journal, and the trust after its replay. `rounds` has one entry for each of `teams`."""
     from roletrust_env.live.journal import Journal, JournalEntry, read_journal
-    from roletrust_env.live.state_growth import grows
     from roletrust_env.live.team import Team
+    from roletrust_env.live.team_run import TeamRun, grows
     from roletrust_env.live.team_trust import replay_rounds
-    from roletrust_env.live.trust_tracker import TrustTracker
 
     growing = grows(model)
-    tracker = TrustTracker(model, Team(*teams[0 if growing else -1]))
+    team_run = TeamRun(model, Team(*teams[0 if growing else -1]))
     with Journal(path, {"model": repr(model)}) as file:
         for number, (ratings, team) in enumerate(zip(rounds, teams, strict=True)):
-            team = Team(*team) if growing else tracker.team
-            if tracker.team != team:
-                tracker.grow(team)
-            tracker.update(ratings)
-            file.append(JournalEntry(number, 500 * number, 500 * number + 20, team, ratings, (), tracker.trust))
+            team = Team(*team) if growing else team_run.team
+            if team_run.team != team:
+                team_run.grow(team)
+            team_run.play_named(ratings)
+            file.append(JournalEntry(number, 500 * number, 500 * number + 20, team, ratings, (), team_run.trust))
     return [
         path.read_bytes(),
-        tuple(replay_rounds(model, read_journal(path), None if growing else tracker.team, path).trust),
+        tuple(replay_rounds(model, read_journal(path), None if growing else team_run.team, path).trust),
     ]
 
 

@@ -30,7 +30,6 @@ _HERE = "roletrust_experiments.commands"
         "submit": f"{_HERE}.submit:submit",
         "verify": f"{_HERE}.submit:verify",
         "rate": f"{_HERE}.rate:rate",
-        "real": f"{_HERE}.real:real",
         "live": f"{_HERE}.live.app:live",
     }
 )

@@ -13,7 +13,7 @@ from roletrust_env.evaluation.resources import in_bytes, in_time
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import TrustModel, trust_models
-from roletrust_env.trust.edge_state import edge_model, runs_on_edges
+from roletrust_env.trust.run import edge_model, runs_on_edges
 from studies.study import Recipe, Study
 from studies.timing import (
     EACH,

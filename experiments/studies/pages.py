@@ -95,13 +95,13 @@ COMMANDS = {
     ],
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
-    "real": ["real {logs} --search 24 --out {out}"],
+    "real": ["rate {logs} --compare --search 24 --out {out}"],
     "leave-one-out-logs": [
-        f"real {{logs}} {_BESIDE} --out {{out}}/30",
-        f"real {{logs}} {_BESIDE} --every 604800 --out {{out}}/7",
+        f"rate {{logs}} --compare {_BESIDE} --out {{out}}/30",
+        f"rate {{logs}} --compare {_BESIDE} --every 604800 --out {{out}}/7",
     ],
     "defence-logs": [
-        f"real {{logs}} --model leave-one-out --model {{learned}} {_LEARNED} {_BESIDE_OTHERS} --out {{out}}"
+        f"rate {{logs}} --compare --model leave-one-out --model {{learned}} {_LEARNED} {_BESIDE_OTHERS} --out {{out}}"
     ],
     "known-attacks": [
         "benchmark --suite {suites}/known-attacks.toml --known {known} --out {out}",
@@ -138,9 +138,9 @@ FILES = {
     "attackers": {"report/games.csv.gz": "attackers/games.csv.gz"},
     "learners": {f"learners.{kind}": f"attackers/learners.{kind}" for kind in ("png", "md", "csv")},
     "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},
-    "real": {name: f"real/{name}" for name in ("real.md", "real.csv")},
-    "leave-one-out-logs": {f"{days}/real.csv": f"leave-one-out-{days}.csv" for days in (30, 7)},
-    "defence-logs": {"real.csv": "defence/logs.csv"},
+    "real": {f"comparison.{kind}": f"real/real.{kind}" for kind in ("md", "csv")},
+    "leave-one-out-logs": {f"{days}/comparison.csv": f"leave-one-out-{days}.csv" for days in (30, 7)},
+    "defence-logs": {"comparison.csv": "defence/logs.csv"},
     "known-attacks": {},
     "colluders": {},
     "universal": _attackers(list(UNIVERSAL), "universal-"),

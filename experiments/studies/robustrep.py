@@ -8,8 +8,7 @@ from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.ratings import Ratings, merge_repeats
 
 
@@ -63,8 +62,8 @@ class RobustRep:
         new = xp.asarray(scores, dtype=values.dtype, device=values.device)
         return state._replace(ratings=records, top=xp.where(xp.isnan(new), state.top, new))
 
-    def ledger(self, shape: tuple[int, int]) -> "VoteLog":
-        """Return a ledger of a log, without a window: a grid of a large log would not fit."""
+    def trust_run(self, shape: tuple[int, int]) -> "VoteLog":
+        """Return a run of a log, without a window: a grid of a large log would not fit."""
         return VoteLog(shape, self.initial)
 
     def rater_trust(self, state: Records) -> Array:
@@ -77,7 +76,7 @@ class RobustRep:
 
 
 class VoteLog:
-    """Scores of a log, from all ratings so far, as the package keeps them; otherwise as `Ledger`.
+    """Scores of a log, from all ratings so far, as the package keeps them; otherwise as `TrustRun`.
 
     Attributes:
         rounds: Number of rounds so far.
@@ -102,14 +101,14 @@ class VoteLog:
         return np.where(np.isnan(scores), self._initial, scores)
 
     def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
-        """Play one round. See `Ledger.play`."""
+        """Play one round. See `TrustRun.play`."""
         if len(raters):
             raters, providers, values, _ = merge_repeats(raters, providers, values, raters * self._shape[1] + providers)
             self._parts.append((raters, providers, values, np.full(len(raters), self.rounds)))
         self.rounds += 1
 
     def skip(self, rounds: int) -> None:
-        """Play so many rounds without ratings. See `Ledger.skip`."""
+        """Play so many rounds without ratings. See `TrustRun.skip`."""
         self.rounds += rounds
 
 

@@ -23,9 +23,9 @@ from roletrust_env import Random
 from roletrust_env.arrays import namespace
 from roletrust_env.trees import map_kinds
 from roletrust_env.trust import Ratings, Traits, TrustModel
-from roletrust_env.trust.edge_state import start_on_edges
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.models.central.role_trust import RoleTrust
+from roletrust_env.trust.run import start_on_edges
 
 EACH = 10
 """Ratings of each rater, and of each provider, on average, in a list of ratings."""

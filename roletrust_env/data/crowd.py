@@ -17,8 +17,8 @@ import numpy as np
 from roletrust_env.data.log import Columns, RatingLog, first_row, read_ratings
 from roletrust_env.data.resampling import correlation, interval, mean, ranks
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.trust.grid_ledger import make_ledger
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats
+from roletrust_env.trust.run import make_run
 
 
 class Verdict(NamedTuple):
@@ -82,7 +82,7 @@ def crowd_work(model: Any, task: CrowdTask, seed: int = 0) -> dict[str, Interval
         seed: Random seed of the resamples, and of a method that needs one.
 
     Raises:
-        MemoryError: The model does not fit, see `make_ledger`.
+        MemoryError: The model does not fit, see `make_run`.
     """
     log, truth = task
     verdict = model.judge(log, seed) if isinstance(model, CrowdMethod) else _vote(model, log)
@@ -103,9 +103,9 @@ def crowd_work(model: Any, task: CrowdTask, seed: int = 0) -> dict[str, Interval
 
 def _vote(model: Any, log: RatingLog) -> Verdict:
     """Return the vote weighted by a trust model's trust after all answers."""
-    ledger = make_ledger(model, log.shape)
-    ledger.play(log.raters, log.ratees, log.values)
-    trust = ledger.rater_trust
+    run = make_run(model, log.shape)
+    run.play(log.raters, log.ratees, log.values)
+    trust = run.rater_trust
     return Verdict(_weighted(log, trust), trust if model.rates_raters else None)
 
 

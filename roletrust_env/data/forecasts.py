@@ -12,9 +12,8 @@ from roletrust_env.data.log import RatingLog
 from roletrust_env.data.resampling import auc, correlation, interval, mean
 from roletrust_env.data.rounds import TooSmallError, log_rounds, play_round, spans
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.trust.grid_ledger import make_ledger
-from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.run import make_run
 
 _OTHERS = 2  # so many ratings by others make a view
 _ACTIVITY = (3, 10, 30, 100)  # limits of the strata, in earlier ratings by the rater
@@ -45,18 +44,18 @@ def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) ->
 
     Raises:
         TooSmallError: The log has a single round.
-        MemoryError: The model does not fit, see `make_ledger`.
+        MemoryError: The model does not fit, see `make_run`.
     """
     numbers = log_rounds(log, every)
     since = int(np.searchsorted(numbers, 0, side="right"))
     if since == len(numbers):
         raise TooSmallError(f"with rounds of {every:g} the log has a single round, so there is nothing to forecast")
-    ledger = make_ledger(model, log.shape, one_role=not same_agents)
+    run = make_run(model, log.shape, one_role=not same_agents)
     top, tor = np.zeros(len(numbers)), np.zeros(len(numbers))
     for number, some in spans(numbers):
-        top[some] = ledger.provider_trust[log.ratees[some]]
-        tor[some] = ledger.rater_trust[log.raters[some]]
-        play_round(ledger, number, log.raters[some], log.ratees[some], log.values[some])
+        top[some] = run.provider_trust[log.ratees[some]]
+        tor[some] = run.rater_trust[log.raters[some]]
+        play_round(run, number, log.raters[some], log.ratees[some], log.values[some])
     return Forecasts(top[since:], tor[since:] if model.rates_raters else None, numbers[since:], since)
 
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from roletrust_env.data.units import check_scale, date_seconds, has_zone, is_date, text_seconds, unit_ratings
 from roletrust_env.errors import suggest
-from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats, Ints
 
 PARQUET = ".parquet"
 """Ending of the name of a Parquet file; any other file is CSV."""

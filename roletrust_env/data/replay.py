@@ -15,9 +15,8 @@ from roletrust_env.data.resampling import interval, mean, ranks
 from roletrust_env.data.rounds import TooSmallError, log_rounds, play_round, spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.beta_distribution import reputation
-from roletrust_env.trust.grid_ledger import make_ledger
-from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.run import make_run
 
 TARGETS, ROUNDS = 20, 6
 """Number of targets, and of rounds that the attack lasts."""
@@ -103,7 +102,7 @@ class Replay:
 
         Raises:
             TooSmallError: The log has no 7 rounds with ratings, or too few providers or raters.
-            MemoryError: The model does not fit, see `make_ledger`.
+            MemoryError: The model does not fit, see `make_run`.
         """
         parts = list(spans(log_rounds(log, every)))
         if len(parts) <= ROUNDS:
@@ -118,9 +117,9 @@ class Replay:
             )
         self.newcomers, self.fresh = log.shape[1] + np.arange(TARGETS), log.shape[0] + TARGETS + np.arange(most)
         room = log.shape[0] + TARGETS + most, log.shape[1] + TARGETS + most
-        self._ledger = make_ledger(model, room, one_role=not same_agents)
+        self._run = make_run(model, room, one_role=not same_agents)
         for number, some in parts[:-ROUNDS]:
-            play_round(self._ledger, number, log.raters[some], log.ratees[some], log.values[some])
+            play_round(self._run, number, log.raters[some], log.ratees[some], log.values[some])
         self._rest, self._rated = parts[-ROUNDS:], np.union1d(np.unique(log.ratees), self.newcomers)
 
     def percentiles(self, targets: Ints, rounds: Sequence[HostileRatings]) -> Floats:
@@ -131,12 +130,12 @@ class Replay:
             rounds: Ratings of the hostile accounts in each of the last rounds, beside those of the log. A rating of
                 an account by itself does not count if raters and ratees are the same agents.
         """
-        ledger, log = deepcopy(self._ledger), self.log
+        run, log = deepcopy(self._run), self.log
         for (number, some), extra in zip(self._rest, rounds, strict=True):
             others = (extra.raters != extra.providers) | (not self.same_agents)
             parts = zip((log.raters[some], log.ratees[some], log.values[some]), extra, strict=True)
-            play_round(ledger, number, *(np.concatenate([real, false[others]]) for real, false in parts))
-        return ranks(ledger.provider_trust[self._rated])[np.searchsorted(self._rated, targets)]
+            play_round(run, number, *(np.concatenate([real, false[others]]) for real, false in parts))
+        return ranks(run.provider_trust[self._rated])[np.searchsorted(self._rated, targets)]
 
     @cached_property
     def honest(self) -> dict[str, Floats]:

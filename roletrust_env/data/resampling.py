@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats, Ints
 
 RESAMPLES = 400
 """Number of resamples of an interval."""

@@ -1,14 +1,15 @@
 """The rounds of a log of ratings: by time, or by number of ratings."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from numbers import Real
+from typing import Any
 
 import numpy as np
 
 from roletrust_env.data.log import RatingLog
-from roletrust_env.trust.grid_ledger import AnyLedger
-from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.run import TrustRun
 
 MOST = 1_000_000
 """Maximum number of rounds of a log; more is taken for a wrong unit of time."""
@@ -58,64 +59,42 @@ def spans(numbers: Ints) -> Iterator[tuple[int, slice]]:
         yield int(numbers[start]), slice(int(start), int(stop))
 
 
-def play_round(ledger: AnyLedger, number: int, raters: Ints, providers: Ints, values: Floats) -> None:
+def play_round(run: TrustRun, number: int, raters: Ints, providers: Ints, values: Floats) -> None:
     """Play the round of a number; rounds without ratings that lie before it are played first."""
-    if number > ledger.rounds:
-        ledger.skip(number - ledger.rounds)
-    ledger.play(raters, providers, values)
+    if number > run.rounds:
+        run.skip(number - run.rounds)
+    run.play(raters, providers, values)
 
 
-def play_log(
-    ledger: AnyLedger,
-    log: RatingLog,
-    *,
-    every: float | None = None,
-    count: int | None = None,
-    advance: Callable[[int], None] = lambda ratings: None,
-) -> None:
-    """Play a log round by round.
-
-    Args:
-        ledger: Ledger with room for all agents of the log.
-        log: Log, in the order of time.
-        every: Length of a round, in the unit of the times; rounds without ratings count.
-        count: Number of ratings of a round. Without both, the whole log is one round.
-        advance: Function that is called after each round with the number of ratings played so far.
-    """
-    for number, some in spans(log_rounds(log, every, count)):
-        play_round(ledger, number, log.raters[some], log.ratees[some], log.values[some])
-        advance(some.stop)
-
-
-def log_rounds(log: RatingLog, every: float | None = None, count: int | None = None) -> Ints:
-    """Return the number of the round of each rating of a log, shape (n,), ascending; see `play_log`.
+def log_rounds(log: RatingLog, every: float) -> Ints:
+    """Return the number of the round of each rating of a log with times, shape (n,), ascending.
 
     Raises:
-        ValueError: Both lengths are given, a length is not above 0, or the log has no times.
+        ValueError: The length is not above 0, or the log has no times.
     """
-    check_rounds(every, count, has_times=log.times is not None)
-    if every is not None and log.times is not None:
-        return round_numbers(log.times, every, float(log.times[0]))
-    places = np.arange(len(log.values))
-    return 0 * places if count is None else places // count
+    if log.times is None:
+        raise ValueError("rounds go by time, and the log has no times; name the column of the time")
+    return round_numbers(log.times, every, float(log.times[0]))
 
 
-def check_rounds(every: float | None, count: int | None, *, has_times: bool) -> None:
-    """Refuse lengths of rounds that do not fit a log, which need not be read yet.
+def check_rounds(every: Any, count: int | None, *, has_times: bool = True) -> None:
+    """Refuse lengths of rounds that do not fit, before there are ratings.
 
     Args:
-        every: Length of a round by time.
-        count: Number of ratings of a round.
-        has_times: Whether the log has times.
+        every: Length of a round by time; None if rounds do not go by time.
+        count: Number of ratings of a round; None if rounds do not go by number.
+        has_times: Whether the ratings have times.
 
     Raises:
-        ValueError: Both lengths are given, a length is not above 0, or the log has no times.
+        ValueError: Both lengths are given, a length is no number above 0, or there are no times.
     """
     if every is not None and count is not None:
         raise ValueError("rounds go by time or by number of ratings, not by both")
     if every is not None and not has_times:
         raise ValueError("rounds go by time, and the log has no times; name the column of the time")
     if every is not None:
-        round_numbers(np.zeros(0), every, 0.0)
+        if not isinstance(every, Real) or isinstance(every, bool | np.bool_ | np.timedelta64):
+            raise ValueError(f"the length of a round is {every!r}; it must be a number, for dates one of seconds")
+        round_numbers(np.zeros(0), float(every), 0.0)
     if count is not None and count < 1:
         raise ValueError(f"the number of ratings of a round is {count}; it must be at least 1")

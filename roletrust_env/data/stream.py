@@ -1,19 +1,17 @@
 """Trust from a stream of ratings, which can be saved and continued."""
 
 import json
-from numbers import Real
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.data.rounds import round_numbers, spans
+from roletrust_env.data.rounds import check_rounds, round_numbers, spans
 from roletrust_env.data.units import check_scale, date_seconds, unit_ratings
 from roletrust_env.storage.arrays import load_arrays, save_arrays
-from roletrust_env.trust.edge_state import edge_model
-from roletrust_env.trust.key_index import Ints, KeyIndex
-from roletrust_env.trust.ledger import Floats, Ledger, staying
+from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
+from roletrust_env.trust.run import edge_model, make_run, staying
 
 _FORMAT = 2
 
@@ -27,10 +25,11 @@ Columns: TypeAlias = tuple[Names, Names, Floats, Floats]
 class TrustStream:
     """Trust of raters and providers, from ratings that arrive in batches.
 
-    Without `every`, each call of `update` is a round. With it, rounds have that length, from the earliest time on. The
-    ratings of a round count, and its newcomers join, once a later rating shows that it has ended, or when `finish` is
-    called; how ratings are cut into batches, and their order within a round, do not matter. A round without ratings is
-    a round. Several ratings of a pair in a round count as one, their mean.
+    Without `every` and `count`, each call of `update` is a round. With `every`, rounds have that length, from the
+    earliest time on. The ratings of a round count, and its newcomers join, once a later rating shows that it has ended,
+    or when `finish` is called; how ratings are cut into batches, and their order within a round, do not matter. A round
+    without ratings is a round. With `count`, a round has so many ratings, and the last one fewer. Several ratings of a
+    pair in a round count as one, their mean.
 
     Example:
         >>> from roletrust_env import make_trust_model
@@ -40,9 +39,10 @@ class TrustStream:
         {'shop': 0.625}
 
     Attributes:
-        model: Central trust model.
+        model: Trust model: a central one, or any if its agents are given.
         scale: Worst and best rating.
-        every: Length of a round, in the unit of the times; None if each batch is a round.
+        every: Length of a round, in the unit of the times; None if rounds do not go by time.
+        count: Number of ratings of a round; None if rounds do not go by number.
         same_agents: Whether a rater and a provider of the same name are one agent, as where members rate members.
     """
 
@@ -52,20 +52,40 @@ class TrustStream:
         *,
         scale: tuple[float, float] = (0.0, 1.0),
         every: float | None = None,
+        count: int | None = None,
         same_agents: bool = False,
+        agents: tuple[Any, Any] | None = None,
     ) -> None:
-        """Start without agents.
+        """Start without agents, or with those that are given.
+
+        Args:
+            model: Trust model.
+            scale: Worst and best rating.
+            every: Length of a round, in the unit of the times.
+            count: Number of ratings of a round.
+            same_agents: Whether a rater and a provider of the same name are one agent.
+            agents: Names of raters and of providers that are present from the start. A model that does not run on edges
+                needs them, since it keeps numbers for all pairs.
 
         Raises:
-            ValueError: The model does not run on edges, the scale is empty, or a round has no length.
+            ValueError: The model does not run on edges, and no agents are given; the scale is empty; or a round has no
+                length.
+            MemoryError: The model does not fit, see `make_run`.
         """
         check_scale(scale)
-        if every is not None:
-            every = _length(every)
-        self.model, self.scale, self.every, self.same_agents = edge_model(model), scale, every, same_agents
-        self._ledger = Ledger(self.model, one_role=not same_agents)
+        check_rounds(every, count)
+        self.model, self.scale, self.count, self.same_agents = model, scale, count, same_agents
+        self.every = None if every is None else float(every)
         self._raters = NameIndex("raters")
         self._providers = self._raters if same_agents else NameIndex("providers")
+        shape = 0, 0
+        if agents is None:
+            edge_model(model)
+        else:
+            for index, names in zip((self._raters, self._providers), agents, strict=True):
+                index.places(index.check(names))
+            shape = len(self._raters), len(self._providers)
+        self._run = make_run(model, shape, one_role=not same_agents)
         self._start: float | None = None
         self._waiting: list[Columns] = []  # the ratings of the round that has begun, whose newcomers have no place yet
         self._begun = False  # whether a round has begun
@@ -73,7 +93,7 @@ class TrustStream:
     @property
     def rounds(self) -> int:
         """The number of rounds that count so far."""
-        return self._ledger.rounds
+        return self._run.rounds
 
     def update(self, raters: Any, providers: Any, ratings: Any, times: Any = None) -> None:
         """Take a batch of ratings: lists, arrays, or columns of a table of pandas or Arrow.
@@ -98,13 +118,24 @@ class TrustStream:
             raise ValueError("times are given" if self.every is None else "times are missing; rounds go by time here")
         if self.same_agents and (own := np.flatnonzero(who == whom)).size:
             raise ValueError(f"rating {own[0] + 1} is of {who[own[0]]!s} by itself")
-        when = np.zeros(len(who)) if times is None else _numbers("times", times, len(who), dates=True)
-        if self.every is None:
+        if self.every is None and self.count is None:
             self._play(who, whom, values)
         elif len(who):
-            self._wait((who, whom, values, when), self.every)
+            when = self._places(len(who)) if times is None else _numbers("times", times, len(who), dates=True)
+            self._wait((who, whom, values, when))
 
-    def _wait(self, columns: Columns, every: float) -> None:
+    def _places(self, ratings: int) -> Floats:
+        """Return the places of further ratings in the stream: their times, where rounds go by number."""
+        first = self._waiting[-1][3][-1] + 1 if self._waiting else self.rounds * (self.count or 1)
+        return np.arange(first, first + ratings, dtype=np.float64)
+
+    def _round_numbers(self, times: Floats, start: float) -> Ints:
+        """Return the number of the round of each rating."""
+        if self.every is not None:
+            return round_numbers(times, self.every, start)
+        return times.astype(np.int64) // (self.count or 1)
+
+    def _wait(self, columns: Columns) -> None:
         """Keep ratings until their round has ended, and play the rounds that have.
 
         Raises:
@@ -115,19 +146,19 @@ class TrustStream:
         start = float(when.min()) if self._start is None else self._start
         if not self.rounds:
             start = min(start, float(when.min()))
-        numbers = round_numbers(when, every, start)
+        numbers = self._round_numbers(when, start)
         if (late := np.flatnonzero(numbers < self.rounds)).size:
             raise ValueError(
                 f"rating {late[0] + 1} is of time {when[late[0]]:.15g}, in a round that has ended; "
-                f"the earliest time that counts is {start + self.rounds * every:.15g}"
+                f"the earliest time that counts is {start + self.rounds * (self.every or 0):.15g}"
             )
         if start != self._start or np.any(numbers > self.rounds):
             columns = _joined(parts)
-            numbers = round_numbers(columns[3], every, start)
+            numbers = self._round_numbers(columns[3], start)
             order = np.argsort(numbers, kind="stable")
             for number, some in spans(numbers[order]):
                 parts = [tuple(column[order[some]] for column in columns)]  # type: ignore[list-item]
-                self._ledger.skip(number - self.rounds)
+                self._run.skip(number - self.rounds)
                 if some.stop < len(numbers):
                     self._play(*parts[0][:3])
         self._start, self._waiting, self._begun = start, parts, True
@@ -178,7 +209,7 @@ class TrustStream:
         if self.same_agents:
             one = other = np.union1d(one, other)
             gone = lost = gone | lost
-        self._ledger.remove(one, other)
+        self._run.remove(one, other)
         self._raters.keep(staying(len(self._raters), one))
         if not self.same_agents:
             self._providers.keep(staying(len(self._providers), other))
@@ -188,11 +219,11 @@ class TrustStream:
 
     def rater_trust(self) -> dict[Any, float]:
         """Return the trust of each rater by name, in [0, 1]. Raters whose first round has not ended are missing."""
-        return dict(zip(self._raters.names, self._ledger.rater_trust.tolist(), strict=True))
+        return dict(zip(self._raters.names, self._run.rater_trust.tolist(), strict=True))
 
     def provider_trust(self) -> dict[Any, float]:
         """Return the trust of each provider by name, in [0, 1]."""
-        return dict(zip(self._providers.names, self._ledger.provider_trust.tolist(), strict=True))
+        return dict(zip(self._providers.names, self._run.provider_trust.tolist(), strict=True))
 
     def save(self, path: Path | str) -> None:
         """Write the state to a file of NumPy arrays, complete or not at all."""
@@ -210,7 +241,7 @@ class TrustStream:
             **{f"names_{n}": names for n, names in enumerate(people) if names.dtype != object},
             "ratings": waiting[2],
             "times": waiting[3],
-            **self._ledger.arrays(),
+            **self._run.save(),
         }
         save_arrays(Path(path), arrays)
 
@@ -233,7 +264,7 @@ class TrustStream:
             header = json.loads(arrays["header"].tobytes())
             if header["format"] != _FORMAT:
                 raise ValueError(f"its format is {header['format']}, and {_FORMAT} is read here")
-            before = {name: header[name] for name in stream._settings()}
+            before = {name: header.get(name) for name in (*stream._settings(), "count") if name in header}
             if before == stream._settings():
                 stream._restore(arrays, header)
         except (ValueError, TypeError, LookupError) as error:
@@ -244,7 +275,7 @@ class TrustStream:
         return stream
 
     def _restore(self, arrays: dict[str, npt.NDArray[Any]], header: dict[str, Any]) -> None:
-        self._ledger.restore(arrays)
+        self._run.load(arrays)
         raters, providers, who, whom = (
             arrays[f"names_{n}"] if texts is None else np.array(texts, object)
             for n, texts in enumerate(header["texts"])
@@ -252,9 +283,9 @@ class TrustStream:
         self._raters.restore(raters)
         if not self.same_agents:
             self._providers.restore(providers)
-        if (len(self._raters), len(self._providers)) != self._ledger.shape:
+        if (len(self._raters), len(self._providers)) != self._run.shape:
             raise ValueError(
-                f"{len(raters)} raters and {len(providers)} providers have names; {self._ledger.shape} belong"
+                f"{len(raters)} raters and {len(providers)} providers have names; {self._run.shape} belong"
             )
         self._start, self._begun = header["start"], header["begun"]
         self._waiting = [(who, whom, arrays["ratings"], arrays["times"])] if len(who) else []
@@ -266,10 +297,11 @@ class TrustStream:
             "scale": [float(end) for end in self.scale],
             "every": self.every,
             "same_agents": self.same_agents,
+            **({} if self.count is None else {"count": self.count}),
         }
 
     def _play(self, raters: Names, providers: Names, values: Floats) -> None:
-        self._ledger.play(self._raters.places(raters), self._providers.places(providers), values)
+        self._run.play(self._raters.places(raters), self._providers.places(providers), values)
 
 
 class NameIndex:
@@ -382,14 +414,6 @@ class NameIndex:
         self._texts = {name: place for place, name in enumerate(names.tolist())}
         if len(self._texts) < len(names):
             raise ValueError("a name occurs twice")
-
-
-def _length(every: Any) -> float:
-    """Return the length of a round as a number."""
-    if not isinstance(every, Real) or isinstance(every, bool | np.bool_ | np.timedelta64):
-        raise ValueError(f"the length of a round is {every!r}; it must be a number, for dates one of seconds")
-    round_numbers(np.zeros(0), float(every), 0.0)
-    return float(every)
 
 
 def _numbers(column: str, values: Any, length: int, *, dates: bool = False) -> Floats:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d(?::?\d\d)?)$")
 _DAY = 10  # letters of a date without a time

@@ -4,22 +4,32 @@ The process is no sandbox: it runs with the rights of its user. But a model in i
 stack or by modules, and its answers are read as numbers only.
 """
 
+import os
 import pickle
 import subprocess
 import sys
+import time
 import weakref
+from collections import OrderedDict
+from copy import copy
 from io import BytesIO
+from threading import Thread
 from typing import IO, Any, NamedTuple
 
 import numpy as np
 
 from roletrust_env.arrays import Array
+from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust.model import Traits
 from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.run import GridRun
 from roletrust_env.world.scenario import Scenario
 
 _LENGTH = 8  # bytes of the length of a message
 _MOST_BYTES = 2_000_000_000  # of an answer
+
+_STATES = 8
+"""Number of states that are kept."""
 
 
 class IsolatedState(NamedTuple):
@@ -53,7 +63,7 @@ class IsolatedModel:
 
     def __init__(self, text: str, scenario: Scenario) -> None:
         self._text = text
-        command = [sys.executable, "-m", "roletrust_env.evaluation.isolated_process"]
+        command = [sys.executable, "-m", "roletrust_env.evaluation.isolated"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         weakref.finalize(self, _end, self._process)
         settings = {"lam": scenario.lam, "initial_trust": scenario.initial_trust}
@@ -118,8 +128,8 @@ class IsolatedModel:
         assert self._process.stdin is not None  # both are pipes
         assert self._process.stdout is not None
         try:
-            write(self._process.stdin, pickle.dumps(message))
-            answer = read(self._process.stdout)
+            _write(self._process.stdin, pickle.dumps(message))
+            answer = _read(self._process.stdout)
         except (OSError, EOFError):
             raise ValueError(f"{self}: the process has ended") from None
         if not answer.startswith(b"+"):
@@ -133,13 +143,13 @@ class IsolatedModel:
         return arrays
 
 
-def write(stream: IO[bytes], message: bytes) -> None:
+def _write(stream: IO[bytes], message: bytes) -> None:
     """Write a message with its length before it."""
     stream.write(len(message).to_bytes(_LENGTH, "big") + message)
     stream.flush()
 
 
-def read(stream: IO[bytes]) -> bytes:
+def _read(stream: IO[bytes]) -> bytes:
     """Read a message.
 
     Raises:
@@ -158,3 +168,83 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
     for stream in (process.stdin, process.stdout):
         if stream is not None:
             stream.close()
+
+
+# --- the process of the model ------------------------------------------------------------------------
+
+
+class _Model:
+    """The model and its latest states, each a run that goes on from a copy."""
+
+    def __init__(self) -> None:
+        self._runs: OrderedDict[int, GridRun] = OrderedDict()
+        self._number = 0
+
+    def make(self, path: list[str], text: str, settings: dict[str, Any]) -> list[Any]:
+        """Make the model, and return its traits and whether it is a personal one."""
+        sys.path[:] = path
+        agents: Any = [{"role": "SR"}, {"role": "SP"}]
+        self._model: Any = parse_trust_model(text, Scenario(agents=agents, **settings))
+        return [[str(trait) for trait in Traits.of(self._model)], hasattr(self._model, "judge_trust")]
+
+    def start(self, like: Any, peers: Any) -> list[Any]:
+        """Start games, and return the number of the state and its trust."""
+        return self._numbered(GridRun(self._model, like, peers))
+
+    def update(self, number: int, ratings: Any, mask: Any) -> list[Any]:
+        """Play a round, and return the number of the state and its trust."""
+        if number not in self._runs:
+            raise ValueError(f"it keeps the latest {_STATES} states only, so games cannot go back further")
+        run = copy(self._runs[number])
+        run.update(Ratings(ratings, mask))
+        return self._numbered(run)
+
+    def _numbered(self, run: GridRun) -> list[Any]:
+        """Keep a run under the next number, and return the number and the trust."""
+        trust = [run.rater_trust, run.provider_trust]
+        if hasattr(self._model, "judge_trust"):
+            trust.append(self._model.judge_trust(run.state))
+        self._number += 1
+        self._runs[self._number] = run
+        if len(self._runs) > _STATES:
+            self._runs.popitem(last=False)
+        return [self._number, *trust]
+
+
+def _answer(model: _Model, message: bytes) -> bytes:
+    """Return the arrays of an answer behind a plus, or an error message behind a minus."""
+    try:
+        name, *arguments = pickle.loads(message)
+        parts, stream = getattr(model, name)(*arguments), BytesIO(b"+")
+        stream.seek(1)
+        for part in parts:
+            np.save(stream, np.asarray(part), allow_pickle=False)
+    except (Exception, SystemExit) as error:  # a model of another package may raise anything
+        kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+        return f"-{kind}{error}".encode()
+    return stream.getvalue()
+
+
+def _end_with(parent: int) -> None:
+    """End this process when its parent has ended, also while the model is busy."""
+    while os.getppid() == parent:
+        time.sleep(1)
+    os._exit(1)
+
+
+def main() -> None:
+    """Answer messages on standard input until it ends. What a model prints goes to standard error."""
+    with os.fdopen(os.dup(1), "wb") as answers:
+        os.dup2(2, 1)
+        Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+        model = _Model()
+        while True:
+            try:
+                message = _read(sys.stdin.buffer)
+            except EOFError:
+                return
+            _write(answers, _answer(model, message))
+
+
+if __name__ == "__main__":
+    main()

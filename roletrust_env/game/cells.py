@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trust.edge_state import edge_model, start_on_edges, takes_peers
-from roletrust_env.trust.ledger import Floats, Ledger
+from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import TrustModel, start_model
 from roletrust_env.trust.model_checks import check_trust_model, needs_watching, watched_update
 from roletrust_env.trust.ratings import Ratings, sum_at
+from roletrust_env.trust.run import EdgeRun, edge_model, start_on_edges, takes_peers
 from roletrust_env.world.access import meet
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Encounters, Scenario
@@ -163,16 +163,16 @@ class GridCells:
 
 
 class SparseTrust(NamedTuple):
-    """Trust of a game on slots after a round. The ledger is shared and goes on, so a state is stepped from once.
+    """Trust of a game on slots after a round. The run is shared and goes on, so a state is stepped from once.
 
     Attributes:
-        ledger: Ledger of all agents and pairs.
-        rounds: Number of rounds that the ledger had played.
+        run: Run of all agents and pairs.
+        rounds: Number of rounds that the run had played.
         tor: Trust of the raters, shape (S,).
         top: Trust of the providers, shape (P,).
     """
 
-    ledger: Ledger
+    run: EdgeRun
     rounds: int
     tor: Floats
     top: Floats
@@ -203,10 +203,10 @@ class MetCells:
 
     def start(self, nothing: Array) -> tuple[Any, Array]:
         """See `Cells.start`."""
-        ledger, first = Ledger(self._model), start_on_edges(self._model, self._shape)
-        ledger.join(*self._shape)
+        run, first = EdgeRun(self._model), start_on_edges(self._model, self._shape)
+        run.join(*self._shape)
         trust = self._model.rater_trust(first), self._model.provider_trust(first)
-        return SparseTrust(ledger, 0, *trust), np.zeros(self._shape[1])
+        return SparseTrust(run, 0, *trust), np.zeros(self._shape[1])
 
     def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
         """See `Cells.nobody`."""
@@ -224,16 +224,16 @@ class MetCells:
         Raises:
             ValueError: The state has been stepped from already.
         """
-        if trust.rounds != trust.ledger.rounds:
+        if trust.rounds != trust.run.rounds:
             raise ValueError(
                 f"round {trust.rounds} of this sparse game has been played, and its trust has gone on to round "
-                f"{trust.ledger.rounds}; step from the newest state, or start another game"
+                f"{trust.run.rounds}; step from the newest state, or start another game"
             )
         flags: npt.NDArray[np.bool_] = np.ones(ratings.shape, bool) if rated is None else rated
         where = np.flatnonzero(flags)
-        trust.ledger.play(self._raters[where], met.reshape(-1)[where], ratings.reshape(-1)[where])
-        ledger = trust.ledger
-        after = SparseTrust(ledger, ledger.rounds, ledger.rater_trust, ledger.provider_trust)
+        trust.run.play(self._raters[where], met.reshape(-1)[where], ratings.reshape(-1)[where])
+        run = trust.run
+        after = SparseTrust(run, run.rounds, run.rater_trust, run.provider_trust)
         return after, *self.read(after)
 
     def read(self, trust: SparseTrust) -> tuple[Array, Array]:

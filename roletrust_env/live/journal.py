@@ -211,7 +211,7 @@ class Snapshot(NamedTuple):
         position: Place in the journal after the round.
         stamp: Stamp of the round, nanoseconds.
         last_stamps: Last accepted stamp of each rater, nanoseconds.
-        memory: Memory of the trust tracker, see `TrustTracker.memory`.
+        memory: Memory of the run, see `TeamRun.memory`.
     """
 
     position: JournalPosition

@@ -10,9 +10,8 @@ from typing import Any
 
 from roletrust_env.live.journal import Journal, JournalEntry, Snapshot, read_journal, read_snapshot, write_snapshot
 from roletrust_env.live.rounds import MatchedRound
-from roletrust_env.live.state_growth import grows
 from roletrust_env.live.team import Team, Trust
-from roletrust_env.live.trust_tracker import TrustTracker
+from roletrust_env.live.team_run import TeamRun, grows
 from roletrust_env.trust import TrustModel
 
 _SNAPSHOT_ROUNDS = 1000  # rounds between two snapshots; a restart replays fewer
@@ -52,27 +51,27 @@ class TeamTrust:
         self.last_stamps: dict[str, int] = {}
         self.last_stamp: int | None = None
         self._joining = Team()
-        self._replay: Iterator[tuple[TrustTracker, int]] | None = None
+        self._replay: Iterator[tuple[TeamRun, int]] | None = None
         self._closed = deque[JournalEntry]()  # during a replay
         self.team = self._journal.position.team
-        self._tracker = self._restore(snapshot)
+        self._run = self._restore(snapshot)
         if self.newcomers_wait:
             self.join(settings.raters, settings.providers)
         else:
             self.team = self.team.with_newcomers(settings.raters, settings.providers)
 
-    def _restore(self, snapshot: Snapshot | None) -> TrustTracker | None:
+    def _restore(self, snapshot: Snapshot | None) -> TeamRun | None:
         """Return the trust after the rounds in the journal, from a snapshot if it fits."""
-        tracker, after = None, self._journal.after
+        run, after = None, self._journal.after
         if snapshot is not None and after is not None and (self._grows or after.team == self.team):
             with suppress(ValueError):
-                tracker = TrustTracker(self._model, after.team)
-                tracker.remember(snapshot.memory)
+                run = TeamRun(self._model, after.team)
+                run.remember(snapshot.memory)
                 self.last_stamps, self.last_stamp = dict(snapshot.last_stamps), snapshot.stamp
         if self.last_stamp is None:
-            tracker, after = None, None
+            run, after = None, None
         entries = self._noted(read_journal(self._path, after))
-        return replay_rounds(self._model, entries, None if self._grows else self.team, self._path, tracker)
+        return replay_rounds(self._model, entries, None if self._grows else self.team, self._path, run)
 
     def _noted(self, entries: Iterable[JournalEntry]) -> Iterable[JournalEntry]:
         """Iterate over rounds and note their stamps."""
@@ -89,7 +88,7 @@ class TeamTrust:
     @property
     def values(self) -> Trust | None:
         """Trust of the team after the last round; None before the first."""
-        return None if self._tracker is None else self._tracker.trust
+        return None if self._run is None else self._run.trust
 
     @property
     def newcomers_wait(self) -> bool:
@@ -108,22 +107,22 @@ class TeamTrust:
             self._replay = self._replayed(larger)
         end = time.monotonic() + _TICK_S
         while self._replay is not None and time.monotonic() < end:
-            tracker, rounds = next(self._replay)
+            run, rounds = next(self._replay)
             if rounds == self.next_round:
-                self._tracker, self.team, self._replay = tracker, tracker.team, None
+                self._run, self.team, self._replay = run, run.team, None
 
-    def _replayed(self, team: Team) -> Iterator[tuple[TrustTracker, int]]:
+    def _replayed(self, team: Team) -> Iterator[tuple[TeamRun, int]]:
         """Replay the rounds so far with a larger team, and then those that close meanwhile.
 
         Yields:
             The trust of the larger team and the number of replayed rounds, after each round.
         """
-        tracker, rounds = TrustTracker(self._model, team), 0
+        run, rounds = TeamRun(self._model, team), 0
         for entry in chain(read_journal(self._path), iter(self._closed.popleft, None)):
             if entry.round == rounds:  # the file may have contained rounds that are noted as well
-                tracker.update(entry.ratings)
+                run.play_named(entry.ratings)
                 rounds += 1
-            yield tracker, rounds
+            yield run, rounds
 
     def close_round(
         self, closed: MatchedRound[dict[str, float]], now: int, last_stamps: dict[str, int]
@@ -137,15 +136,15 @@ class TeamTrust:
         """
         rated = [provider for row in closed.items.values() for provider in row]
         self.team = self.team.with_newcomers(closed.items, rated)
-        if self._tracker is None:
-            self._tracker = TrustTracker(self._model, self.team)
-        elif self._tracker.team != self.team and self._grows:
-            self._tracker.grow(self.team)
-        elif self._tracker.team != self.team:
-            self._tracker = TrustTracker(self._model, self.team, (entry.ratings for entry in read_journal(self._path)))
+        if self._run is None:
+            self._run = TeamRun(self._model, self.team)
+        elif self._run.team != self.team and self._grows:
+            self._run.grow(self.team)
+        elif self._run.team != self.team:
+            self._run = TeamRun(self._model, self.team, (entry.ratings for entry in read_journal(self._path)))
         ratings = {name: [row.get(provider) for provider in self.team.providers] for name, row in closed.items.items()}
-        self._tracker.update(ratings)
-        trust = self._tracker.trust
+        self._run.play_named(ratings)
+        trust = self._run.trust
         entry = JournalEntry(self.next_round, closed.stamp, now, self.team, ratings, closed.missing, trust)
         self._journal.append(entry)
         if self._replay is not None:
@@ -160,9 +159,9 @@ class TeamTrust:
 
     def _write_snapshot(self, stamp: int, last_stamps: dict[str, int]) -> None:
         """Write a snapshot; without it, a restart takes longer, and nothing else is lost."""
-        if self._tracker is not None:
+        if self._run is not None:
             with suppress(OSError, TypeError, ValueError):
-                memory = self._tracker.memory
+                memory = self._run.memory
                 write_snapshot(self._path, Snapshot(self._journal.position, stamp, last_stamps, memory))
 
 
@@ -171,29 +170,29 @@ def replay_rounds(
     entries: Iterable[JournalEntry],
     team: Team | None,
     path: Path,
-    tracker: TrustTracker | None = None,
-) -> TrustTracker | None:
-    """Replay some rounds and check their trust; return None if there are none and no tracker.
+    run: TeamRun | None = None,
+) -> TeamRun | None:
+    """Replay some rounds and check their trust; return None if there are none and no run.
 
     Args:
         model: Trust model.
         entries: Rounds.
         team: Team at the end, for a model whose state cannot grow; None for one that can.
         path: Path of the journal, for the error.
-        tracker: Trust before these rounds; None for the start.
+        run: Trust before these rounds; None for the start.
 
     Raises:
         ValueError: A round gives other trust than the journal contains.
     """
     for entry in entries:
-        if tracker is None:
-            tracker = TrustTracker(model, team or entry.team)
-        elif team is None and tracker.team != entry.team:
-            tracker.grow(entry.team)
-        tracker.update(entry.ratings)
-        if tracker.team == entry.team and tracker.trust != entry.trust:
+        if run is None:
+            run = TeamRun(model, team or entry.team)
+        elif team is None and run.team != entry.team:
+            run.grow(entry.team)
+        run.play_named(entry.ratings)
+        if run.team == entry.team and run.trust != entry.trust:
             raise ValueError(
                 f"{path}: the journal has the trust {entry.trust} after round {entry.round}, but a replay with "
-                f"{model!r} gives {tracker.trust}; another version wrote the journal, or it was changed"
+                f"{model!r} gives {run.trust}; another version wrote the journal, or it was changed"
             )
-    return tracker
+    return run

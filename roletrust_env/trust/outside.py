@@ -1,29 +1,320 @@
 """A trust model outside this process, in any language: ratings go there, and trust comes back.
 
-The model learns nothing but ratings, see docs/guide/outside.md.
+The model learns nothing but ratings, see docs/guide/outside.md. Links carry lines there and back, and games
+send one line of JSON for each game and round.
 """
 
+import json
+import queue
+import secrets
+import shlex
+import subprocess
+import threading
+import urllib.error
+import urllib.request
 import weakref
+from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
+from itertools import count
 from math import prod
 from pathlib import Path
-from typing import NamedTuple
+from time import monotonic
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trust.outside_links import LinkError
-from roletrust_env.trust.outside_sessions import MOST_GAMES, AnswerError, Answers, Numbers, Sessions
+from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.ratings import Ratings
 
 KINDS = ("exec", "http", "https")
 """Beginnings of an address, before its first colon."""
 
+MOST_GAMES = 20_000
+"""Number of games that the other side has to remember. When there are more, the oldest ones are over."""
+
+_SHOWN = 100  # characters of a wrong answer
+
+Shape = tuple[int, int]
+
+LIMIT_S = 60.0
+"""Longest time, in seconds, that the other side may take for an answer."""
+
+_MOST_BYTES = 64_000_000  # of an answer
+_TOLD = 500  # characters of an error message of the other side that are shown
+
+
+class LinkError(ValueError):
+    """The other side cannot be reached, or does not answer."""
+
+
+class Link(Protocol):
+    """A connection to the other side."""
+
+    def ask(self, lines: Sequence[str]) -> list[str]:
+        """Send lines and return as many lines of answer.
+
+        Raises:
+            LinkError: The other side fails, or takes too long.
+        """
+        ...
+
+    def tell(self, line: str) -> None:
+        """Send a line that has no answer. Raises as `ask` does."""
+        ...
+
+    def close(self) -> None:
+        """End the connection."""
+        ...
+
+
+class ProcessLink:
+    """A process of its own: it reads lines from its standard input and answers on its standard output.
+
+    Args:
+        command: Program and arguments, as in a shell. Nothing of it is interpreted by a shell.
+        limit_s: Longest time for an answer, in seconds.
+
+    Raises:
+        LinkError: The program cannot be started.
+    """
+
+    def __init__(self, command: str, limit_s: float = LIMIT_S) -> None:
+        self._limit_s = limit_s
+        try:
+            self._process = subprocess.Popen(
+                shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            )
+        except (OSError, ValueError, IndexError) as error:
+            raise LinkError(f"it cannot be started ({error or 'the command is empty'})") from None
+        self._answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._complaints: deque[bytes] = deque(maxlen=1)
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def ask(self, lines: Sequence[str]) -> list[str]:
+        """See `Link.ask`."""
+        # A process that never reads would hold up whoever writes to it, so a thread writes.
+        threading.Thread(target=self._write, args=(lines,), daemon=True).start()
+        until, answers = monotonic() + self._limit_s, []
+        for _ in lines:
+            try:
+                answer = self._answers.get(timeout=max(0.0, until - monotonic()))
+            except queue.Empty:
+                self.close()
+                raise LinkError(f"it has not answered for {self._limit_s:g} s{self._complaint()}") from None
+            if not answer.endswith(b"\n"):
+                self._process.wait()
+                raise LinkError(f"it has ended with exit code {self._process.returncode}{self._complaint()}")
+            answers.append(answer.decode("utf-8", "replace"))
+        return answers
+
+    def tell(self, line: str) -> None:
+        """See `Link.tell`."""
+        self._write([line])
+
+    def close(self) -> None:
+        """See `Link.close`."""
+        self._process.kill()
+        self._process.wait()
+
+    def _write(self, lines: Sequence[str]) -> None:
+        stream = self._process.stdin
+        try:
+            assert stream is not None  # it is a pipe
+            stream.write("".join(f"{line}\n" for line in lines).encode())
+            stream.flush()
+        except OSError:
+            return  # it has ended; the missing answer tells
+
+    def _read(self) -> None:
+        stream = self._process.stdout
+        assert stream is not None  # it is a pipe
+        while (line := stream.readline(_MOST_BYTES)).endswith(b"\n"):
+            self._answers.put(line)
+        self._answers.put(b"")
+
+    def _listen(self) -> None:
+        stream = self._process.stderr
+        assert stream is not None  # it is a pipe
+        while line := stream.readline(_MOST_BYTES):
+            self._complaints.append(line)
+
+    def _complaint(self) -> str:
+        """Return the last line that the process, which has ended, wrote to its standard error."""
+        self._listener.join(1.0)
+        said = b"".join(self._complaints).decode("utf-8", "replace").strip()
+        return f": {said[:_TOLD]}" if said else ""
+
+
+class HttpLink:
+    """An HTTP service: lines are posted, and the body of the response has the answers.
+
+    Args:
+        url: Address of the service.
+        limit_s: Longest time for an answer, in seconds.
+    """
+
+    def __init__(self, url: str, limit_s: float = LIMIT_S) -> None:
+        self._url, self._limit_s = url, limit_s
+
+    def ask(self, lines: Sequence[str]) -> list[str]:
+        """See `Link.ask`."""
+        answers = self._post(lines).splitlines()
+        if len(answers) != len(lines):
+            raise LinkError(f"it answered {len(answers)} lines to {len(lines)}")
+        return answers
+
+    def tell(self, line: str) -> None:
+        """See `Link.tell`."""
+        self._post([line])
+
+    def close(self) -> None:
+        """See `Link.close`."""
+
+    def _post(self, lines: Sequence[str]) -> str:
+        body = "".join(f"{line}\n" for line in lines).encode()
+        request = urllib.request.Request(self._url, body, {"Content-Type": "application/x-ndjson"})
+        try:
+            with urllib.request.urlopen(request, timeout=self._limit_s) as response:
+                answer: bytes = response.read(_MOST_BYTES)
+        except urllib.error.HTTPError as error:
+            raise LinkError(f"it answered with status {error.code} {error.reason}") from None
+        except (OSError, ValueError) as error:
+            raise LinkError(f"it cannot be reached ({getattr(error, 'reason', error)})") from None
+        return answer.decode("utf-8", "replace")
+
+
+# --- games at the other side -------------------------------------------------------------------------
+
+
+class AnswerError(ValueError):
+    """An answer is not what the protocol allows."""
+
+
+class Answers(NamedTuple):
+    """Trust in G games: of the raters, (S, G), 1 if the model has none, and of the providers, (P, G)."""
+
+    tor: Floats
+    top: Floats
+
+
+class Sessions:
+    """The games at the other side.
+
+    Args:
+        address: `exec:` and a command, or the URL of a service.
+
+    Attributes:
+        link: Connection to the other side.
+        rates_raters: Whether the last answer had trust of raters; None before the first one.
+
+    Raises:
+        LinkError: A program cannot be started.
+    """
+
+    def __init__(self, address: str) -> None:
+        kind, _, command = address.partition(":")
+        self.link: Link = ProcessLink(command) if kind == "exec" else HttpLink(address)
+        self.rates_raters: bool | None = None
+        # A service may have games of several processes, which do not know of each other.
+        self._numbers = count(secrets.randbits(32) << 20)
+        self._rounds: dict[int, int] = {}
+
+    def begin(self, shape: Shape, games: int) -> tuple[Ints, Answers]:
+        """Begin games, and return their numbers and the trust before any rating.
+
+        Args:
+            shape: Ints of raters and providers, (S, P).
+            games: Number of games G.
+        """
+        numbers = [next(self._numbers) for _ in range(games)]
+        answers = self._ask([_request(number, 0, shape, []) for number in numbers], shape)
+        self._rounds.update(dict.fromkeys(numbers, 0))
+        if len(self._rounds) > MOST_GAMES:
+            self.end(list(self._rounds)[: len(self._rounds) - MOST_GAMES])
+        return np.array(numbers, np.int64), answers
+
+    def play(self, numbers: Ints, rounds: Ints, ratings: Floats, mask: Any) -> Answers:
+        """Send a round of ratings for each game, and return the trust after it.
+
+        Args:
+            numbers: Ints of the games, (G,).
+            rounds: Ints of the rounds, (G,); 1 is the first one.
+            ratings: Ratings, (S, P, G).
+            mask: Whether a rater rated a provider, boolean, (S, P, G).
+        """
+        shape = ratings.shape[:2]
+        requests = []
+        for k, (number, round) in enumerate(zip(numbers.tolist(), rounds.tolist(), strict=True)):
+            raters, providers = np.nonzero(mask[..., k])
+            given = ratings[raters, providers, k]
+            listed = [list(one) for one in zip(raters.tolist(), providers.tolist(), given.tolist(), strict=True)]
+            requests.append(_request(number, round, shape, listed))
+        answers = self._ask(requests, shape)
+        self._rounds.update(zip(numbers.tolist(), rounds.tolist(), strict=True))
+        return answers
+
+    def round_of(self, number: int) -> int | None:
+        """Return the round that a game has reached; None if it is over."""
+        return self._rounds.get(number)
+
+    def end(self, numbers: list[int]) -> None:
+        """Tell the other side that games are over."""
+        for number in numbers:
+            del self._rounds[number]
+        self.link.tell(json.dumps({"over": numbers}))
+
+    def _ask(self, requests: Sequence[str], shape: Shape) -> Answers:
+        lines = self.link.ask(requests)
+        answers = Answers(np.ones((shape[0], len(lines))), np.empty((shape[1], len(lines))))
+        for k, line in enumerate(lines):
+            try:
+                trust = _read(line, shape)
+            except AnswerError as error:
+                raise AnswerError(f"{error} in its answer {line.strip()[:_SHOWN]!r}") from None
+            answers.top[:, k] = trust["providers"]
+            answers.tor[:, k] = trust.get("raters", 1.0)
+            self.rates_raters = "raters" in trust
+        return answers
+
+
+def _request(number: int, round: int, shape: Shape, ratings: list[list[float]]) -> str:
+    sizes = {"raters": shape[0], "providers": shape[1]}
+    return json.dumps({"game": number, "round": round, **sizes, "ratings": ratings})
+
+
+def _read(line: str, shape: Shape) -> dict[str, list[float]]:
+    """Return the lists of an answer.
+
+    Raises:
+        AnswerError: It is no JSON, or a list is missing, has another length, or has something outside [0, 1].
+    """
+    try:
+        data = json.loads(line)
+    except (ValueError, RecursionError):
+        raise AnswerError("there is no JSON") from None
+    if not isinstance(data, dict) or "providers" not in data:
+        raise AnswerError("there is no 'providers'")
+    lists = {name: data[name] for name in ("raters", "providers") if name in data}
+    for name, values in lists.items():
+        size = shape[name == "providers"]
+        if not isinstance(values, list) or len(values) != size:
+            raise AnswerError(f"{name!r} is no list of {size} numbers")
+        if not all(type(value) in (int, float) and 0 <= value <= 1 for value in values):
+            raise AnswerError(f"{name!r} has something else than numbers in [0, 1]")
+    return lists
+
+
+# --- the model --------------------------------------------------------------------------------------
+
 
 class OutsideState(NamedTuple):
-    """Numbers of the games at the other side and their rounds, (...) each; trust of the raters and the providers."""
+    """Ints of the games at the other side and their rounds, (...) each; trust of the raters and the providers."""
 
     game: Array
     round: Array
@@ -94,13 +385,13 @@ class OutsideModel:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return state.top
 
-    def _begin(self, like: Array) -> tuple[Numbers, Answers]:
+    def _begin(self, like: Array) -> tuple[Ints, Answers]:
         try:
             return self._sessions().begin(like.shape[:2], prod(like.shape[2:]))
         except (LinkError, AnswerError) as error:
             raise ValueError(f"{self}: {error}") from None
 
-    def _at_hand(self, numbers: Numbers, rounds: Numbers, ratings: Array) -> Numbers:
+    def _at_hand(self, numbers: Ints, rounds: Ints, ratings: Array) -> Ints:
         """Return the numbers of games in these rounds. A game that has not had a rating can begin again.
 
         Raises:
@@ -158,7 +449,7 @@ _SESSIONS: "weakref.WeakKeyDictionary[OutsideModel, Sessions]" = weakref.WeakKey
 """The memory of a model is at the other side. The object itself is immutable, so it can go to another process."""
 
 
-def _state(like: Array, numbers: Numbers, rounds: Numbers, answers: Answers) -> OutsideState:
+def _state(like: Array, numbers: Ints, rounds: Ints, answers: Answers) -> OutsideState:
     xp, batch = namespace(like), like.shape[2:]
     game, round = (xp.asarray(part.reshape(batch), device=like.device) for part in (numbers, rounds))
     tor, top = (xp.asarray(part.reshape(-1, *batch), dtype=like.dtype, device=like.device) for part in answers)

@@ -1,17 +1,17 @@
 """A trust model of this package for programs in any language: the other side of `roletrust_env.trust.outside`."""
 
 import json
-from collections.abc import Callable
+from copy import copy
 from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 from threading import Lock
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from roletrust_env.errors import explain
-from roletrust_env.trust.model import TrustModel, start_model
-from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.model import TrustModel
+from roletrust_env.trust.run import GridRun, pairs_of
 
 MOST_GAMES = 100_000
 """Number of games that a service remembers."""
@@ -40,14 +40,6 @@ class _Round(BaseModel):
     ratings: list[_Rating]
 
 
-class _Played(NamedTuple):
-    """A game: its next round, its numbers of agents, and the state of the trust model."""
-
-    round: int
-    shape: tuple[int, int]
-    state: Any
-
-
 class TrustService:
     """Answers the messages of the protocol for models outside, see docs/guide/outside.md.
 
@@ -65,7 +57,7 @@ class TrustService:
 
     def __init__(self, model: TrustModel[Any]) -> None:
         self._model = model
-        self._games: dict[int, _Played] = {}
+        self._games: dict[int, GridRun] = {}
 
     def answer(self, line: str) -> str | None:
         """Return the answer to a message, one line of JSON without its end; None if a message has no answer.
@@ -84,52 +76,50 @@ class TrustService:
             raise ValueError(explain(error)) from None
         except (ValueError, RecursionError) as error:
             raise ValueError(f"there is no JSON: {error}") from None
-        played = self._play(message)
-        trust = {"providers": self._read("provider_trust", played.state)}
+        run = self._play(message)
+        trust = {"providers": _values("provider_trust", run.provider_trust)}
         if self._model.rates_raters:
-            trust["raters"] = self._read("rater_trust", played.state)
-        self._games[message.game] = played
+            trust["raters"] = _values("rater_trust", run.rater_trust)
+        self._games[message.game] = run
         return json.dumps(trust)
 
-    def _read(self, name: str, state: Any) -> list[float]:
-        """Return the trust of all agents of a role."""
-        trust = np.asarray(self._model_answer(getattr(self._model, name), state), np.float64)
-        if not ((trust >= 0) & (trust <= 1)).all():
-            raise ValueError(f"{name} of the model has values outside [0, 1]")
-        values: list[float] = trust.tolist()
-        return values
-
-    def _model_answer(self, ask: Callable[..., Any], *arguments: Any) -> Any:
-        try:
-            return ask(*arguments)
-        except Exception as error:  # a model of another package may raise anything
-            raise ValueError(f"the model failed: {type(error).__name__}: {error}") from error
-
-    def _play(self, message: _Round) -> _Played:
-        """Return a game after the round of a message."""
+    def _play(self, message: _Round) -> GridRun:
+        """Return a run after the round of a message; the one before it is as it was."""
         game, shape = message.game, (message.raters, message.providers)
         if shape[0] * shape[1] > _MOST_CELLS:
             raise ValueError(f"game {game} has {shape[0]} x {shape[1]} pairs; the most are {_MOST_CELLS:,}")
-        nothing = np.zeros(shape)
         if message.round == 0:
             if message.ratings:
                 raise ValueError(f"game {game} begins with ratings; they come from round 1 on")
             if game not in self._games and len(self._games) >= MOST_GAMES:
                 raise ValueError(f"{MOST_GAMES:,} games are in progress, which is the most; say which ones are over")
-            return _Played(1, shape, self._model_answer(start_model, self._model, nothing, nothing > 0))
+            return GridRun(self._model, np.zeros(shape), pairs_of(shape, one_role=True))
         before = self._games.get(game)
-        if before is None or before.round != message.round or before.shape != shape:
-            known = "is not in progress" if before is None else f"waits for round {before.round} of {before.shape}"
+        if before is None or before.rounds + 1 != message.round or before.shape != shape:
+            known = "is not in progress" if before is None else f"waits for round {before.rounds + 1} of {before.shape}"
             raise ValueError(f"game {game} {known}; the message is of round {message.round} of {shape}")
-        ratings, mask = nothing.copy(), nothing > 0
-        for rater, provider, rating in message.ratings:
+        seen = set()
+        for rater, provider, _ in message.ratings:
             if rater >= shape[0] or provider >= shape[1]:
                 raise ValueError(f"game {game} has a rating of provider {provider} by rater {rater}; it has {shape}")
-            if mask[rater, provider]:
+            if (rater, provider) in seen:
                 raise ValueError(f"game {game} has two ratings of provider {provider} by rater {rater} in a round")
-            ratings[rater, provider], mask[rater, provider] = rating, True
-        state = self._model_answer(self._model.update, before.state, Ratings(ratings, mask))
-        return _Played(message.round + 1, shape, state)
+            seen.add((rater, provider))
+        run, table = copy(before), np.array(message.ratings).reshape(-1, 3)
+        run.play(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2])
+        return run
+
+
+def _values(name: str, trust: Any) -> list[float]:
+    """Return the trust of all agents of a role.
+
+    Raises:
+        ValueError: A value is outside [0, 1].
+    """
+    if not ((trust >= 0) & (trust <= 1)).all():
+        raise ValueError(f"{name} of the model has values outside [0, 1]")
+    values: list[float] = trust.tolist()
+    return values
 
 
 def http_server(service: TrustService, host: str, port: int) -> HTTPServer:

@@ -3,7 +3,6 @@
 import gzip
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +32,6 @@ def test_a_log_is_read(tmp_path: Path, packed: bool) -> None:
     assert log.times.tolist() == [10, 20, 30]
     assert log.was_sorted
     assert log_rounds(log, every=15).tolist() == [0, 0, 1]
-    assert log_rounds(log, count=2).tolist() == [0, 0, 1]
 
 
 def test_columns_by_number_dates_and_any_order(tmp_path: Path) -> None:
@@ -111,19 +109,16 @@ def test_repeats_may_be_allowed_and_rounds_must_make_sense(tmp_path: Path) -> No
     log = read_ratings(path, TIMED, scale=(1, 5), repeats=True)
     assert len(log.values) == 4
     untimed = read_ratings(path, scale=(1, 5))
-    wrong: list[tuple[Any, dict[str, Any], str]] = [
-        (log, {"every": 1.0, "count": 2}, "not by both"),
-        (log, {"every": 1e-9}, "at most 1,000,000"),
-        (log, {"every": -1.0}, "must be above 0"),
-        (log, {"count": 0}, "must be at least 1"),
-        (untimed, {"every": 1.0}, "has no times"),
-    ]
-    for which, rounds, message in wrong:
+    for which, every, message in (
+        (log, 1e-9, "at most 1,000,000"),
+        (log, -1.0, "must be above 0"),
+        (untimed, 1.0, "has no times"),
+    ):
         with pytest.raises(ValueError, match=message):
-            log_rounds(which, **rounds)
+            log_rounds(which, every)
 
 
 def test_without_pyarrow_it_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(ValueError, match=r"needs pyarrow: pip install 'roletrust-env\[cli\]'"):
+    with pytest.raises(ValueError, match=r"needs pyarrow: pip install 'roletrust-env\[data\]'"):
         read_ratings(written(tmp_path, GOOD))

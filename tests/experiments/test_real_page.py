@@ -1,4 +1,4 @@
-"""The page on real ratings agrees with its table, and `make study NAME="pages real"` makes both."""
+"""The page on real ratings agrees with its table, and `make real` makes both."""
 
 import csv
 import re
@@ -8,8 +8,7 @@ import pytest
 
 from roletrust_env.data.folders import KNOWN
 from roletrust_env.trust.models.log_models import LOG_MODELS
-from roletrust_experiments.commands.real_tables import HEADER, Row, markdown, measure_tables
-from studies.pages import COMMANDS
+from roletrust_experiments.commands.comparison import HEADER, Row, markdown, measure_tables
 
 HOUSE = Path(__file__).parents[2]
 PAGE = (HOUSE / "docs" / "real.md").read_text(encoding="utf-8")
@@ -56,8 +55,8 @@ def test_searched_attacks_are_no_smaller(rows: list[Row]) -> None:
         assert sign * (value - plain[place]) >= -1e-6, place
 
 
-def test_the_recipe_and_the_page_name_the_same_command() -> None:
-    (command,) = COMMANDS["real"]
-    assert command.replace("{logs}", "logs").partition(" --out")[0] in PAGE
+def test_the_makefile_and_the_page_name_the_same_command() -> None:
+    (command,) = re.findall(r"roletrust (real \$\(LOGS\).*) --out", (HOUSE / "Makefile").read_text(encoding="utf-8"))
+    assert command.replace("$(LOGS)", "logs") in PAGE
     for name in KNOWN.values():
         assert name in PAGE

@@ -6,8 +6,8 @@ import pytest
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.state_growth import grows
 from roletrust_env.live.team import Team
+from roletrust_env.live.team_run import grows
 from roletrust_env.live.team_trust import replay_rounds
 from roletrust_env.live.validation import Envelope, RatingMessage
 from roletrust_env.trust import make_trust_model, trust_models

@@ -7,7 +7,7 @@ from manager_cases import MODELS, PERIOD, TEAM, feed, manager, random_ratings, r
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.live.journal import Journal, read_journal
 from roletrust_env.live.team import Team
-from roletrust_env.live.trust_tracker import TrustTracker
+from roletrust_env.live.team_run import TeamRun
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.trust import make_trust_model
 
@@ -216,9 +216,9 @@ def test_a_newcomer_counts_as_a_silent_member_until_then(model, tmp_path):
     for name in many.providers:
         keeper.add_provider(name, 0)
     after = feed(keeper, later, heard, team=many, first=21)
-    tracker = TrustTracker(make_trust_model(model), after[-1].team, [entry.ratings for entry in [*before, *after]])
+    team_run = TeamRun(make_trust_model(model), after[-1].team, [entry.ratings for entry in [*before, *after]])
     assert set(after[-1].team.raters) == set(many.raters)
-    assert after[-1].trust == tracker.trust
+    assert after[-1].trust == team_run.trust
     keeper.close()
     again = manager(tmp_path / "journal", model=model, team=few)
     assert again.trust == after[-1].trust

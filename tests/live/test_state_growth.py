@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roletrust_env.live.state_growth import grown_state, grows
 from roletrust_env.live.team import Team
-from roletrust_env.live.trust_tracker import TrustTracker
+from roletrust_env.live.team_run import TeamRun, grows
 from roletrust_env.trust import make_trust_model, trust_models
 from roletrust_env.trust.models import Mean
+from roletrust_env.trust.run import GridRun
 
 BY_REPLAY = {"fire", "qor", "regression-aligned", "yu-singh", "zhang-cohen"}
 """Models in which the memory of silent agents changes, too."""
@@ -21,14 +21,14 @@ def names(kind, count):
     return tuple(f"{kind}_{k}" for k in range(count))
 
 
-def play(tracker, ratings, mask):
-    """Update a tracker with some rounds; a smaller team has the first rows and columns."""
+def play(team_run, ratings, mask):
+    """Update a team_run with some rounds; a smaller team has the first rows and columns."""
     for row, there in zip(ratings, mask, strict=True):
         values = np.where(there, row, np.nan)
-        tracker.update(
+        team_run.play_named(
             {
-                name: [None if np.isnan(value) else value for value in values[i, : len(tracker.team.providers)]]
-                for i, name in enumerate(tracker.team.raters)
+                name: [None if np.isnan(value) else value for value in values[i, : len(team_run.team.providers)]]
+                for i, name in enumerate(team_run.team.raters)
             }
         )
 
@@ -50,7 +50,7 @@ def test_a_grown_state_gives_the_trust_of_a_replay(name, data):
     both = data.draw(st.booleans())
     providers = ("sr_0",) * both + names("sp", sizes[-1][1])[both:]
     teams = [Team(names("sr", few), providers[:some]) for few, some in sizes]
-    grown, whole = TrustTracker(model, teams[0]), TrustTracker(model, teams[-1])
+    grown, whole = TeamRun(model, teams[0]), TeamRun(model, teams[-1])
     for team in teams:
         if team is not teams[0]:
             grown.grow(team)
@@ -58,8 +58,8 @@ def test_a_grown_state_gives_the_trust_of_a_replay(name, data):
         ratings = random.random((rounds, *teams[-1].peers.shape))
         mask = (random.random(ratings.shape) < data.draw(st.sampled_from([0.3, 0.8, 1.0]))) & ~teams[-1].peers
         mask[:, len(team.raters) :] = mask[:, :, len(team.providers) :] = False
-        for tracker in (grown, whole):
-            play(tracker, ratings, mask)
+        for team_run in (grown, whole):
+            play(team_run, ratings, mask)
     close(grown.trust, whole.trust)
 
 
@@ -104,9 +104,10 @@ def test_a_model_of_another_kind_does_not_grow(model):
 
 
 def test_the_state_of_a_newcomer_is_that_of_the_start():
-    model = make_trust_model("role-trust", initial=0.7)
-    state = model.start(np.zeros((2, 2)))._replace(tor=np.array([0.1, 0.2]))
-    grown = grown_state(model, state, np.zeros((3, 4), bool))
-    assert grown.tor.tolist() == [0.1, 0.2, 0.7]
-    assert grown.last.shape == (3, 4)
-    assert type(grown) is type(state)
+    run = GridRun(make_trust_model("role-trust", initial=0.7), np.zeros((2, 2)), np.zeros((2, 2), bool))
+    run.rounds, run.state = 1, run.state._replace(tor=np.array([0.1, 0.2]))
+    before = type(run.state)
+    run.join(3, 4)
+    assert run.state.tor.tolist() == [0.1, 0.2, 0.7]
+    assert run.state.last.shape == (3, 4)
+    assert type(run.state) is before

@@ -15,7 +15,7 @@ from roletrust_env.live import team_trust
 from roletrust_env.live.journal import read_journal, read_snapshot, snapshot_path
 from roletrust_env.live.rounds import MatchedRound
 from roletrust_env.live.team import Team
-from roletrust_env.live.trust_tracker import TrustTracker
+from roletrust_env.live.team_run import TeamRun
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.trust import make_trust_model
 
@@ -63,7 +63,7 @@ def test_newcomers_join_with_the_trust_of_a_replay(model, often, tmp_path):
     assert len(published) == 52
     last = published[-1]
     assert (set(last.team.raters), set(last.team.providers)) == (set(MANY.raters), set(MANY.providers))
-    whole = TrustTracker(make_trust_model(model), last.team, [entry.ratings for entry in published])
+    whole = TeamRun(make_trust_model(model), last.team, [entry.ratings for entry in published])
     close(last.trust, whole.trust)
     joining = sum(n for (_, why), n in keeper.validator.refusals.items() if why is RefusalReason.JOINING)
     assert (joining > 0) is (model in BY_REPLAY)

@@ -9,7 +9,7 @@ pytest.importorskip("robustrep")
 
 from roletrust_env.testing import check_trust_model
 from roletrust_env.trust import Ratings
-from roletrust_env.trust.grid_ledger import make_ledger
+from roletrust_env.trust.run import make_run
 from studies.robustrep import RobustRep
 
 pytestmark = pytest.mark.slow
@@ -49,17 +49,17 @@ def test_on_a_log_it_is_the_same_without_a_window() -> None:
     ratings, mask = rng.uniform(0.1, 1, (4, 5, 3)), rng.random((4, 5, 3)) < 0.5
     mask[:, :, 2] = False
     model = RobustRep(initial=0.3, window=4)
-    state, ledger = model.start(np.zeros((5, 3))), make_ledger(model, (5, 3))
-    assert (ledger.provider_trust == 0.3).all()
+    state, run = model.start(np.zeros((5, 3))), make_run(model, (5, 3))
+    assert (run.provider_trust == 0.3).all()
     for given, seen in zip(ratings, mask, strict=True):
         raters, providers = np.nonzero(seen)
-        before = deepcopy(ledger)
-        ledger.play(raters, providers, given[seen])
-        ledger.skip(1)
+        before = deepcopy(run)
+        run.play(raters, providers, given[seen])
+        run.skip(1)
         state = model.update(state, Ratings(given, seen))
-        np.testing.assert_allclose(ledger.provider_trust, model.provider_trust(state))
-        assert before.rounds == ledger.rounds - 2
-    assert (ledger.rater_trust == 1).all()
-    twice = make_ledger(model, (2, 1))
+        np.testing.assert_allclose(run.provider_trust, model.provider_trust(state))
+        assert before.rounds == run.rounds - 2
+    assert (run.rater_trust == 1).all()
+    twice = make_run(model, (2, 1))
     twice.play(np.array([0, 0, 1]), np.array([0, 0, 0]), np.array([0.2, 0.6, 0.9]))
     assert twice.provider_trust.tolist() == pytest.approx([0.4])

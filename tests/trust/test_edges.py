@@ -11,9 +11,8 @@ from model_cases import assert_close, having, named, read
 
 from roletrust_env.trees import map_kinds
 from roletrust_env.trust import Ratings, Traits, TrustModel, trust_models
-from roletrust_env.trust.edge_state import edge_model, no_ratings, runs_on_edges, start_on_edges
-from roletrust_env.trust.ledger import Ledger
 from roletrust_env.trust.model import start_model
+from roletrust_env.trust.run import EdgeRun, edge_model, no_ratings, runs_on_edges, start_on_edges
 
 CENTRAL = [name for name in trust_models() if Traits.of(named(name)).family == "central"]
 EVERY_CENTRAL = pytest.mark.parametrize("name", CENTRAL)
@@ -55,13 +54,13 @@ def grid_trust(model: TrustModel[Any], shape: tuple[int, int], rounds: list[Edge
     return found
 
 
-def ledger_trust(model: Any, shape: tuple[int, int], rounds: list[Edges], **options: Any) -> list[Any]:
-    ledger = Ledger(model, **options)
-    ledger.join(*shape)
+def run_trust(model: Any, shape: tuple[int, int], rounds: list[Edges], **options: Any) -> list[Any]:
+    run = EdgeRun(model, **options)
+    run.join(*shape)
     found = []
     for edges in rounds:
-        ledger.play(*edges)
-        found.append((ledger.rater_trust, ledger.provider_trust))
+        run.play(*edges)
+        found.append((run.rater_trust, run.provider_trust))
     return found
 
 
@@ -71,7 +70,7 @@ def ledger_trust(model: Any, shape: tuple[int, int], rounds: list[Edges], **opti
 def test_edges_are_a_grid(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
     shape, rounds = log
     for found, wanted in zip(
-        ledger_trust(named(name), shape, rounds), grid_trust(named(name), shape, rounds), strict=True
+        run_trust(named(name), shape, rounds), grid_trust(named(name), shape, rounds), strict=True
     ):
         assert_close(found, wanted, 1e-11)
 
@@ -84,7 +83,7 @@ def test_agents_of_two_roles_are_one_agent_on_edges_too(name: str, log: tuple[tu
     shape, peers = (6, 6), np.eye(6, dtype=bool)
     others = [tuple(column[edges[0] != edges[1]] for column in edges) for edges in rounds]
     wanted = grid_trust(named(name), shape, others, peers)
-    for found, right in zip(ledger_trust(named(name), shape, others, one_role=False), wanted, strict=True):
+    for found, right in zip(run_trust(named(name), shape, others, one_role=False), wanted, strict=True):
         assert_close(found, right, 1e-10)
         assert_close(found[:1], found[1:], 1e-12)
 
@@ -106,8 +105,8 @@ def test_the_order_of_edges_changes_nothing_but_rounding(name: str) -> None:
         rounds = random_log(seed)
         orders = [np.random.default_rng(99).permutation(len(edges[0])) for edges in rounds]
         mixed = [tuple(column[o] for column in edges) for o, edges in zip(orders, rounds, strict=True)]
-        for wanted in (ledger_trust(named(name), (40, 8), mixed), grid_trust(named(name), (40, 8), rounds)):
-            for one, other in zip(ledger_trust(named(name), (40, 8), rounds), wanted, strict=True):
+        for wanted in (run_trust(named(name), (40, 8), mixed), grid_trust(named(name), (40, 8), rounds)):
+            for one, other in zip(run_trust(named(name), (40, 8), rounds), wanted, strict=True):
                 assert_close(one, other, 1e-13)
 
 
@@ -118,7 +117,7 @@ def test_agents_may_join_in_any_round(name: str) -> None:
         pytest.skip("its trust depends on the number of agents")
     model, rounds = named(name), random_log(3, (30, 20))
     late = [tuple(column[(edges[0] < 5 * t + 5)] for column in edges) for t, edges in enumerate(rounds)]
-    grown, whole = Ledger(model), ledger_trust(model, (30, 20), late)
+    grown, whole = EdgeRun(model), run_trust(model, (30, 20), late)
     for edges, right in zip(late, whole, strict=True):
         grown.play(*edges)
         n, m = grown.shape
@@ -129,21 +128,21 @@ def test_agents_may_join_in_any_round(name: str) -> None:
 def test_a_local_model_in_a_round_of_few_changes_only_them(name: str) -> None:
     """And it computes what it does when all agents are updated, also with a memory of rounds long past."""
     model: Any = named(name)
-    ledger, shape = Ledger(model), (300, 200)
-    ledger.join(*shape)
+    run, shape = EdgeRun(model), (300, 200)
+    run.join(*shape)
     rng, rounds = np.random.default_rng(0), []
     for _ in range(8):
         rounds.append((rng.integers(0, 300, 12), rng.integers(0, 200, 12), rng.random(12)))
     rounds[5] = tuple(column[:0] for column in rounds[5])  # type: ignore[assignment]
     rounds[6], rounds[7] = ((*rounds[t][:2], rng.random(12)) for t in (0, 3))  # the same pairs, later
     for edges in rounds:
-        before = ledger.rater_trust, ledger.provider_trust
-        ledger.play(*edges)
+        before = run.rater_trust, run.provider_trust
+        run.play(*edges)
         if Traits.of(model).local:
             away = np.setdiff1d(np.arange(300), edges[0]), np.setdiff1d(np.arange(200), edges[1])
-            after = ledger.rater_trust, ledger.provider_trust
+            after = run.rater_trust, run.provider_trust
             assert all(np.array_equal(a[x], b[x]) for a, b, x in zip(before, after, away, strict=True))
-    assert_close((ledger.rater_trust, ledger.provider_trust), grid_trust(model, shape, rounds)[-1], 1e-11)
+    assert_close((run.rater_trust, run.provider_trust), grid_trust(model, shape, rounds)[-1], 1e-11)
 
 
 @EVERY_CENTRAL
@@ -177,7 +176,7 @@ def test_the_start_on_edges_is_that_on_a_grid(name: str) -> None:
 def test_several_ratings_of_a_pair_have_one_voice() -> None:
     """A rater that says it three times does not outvote two others."""
     rounds = [as_arrays([(0, 0, 0.0), (0, 0, 0.0), (1, 0, 1.0), (0, 0, 0.3), (2, 0, 1.0)])]
-    (_, (trust,)) = ledger_trust(named("mean"), (3, 1), rounds)[0]
+    (_, (trust,)) = run_trust(named("mean"), (3, 1), rounds)[0]
     assert trust == pytest.approx(0.7 * (0.1 + 1 + 1) / 3 + 0.3 * 0.3)
 
 

@@ -17,10 +17,9 @@ from roletrust_env import evaluate, make_scenario
 from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.evaluation.specs import check_installed, named_factory, parse_trust_model
 from roletrust_env.testing import trust_models as checks
-from roletrust_env.trust import Ratings, outside_sessions
+from roletrust_env.trust import Ratings, outside
 from roletrust_env.trust.model import registry
-from roletrust_env.trust.outside import OutsideModel
-from roletrust_env.trust.outside_links import ProcessLink
+from roletrust_env.trust.outside import OutsideModel, ProcessLink
 
 PAGE = HOUSE / "docs/guide/outside.md"
 
@@ -113,7 +112,7 @@ def test_the_messages_on_the_page_are_those_of_the_protocol(tmp_path):
     shape, ratings = (message["raters"], message["providers"]), np.full((4, 2), np.nan)
     for rater, provider, rating in message["ratings"]:
         ratings[rater, provider] = rating
-    sent = outside_sessions._request(message["game"], message["round"], shape, message["ratings"])
+    sent = outside._request(message["game"], message["round"], shape, message["ratings"])
     assert json.loads(sent) == message
     model = OutsideModel(echo(tmp_path, repr(answer)))
     state = model.update(model.start(np.zeros(shape)), Ratings(ratings, ratings == ratings))
@@ -186,7 +185,7 @@ def test_a_game_does_not_go_back(service):
 
 
 def test_old_games_are_forgotten(service, monkeypatch):
-    monkeypatch.setattr(outside_sessions, "MOST_GAMES", 4)
+    monkeypatch.setattr(outside, "MOST_GAMES", 4)
     model = OutsideModel(service)
     ratings = np.full((2, 2, 3), 0.9)
     old = model.update(model.start(ratings), Ratings(ratings, ratings > 0))

@@ -1,58 +1,110 @@
-"""`roletrust rate`: whom to trust, from a log of ratings."""
+"""`roletrust rate`: whom to trust, from a log of ratings, and which trust model suits logs."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.markup import escape
 
-from roletrust_env import make_scenario
-from roletrust_env.data.log import Columns, RatingLog, read_ratings
-from roletrust_env.data.rounds import check_rounds, log_rounds, play_log
-from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.rounds import check_rounds
+from roletrust_env.data.stream import TrustStream
+from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.storage.files import prepare_folder, write_csv
-from roletrust_env.trust.grid_ledger import make_ledger
-from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.key_index import Floats
+from roletrust_env.trust.model import registry
+from roletrust_experiments.commands import comparison, completion
 from roletrust_experiments.commands.console import console, number_table, progress_bar
-from roletrust_experiments.commands.options import ModelOption, Out
+from roletrust_experiments.commands.options import NAMED, Out, Seed
+
+_BLOCK = 50_000  # ratings at a time, where rounds do not depend on it
 
 
 def rate(
     ratings: Annotated[
-        Path, typer.Argument(help="CSV file of ratings, also in gzip (.gz), or a Parquet file (.parquet).")
+        Path,
+        typer.Argument(
+            help="CSV file of ratings, also in gzip (.gz), or a Parquet file; with --compare, a folder of logs."
+        ),
     ],
-    model: ModelOption = "role-trust",
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar=NAMED,
+            help="Trust model, role-trust if left out; with --compare, repeat for more, all central ones if left out. "
+            "NAME may be your own class, package.module:Class, whose module is then imported.",
+            autocompletion=completion.models,
+            show_default=False,
+        ),
+    ] = None,
     rater: Annotated[str, typer.Option(help="Column of the rater: a name, or a number from 1.")] = "rater",
     ratee: Annotated[str, typer.Option(help="Column of the rated agent.")] = "ratee",
     rating: Annotated[str, typer.Option(help="Column of the rating.")] = "rating",
     time: Annotated[
         str | None, typer.Option(help="Column of the time: numbers, or dates of ISO 8601.", show_default=False)
     ] = None,
-    scale: Annotated[tuple[float, float], typer.Option(metavar="WORST BEST", help="Worst and best rating.")] = (0, 1),
+    scale: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="WORST BEST",
+            help="Worst and best rating: 0 and 1 if left out, with --compare -10 and 10.",
+            show_default=False,
+        ),
+    ] = None,
     every: Annotated[
         float | None,
-        typer.Option(help="Length of a round, in the unit of the time; seconds for dates.", show_default=False),
+        typer.Option(
+            help="Length of a round, in the unit of the time; seconds for dates. With --compare, 30 days if left out.",
+            show_default=False,
+        ),
     ] = None,
     count: Annotated[int | None, typer.Option(min=1, help="Number of ratings of a round.", show_default=False)] = None,
     same_agents: Annotated[
-        bool,
-        typer.Option("--same-agents", help="Raters and ratees of one name are one agent."),
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--same-agents/--two-roles",
+            help="Whether a rater and a ratee of one name are one agent: with --compare they are, if left out.",
+            show_default=False,
+        ),
+    ] = None,
     repeats: Annotated[
         bool, typer.Option("--repeats", help="Allow rows that repeat an earlier row, with the same time.")
     ] = False,
     top: Annotated[int, typer.Option(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Measure trust models on the logs in a folder, see below.")
+    ] = False,
+    search: Annotated[
+        int,
+        typer.Option(
+            min=0, help="With --compare: attacks that a search plays for each goal, number and origin of accounts."
+        ),
+    ] = 0,
+    synthetic: Annotated[
+        bool,
+        typer.Option("--synthetic", help="With --compare: first write a small synthetic log of either kind."),
+    ] = False,
+    seed: Seed = 0,
     out: Out = Path("results/rate"),
 ) -> None:
     """Compute [bold]the trust of raters and ratees from a log of ratings[/], a CSV or Parquet file that you bring.
-
-    Parquet needs pyarrow, the extra parquet.
 
     Ratings count round by round: by time (--every), by number (--count), or all in one round. Several ratings of one
     agent by another in a round count as one, their mean. Rows may be in any order of time.
 
     Written: [green]ratees.csv raters.csv[/], with name, trust and number of ratings, the most trusted first.
+
+    With --compare, trust models are measured on the logs in a folder and in the folders in it: forecasts, crowd work,
+    and a few hostile accounts in a replay. A log of ratings is a file *network.csv or ratings.csv without header:
+    rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question, truth).
+    Each may be compressed by gzip, or be a Parquet file with the same columns. By default all central models are
+    measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness, bias-deserve, rev2,
+    geometric-median and centred-clipping; on crowd work also dawid-skene, one-coin-dawid-skene, glad and mace, which
+    need the extra crowd. A model that does not fit and a protocol for which a log is too small are left out, and a line
+    says so. Intervals resample whole users or tasks.
+
+    Written then: [green]comparison.csv comparison.md[/].
 
     [bold]Examples[/]
 
@@ -61,50 +113,96 @@ def rate(
 
     [dim]# a file without header in which members rate members, with rounds of 30 days[/]
     [cyan]roletrust rate log.csv.gz --rater 1 --ratee 2 --rating 3 --time 4 --scale -10 10 --every 2592000[/]
+
+    [dim]# two models on a synthetic log, with rounds of a week[/]
+    [cyan]roletrust rate results/log --compare --synthetic --model role-trust --model beta --every 604800[/]
     """
-    trust_model = parse_trust_model(model, make_scenario("paper-3x3"))
-    check_rounds(every, count, has_times=time is not None)
+    columns = Columns(rater, ratee, rating, time)
+    if compare:
+        if columns != Columns() or count is not None or repeats:
+            raise ValueError("--rater, --ratee, --rating, --time, --count and --repeats are not for --compare")
+        comparison.compare(
+            ratings,
+            model,
+            every=comparison.MONTH if every is None else every,
+            scale=(-10, 10) if scale is None else scale,
+            same_agents=same_agents is not False,
+            synthetic=synthetic,
+            search=search,
+            seed=seed,
+            out=out,
+        )
+        return
+    if synthetic or search or len(model or ()) > 1:
+        raise ValueError("--synthetic, --search and several models need --compare")
+    name = model[0] if model else "role-trust"
+    _rate(ratings, name, columns, scale or (0, 1), (every, count), same_agents is True, repeats, top, out)
+
+
+def _rate(
+    path: Path,
+    name: str,
+    columns: Columns,
+    scale: tuple[float, float],
+    lengths: tuple[float | None, int | None],
+    same_agents: bool,
+    repeats: bool,
+    top: int,
+    out: Path,
+) -> None:
+    """Play a log as a stream, and write and print the trust of its agents."""
+    model: Any = parse_named(registry, name)
+    every, count = lengths
+    check_rounds(every, count, has_times=columns.time is not None)
     prepare_folder(out)
     with progress_bar() as progress:
-        task = progress.add_task(f"Reading {ratings.name}", total=None)
+        task = progress.add_task(f"Reading {path.name}", total=None)
         log = read_ratings(
-            ratings,
-            Columns(rater, ratee, rating, time),
+            path,
+            columns,
             scale=scale,
             same_agents=same_agents,
             repeats=repeats,
             advance=lambda rows: progress.update(task, completed=rows),
         )
-        rounds = int(log_rounds(log, every, count)[-1]) + 1
-        ledger = make_ledger(trust_model, log.shape, one_role=not same_agents)
-        progress.update(task, description=f"Playing {rounds:,} rounds", completed=0, total=len(log.values))
-        play_log(ledger, log, every=every, count=count, advance=lambda done: progress.update(task, completed=done))
-        given, received = _counts(log)
+        many = len(log.values)
+        agents = tuple(np.arange(size) for size in log.shape)
+        stream = TrustStream(model, every=every, count=count, same_agents=same_agents, agents=agents)  # type: ignore[arg-type]
+        progress.update(task, description="Playing rounds", completed=0, total=many)
+        size = many if every is None and count is None else _BLOCK
+        for start in range(0, many, size):
+            part = slice(start, start + size)
+            times = None if every is None or log.times is None else log.times[part]
+            stream.update(log.raters[part], log.ratees[part], log.values[part], times)
+            progress.update(task, completed=start + size)
+        stream.finish()
         roles = {
-            "ratees": (log.ratee_names, ledger.provider_trust, received),
-            "raters": (log.rater_names, ledger.rater_trust, given),
+            "ratees": _ranked(log.ratee_names, stream.provider_trust(), log.ratees),
+            "raters": _ranked(log.rater_names, stream.rater_trust(), log.raters),
         }
-        lines = {role: _ranked(*columns) for role, columns in roles.items()}
-        for role, rows in lines.items():
+        for role, rows in roles.items():
             write_csv(out / f"{role}.csv", ("name", "trust", "ratings"), rows)
     if not log.was_sorted:
         console.print("The rows were not in the order of time; they were sorted.")
-    for role, rows in lines.items():
-        if role == "raters" and not trust_model.rates_raters:
-            console.print(f"{escape(model)} has no notion of trust in raters.")
+    for role, rows in roles.items():
+        if role == "raters" and not model.rates_raters:
+            console.print(f"{escape(name)} has no notion of trust in raters.")
             continue
         _print(role, rows, top)
     written = f"Written to {out}: ratees.csv, raters.csv"
-    console.print(f"{len(log.values):,} ratings in {rounds:,} rounds. {written}", soft_wrap=True)
+    console.print(f"{many:,} ratings in {stream.rounds:,} rounds. {written}", soft_wrap=True)
 
 
-def _counts(log: RatingLog) -> tuple[Floats, Floats]:
-    """Return the number of ratings by each rater and of each ratee."""
-    return tuple(np.bincount(places, minlength=n) for places, n in zip(log[:2], log.shape, strict=True))  # type: ignore[return-value]
+def _ranked(names: list[str], trusts: dict[int, float], places: Any) -> list[tuple[str, float, int]]:
+    """Return the agents with ratings, the most trusted first, and of equals the one with the most ratings.
 
-
-def _ranked(names: list[str], trust: Floats, ratings: Floats) -> list[tuple[str, float, int]]:
-    """Return the agents with ratings, the most trusted first, and of equals the one with the most ratings."""
+    Args:
+        names: Name of each agent.
+        trusts: Trust of each agent, by its place among the names.
+        places: Place of the agent of each rating.
+    """
+    trust: Floats = np.array(list(trusts.values()))
+    ratings = np.bincount(places, minlength=len(names))
     order = np.lexsort((-ratings, -trust))
     return [(names[at], float(trust[at]), int(ratings[at])) for at in order.tolist() if ratings[at]]
 

@@ -16,8 +16,8 @@ from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.saved_defence import DefenceCard, SavedTrust, load_defence, save_defence, weights_bytes
 from roletrust_env.testing import check_trust_model
 from roletrust_env.trust import Ratings
-from roletrust_env.trust.ledger import Ledger
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
+from roletrust_env.trust.run import EdgeRun
 
 
 def some_weights(seed=0):
@@ -87,15 +87,15 @@ def test_it_keeps_the_rules_of_trust_models():
 
 def test_it_plays_a_list_of_ratings_as_a_grid():
     rng, model = np.random.default_rng(3), model_of(some_weights(3))
-    shape, ledger = (9, 5), Ledger(model)
-    ledger.join(*shape)
+    shape, run = (9, 5), EdgeRun(model)
+    run.join(*shape)
     state = model.start(np.zeros(shape))
     for _ in range(4):
         ratings, mask = rng.random(shape), rng.random(shape) < 0.4
         state = model.update(state, Ratings(ratings, mask))
-        ledger.play(*np.nonzero(mask), ratings[mask])
-        np.testing.assert_allclose(ledger.rater_trust, model.rater_trust(state), rtol=1e-9)
-        np.testing.assert_allclose(ledger.provider_trust, model.provider_trust(state), rtol=1e-9)
+        run.play(*np.nonzero(mask), ratings[mask])
+        np.testing.assert_allclose(run.rater_trust, model.rater_trust(state), rtol=1e-9)
+        np.testing.assert_allclose(run.provider_trust, model.provider_trust(state), rtol=1e-9)
 
 
 def test_it_begins_as_leave_one_out():

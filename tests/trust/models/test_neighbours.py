@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from model_cases import Matrix, Vector, assert_close, assert_matches
-from test_edges import Edges, grid_trust, ledger_trust, logs
+from test_edges import Edges, grid_trust, logs, run_trust
 
 from roletrust_env.testing.trust_models import (
     check_batch,
@@ -185,7 +185,7 @@ def test_the_laws_of_all_models(name: str) -> None:
 def test_edges_are_a_grid(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
     shape, rounds = log
     for found, wanted in zip(
-        ledger_trust(LOG_MODELS[name](), shape, rounds), grid_trust(LOG_MODELS[name](), shape, rounds), strict=True
+        run_trust(LOG_MODELS[name](), shape, rounds), grid_trust(LOG_MODELS[name](), shape, rounds), strict=True
     ):
         assert_close(found, wanted, 1e-11)
 

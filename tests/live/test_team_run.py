@@ -1,12 +1,11 @@
-"""The trust tracker; `test_manager.py` has further cases."""
+"""The run of a team; `test_manager.py` has further cases."""
 
 import numpy as np
 import pytest
 
-from roletrust_env.live import trust_tracker
 from roletrust_env.live.team import Team
-from roletrust_env.live.trust_tracker import TrustTracker
-from roletrust_env.trust import agent_trust, make_trust_model
+from roletrust_env.live.team_run import TeamRun
+from roletrust_env.trust import agent_trust, make_trust_model, run
 from roletrust_env.trust.model_checks import watched_update
 
 TEAM = Team(("sr_0", "srsp_0"), ("sp_0", "srsp_0"))
@@ -20,18 +19,18 @@ def test_an_agent_without_ratings_has_the_initial_trust_of_the_model(model, sett
     """EigenTrust has no initial trust, so 0.5 is used."""
     made = make_trust_model(model, **settings)
     assert hasattr(made, "initial") is (model == "role-trust")
-    tracker = TrustTracker(made, TEAM)
-    assert tracker.trust.toa == (initial,)
-    tracker.update({"sr_0": [1.0, None]})  # a rating of other agents
-    assert tracker.trust.toa == (initial,)
+    team_run = TeamRun(made, TEAM)
+    assert team_run.trust.toa == (initial,)
+    team_run.play_named({"sr_0": [1.0, None]})  # a rating of other agents
+    assert team_run.trust.toa == (initial,)
 
 
 def test_the_trust_of_an_agent_is_weighted_by_the_services_that_it_rated_and_provided():
-    tracker = TrustTracker(make_trust_model("role-trust"), TEAM)
+    team_run = TeamRun(make_trust_model("role-trust"), TEAM)
     rounds = [{"srsp_0": [0.2, None]}, {"srsp_0": [0.4, None]}, {"sr_0": [0.3, 0.7], "srsp_0": [0.9, None]}]
     for ratings in rounds:
-        tracker.update(ratings)
-    tor, top, (toa,) = tracker.trust
+        team_run.play_named(ratings)
+    tor, top, (toa,) = team_run.trust
     wanted = agent_trust(np.array(tor[1]), np.array(top[1]), rated=np.array(3.0), provided=np.array(1.0), initial=0.5)
     assert toa == wanted != (tor[1] + top[1]) / 2
     assert len({tor[1], top[1], toa}) == 3
@@ -44,9 +43,9 @@ def test_the_model_is_updated_with_zeros_where_there_is_no_rating_and_with_the_n
         updates.append((ratings.values.tolist(), ratings.mask.tolist(), int(round)))
         return watched_update(model, state, ratings, round)
 
-    monkeypatch.setattr(trust_tracker, "watched_update", update)
-    tracker = TrustTracker(make_trust_model("mean"), TEAM, [{"sr_0": [0.5]}])  # before the second provider came
-    tracker.update({"srsp_0": [None, 0.25]})
+    monkeypatch.setattr(run, "watched_update", update)
+    team_run = TeamRun(make_trust_model("mean"), TEAM, [{"sr_0": [0.5]}])  # before the second provider came
+    team_run.play_named({"srsp_0": [None, 0.25]})
     assert updates == [
         ([[0.5, 0.0], [0.0, 0.0]], [[True, False], [False, False]], 0),
         ([[0.0, 0.0], [0.0, 0.25]], [[False, False], [False, True]], 1),

@@ -1,0 +1,205 @@
+"""Trust models on logs of real ratings: `roletrust rate --compare`."""
+
+import math
+import textwrap
+from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from roletrust_env.data.crowd import CROWD_METHODS, CrowdMethod, crowd_work, read_crowd, write_crowd
+from roletrust_env.data.folders import Folder, find_logs, write_log
+from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
+from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.replay import ATTACKS, Replay, replay_attacks, search_attack
+from roletrust_env.data.rounds import TooSmallError
+from roletrust_env.evaluation.specs import parse_named
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.storage.files import prepare_folder, replacing, write_csv
+from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.trust import Traits, make_trust_model, trust_models
+from roletrust_env.trust.model import registry
+from roletrust_env.trust.models.log_models import LOG_MODELS
+from roletrust_experiments.commands.console import console, number_table, progress_bar, short
+
+MONTH = 2_592_000.0
+"""Length of a round, 30 days in seconds."""
+
+HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
+_ACROSS = 4  # measures side by side in 80 columns, with the interval below the value
+_HEADING = 12  # letters
+Row = tuple[str, str, float | None, str, str, str, float, float, float]
+"""Log, its SHA-256, length of a round or None, protocol, model, measure, value, and the ends of its interval."""
+
+
+def compare(
+    folder: Path,
+    names: list[str] | None,
+    *,
+    every: float,
+    scale: tuple[float, float],
+    same_agents: bool,
+    synthetic: bool,
+    search: int,
+    seed: int,
+    out: Path,
+) -> None:
+    """Measure trust models on the logs in a folder, and write and print the tables.
+
+    Args:
+        folder: Folder of logs; a folder in it may hold one, too.
+        names: Trust models; None for all central ones, those of neighbouring fields, and the methods of crowd work.
+        every: Length of a round, in the unit of the times.
+        scale: Worst and best rating.
+        same_agents: Whether a rater and a ratee of one name are one agent.
+        synthetic: Whether a small synthetic log of either kind is first written to the folder.
+        search: Number of attacks that a search plays for each goal, number and origin of accounts; 0 for no search.
+        seed: Random seed of the resamples, draws and searches, and of the synthetic logs.
+        out: Folder of the results.
+
+    Raises:
+        ValueError: There is no log, a log is wrong, or nothing could be measured.
+    """
+    central = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
+    methods = CROWD_METHODS if find_spec("crowdkit") else ()
+    models = {name: _model(name) for name in names or [*central, *LOG_MODELS, *methods]}
+    if synthetic:
+        prepare_folder(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_log(folder / "ratings.csv.gz", seed)
+        write_crowd(folder, seed)
+    logs = find_logs(folder)
+    prepare_folder(out)
+    rows: list[Row] = []
+    left_out: list[str] = []
+    with progress_bar() as progress:
+        task = progress.add_task("", total=len(logs) * len(models))
+        for log in logs:
+            measure = _measures(log, every, scale, same_agents, search, seed)
+            for name, one in models.items():
+                progress.update(task, description=f"{log.name}, {name}", advance=1)
+                if log.truth is None and isinstance(one, CrowdMethod):
+                    continue
+                try:
+                    found, missing = measure(one)
+                except MemoryError as error:
+                    left_out.append(f"{name} on {log.name}: {error}")
+                    continue
+                left_out += [f"{protocols} on {log.name}: {reason}" for protocols, reason in missing.items()]
+                length = every if log.truth is None else None
+                for (protocol, what), value in found.items():
+                    rows.append((log.name, log.sha256, length, protocol, name, what, *value))
+    left_out = list(dict.fromkeys(left_out))  # what a log is too small for is the same for all models
+    if not rows:
+        raise ValueError(f"nothing could be measured; {'; '.join(left_out)}")
+    write_csv(out / "comparison.csv", HEADER, rows)
+    tables = measure_tables(rows)
+    for table in screen_tables(tables):
+        console.print(table)
+    for reason in left_out:
+        console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
+    with replacing(out / "comparison.md") as path:
+        path.write_text(markdown(tables, left_out), encoding="utf-8")
+    console.print(f"Written to {out}: comparison.csv, comparison.md", soft_wrap=True)
+
+
+def _model(name: str) -> Any:
+    """Return a trust model, also of a neighbouring field, or a method of crowd work."""
+    if name in CROWD_METHODS:
+        return CrowdMethod(name)
+    return LOG_MODELS[name]() if name in LOG_MODELS else parse_named(registry, name)
+
+
+Found = dict[tuple[str, str], Interval]
+"""Measures by protocol and name."""
+
+
+def _measures(
+    log: Folder, every: float, scale: tuple[float, float], same_agents: bool, search: int, seed: int
+) -> Callable[[Any], tuple[Found, dict[str, str]]]:
+    """Read a log once, and return a function from a model to its measures.
+
+    The function also returns the reasons why protocols could not be played, by what they are.
+    """
+    if log.truth is not None:
+        crowd = read_crowd(log.path, log.truth)
+        return lambda model: (_named("crowd work", crowd_work(model, crowd, seed)), {})
+    ratings = read_ratings(log.path, Columns("1", "2", "3", "4"), scale=scale, same_agents=same_agents, repeats=True)
+
+    def forecast(model: Any) -> Found:
+        before = forecasts(model, ratings, every, same_agents=same_agents)
+        found = _named("next rating", next_rating(before, ratings, seed))
+        return found | _named("rater forward", rater_forward(before, ratings, seed))
+
+    def attacked(model: Any) -> Found:
+        found: Found = {}
+        replay = Replay(model, ratings, every, same_agents=same_agents)
+        for attack, shift in replay_attacks(replay, seed=seed).items():
+            found["attack", f"{attack.goal}, honest"] = shift.before
+            found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = shift.after
+        for attack in ATTACKS if search else ():
+            worst = search_attack(replay, attack, search, seed)
+            found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.shift.after
+        return found
+
+    def measure(model: Any) -> tuple[Found, dict[str, str]]:
+        found: Found = {}
+        missing = {}
+        for protocols, play in (("forecasts", forecast), ("attacks", attacked)):
+            try:
+                found |= play(model)
+            except TooSmallError as error:
+                missing[protocols] = str(error)
+        return found, missing
+
+    return measure
+
+
+def _named(protocol: str, measures: Mapping[str, Interval]) -> Found:
+    return {(protocol, what): value for what, value in measures.items()}
+
+
+def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Return a table for each log and protocol: its title, its headings, and a line for each model."""
+    tables = []
+    for log, protocol in dict.fromkeys((row[0], row[3]) for row in rows):
+        some = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
+        measures = list(dict.fromkeys(what for _, what in some))
+        names = dict.fromkeys(name for name, _ in some)
+        undefined = Interval(math.nan, math.nan, math.nan)
+        lines = [[name, *(_cell(some.get((name, what), undefined)) for what in measures)] for name in names]
+        tables.append((f"{log}: {protocol}", ["model", *measures], lines))
+    return tables
+
+
+def _cell(value: Interval) -> str:
+    if math.isnan(value.value):
+        return "-"
+    if math.isnan(value.low):  # a single user or task has no interval
+        return f"{value.value:.3f}"
+    return f"{value.value:.3f} ({value.low:.3f}, {value.high:.3f})"
+
+
+def screen_tables(tables: list[tuple[str, list[str], list[list[str]]]]) -> Iterator[Table]:
+    """Yield the tables for a terminal of 80 columns; one with many measures goes on in further tables."""
+    for title, headings, lines in tables:
+        for at in range(1, len(headings), _ACROSS):
+            measures = (textwrap.fill(heading, _HEADING) for heading in headings[at : at + _ACROSS])
+            table = number_table(title + ", continued" * (at > 1), "", *measures, name="model")
+            for name, *cells in lines:
+                shown = (short(cell).replace(" (", "\n(") for cell in cells[at - 1 : at - 1 + _ACROSS])
+                table.add_row(escape(name), *shown)
+            yield table
+
+
+def markdown(tables: list[tuple[str, list[str], list[list[str]]]], left_out: list[str]) -> str:
+    """Return the tables as Markdown."""
+    parts = ["# Trust models on real ratings"]
+    for title, headings, lines in tables:
+        parts += [f"## {title}", markdown_table(headings, lines, names=1)]
+    if left_out:
+        parts.append("\n".join(f"- Left out: {reason}." for reason in left_out))
+    return "\n\n".join(parts) + "\n"

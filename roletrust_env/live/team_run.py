@@ -1,0 +1,153 @@
+"""The trust of a team after the rounds so far, under any trust model."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roletrust_env.live.team import RatingRows, Team, Trust
+from roletrust_env.trees import leaves, map_leaves
+from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
+from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.run import GridRun
+
+_TRIALS, _ROUNDS = 18, 12
+_DENSITIES = 0.2, 0.5, 0.9  # shares of the pairs that meet in a round
+_NEAR = 1e-12  # sums over more agents may be rounded in another way
+
+
+class TeamRun(GridRun):
+    """The run of a team, in which rounds go by name. Its trust equals that of a game with the same masks.
+
+    Attributes:
+        team: Agents of the team.
+    """
+
+    def __init__(self, model: TrustModel[Any], team: Team, past: Iterable[RatingRows] = ()) -> None:
+        """Start, and play the rounds so far.
+
+        Args:
+            model: Trust model, see `TrustModel`.
+            team: One or more raters and providers.
+            past: Ratings of the rounds so far. An agent that is missing there counts as present, but without ratings
+                given or received.
+
+        Raises:
+            ValueError: The model is not sound, see `check_trust_model` and `watched_update`.
+        """
+        check_trust_model(model, team.peers, np.zeros(()))
+        super().__init__(model, np.zeros(team.peers.shape), team.peers)
+        self.team = team
+        self._rated, self._provided = np.zeros(self.shape[0]), np.zeros(self.shape[1])
+        for ratings in past:
+            self.play_named(ratings)
+
+    def grow(self, team: Team) -> None:
+        """Add newcomers; see `grows` for the models that can.
+
+        Args:
+            team: Team with the same agents first.
+        """
+        self.join(len(team.raters), len(team.providers), team.peers)
+        self._rated = np.pad(self._rated, (0, len(team.raters) - len(self._rated)))
+        self._provided = np.pad(self._provided, (0, len(team.providers) - len(self._provided)))
+        self.team = team
+
+    @property
+    def memory(self) -> list[Any]:
+        """Arrays and numbers from which `remember` makes the same run again."""
+        return [self.rounds, self._rated, self._provided, *leaves(self.state)]
+
+    def remember(self, memory: Sequence[Any]) -> None:
+        """Continue where another run of the same model and team was.
+
+        Args:
+            memory: Memory of the other run.
+
+        Raises:
+            ValueError: The memory is of another model or team.
+        """
+        own = self.memory
+        if [_form(one) for one in own] != [_form(one) for one in memory]:
+            raise ValueError("the memory is of another trust model or of another team")
+        self.rounds, self._rated, self._provided, *state = memory
+        values = iter(state)
+        self.state = map_leaves(lambda _: next(values), self.state)
+
+    def play_named(self, ratings: RatingRows) -> None:
+        """Play one round.
+
+        Args:
+            ratings: Ratings of each rater, see `RatingRows`.
+        """
+        values = np.full(self.shape, np.nan)
+        for name, row in ratings.items():
+            values[self.team.raters.index(name), : len(row)] = [np.nan if rating is None else rating for rating in row]
+        mask = ~np.isnan(values)
+        values[~mask] = 0
+        self.update(Ratings(values, mask))
+        self._rated += mask.sum(axis=1)
+        self._provided += mask.sum(axis=0)
+
+    @property
+    def trust(self) -> Trust:
+        """Trust to publish after the rounds so far."""
+        tor, top = self.rater_trust, self.provider_trust
+        return Trust(tuple(tor.tolist()), tuple(top.tolist()), self._toa(tor, top))
+
+    def _toa(self, tor: NDArray[np.float64], top: NDArray[np.float64]) -> tuple[float, ...]:
+        """Return the trust of the agents with both roles by Algorithm 3.
+
+        Only rated services count, since the manager cannot see a service that nobody rated.
+        """
+        rater = [self.team.raters.index(name) for name in self.team.dual_role]
+        provider = [self.team.providers.index(name) for name in self.team.dual_role]
+        counts = {"rated": self._rated[rater], "provided": self._provided[provider]}
+        initial = getattr(self.model, "initial", 0.5)
+        return tuple(agent_trust(tor[rater], top[provider], initial=initial, **counts).tolist())
+
+
+def _form(value: Any) -> Any:
+    """Return what two values must have in common: type, shape and dtype."""
+    return (value.shape, value.dtype) if isinstance(value, np.ndarray) else type(value)
+
+
+def grows(model: TrustModel[Any]) -> bool:
+    """Return whether growing the state of a model is as good as a replay in which newcomers were silent before.
+
+    This is tried on random ratings of small teams, with newcomers of every role.
+    """
+    random = np.random.default_rng(0)
+    return all(_grows_once(model, random, trial) for trial in range(_TRIALS))
+
+
+def _grows_once(model: TrustModel[Any], random: np.random.Generator, trial: int) -> bool:
+    few = random.integers(1, 7, 2)
+    many = few + [[1, 0], [0, 1], [2, 2]][trial % 3]
+    peers = np.zeros(many, bool)
+    peers[-1, -1] = peers[0, 0] = trial % 2 == 1
+    ratings = random.random((2 * _ROUNDS, *many))
+    mask = random.random((2 * _ROUNDS, *many)) < _DENSITIES[trial // 6]
+    mask[:_ROUNDS, few[0] :] = mask[:_ROUNDS, :, few[1] :] = False
+    mask &= ~peers
+    ratings[~mask] = 0
+    try:
+        whole = GridRun(model, np.zeros(many), peers)
+        part = GridRun(model, np.zeros(few), peers[: few[0], : few[1]])
+        for one, there in zip(ratings[:_ROUNDS], mask[:_ROUNDS], strict=True):
+            whole.update(Ratings(one, there))
+            part.update(Ratings(one[: few[0], : few[1]].copy(), there[: few[0], : few[1]].copy()))
+        part.join(int(many[0]), int(many[1]), peers)
+        for one, there in zip(ratings[_ROUNDS:], mask[_ROUNDS:], strict=True):
+            whole.update(Ratings(one, there))
+            part.update(Ratings(one, there))
+            if not (_near(whole.rater_trust, part.rater_trust) and _near(whole.provider_trust, part.provider_trust)):
+                return False
+    except Exception:  # a model of another package may have any state
+        return False
+    return True
+
+
+def _near(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    return bool(np.all(np.abs(one - other) <= _NEAR))

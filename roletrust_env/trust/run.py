@@ -1,0 +1,579 @@
+"""One runner of trust: a model, its state and the rounds so far, from ratings between agents at places 0, 1, 2, ...
+
+Agents join, rate and leave. A central model runs on edges, in the memory of the pairs that met; any model runs on a
+grid of all pairs.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.trees import Kind, arrays, is_array, kinds, leaves, map_kinds, map_leaves
+from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
+from roletrust_env.trust.model import Traits, TrustModel, start_model
+from roletrust_env.trust.model_checks import watched_update
+from roletrust_env.trust.ratings import Ratings, merge_repeats
+
+MEMORY = 2e9
+"""Bytes that a state on a grid may take. An update takes some times as much for a moment."""
+
+_PROVIDER_BITS = 31
+_NEARLY_ALL = 4  # from one in so many on, all agents are updated
+_SIDES = 11, 13  # numbers of raters and providers of a trial, which no shape has by chance
+
+
+class TrustRun(ABC):
+    """A trust model, its state and the rounds so far.
+
+    Attributes:
+        model: Trust model.
+        rounds: Number of rounds so far.
+        shape: Number of raters S and of providers P.
+    """
+
+    model: Any
+    rounds: int
+
+    @property
+    @abstractmethod
+    def shape(self) -> tuple[int, int]:
+        """The number of raters and of providers."""
+
+    @property
+    @abstractmethod
+    def rater_trust(self) -> Floats:
+        """The trust of each rater, shape (S,), in [0, 1]."""
+
+    @property
+    @abstractmethod
+    def provider_trust(self) -> Floats:
+        """The trust of each provider, shape (P,), in [0, 1]."""
+
+    @abstractmethod
+    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
+        """Play one round. Agents with a place beyond all earlier ones join; ratings of one pair count as their mean.
+
+        Args:
+            raters: Place of the rater of each rating, shape (E,), at least 0.
+            providers: Place of the provider of each rating, shape (E,), at least 0.
+            values: Ratings, shape (E,), in [0, 1].
+        """
+
+    def skip(self, rounds: int) -> None:
+        """Play so many rounds without ratings."""
+        nobody = np.zeros(0, np.int64)
+        for _ in range(rounds):
+            self.play(nobody, nobody, np.zeros(0))
+
+    @abstractmethod
+    def join(self, raters: int, providers: int) -> None:
+        """Make room for so many raters and providers; new ones have the initial trust."""
+
+    @abstractmethod
+    def remove(self, raters: Ints, providers: Ints) -> None:
+        """Let agents leave, with their trust and the memory of their pairs; those after them move up.
+
+        It takes time in proportion to all agents and pairs. What their ratings did to the trust of others stays where a
+        model keeps that trust; models that compute it from the memory of all pairs do so in the next round.
+
+        Args:
+            raters: Places of raters that leave; places without a rater are ignored.
+            providers: Places of providers that leave.
+        """
+
+    @abstractmethod
+    def save(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all that the run keeps, by name, for `load`."""
+
+    @abstractmethod
+    def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Go on from what another run of the same model has kept.
+
+        Raises:
+            ValueError: The arrays do not fit together.
+        """
+
+
+def make_run(model: Any, shape: tuple[int, int] = (0, 0), *, one_role: bool = True) -> TrustRun:
+    """Return a run with so many raters and providers: on edges if the model runs there, otherwise on a grid.
+
+    A model of another kind may bring a run of its own: a method `trust_run(shape)`.
+
+    Args:
+        model: Trust model.
+        shape: Number of raters and of providers at the start.
+        one_role: Whether raters and providers are different agents. Otherwise rater 7 and provider 7 are one agent.
+
+    Raises:
+        MemoryError: The state on a grid would take more than `MEMORY`. The message says how much.
+    """
+    if hasattr(model, "trust_run"):
+        own: TrustRun = model.trust_run(shape)
+        return own
+    if not runs_on_edges(model):
+        check_memory(model, shape)
+        return GridRun(model, np.zeros(shape), pairs_of(shape, one_role=one_role), one_role=one_role)
+    run = EdgeRun(model, one_role=one_role)
+    run.join(*shape)
+    return run
+
+
+# --- on a grid ----------------------------------------------------------------------------------------
+
+
+class GridRun(TrustRun):
+    """A run of any model on a grid of all pairs, as in a game; the games of a batch have further axes.
+
+    A newcomer has the values of the start. For a model in which the memory of silent agents changes, too, that is not
+    what it would have if it had been there all along.
+
+    Attributes:
+        state: State of the model, which is not written to.
+        peers: Pairs in which rater and provider are one agent, shape (S, P), boolean.
+    """
+
+    def __init__(self, model: Any, like: Array, peers: Any, *, one_role: bool = True) -> None:
+        """Start with all agents.
+
+        Args:
+            model: Trust model.
+            like: Array of shape (S, P, ...) that shows shapes, dtype and array library.
+            peers: Pairs that are one agent.
+            one_role: Whether raters and providers that join by `play` are different agents. Otherwise rater 7 and
+                provider 7 are one agent.
+        """
+        self.model, self.rounds, self.peers, self._one_role = model, 0, peers, one_role
+        self.state = start_model(model, like, peers)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """The number of raters and of providers."""
+        raters, providers = self.peers.shape[:2]
+        return raters, providers
+
+    @property
+    def rater_trust(self) -> Any:
+        """The trust of each rater. See `TrustRun.rater_trust`."""
+        return self.model.rater_trust(self.state)
+
+    @property
+    def provider_trust(self) -> Any:
+        """The trust of each provider. See `TrustRun.provider_trust`."""
+        return self.model.provider_trust(self.state)
+
+    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
+        """Play one round. See `TrustRun.play`.
+
+        Raises:
+            ValueError: The model fails, see `watched_update`.
+        """
+        self.join(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
+        raters, providers, values, _ = merge_repeats(raters, providers, values, raters * self.shape[1] + providers)
+        ratings, mask = np.zeros(self.shape), np.zeros(self.shape, bool)
+        ratings[raters, providers], mask[raters, providers] = values, True
+        self.update(Ratings(ratings, mask))
+
+    def update(self, ratings: Ratings) -> None:
+        """Play one round of ratings on the grid.
+
+        Raises:
+            ValueError: The model fails, see `watched_update`.
+        """
+        if all(self.shape):  # without agents there is nothing to compute
+            self.state = watched_update(self.model, self.state, ratings, np.asarray(self.rounds))[0]
+        self.rounds += 1
+
+    def join(self, raters: int, providers: int, peers: Any = None) -> None:
+        """Make room for so many raters and providers. See `TrustRun.join`.
+
+        Args:
+            raters: Number of raters.
+            providers: Number of providers.
+            peers: Pairs that are one agent then, shape (S, P); left out, those that `play` would have.
+
+        Raises:
+            MemoryError: The state would take more than `MEMORY`. The message says how much.
+        """
+        shape = max(raters, self.shape[0]), max(providers, self.shape[1])
+        if not self._one_role:
+            shape = (max(shape),) * 2
+        if shape == self.shape:
+            return
+        check_memory(self.model, shape)
+        self.peers = pairs_of(shape, one_role=self._one_role) if peers is None else peers
+        start = start_model(self.model, np.zeros(shape), self.peers)
+        self.state = map_leaves(_grown, self.state, start) if self.rounds else start
+
+    def remove(self, raters: Ints, providers: Ints) -> None:
+        """Let agents leave. See `TrustRun.remove`."""
+        if not self._one_role:
+            raters = providers = np.union1d(raters, providers)
+        stay = [np.flatnonzero(staying(size, gone)) for size, gone in zip(self.shape, (raters, providers), strict=True)]
+
+        def cut(leaf: Any, trial: Any) -> Any:
+            for axis, size in enumerate(getattr(trial, "shape", ())):
+                if size in _SIDES:
+                    leaf = np.take(leaf, stay[_SIDES.index(size)], axis)
+            return leaf
+
+        self.state, self.peers = map_leaves(cut, self.state, _trial(self.model)), self.peers[np.ix_(*stay)]
+
+    def save(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all that the run keeps, by name. See `TrustRun.save`."""
+        kept = {f"state_{n}": np.asarray(leaf) for n, leaf in enumerate(arrays(self.state))}
+        return {"counts": np.array([*self.shape, self.rounds]), "peers": self.peers, **kept}
+
+    def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Go on from what another run has kept. See `TrustRun.load`."""
+        raters, providers, rounds = (int(count) for count in arrays["counts"])
+        peers, place = arrays["peers"], iter(range(1000))
+        if peers.shape != (raters, providers) or peers.dtype != bool:
+            raise ValueError(f"{peers.shape} pairs of {peers.dtype} where {raters, providers} of bool belong")
+
+        def restored(leaf: Any) -> Any:
+            return _checked(arrays[f"state_{next(place)}"], leaf.shape, leaf.dtype) if is_array(leaf) else leaf
+
+        self.state = map_leaves(restored, start_model(self.model, np.zeros(peers.shape), peers))
+        self.peers, self.rounds = peers, rounds
+
+
+def pairs_of(shape: tuple[int, int], *, one_role: bool) -> npt.NDArray[np.bool_]:
+    """Return the pairs that are one agent, shape (S, P): none, or those of equal places."""
+    return np.zeros(shape, bool) if one_role else np.eye(*shape, dtype=bool)
+
+
+def check_memory(model: Any, shape: tuple[int, int]) -> None:
+    """Refuse a state on a grid of so many raters and providers that would take more than `MEMORY`.
+
+    Raises:
+        MemoryError: It would. The message says how much.
+    """
+    sizes = dict(zip(_SIDES, shape, strict=True))
+    found = (leaf for leaf in leaves(_trial(model)) if isinstance(leaf, np.ndarray))
+    needed = sum(leaf.itemsize * math.prod(sizes.get(n, n) for n in leaf.shape) for leaf in found)
+    if needed > MEMORY:
+        raise MemoryError(
+            f"trust model {model!r} keeps numbers for pairs of agents: with {shape[0]:,} raters and {shape[1]:,} "
+            f"ratees its state would take {needed / 1e9:,.1f} GB, and {MEMORY / 1e9:.0f} GB are allowed; central "
+            "models keep what the ratings take"
+        )
+
+
+def _trial(model: Any) -> Any:
+    """Return a small state, whose shapes show which axes of a state are about raters and which about providers."""
+    return start_model(model, np.zeros(_SIDES), np.zeros(_SIDES, bool))
+
+
+def _grown(old: Any, new: Any) -> Any:
+    """Return the array of a larger start with the values that were there before."""
+    if not (isinstance(old, np.ndarray) and isinstance(new, np.ndarray) and old.ndim == new.ndim > 0):
+        return old
+    grown = new.astype(old.dtype)
+    grown[tuple(slice(size) for size in old.shape)] = old
+    return grown
+
+
+def _checked(stored: npt.NDArray[Any], shape: tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
+    """Return a stored array.
+
+    Raises:
+        ValueError: It has another shape or dtype.
+    """
+    if stored.shape != shape or stored.dtype != dtype:
+        raise ValueError(f"{stored.shape} values of {stored.dtype} where {shape} of {dtype} belong")
+    return np.array(stored)
+
+
+# --- on edges ----------------------------------------------------------------------------------------
+
+
+class _Touched(NamedTuple):
+    """The agents of one role in a round: their places (all if None), their number, and the ratings' places in these."""
+
+    some: Ints | None
+    size: int
+    places: Ints
+
+
+class EdgeRun(TrustRun):
+    """A run of a central model on edges: only what a round touches is updated, and memory grows with pairs that met.
+
+    A model whose formula is local (`local = True`: trust of an agent follows from its own ratings and the trust of
+    their raters alone) takes time in proportion to the ratings of a round. Other models take time in proportion to all
+    pairs that ever met.
+
+    Attributes:
+        n_pairs: Number of pairs that have a memory; 0 for a model without one.
+    """
+
+    def __init__(self, model: TrustModel[Any], *, one_role: bool = True) -> None:
+        """Start without agents.
+
+        Args:
+            model: Central model.
+            one_role: Whether raters and providers are different agents. Otherwise rater 7 and provider 7 are one agent.
+
+        Raises:
+            ValueError: The model does not run on edges.
+        """
+        self.model, self.rounds = edge_model(model), 0
+        self._local = Traits.of(model).local
+        self._one_role = one_role
+        self._sizes: dict[str, int] = {"rater": 0, "provider": 0}
+        self._start = start_on_edges(model, (1, 1))
+        self._state = map_kinds(lambda kind, leaf: leaf[:0], self._start)
+        self._remembers = any(kind in ("pair", "age") for kind, _ in kinds(self._start))
+        self._index = KeyIndex()
+        self._marks = np.zeros(0, np.int32)  # a number for each agent, for a moment
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """The number of raters and of providers."""
+        return self._sizes["rater"], self._sizes["provider"]
+
+    @property
+    def n_pairs(self) -> int:
+        """The number of pairs that have a memory; 0 for a model without one."""
+        return len(self._index)
+
+    @property
+    def rater_trust(self) -> Floats:
+        """The trust of each rater. See `TrustRun.rater_trust`."""
+        return np.array(self.model.rater_trust(self._view(ages=False)))
+
+    @property
+    def provider_trust(self) -> Floats:
+        """The trust of each provider. See `TrustRun.provider_trust`."""
+        return np.array(self.model.provider_trust(self._view(ages=False)))
+
+    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
+        """Play one round. See `TrustRun.play`."""
+        self.join(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
+        keys = (raters << _PROVIDER_BITS) | providers
+        pair = self._index.places(keys) if self._remembers else keys
+        self._grow("pair", self.n_pairs)
+        raters, providers, values, pair = merge_repeats(raters, providers, values, pair)
+        if self._local:
+            self._play_touched(raters, providers, values, pair)
+        elif all(self.shape):  # without agents there is nothing to compute
+            self._play_all(raters, providers, values, pair)
+        self.rounds += 1
+
+    def skip(self, rounds: int) -> None:
+        """Play so many rounds without ratings. See `TrustRun.skip`."""
+        if self._local:
+            self.rounds += rounds
+        else:
+            super().skip(rounds)
+
+    def save(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all that the run keeps, by name. See `TrustRun.save`."""
+        counts, state = np.array([*self.shape, self.rounds]), self._view(ages=False)
+        leaves = {f"state_{n}": leaf for n, (_, leaf) in enumerate(kinds(state))}
+        return {"counts": counts, "pairs": self._index.keys, **leaves}
+
+    def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Go on from what another run has kept. See `TrustRun.load`."""
+        raters, providers, rounds = (int(count) for count in arrays["counts"])
+        keys, place = arrays["pairs"], iter(range(100))
+        sizes = {"rater": raters, "provider": providers, "pair": len(keys), "age": len(keys)}
+
+        def restored(kind: Kind, leaf: Floats) -> Floats:
+            return _checked(arrays[f"state_{next(place)}"], (sizes[kind],), leaf.dtype)
+
+        state, index = map_kinds(restored, self._start), KeyIndex.of(keys)
+        self._state, self._index, self.rounds = state, index, rounds
+        self._sizes = {"rater": raters, "provider": providers}
+
+    def join(self, raters: int, providers: int) -> None:
+        """Make room for so many raters and providers. See `TrustRun.join`."""
+        if not self._one_role:
+            raters = providers = max(raters, providers)
+        for kind, size in (("rater", raters), ("provider", providers)):
+            if size > self._sizes[kind]:
+                self._grow(kind, size)
+                self._sizes[kind] = size
+
+    def remove(self, raters: Ints, providers: Ints) -> None:
+        """Let agents leave. See `TrustRun.remove`."""
+        if not self._one_role:
+            raters = providers = np.union1d(raters, providers)
+        stay = {"rater": staying(self.shape[0], raters), "provider": staying(self.shape[1], providers)}
+        keys = self._index.keys
+        rater, provider = keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1)
+        pairs = np.flatnonzero(stay["rater"][rater] & stay["provider"][provider])
+        chosen = {**{kind: np.flatnonzero(flags) for kind, flags in stay.items()}, "pair": pairs, "age": pairs}
+        self._state = map_kinds(lambda kind, leaf: leaf[chosen[kind]], self._state)
+        self._sizes = {kind: len(chosen[kind]) for kind in stay}
+        rater, provider = (
+            moved(flags)[places[pairs]] for flags, places in zip(stay.values(), (rater, provider), strict=True)
+        )
+        self._index = KeyIndex.of((rater << _PROVIDER_BITS) | provider)
+
+    def _grow(self, kind: str, size: int) -> None:
+        """Give the arrays of a kind room for so many entries, at the values of the start."""
+
+        def grown(which: Kind, leaf: Floats, start: Floats) -> Floats:
+            if ("pair" if which == "age" else which) != kind or size <= len(leaf):
+                return leaf
+            more = np.full(max(size, 2 * len(leaf)) - len(leaf), start[0] if kind != "pair" else 0.0, start.dtype)
+            return np.concatenate([leaf, more])
+
+        self._state = map_kinds(grown, self._state, self._start)
+
+    def _view(self, *, ages: bool = True) -> Any:
+        """Return the state without spare room, with ages as of now; without `ages`, for a read-out, with stamps."""
+        sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
+
+        def cut(kind: Kind, leaf: Floats) -> Floats:
+            return self._ages(leaf[: sizes[kind]]) if kind == "age" and ages else leaf[: sizes[kind]]
+
+        return map_kinds(cut, self._state)
+
+    def _ages(self, stamps: Floats) -> Floats:
+        """Return the rounds since a pair's last rating; a stamp is 1 more than the round before it, and 0 for none."""
+        return np.where(stamps > 0, self.rounds + 1 - stamps, 0.0)
+
+    def _play_touched(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
+        """Update the agents and the pairs that have ratings in the round: a small game of their own."""
+        one, other = self._touched("rater", raters), self._touched("provider", providers)
+        places: dict[str, Ints | slice] = {
+            "rater": slice(self._sizes["rater"]) if one.some is None else one.some,
+            "provider": slice(self._sizes["provider"]) if other.some is None else other.some,
+            "pair": pair,
+        }
+
+        def taken(kind: Kind, leaf: Floats) -> Floats:
+            return self._ages(leaf[pair]) if kind == "age" else leaf[places[kind]]
+
+        def put(kind: Kind, leaf: Floats, new: Floats) -> Floats:
+            if kind == "age":
+                leaf[pair] = self.rounds + 2 - new
+            else:
+                leaf[places[kind]] = new
+            return leaf
+
+        ratings = Ratings(values, raters=one.places, providers=other.places, shape=(one.size, other.size))
+        after = self.model.update(map_kinds(taken, self._state), ratings)
+        self._state = map_kinds(put, self._state, after)
+
+    def _touched(self, kind: str, places: Ints) -> _Touched:
+        """Return the agents of a role at some places, which may repeat."""
+        size = self._sizes[kind]
+        if len(places) * _NEARLY_ALL >= size:
+            return _Touched(None, size, places)
+        if len(self._marks) < size:
+            self._marks = np.zeros(2 * size, np.int32)
+        turn = np.arange(len(places), dtype=np.int32)
+        self._marks[places] = turn
+        some = places.take(np.flatnonzero(self._marks.take(places) == turn))  # every agent once; no sort is needed
+        self._marks[some] = turn[: len(some)]
+        return _Touched(some, len(some), self._marks.take(places).astype(np.int64))
+
+    def _play_all(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
+        """Update all agents and all known pairs."""
+        twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
+        keys = self._index.keys
+        ratings = Ratings(
+            values,
+            raters=raters,
+            providers=providers,
+            shape=self.shape,
+            twins=twins,
+            pairs=Ratings(
+                None,
+                raters=keys >> _PROVIDER_BITS,
+                providers=keys & ((1 << _PROVIDER_BITS) - 1),
+                shape=self.shape,
+                twins=twins,
+            ),
+            slots=pair if self._remembers else None,
+        )
+        after = self.model.update(self._view(), ratings)
+        sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
+
+        def put(kind: Kind, leaf: Floats, new: Floats) -> Floats:
+            leaf[: sizes[kind]] = np.where(new > 0, self.rounds + 2 - new, 0.0) if kind == "age" else new
+            return leaf
+
+        self._state = map_kinds(put, self._state, after)
+
+
+def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:
+    """Return whether the agent at each of so many places stays."""
+    flags = np.ones(size, bool)
+    flags[leaving[leaving < size]] = False
+    return flags
+
+
+def moved(stay: npt.NDArray[np.bool_]) -> Ints:
+    """Return the new place of each agent that stays, where others leave."""
+    return np.cumsum(stay, dtype=np.int64) - 1
+
+
+def runs_on_edges(model: Any) -> bool:
+    """Return whether a model is central, and its state says of every array which agents or pairs it is about."""
+    if Traits.of(model).family != "central":
+        return False
+    grid = np.zeros((1, 1))
+    state = start_model(model, grid, grid > 0)
+    try:
+        return hasattr(state, "_fields") and len(list(kinds(state))) == len(arrays(state))
+    except NameError:  # an annotation that is known to type checkers alone
+        return False
+
+
+def edge_model(model: Any) -> TrustModel[Any]:
+    """Return a model if it runs on edges.
+
+    Raises:
+        ValueError: The model is personal, or an array of its state says not what it is about, see `PerRater`.
+    """
+    if not runs_on_edges(model):
+        raise ValueError(
+            f"trust model {model!r} does not run on edges: it is no central model whose state says by PerRater, "
+            "PerProvider, PerPair and PairAge what its arrays are about; play its ratings on a grid"
+        )
+    checked: TrustModel[Any] = model
+    return checked
+
+
+def start_on_edges(model: Any, shape: tuple[int, int], like: Array | None = None, twins: Array | None = None) -> Any:
+    """Return the state before any rating, without known pairs.
+
+    The formula of the start is that of the grid: all agents start alike, so a grid of one pair shows all values. Where
+    trust depends on the number of agents, a round without ratings sets it.
+
+    Args:
+        model: Central model.
+        shape: Number of raters S and number of providers P.
+        like: Array of the library, dtype and device to use; float64 on NumPy if left out.
+        twins: Place of the rater that is the same agent as each provider, see `Ratings`.
+    """
+    like = np.zeros(()) if like is None else like
+    xp = namespace(like)
+    grid = xp.zeros((1, 1), dtype=like.dtype, device=like.device)
+    sizes = {"rater": shape[0], "provider": shape[1], "pair": 0, "age": 0}
+
+    def spread(kind: Kind, leaf: Array) -> Array:
+        return xp.zeros(sizes[kind], dtype=leaf.dtype, device=leaf.device) + leaf.reshape(-1)[0]
+
+    state = map_kinds(spread, start_model(model, grid, grid > 0))
+    return model.update(state, no_ratings(grid[:, 0], shape, twins)) if takes_peers(model) else state
+
+
+def no_ratings(like: Array, shape: tuple[int, int], twins: Array | None = None) -> Ratings:
+    """Return a round without ratings and without known pairs; `like` shows library and dtype."""
+    xp = namespace(like)
+    nobody = xp.zeros(0, dtype=xp.int64, device=like.device)
+    return Ratings(like[:0], raters=nobody, providers=nobody, shape=shape, twins=twins)
+
+
+def takes_peers(model: Any) -> bool:
+    """Return whether trust depends on the number of agents, and on which rater is which provider."""
+    return Traits.of(model).takes_peers
