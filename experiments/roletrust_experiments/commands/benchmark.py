@@ -39,7 +39,7 @@ from roletrust_experiments.commands.console import (
 )
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
-from roletrust_experiments.commands.learners import asked_learners, tell_learners, tell_learners_cost
+from roletrust_experiments.commands.learners import asked_learners, show_learners, show_learners_cost
 from roletrust_experiments.commands.options import NAMED, Out, Workers
 
 
@@ -148,28 +148,33 @@ def benchmark(
             raise ValueError(f"--known is not for the suite {asked.name}, which is one for {asked.kind}")
         asked = _with_known(asked, known)
     if dry_run:
-        _tell_cost(asked, workers)
+        _show_cost(asked, workers)
         names = [*option("--model", model), *option("--attack", attack), *option("--learner", learner)]
         names += option("--known", known)
         print_next("benchmark", "--suite", suite, names, "--allow-code" if allow_code else None, "--out", out)
         return
     with interruptible("cells"), _pool(workers, ray) as pool:
-        kept = _play(asked, pool, force, out)
+        stored = _play(asked, pool, force, out)
     if isinstance(asked, LearnersSuite):
-        tell_learners(asked, kept, out)
+        show_learners(asked, stored, out)
     else:
-        _show(asked, kept, out)
+        _show(asked, stored, out)
     named = asked.learners if isinstance(asked, LearnersSuite) else (*asked.models, *asked.attacks)
     print_next("report", out / "results.sqlite", needs_code(named), "--out", out / "report")
-    if any(done.failed for _, done in kept):
+    if any(done.failed for _, done in stored):
         raise typer.Exit(1)
 
 
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
     """Play the suite with a progress bar that shows the cells and the remaining time."""
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[remaining]}"),
+    )
     with progress_bar(columns=columns) as progress:
-        job, began = progress.add_task(f"Playing {suite.name}", left=""), perf_counter()
+        job, began = progress.add_task(f"Playing {suite.name}", remaining=""), perf_counter()
         time = RemainingTime({})
 
         def begin(remaining: Sequence[Any], total: int) -> None:
@@ -183,8 +188,8 @@ def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCel
 
         def show(cell: Any, result: CellResult) -> None:
             time.finish(cell.key)
-            left = time.seconds(perf_counter() - began)
-            progress.update(job, advance=1, left="" if left is None else f"{in_time(left)} left")
+            seconds = time.seconds(perf_counter() - began)
+            progress.update(job, advance=1, remaining="" if seconds is None else f"{in_time(seconds)} left")
             if result.failed:
                 progress.console.print(f"[red]{escape(cell.key)}: {escape(result.failed)}[/]", soft_wrap=True)
 
@@ -226,7 +231,7 @@ def _asked(
     """Return the suite with the models, attacks or learners of the options, once all of them can be made.
 
     Raises:
-        ValueError: a name is unknown, what it names cannot be made or is not for such a suite, or a file names what is
+        ValueError: A name is unknown, what it names cannot be made or is not for such a suite, or a file names what is
             not installed.
     """
     wrong = {"--model": model, "--attack": attack} if isinstance(suite, LearnersSuite) else {"--learner": learner}
@@ -248,8 +253,8 @@ def _with_known(suite: Suite, files: Sequence[Path]) -> Suite:
     attacks = [attack for file in files for attack in read_known_attacks(file)]
     check_records(attacks)
     found = with_known(suite, attacks)
-    if left := sum(one.condition not in suite.conditions for one in attacks):
-        console.print(f"[yellow]{left} known attacks are for conditions that {escape(suite.name)} lacks.[/]")
+    if lacking := sum(one.condition not in suite.conditions for one in attacks):
+        console.print(f"[yellow]{lacking} known attacks are for conditions that {escape(suite.name)} lacks.[/]")
     return found
 
 
@@ -257,13 +262,13 @@ def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[st
     return [part for name in names or [] for part in (everything if name == "all" else [name])]
 
 
-def _tell_cost(suite: AnySuite, workers: int | None) -> None:
+def _show_cost(suite: AnySuite, workers: int | None) -> None:
     if isinstance(suite, LearnersSuite):
-        tell_learners_cost(suite)
+        show_learners_cost(suite)
         return
     found = estimate_cost(suite, suite.cells())
-    told = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
-    table = number_table(f"{suite.name}, estimated", told, "cells", "rounds", "time")
+    caption = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
+    table = number_table(f"{suite.name}, estimated", caption, "cells", "rounds", "time")
     for name, cost in found.items():
         table.add_row(name, f"{cost.cells:,}", f"{cost.env_steps:,}", in_time(cost.seconds))
     total = sum(cost.seconds for cost in found.values())

@@ -77,7 +77,7 @@ def all_attackers() -> dict[str, Entry]:
     """Return every attacker by name: its description, action channels, parameters, and their search ranges.
 
     A search range is a pair of a low and a high end, a list of options, the honest providers ("victims"), or None for
-    no search. The entry `told` of a parameter says that commands set it from the game. Channels are None if they
+    no search. The entry `given` of a parameter says that commands set it from the game. Channels are None if they
     depend on the parameters.
     """
 
@@ -85,7 +85,7 @@ def all_attackers() -> dict[str, Entry]:
         factory = attackers.factory(name)
         ranges, known = declared_ranges(factory), declared_facts(factory, (0,), 1)
         parameters = {
-            key: {**parameter._asdict(), "searched": _plain(ranges.get(key)), "told": key in known}
+            key: {**parameter._asdict(), "searched": _plain(ranges.get(key)), "given": key in known}
             for key, parameter in _parameters(factory).items()
         }
         channels = getattr(factory, "attacks", None)
@@ -147,7 +147,7 @@ def where_searched(parameter: Mapping[str, Any]) -> str:
             return " | ".join(map(str, options))
         case "victims" | "identities" as agents:
             return str(agents)
-    return "given" if parameter["told"] else ""
+    return "given" if parameter["given"] else ""
 
 
 def _entries(names: Iterable[str], entry: Callable[[str], Entry]) -> dict[str, Entry]:

@@ -33,12 +33,12 @@ def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code
     """Return the suite with the learners of the options, once all of them can be made.
 
     Args:
-        suite: as it is in its file.
-        named: learners instead of the suite's; `all` are the suite's own.
-        allow_code: whether a file may name what is not installed.
+        suite: Suite as it is in its file.
+        named: Learners instead of the suite's; `all` means the suite's own.
+        allow_code: True if a file may name what is not installed.
 
     Raises:
-        ValueError: nobody has a name, a learner cannot be made, or a file names what is not installed.
+        ValueError: A name is unknown, a learner cannot be made, or a file names what is not installed.
     """
     if not allow_code:
         check_installed(registry, [name for name in suite.learners if not is_search(name)])
@@ -49,11 +49,11 @@ def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code
     return found
 
 
-def tell_learners(suite: LearnersSuite, kept: Sequence[StoredCell], out: Path) -> None:
-    """Write the tables and the picture, and print who is where."""
+def show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path) -> None:
+    """Write the tables and the picture of a run, and print its ranking."""
     from roletrust_experiments.plots.learners import learners_figure
 
-    scales, found = learner_results(suite, kept)
+    scales, found = learner_results(suite, stored)
     write_csv(out / "learners.csv", HEADER, table_rows(found))
     write_figure(out / "learners.png", learners_figure(suite.title, found, scales))
     command = reproduction_command(suite, out / "results.sqlite")
@@ -63,14 +63,14 @@ def tell_learners(suite: LearnersSuite, kept: Sequence[StoredCell], out: Path) -
         console.print(
             f"[dim]{escape(task)}: 1 is {escape(scale.description)}, {scale.top_score:.4f}[/]", soft_wrap=True
         )
-    for trial, done in kept:
+    for trial, done in stored:
         if why := done.failed or (done.unsuitable if trial.learner in suite.learners else ""):
             console.print(f"[dim]{escape(trial.key)}: {escape(why)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: results.sqlite, learners.csv, learners.md, learners.png", soft_wrap=True)
 
 
-def tell_learners_cost(suite: LearnersSuite) -> None:
-    """Say how much is played at the most; how long a learner thinks about it, only it knows."""
+def show_learners_cost(suite: LearnersSuite) -> None:
+    """Print the maximum number of rounds; the time of a learner is unknown."""
     table = number_table(f"{suite.name}, at the most", "rounds of each learner, over all games", "trials", "rounds")
     times, tests = len(suite.tasks) * len(suite.seeds), len(suite.budgets) * suite.games
     measured = sum(tests * task.arguments()["scenario"].max_cycles for task in suite.tasks.values()) * len(suite.seeds)

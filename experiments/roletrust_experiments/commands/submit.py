@@ -174,22 +174,22 @@ def verify(
     checks = check_claims(found, suite, own_suite=own_suite)
     seed = secrets.randbelow(2**32) if seed is None else seed
     claims, same = sample_claims(found, number, seed), is_same_platform(found)
-    kept, asked = [], []
+    replayed, asked = [], []
     # Rounding decides what a search finds, so elsewhere the attackers of the claims play.
     records: dict[AnyCell, str] = {} if same else {claim.cell: claim.record for claim in claims}
     for claim, again in _played(suite, claims, workers, records=records):
-        kept.append(again)
+        replayed.append(again)
         asked.append(claim)
         checks.append(check_cell(claim, again.result, same))
-    if kept:
-        checks += check_bias(asked, [again.result for again in kept])
+    if replayed:
+        checks += check_bias(asked, [again.result for again in replayed])
     if fresh and claims:
         checks += _fresh(suite, claims, seed, workers)
-    if len(kept) == len(found.cells) and not any(again.result.failed for again in kept):
-        checks += check_scores(found, suite, kept, same)
+    if len(replayed) == len(found.cells) and not any(again.result.failed for again in replayed):
+        checks += check_scores(found, suite, replayed, same)
     console.print(_table(file, checks))
-    console.print(f"{len(kept)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
-    if len(kept) < len(found.cells):
+    console.print(f"{len(replayed)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
+    if len(replayed) < len(found.cells):
         print_next(
             "verify",
             file,

@@ -22,7 +22,7 @@ _FEW = 4  # maximum number of honest agents with a line each
 _NAMED = 4  # maximum number of attackers with a name and a colour each
 
 
-class _Look(NamedTuple):
+class _Line(NamedTuple):
     """Style of a line."""
 
     label: str
@@ -119,36 +119,36 @@ def _draw(axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attac
     faint = False
     for k, i in enumerate(bad):
         if len(bad) <= _NAMED:
-            look = _Look(f"{names[i]} (attacker)", ATTACKERS[k], 3.0, DASHES[k])
-            faint |= _line(axes, time_s, trust[:, [i]], look)
+            line = _Line(f"{names[i]} (attacker)", ATTACKERS[k], 3.0, DASHES[k])
+            faint |= _line(axes, time_s, trust[:, [i]], line)
         else:
             label = _counted(f"{len(bad)} attackers", trust[:, bad]) if k == 0 else None
             faint |= _thin(axes, time_s, trust[:, i], label)
     if len(honest) <= _FEW:
         for k, i in enumerate(honest):
-            faint |= _line(axes, time_s, trust[:, [i]], _Look(names[i], HONEST[k], 1.6, DASHES[k]))
+            faint |= _line(axes, time_s, trust[:, [i]], _Line(names[i], HONEST[k], 1.6, DASHES[k]))
         return faint
     crowd = trust[:, honest]
     low, high = _middle(crowd.reshape(len(time_s), -1))
     if np.nanmax(high - low, initial=0.0) > _VISIBLE:
         axes.fill_between(time_s, low, high, color=HONEST[2], alpha=0.4, linewidth=0, zorder=2, label="90% of them")
-    return faint | _line(axes, time_s, crowd, _Look(f"mean of {len(honest)} honest", HONEST[0], 1.8, "-"))
+    return faint | _line(axes, time_s, crowd, _Line(f"mean of {len(honest)} honest", HONEST[0], 1.8, "-"))
 
 
-def _line(axes: Axes, time_s: Floats, values: Floats, look: _Look) -> bool:
+def _line(axes: Axes, time_s: Floats, values: Floats, line: _Line) -> bool:
     """Draw the mean of agents over games, (T, agents, games), and its interval. Return whether it is faint somewhere.
 
     Lines of attackers are broad and lie under the others.
     """
     mean, half, games = over_games(mean_or_nan(values, axis=1))
     few = _few(values)
-    order = 4.0 - look.width / 10
-    style: Any = {"color": look.colour, "linestyle": look.dashes, "zorder": order}
-    axes.plot(time_s, np.where(few, np.nan, mean), linewidth=look.width, label=_counted(look.label, values), **style)
-    axes.plot(time_s, np.where(_and_next(few), mean, np.nan), linewidth=look.width, alpha=_FAINT, **style)
+    order = 4.0 - line.width / 10
+    style: Any = {"color": line.colour, "linestyle": line.dashes, "zorder": order}
+    axes.plot(time_s, np.where(few, np.nan, mean), linewidth=line.width, label=_counted(line.label, values), **style)
+    axes.plot(time_s, np.where(_and_next(few), mean, np.nan), linewidth=line.width, alpha=_FAINT, **style)
     if values.shape[-1] > 1:
         low, high = np.clip(mean - half, 0, 1), np.clip(mean + half, 0, 1)
-        axes.fill_between(time_s, low, high, where=~few, color=look.colour, alpha=0.25, linewidth=0, zorder=order - 0.5)
+        axes.fill_between(time_s, low, high, where=~few, color=line.colour, alpha=0.25, linewidth=0, zorder=order - 0.5)
     return bool((few & (games > 0)).any())
 
 
@@ -189,8 +189,8 @@ def _counted(label: str, values: Floats) -> str:
 def _middle(values: Floats) -> tuple[Floats, Floats]:
     """Return the 5% and 95% quantiles of each row without NaN; NaN for a row of NaN."""
     low, high = np.full((2, len(values)), np.nan)
-    some = ~np.isnan(values).all(axis=1)
-    low[some], high[some] = np.nanquantile(values[some], [0.05, 0.95], axis=1)
+    present = ~np.isnan(values).all(axis=1)
+    low[present], high[present] = np.nanquantile(values[present], [0.05, 0.95], axis=1)
     return low, high
 
 

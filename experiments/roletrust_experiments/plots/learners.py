@@ -27,21 +27,21 @@ def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[
         scales: Scales of the tasks.
     """
     names = ranking(found)
-    looks = _looks(names)
+    styles = _styles(names)
     rows = -(-len(scales) // _COLUMNS)
     above, below = 1.2 + 0.4 * max(len(names), 5), 3.0 * rows
     figure = Figure(figsize=(11.6, above + below), layout="constrained")
     halves: Any = figure.subfigures(2, 1, height_ratios=[above, below], hspace=0.04)
     bars, curve = halves[0].subplots(1, 2)
     halves[0].suptitle(about, x=0.012, ha="left", fontsize=13, fontweight="bold", color=INK)
-    _bars(bars, [one for one in found if one.task == ALL_TASKS], names, looks)
-    _curves(curve, [one for one in found if one.task == ALL_TASKS], looks)
+    _bars(bars, [one for one in found if one.task == ALL_TASKS], names, styles)
+    _curves(curve, [one for one in found if one.task == ALL_TASKS], styles)
     curve.set_title(ALL_TASKS, loc="left", fontsize=10, color=INK)
     grid = halves[1].subplots(rows, min(_COLUMNS, len(scales)), squeeze=False, sharey=True)
     for axes in grid.flat[len(scales) :]:
         axes.set_visible(False)
     for axes, (task, scale) in zip(grid.flat, scales.items(), strict=False):
-        _curves(axes, [one for one in found if one.task == task], looks)
+        _curves(axes, [one for one in found if one.task == task], styles)
         axes.set_title(f"{task}\n{fill('1 is ' + scale.description, 38)}", loc="left", fontsize=9, color=INK)
     for axes in [curve, *grid[:, 0]]:
         axes.set_ylabel("share, interquartile mean", color=INK)
@@ -57,13 +57,13 @@ def learners_column(found: Sequence[LearnerResult], width: float) -> Figure:
     """
     figure = Figure(figsize=(width, 2.6), layout="constrained")
     axes = figure.subplots()
-    _curves(axes, [one for one in found if one.task == ALL_TASKS], _looks(ranking(found)))
+    _curves(axes, [one for one in found if one.task == ALL_TASKS], _styles(ranking(found)))
     axes.set_ylabel("share, interquartile mean", color=INK)
     figure.legend(frameon=False, loc="outside lower center", ncols=3, labelcolor=INK)
     return figure
 
 
-def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _styles(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return the colour and the dash of each learner."""
     colours = [*HONEST, *ATTACKERS]
     return {
@@ -73,17 +73,17 @@ def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def _bars(
-    axes: Axes, found: Sequence[LearnerResult], names: Sequence[str], looks: Mapping[str, dict[str, Any]]
+    axes: Axes, found: Sequence[LearnerResult], names: Sequence[str], styles: Mapping[str, dict[str, Any]]
 ) -> None:
     """Draw the share of each learner with the largest budget and its interval, the best on top."""
     largest = max((one.budget for one in found), default=0)
     mine = {one.learner: one.share for one in found if one.budget == largest}
     for place, name in enumerate(reversed(names)):
         if name not in mine:
-            axes.text(0, place, " not on every task", va="center", fontsize=9, color=looks[name]["color"])
+            axes.text(0, place, " not on every task", va="center", fontsize=9, color=styles[name]["color"])
             continue
         value, low, high = np.maximum(mine[name], _LOWEST)
-        axes.barh(place, value, color=looks[name]["color"], height=0.62, zorder=2)
+        axes.barh(place, value, color=styles[name]["color"], height=0.62, zorder=2)
         if not np.isnan(low):
             axes.plot([low, high], [place, place], color=INK, linewidth=1.2, zorder=3)
         axes.text(np.nanmax([value, high, 0]) + 0.02, place, f"{mine[name].value:.3f}", va="center", fontsize=9.5)
@@ -95,14 +95,14 @@ def _bars(
     quiet(axes, "x")
 
 
-def _curves(axes: Axes, found: Sequence[LearnerResult], looks: Mapping[str, dict[str, Any]]) -> None:
+def _curves(axes: Axes, found: Sequence[LearnerResult], styles: Mapping[str, dict[str, Any]]) -> None:
     """Draw a line for each learner: its share by the number of rounds that it may play."""
-    for name, look in looks.items():
+    for name, style in styles.items():
         mine = sorted((one for one in found if one.learner == name), key=lambda one: one.budget)
         budgets = [one.budget for one in mine]
         value, low, high = np.maximum(np.array([one.share for one in mine]).reshape(-1, 3).T, _LOWEST)
-        axes.fill_between(budgets, low, high, color=look["color"], alpha=0.13, linewidth=0)
-        axes.plot(budgets, value, marker="o", markersize=3.5, label=name, **look)
+        axes.fill_between(budgets, low, high, color=style["color"], alpha=0.13, linewidth=0)
+        axes.plot(budgets, value, marker="o", markersize=3.5, label=name, **style)
     axes.axhline(1, color=QUIET, linewidth=0.8, linestyle="--")
     axes.axhline(0, color=QUIET, linewidth=0.8)
     budgets = sorted({one.budget for one in found})

@@ -22,10 +22,10 @@ class Still(NamedTuple):
     """The images of the cameras in one round.
 
     Attributes:
-        what: was going on.
-        time_s: when the round began, in seconds.
-        frames: of every camera, (P, height, width, 3), RGB.
-        perceived: mean over the raters of the probability that the person is there, (P,).
+        what: Event in the round.
+        time_s: Start of the round in seconds.
+        frames: Images of all cameras, (P, height, width, 3), RGB.
+        perceived: Probability that the person is there, mean over the raters, (P,).
     """
 
     what: str
@@ -37,9 +37,9 @@ class Still(NamedTuple):
 def write_paper(
     out: Path, stem: str, paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, note: str | None = None
 ) -> list[str]:
-    """Write one of the paper's figures, as a table of each run and as a picture, and return their names.
+    """Write one of the paper's figures, as a table of each run and as a picture, and return the names of the files.
 
-    Arguments as for `paper_figure`; tables are called by the stem, and further ones by their run, too.
+    Arguments as for `paper_figure`; tables have the name `stem`, and further ones also that of their run.
     """
     written: list[str] = []
     for run, curves in runs.items():
@@ -54,10 +54,10 @@ def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, n
     """Return a figure with trust of raters above trust of providers, over time, and the runs side by side.
 
     Args:
-        paper: which of the figures.
-        runs: the curves of one game each, by what to call it where there are several.
-        scenario: for its perturbations.
-        note: to be read below, on the frames that were seen.
+        paper: Figure of the paper.
+        runs: Curves of one game each, by the name of the run.
+        scenario: Scenario with the perturbations.
+        note: Note below the figure, on the frames.
     """
     figure = Figure(figsize=(9.6 if len(runs) == 1 else 1.6 + 7.8 * len(runs), 5.6), layout="constrained")
     grid = figure.subplots(2, len(runs), sharex=True, sharey="row", squeeze=False)
@@ -76,7 +76,7 @@ def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, n
 
 
 def _draw(column: tuple[Axes, Axes], paper: Paper, curves: Curves, scenario: Scenario) -> None:
-    """One run: ToR in the upper axes, ToP in the lower."""
+    """Draw one run: ToR in the upper axes, ToP in the lower."""
     upper, lower = column
     period = scenario.period_s
     fast = [(blow.start * period, blow.stop * period) for blow in scenario.perturbations]

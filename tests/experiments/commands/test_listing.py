@@ -75,11 +75,11 @@ def test_what_is_searched_is_what_attacks_declare():
     on_off, collusion = attackers["on-off"], attackers["collusion"]["parameters"]
     assert on_off["channels"] == ["quality"]
     said = {"default": 2, "required": False, "allowed": "whole [1, inf)", "searched": {"low": 1, "high": 12}}
-    assert on_off["parameters"]["period"] == {**said, "told": False}
+    assert on_off["parameters"]["period"] == {**said, "given": False}
     assert on_off["parameters"]["switching"]["searched"] is None  # it is kept
     assert attackers["bad-mouthing"]["parameters"]["lie"]["searched"] == {"options": ["constant", "relative"]}
     assert attackers["bad-mouthing"]["parameters"]["targets"]["searched"] == "victims"
-    assert (collusion["accomplices"]["required"], collusion["accomplices"]["told"]) == (True, True)
+    assert (collusion["accomplices"]["required"], collusion["accomplices"]["given"]) == (True, True)
     assert attackers["sybil"]["parameters"]["serves"]["default"].startswith("on-off:period=2,duty=1")
 
 
