@@ -12,12 +12,12 @@ from typing import Any
 
 import gymnasium
 import pytest
-from study_line import run
 from typer.testing import CliRunner
 
 from roletrust_env import make_attacker, make_trust_model, parallel_env
 from roletrust_env.trust import Traits
 from roletrust_experiments.cli import app
+from studies import ladder
 
 MODEL = '''
 from typing import Any, NamedTuple
@@ -140,17 +140,14 @@ def test_they_play(command: Callable) -> None:
 
 
 def test_the_attack_is_searched_under_the_model(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    study = run(
-        *("ladder", "RaterAttack", "--model", "grudge", "--attack", "gossip"),
-        *(*CERTAIN, "--budget", "1000", "--games", "2", "--out", str(out)),
-    )
-    assert study.exit_code == 0, study.output
-    with (out / "ladder.csv").open() as file:
-        scores = {row["rung"]: float(row["score"]) for row in csv.DictReader(file)}
+    task = ["task", "--task", "RaterAttack", "--model", "grudge", "--attack", "gossip"]
+    ladder.main([*task, *CERTAIN, "--budget", "1000", "--games", "2", "--out", str(tmp_path)])
+    with (tmp_path / "ladder.csv").open() as file:
+        rows = {row["rung"]: row for row in csv.DictReader(file)}
+    scores = {rung: float(row["score"]) for rung, row in rows.items()}
     assert scores["scripted, best of grid"] > scores["scripted, default"] > scores["honest play"]
-    assert "sr_2: gossip:harm=1,since=0" in study.output
-    assert "white-box planner" in json.loads((out / "ladder.json").read_text())["not_applicable"]
+    assert rows["scripted, best of grid"]["attack"] == "sr_2: gossip:harm=1,since=0"
+    assert "white-box planner" not in rows
 
 
 def test_an_attacker_learns_against_the_model(command: Callable) -> None:

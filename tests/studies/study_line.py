@@ -6,10 +6,9 @@ from typer.testing import CliRunner
 from roletrust_experiments.commands.group import CommandGroup
 from studies.defend import defend
 from studies.findings.__main__ import findings
-from studies.ladder.__main__ import ladder
 
 app = typer.Typer(cls=CommandGroup)
-for study in (defend, findings, ladder):
+for study in (defend, findings):
     app.command(study.__name__)(study)
 
 

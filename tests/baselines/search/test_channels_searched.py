@@ -21,7 +21,7 @@ from roletrust_env.evaluation.measurement import (
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import MeasuredSearch, find
 from roletrust_env.world.presence import LEFT, PRESENT
-from studies.ladder.trajectory import watch
+from studies.ladder import watch
 
 AGENTS = [{"role": "SR", "count": 4}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 3}]
 SELLER: dict[str, Any] = {

@@ -1,1 +1,0 @@
-"""The ladder of attacks: the rows of its table."""
