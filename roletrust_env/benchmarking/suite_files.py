@@ -64,7 +64,6 @@ def read_suite(data: Mapping[str, Any], source: str) -> AnySuite:
 
 
 _TYPES: dict[str, type[AnySuite]] = {"robustness": Suite, "learners": LearnersSuite}
-_EXTENDABLE = "quick", "standard", "full"
 
 
 def _names() -> list[str]:
@@ -96,10 +95,10 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
     if "extends" not in data:
         return data
     base = str(data.pop("extends"))
-    if base not in _EXTENDABLE and not base.endswith(".toml"):
-        allowed = ", ".join(_EXTENDABLE)
+    if base not in (names := _names()) and not base.endswith(".toml"):
+        allowed = ", ".join(names)
         raise ValueError(f"suite {path}: extends is {base!r}; it must be one of {allowed}, or a .toml file beside it")
-    file = _FOLDER / f"{base}.toml" if base in _EXTENDABLE else path.parent / base
+    file = _FOLDER / f"{base}.toml" if base in names else path.parent / base
     return {**_fields(file, path, *extending), **data}
 
 
