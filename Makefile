@@ -39,7 +39,7 @@ test-slow: setup
 # The examples in docstrings. What the extra `ray` alone has is no place for them.
 test-doctests: setup
 	$(BIN)/pytest -n 2 --doctest-modules --ignore=roletrust_env/benchmarking/cluster.py --ignore=roletrust_env/live/roletrust_nodes \
-		roletrust_env agents baselines experiments
+		roletrust_env agents baselines experiments docs/_ext
 
 # Eight times the random examples of `make test`.
 test-thorough: setup
