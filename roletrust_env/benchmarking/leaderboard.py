@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -142,7 +142,8 @@ def leaderboard_rows(
         rows.append(row)
     keys = [(row.missing > 0, *_order(row.worst.mean, row.clean.mean)) for row in rows]
     order = sorted(range(len(rows)), key=lambda k: keys[k])
-    ranks = _shared_ranks([keys[k] for k in order])
+    in_order = [keys[k] for k in order]
+    ranks = [in_order.index(key) + 1 for key in in_order]  # equal keys share the rank of the first one
     judged = [k for k in order if not rows[k].missing and not np.isnan(rows[k].worst.mean)]
     found = verdict(worst[judged])
     tiers, holds = dict(zip(judged, found.tiers, strict=True)), dict(zip(judged, found.holds, strict=True))
@@ -150,11 +151,6 @@ def leaderboard_rows(
         rows[k]._replace(tier=tiers.get(k), rank=rank, holds=holds.get(k, np.nan))
         for k, rank in zip(order, ranks, strict=True)
     ]
-
-
-def _shared_ranks(keys: Sequence[Any]) -> list[int]:
-    """Return the ranks of sorted keys. Equal keys share the rank of the first one."""
-    return [keys.index(key) + 1 for key in keys]
 
 
 def _order(worst: float, clean: float) -> tuple[float, float]:

@@ -69,7 +69,7 @@ def benchmark(
     if isinstance(attacks, str):
         attacks = [attacks]
     for name, chosen in (("models", models), ("attacks", attacks)):
-        if _is_empty(chosen):
+        if isinstance(chosen, list | tuple) and not chosen:
             raise ValueError(f"{name} is empty; None means those of the suite")
     if workers is not None and (not isinstance(workers, int) or workers < 0):
         raise ValueError(f"workers is {workers!r}; it must be 0 or more, or None for one for each core")
@@ -176,10 +176,6 @@ class InProcess:
         """See `Pool.play`."""
         for cell in cells:
             yield cell, play_safely(suite, cell)
-
-
-def _is_empty(chosen: Any) -> bool:
-    return isinstance(chosen, list | tuple) and not chosen
 
 
 def _robustness(suite: str | Path | Suite) -> Suite:

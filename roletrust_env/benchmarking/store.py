@@ -85,8 +85,8 @@ class Store:
             with _readable_errors(path):
                 if suite is not None:
                     self._lock = _write_lock(path)
-                    if overwrite:
-                        _remove(path)
+                    for end in ("", *_JOURNALS) if overwrite else ():  # but not the lock, which is held
+                        Path(f"{path}{end}").unlink(missing_ok=True)
                 mode = "mode=rwc"
                 if suite is None:
                     there = [end for end in ("-journal", *_JOURNALS) if Path(f"{path}{end}").exists()]
@@ -264,17 +264,11 @@ def _write_lock(path: Path) -> FileLock:
     return lock
 
 
-def _remove(path: Path) -> None:
-    """Remove a database and the journals of SQLite, but not the lock, which is held."""
-    for suffix in ("", *_JOURNALS):
-        Path(f"{path}{suffix}").unlink(missing_ok=True)
-
-
 def _prepare(file: sqlite3.Connection, suite: SuiteSchema) -> None:
     """Create the tables of a new file in one transaction."""
     sources = hashes(suite.factories())
     facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software(), "sources": sources}
-    rows = ", ".join(f"('{name}', '{_quoted(json.dumps(value))}')" for name, value in facts.items())
+    rows = ", ".join("('{}', '{}')".format(name, json.dumps(value).replace("'", "''")) for name, value in facts.items())
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
 
 
@@ -285,10 +279,6 @@ def _attack_result(
     scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured), _NUMBERS.validate_json(by_round)
     found = _RECORD.validate_python(record, strict=True), _PROGRESS.validate_json(progress)
     return AttackResult(name, words, rounds, *scores, *found)
-
-
-def _quoted(text: str) -> str:
-    return text.replace("'", "''")
 
 
 _NOT_WRITABLE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY}

@@ -145,7 +145,9 @@ def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScor
         by_round = mean_or_nan(np.stack([as_array(row.by_round) for row in rows.values()]), axis=0)
         by_published = measured | {"utility": measured["published"]}
         counted = _to_count(measured, suite.score), _to_count(by_published, suite.score)
-        scores = _to_choose(chosen, suite.score), measured, *counted
+        by_skill = suite.score == "skill"
+        to_choose = skill_by_seed(chosen["utility"], chosen["blind"]) if by_skill else chosen["utility"]
+        scores = to_choose, measured, *counted
         white_box = suite.is_white_box(method)
         found.append(AttackScores(model, condition, attack, method, white_box, words, *scores, by_round))
     return found
@@ -182,10 +184,6 @@ def least_mean(score: Floats) -> float:
     """Return the mean score by which a worst case is chosen; infinite where it is undefined, so any other is worse."""
     mean = float(mean_or_nan(score.ravel(), axis=0))
     return np.inf if np.isnan(mean) else mean
-
-
-def _to_choose(chosen: Mapping[str, Floats], scale: Scale) -> Floats:
-    return skill_by_seed(chosen["utility"], chosen["blind"]) if scale == "skill" else chosen["utility"]
 
 
 def _to_count(measured: Mapping[str, Floats], scale: Scale) -> Floats:

@@ -110,33 +110,24 @@ def _seated(
         if twice := sorted(made.keys() & parsed.keys()):
             raise ValueError(f"attack gives agent {twice[0]!r} two attacks; an agent has one policy")
         return {**parsed, **made}
-    if not isinstance(attack, str) and not _is_texts(attack):
+    texts = [attack] if isinstance(attack, str) else attack
+    if not isinstance(texts, Sequence) or not all(isinstance(text, str) for text in texts):
         raise ValueError(f"attack is {attack!r}; name the agents of a policy, such as {{'sr_2': BadMouthing()}}")
-    texts = [attack] if isinstance(attack, str) else list(attack)
     seated = [line for text in texts for line in _lines(text, scenario, share)]
     return parse_attacks(list(dict.fromkeys(seated)), scenario)
 
 
-def _is_texts(attack: object) -> bool:
-    return isinstance(attack, Sequence) and all(isinstance(text, str) for text in attack)
-
-
-def _names_agents(text: str) -> bool:
-    """Return whether a spec begins with an agent, as in `sr_2=bad-mouthing:level=0`."""
-    name, equals, _ = text.partition("=")
-    return bool(equals) and ":" not in name
-
-
 def _lines(text: str, scenario: Scenario, share: float) -> list[str]:
     """Return a spec without agents as specs with agents: the last ones of each role that the attack is for."""
-    if _names_agents(text):
+    name, equals, _ = text.partition("=")
+    if equals and ":" not in name:  # it begins with an agent, as in `sr_2=bad-mouthing:level=0`
         return [text]
     channels: frozenset[Channel] = getattr(named_factory(attackers, text), "attacks", frozenset())
     roster, lines = Roster.of(scenario), []
     for names, decided in ((roster.rater_names, RATING_CHANNELS), (roster.provider_names, SERVING_CHANNELS)):
-        first = [name for name in names if name in roster.owner_names]
+        first = [agent for agent in names if agent in roster.owner_names]
         if channels & decided:
-            lines += [f"{name}={text}" for name in first[-max(1, round(share * len(first))) :]]
+            lines += [f"{agent}={text}" for agent in first[-max(1, round(share * len(first))) :]]
     if not lines:
         raise ValueError(f"attack {text!r} says of no role that it is for it; name its agents, such as sr_2={text}")
     return list(dict.fromkeys(lines))
