@@ -51,7 +51,7 @@ class TeamTrust:
         self.last_stamps: dict[str, int] = {}
         self.last_stamp: int | None = None
         self._joining = Team()
-        self._replay: Iterator[tuple[TeamRun, int]] | None = None
+        self._replay: Iterator[TeamRun] | None = None
         self._closed = deque[JournalEntry]()  # during a replay
         self.team = self._journal.position.team
         self._run = self._restore(snapshot)
@@ -107,22 +107,21 @@ class TeamTrust:
             self._replay = self._replayed(larger)
         end = time.monotonic() + _TICK_S
         while self._replay is not None and time.monotonic() < end:
-            run, rounds = next(self._replay)
-            if rounds == self.next_round:
+            run = next(self._replay)
+            if run.rounds == self.next_round:
                 self._run, self.team, self._replay = run, run.team, None
 
-    def _replayed(self, team: Team) -> Iterator[tuple[TeamRun, int]]:
+    def _replayed(self, team: Team) -> Iterator[TeamRun]:
         """Replay the rounds so far with a larger team, and then those that close meanwhile.
 
         Yields:
-            The trust of the larger team and the number of replayed rounds, after each round.
+            The run of the larger team, after each round.
         """
-        run, rounds = TeamRun(self._model, team), 0
+        run = TeamRun(self._model, team)
         for entry in chain(read_journal(self._path), iter(self._closed.popleft, None)):
-            if entry.round == rounds:  # the file may have contained rounds that are noted as well
+            if entry.round == run.rounds:  # the file may have contained rounds that are noted as well
                 run.play_named(entry.ratings)
-                rounds += 1
-            yield run, rounds
+            yield run
 
     def close_round(
         self, closed: MatchedRound[dict[str, float]], now: int, last_stamps: dict[str, int]
