@@ -23,7 +23,11 @@ def task(tmp_path_factory: pytest.TempPathFactory) -> CrowdTask:
     return read_crowd(folder / "answer.csv.gz", folder / "truth.csv.gz")
 
 
-@pytest.mark.parametrize("name", CROWD_METHODS)
+SLOW = {"mace", "glad"}  # seconds each
+NAMES = [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in CROWD_METHODS]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_the_truth_and_the_guessers_are_found(task: CrowdTask, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     verdict = CrowdMethod(name).judge(task.answers)
     assert verdict.trust is not None
@@ -69,5 +73,5 @@ def test_an_answer_that_nobody_gave_is_no_failure() -> None:
     pytest.importorskip("crowdkit", reason="needs crowd-kit: pip install 'roletrust-env[crowd]'")
     raters, ratees = np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1])
     answers = RatingLog(raters, ratees, np.ones(4), None, list("ab"), list("pq"), True)
-    for name in set(CROWD_METHODS) - {"mace"}:  # which takes seconds
+    for name in set(CROWD_METHODS) - SLOW:
         assert (CrowdMethod(name).judge(answers).leaning > 0).all(), name

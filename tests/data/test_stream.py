@@ -187,7 +187,7 @@ ROUNDS = st.lists(
 
 
 @pytest.mark.parametrize("name", [*(name for name in CENTRAL if name != "wary-role-trust"), *LOG_MODELS])
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(rounds=ROUNDS, others=ROUNDS)
 def test_strangers_that_leave_were_never_there(name: str, rounds: list[Any], others: list[Any]) -> None:
     """They rate each other only. Where all providers are felt by all, they are not strangers.
@@ -213,7 +213,7 @@ ANEW = pytest.mark.parametrize(
 
 @ANEW
 @pytest.mark.parametrize("same_agents", [False, True])
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(rounds=ROUNDS, raters=AGENTS, providers=AGENTS)
 def test_a_model_of_all_pairs_forgets_who_left(
     name: str, same_agents: bool, rounds: list[Any], raters: set[int], providers: set[int]

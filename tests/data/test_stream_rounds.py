@@ -48,7 +48,11 @@ def cut_logs(draw: st.DrawFn) -> tuple[list[Any], list[int]]:
     return ratings, draw(st.lists(st.integers(1, 9), min_size=1, max_size=30))
 
 
-@pytest.mark.parametrize("name", [*CENTRAL, *LOG_MODELS])
+FEW = {"role-trust", "mean", "eigentrust", next(iter(LOG_MODELS))}  # with a memory of pairs, without, not local
+NAMES = [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in (*CENTRAL, *LOG_MODELS)]
+
+
+@pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=20)
 @given(case=cut_logs(), same_agents=st.booleans())
 def test_what_is_published_does_not_depend_on_batches(
