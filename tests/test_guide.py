@@ -9,7 +9,7 @@ from pages import HOUSE, blocks, cells, run, written_file
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
 from roletrust_env.benchmarking import Suite, benchmark
-from roletrust_env.benchmarking.learners.learner import Learner, LearnerSearch
+from roletrust_env.benchmarking.learners.learner import Learner, LearnerTraining
 from roletrust_env.benchmarking.learners.suite import SuiteTask
 from roletrust_env.evaluation.search import find
 from roletrust_env.game.rollout import record
@@ -113,7 +113,7 @@ def test_the_coalition_runs_down_the_best_providers_and_keeps_its_trust():
 def test_your_learner_learns():
     """With a few thousand rounds it lies far better than after its first update."""
     task = SuiteTask(task="RaterAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
-    method = LearnerSearch(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
+    method = LearnerTraining(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
     rounds = {"seed": 0, "games": 2}
     begun, learned = (find(method, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
     assert isinstance(method.learner, Learner)

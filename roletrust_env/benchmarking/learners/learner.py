@@ -113,7 +113,7 @@ class CountedGames(VectorWrapper[Any, Any, Any, Any, Any]):
 
 
 @dataclass(frozen=True)
-class LearnerSearch:
+class LearnerTraining:
     """Search method that trains a learner.
 
     Attributes:
@@ -187,4 +187,4 @@ def make_search_method(name: str, task_id: str) -> SearchMethod:
     if ":" not in name and name not in registry.names():
         known = suggest(name, [*search_names(), *registry.names()])
         raise ValueError(f"unknown learner {name!r}{known}, or your own package.module:Class")
-    return LearnerSearch(parse_named(registry, name), name, task_id)
+    return LearnerTraining(parse_named(registry, name), name, task_id)

@@ -7,7 +7,7 @@ from roletrust_env.benchmarking.learners.learner import (
     BudgetSpentError,
     CountedGames,
     LearnedAttacker,
-    LearnerSearch,
+    LearnerTraining,
     make_search_method,
 )
 from roletrust_env.benchmarking.learners.suite import SuiteTask
@@ -37,7 +37,7 @@ class Constant:
 
 
 def trained(learner, task=PROVIDER, budget=100, games=3, seed=0):
-    return find(LearnerSearch(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games)
+    return find(LearnerTraining(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games)
 
 
 def test_the_policy_is_measured_in_held_out_games():
