@@ -5,10 +5,9 @@ from typer.testing import CliRunner
 
 from roletrust_experiments.commands.group import CommandGroup
 from studies.defend import defend
-from studies.findings.__main__ import findings
 
 app = typer.Typer(cls=CommandGroup)
-for study in (defend, findings):
+for study in (defend,):
     app.command(study.__name__)(study)
 
 

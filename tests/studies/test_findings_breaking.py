@@ -3,7 +3,7 @@
 import pytest
 
 from roletrust_env.metrics.confidence import Estimate
-from studies.findings.breaking import Break, breaking, sentence
+from studies.questions.breaking import Break, breaking, sentence
 
 pytestmark = pytest.mark.slow
 

@@ -2,20 +2,18 @@
 
 import numpy as np
 import pytest
-from rich.progress import Progress
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
-from studies.findings import dilution, noise
-from studies.findings.games import Effort, honest, last, lost, play
+from studies.questions import dilution, noise
+from studies.questions.answers import Effort, honest, last, lost, play
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
 def asked():
-    with Progress(disable=True) as progress:
-        yield Effort(games=3, seed=0, quick=False, progress=progress)
+    return Effort(games=3, seed=0, quick=False)
 
 
 @pytest.mark.parametrize(("size", "liars", "level"), [(3, 1, 0.5), (9, 3, 0.5), (9, 1, 0.0), (30, 10, 0.5)])

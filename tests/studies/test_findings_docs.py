@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from studies.findings.questions import QUESTIONS
+from studies.findings import QUESTIONS
 
 pytestmark = pytest.mark.slow
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from roletrust_env.metrics.confidence import Estimate, estimate
-from studies.findings import admission, both_roles, dilution, movement, noise, roles
-from studies.findings.finding import amount, in_words, listed, sign, verdict
+from studies.questions import admission, both_roles, dilution, movement, noise, roles
+from studies.questions.answers import amount, in_words, listed, sign, verdict
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ import pytest
 
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from studies.findings.mirrored import over_both, played, sentence, trust_in, worlds
+from studies.questions.mirrored import over_both, played, sentence, trust_in, worlds
 
 pytestmark = pytest.mark.slow
 

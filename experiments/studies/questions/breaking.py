@@ -11,8 +11,7 @@ from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.worst_case import WorstCase, attack_scores, worst_cases
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from studies.charts import Panel, Series
-from studies.findings.finding import Finding, sign
-from studies.findings.games import PATIENCE_S, Effort, play_suite, scripts
+from studies.questions.answers import PATIENCE_S, Effort, Finding, play_suite, scripts, sign
 
 QUESTION = "Which share of liars breaks each trust model?"
 _SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6
@@ -48,7 +47,7 @@ class Break(NamedTuple):
 def answer(effort: Effort) -> Finding:
     """Play all models against all scripts, with a growing share of liars, in the benchmark's small market."""
     suite = _suite(effort)
-    kept = play_suite(effort, suite, "liars")
+    kept = play_suite(suite)
     cases = worst_cases(attack_scores(suite, kept))
     left: dict[str, dict[float, Estimate]] = {}
     for model in suite.model_names:

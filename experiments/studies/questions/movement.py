@@ -4,8 +4,7 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario, metrics
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from studies.charts import Panel, Series
-from studies.findings.finding import Finding, listed
-from studies.findings.games import Effort, as_settings, honest, last, lost, play
+from studies.questions.answers import Effort, Finding, as_settings, honest, last, listed, lost, play
 
 QUESTION = "What does movement do, where each rater sees only the providers near it?"
 _ARENA = 10.0
@@ -27,7 +26,7 @@ def answer(effort: Effort) -> Finding:
     liars = dict.fromkeys(last(_robots(effort, _USUAL, 0.0), "SR", _LIARS), BadMouthing())
     found: dict[tuple[str, str, float], Floats] = {}
     for label, speed in _SPEEDS.items():
-        for radius in effort.progress.track(radii, description=f"movement, {label}"):
+        for radius in radii:
             scenario = _robots(effort, radius, speed)
             calm, struck = play(effort, scenario), play(effort, scenario, liars)
             found[HARM, label, radius] = lost(struck, calm, honest(scenario, liars))

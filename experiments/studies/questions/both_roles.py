@@ -11,8 +11,7 @@ from roletrust_env.evaluation.attackers import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.score import mean_or_nan
 from studies.charts import Panel, Series
-from studies.findings.finding import Finding, in_words, verdict
-from studies.findings.games import SETTLED, Effort, as_settings
+from studies.questions.answers import SETTLED, Effort, Finding, as_settings, in_words, verdict
 
 QUESTION = "What does ToA do for agents that are raters and providers?"
 _PEERS, _ATTACKERS = 9, 3
@@ -57,7 +56,7 @@ _CASES = {
 
 def answer(effort: Effort) -> Finding:
     """Play peers, a third of which attack in one role, in the other role, or in both."""
-    seen = {name: _play(effort, case) for name, case in effort.progress.track(_CASES.items(), description="both roles")}
+    seen = {name: _play(effort, case) for name, case in _CASES.items()}
     differences = {
         f"{name}, {what}": estimate(getattr(seen[name], what)["ToA"] - getattr(seen[name], what)[trust])
         for name, trust in _ROLES.items()

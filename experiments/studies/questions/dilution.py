@@ -9,8 +9,7 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from studies.charts import Panel, Series
-from studies.findings.finding import Finding, amount, exact, in_words
-from studies.findings.games import Effort, as_settings, honest, last, lost, play
+from studies.questions.answers import Effort, Finding, amount, as_settings, exact, honest, in_words, last, lost, play
 
 QUESTION = "Do larger systems dilute liars?"
 _SIZES = 3, 9, 27, 81
@@ -24,7 +23,7 @@ def answer(effort: Effort) -> Finding:
     """Play crowds of several sizes with one liar, and with a third of liars."""
     sizes = effort.some(_SIZES)
     taken: dict[tuple[str, str, int], Floats] = {}
-    for size in effort.progress.track(sizes, description="larger systems"):
+    for size in sizes:
         scenario = _crowd(size, effort)
         twin = play(effort, scenario)
         for lie, level in _LIES.items():

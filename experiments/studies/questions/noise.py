@@ -9,8 +9,7 @@ from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
 from studies.charts import Panel, Series
-from studies.findings.finding import Finding, amount, exact, in_words
-from studies.findings.games import Effort, as_settings, honest, last, lost, play
+from studies.questions.answers import Effort, Finding, amount, as_settings, exact, honest, in_words, last, lost, play
 
 QUESTION = "What does noise alone cost, with everybody honest?"
 _NOISES = 0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2
@@ -28,7 +27,7 @@ def answer(effort: Effort) -> Finding:
     loss: dict[tuple[str, str, float], Floats] = {}
     calm = _crowd(1.0, 0.0, effort)
     raters, providers = _sides(calm)
-    for label, quality in effort.progress.track(_QUALITIES.items(), description="noise"):
+    for label, quality in _QUALITIES.items():
         twin = play(effort, _crowd(quality, 0.0, effort))
         for noise in noises:
             seen = play(effort, _crowd(quality, noise, effort))

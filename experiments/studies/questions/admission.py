@@ -10,8 +10,7 @@ from roletrust_env.evaluation.measurement import GameRecord
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
 from studies.charts import Panel, Series
-from studies.findings.finding import Finding, amount, listed, verdict
-from studies.findings.games import Effort, as_settings, last, play
+from studies.questions.answers import Effort, Finding, amount, as_settings, last, listed, play, verdict
 
 QUESTION = "What does admission control buy?"
 _THRESHOLDS = 0.1, 0.15, 0.2, 0.25, 0.3, 0.4
@@ -31,7 +30,7 @@ def answer(effort: Effort) -> Finding:
     attacks = _attacks(open_to_all)
     thresholds = sorted({*effort.some(_THRESHOLDS), _USUAL, _STRICT})
     found: dict[tuple[str, str, float], Floats] = {}
-    for name, attackers in effort.progress.track(attacks.items(), description="admission control"):
+    for name, attackers in attacks.items():
         free = play(effort, open_to_all, attackers)
         for threshold in thresholds:
             guarded = open_to_all.change(admission={"threshold": threshold, "rounds": _ROUNDS})

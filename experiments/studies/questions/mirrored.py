@@ -15,8 +15,7 @@ from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import start_model
 from studies.charts import Panel, Series
-from studies.findings.finding import Finding, amount, exact
-from studies.findings.games import Effort
+from studies.questions.answers import Effort, Finding, amount, exact
 
 QUESTION = "From which share of liars on can no model tell an honest world from a dishonest one?"
 RATERS, PROVIDERS, ROUNDS, RESERVE = 20, 8, 20, 3
@@ -64,7 +63,7 @@ def answer(effort: Effort) -> Finding:
     spare = {k: worlds(RATERS - k, k * (1 + RESERVE), rounds, effort.games, rng) for k in (1, 2, 3, 4, 6)}
     published: dict[str, Estimate] = {}
     own: dict[str, Estimate] = {}
-    for name in effort.progress.track(tuple(trust_models()), description="half of the raters"):
+    for name in tuple(trust_models()):
         published[name], own[name] = played(name, several[_HALF])
     panels = []
     more = f"{RESERVE} more identities a liar"
@@ -74,10 +73,7 @@ def answer(effort: Effort) -> Finding:
         (f"by published trust, {more}", _CENTRAL, 0, spare),
         (f"each judge by its own trust, {more}", _PERSONAL, 1, spare),
     ):
-        found = {
-            name: [played(name, pair)[part].interval for pair in pairs.values()]
-            for name in effort.progress.track(models, description=title)
-        }
+        found = {name: [played(name, pair)[part].interval for pair in pairs.values()] for name in models}
         shares = [many / RATERS for many in pairs]
         series = [Series(name, shares, values) for name, values in found.items()]
         limit = 1 / (2 + RESERVE) if pairs is spare else 0.5

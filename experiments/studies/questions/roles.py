@@ -11,8 +11,7 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import HONEST, Stage, Suite, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from studies.charts import Panel, Series
-from studies.findings.finding import Finding, listed, verdict
-from studies.findings.games import PATIENCE_S, Effort, play_suite, scripts
+from studies.questions.answers import PATIENCE_S, Effort, Finding, listed, play_suite, scripts, verdict
 
 QUESTION = "Do raters do more harm than providers?"
 _PLACES = {"the paper's team": "paper-3x3", "a market": "market"}
@@ -35,7 +34,7 @@ class Harm(NamedTuple):
 def answer(effort: Effort) -> Finding:
     """Play all scripted attacks by a third of the raters, and by a third of the providers."""
     suite = _suite(effort)
-    kept = play_suite(effort, suite, "raters and providers")
+    kept = play_suite(suite)
     harms = {
         (place, who): harm(_rows(kept, place, who), _rows(kept, place, "honest")[0])
         for place in suite.scenarios

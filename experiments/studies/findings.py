@@ -1,0 +1,95 @@
+"""Answers to what the paper claims or leaves open, each with a figure, numbers with intervals and a sentence.
+
+- roles: the harm by raters against the harm by providers.
+- dilution: larger systems with a fixed number of liars and with a fixed share.
+- noise: the cost of noise with all agents honest.
+- breaking: the share of liars that breaks each trust model.
+- mirrored: the share from which on no model can tell an honest world from a dishonest one.
+- both-roles: ToA for agents that rate and provide.
+- admission: the value of cutting off agents.
+- movement: raters that see only the providers near them.
+
+Compared games use the same random numbers. A rule turns the numbers into a sentence, and the sentence says where a
+difference is not shown. Minutes on two cores.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from studies.charts import Panel, Series, panels_figure
+from studies.questions import admission, both_roles, breaking, dilution, mirrored, movement, noise, roles
+from studies.questions.answers import Effort
+from studies.study import Recipe, Run, Study
+
+QUESTIONS = {
+    "roles": roles.answer,
+    "dilution": dilution.answer,
+    "noise": noise.answer,
+    "breaking": breaking.answer,
+    "mirrored": mirrored.answer,
+    "both-roles": both_roles.answer,
+    "admission": admission.answer,
+    "movement": movement.answer,
+}
+
+_INTRODUCTION = """\
+This page answers with measurements what Su and Saint-Jore ([EWSN 2023](https://hal.science/hal-04161463)) claim or
+leave open. The trust model is theirs, `role-trust`, unless another one is named. Compared games use the same random
+numbers. The numbers are means with 95% intervals over the games. A rule turns the numbers into sentences: a difference
+whose interval contains 0 is not shown, and the sentence says "neither more nor less". Intervals are not corrected for
+multiple comparisons: of twenty differences that do not exist, one is shown by chance. The code is in
+`experiments/studies/questions`; `python -m studies.findings` also writes a table of the numbers of each figure."""
+
+
+class Options(NamedTuple):
+    """Questions and effort.
+
+    Attributes:
+        question: Questions to answer.
+        games: Number of games for each mean; for breaking a quarter of it, but at least 6.
+        quick: Try it out, with short games and only the first values of each parameter.
+    """
+
+    question: tuple[str, ...] = tuple(QUESTIONS)
+    games: int = 48
+    quick: bool = False
+
+
+FILES = {f"findings/{name}.png": f"findings/{name}.png" for name in QUESTIONS}
+RECIPES = {"findings": Recipe(Options(), {"findings.md": "findings.md", **FILES})}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Answer the questions, and write the page."""
+    with Study(__name__, RECIPES, arguments) as study:
+        names, games, quick = study.options
+        if unknown := set(names) - set(QUESTIONS):
+            raise ValueError(f"unknown question {min(unknown)!r}; questions are {', '.join(QUESTIONS)}")
+        effort = Effort(games, study.seed, quick)
+        study.workers = 1  # a question takes all cores itself
+        answers = study.play(answer, {name: (name, effort) for name in names}, effort._asdict())
+        parts = ["# The paper, answered", _INTRODUCTION]
+        for name, found in answers.items():
+            panels = [Panel(*panel[:3], [Series(*one) for one in panel[3]], *panel[4:]) for panel in found["panels"]]
+            rows = [
+                (panel.title, series.label, at, *map(float, value))
+                for panel in panels
+                for series in panel.series
+                for at, value in zip(series.at, series.values, strict=True)
+            ]
+            study.csv(f"findings/{name}.csv", ("figure", "series", "at", "value", "low", "high"), rows)
+            note = f"{found['games']} games for each value; 95% intervals"
+            study.figure(f"findings/{name}.png", panels_figure(found["question"], panels, note))
+            command = f"{study.name} --question {name} --games {games} --seed {study.seed}{' --quick' * quick}"
+            picture = f"![{found['question']}](findings/{name}.png)"
+            parts += [f"## {found['question']}", found["sentence"], picture, f"    python -m {command}"]
+        study.page("findings.md", *parts)
+
+
+def answer(name: str, effort: Effort) -> Run:
+    """Answer a question. Returns the fields of a `Finding` as plain data."""
+    return QUESTIONS[name](effort)._asdict()
+
+
+if __name__ == "__main__":
+    main()

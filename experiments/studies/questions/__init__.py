@@ -1,0 +1,1 @@
+"""What the paper claims or leaves open: a file for each question, and how they are answered."""
