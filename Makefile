@@ -13,12 +13,11 @@ run: $(VENV)/.ready-run
 docs: setup
 	$(BIN)/sphinx-build -W --keep-going -j 2 -d build/doctrees docs build/site
 
-# Minutes on two cores: lint, types and all tests that are not marked.
+# Minutes on two cores: lint, types, and beside them all tests that are not marked.
 test: $(VENV)/.ready-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/pytest -n 2
+	$(BIN)/mypy & types=$$!; $(BIN)/pytest -n 2; tests=$$?; wait $$types && exit $$tests
 
 # All that `make test` leaves out, about half an hour; every marker has a target of its own.
 test-all: setup
