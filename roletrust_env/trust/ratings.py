@@ -50,6 +50,7 @@ class Ratings:
         twins: Place of the rater that is the same agent as the provider, shape (P,), -1 where there is none; None on a
             grid, and if no agent has two roles.
         slots: Place of each rating's pair among the known pairs, shape (E,); None if these are the pairs of the round.
+        full: Whether this is a grid in which every rater rated every provider.
 
     Example:
         >>> f, m = np.array([[0.9, 0.4], [0.5, np.nan]]), np.array([[True, True], [True, False]])
@@ -58,6 +59,11 @@ class Ratings:
         >>> mean(grid, grid.values, PROVIDER), mean(edges, edges.values, PROVIDER)
         (array([0.7, 0.4]), array([0.7, 0.4]))
     """
+
+    providers: Array | None = None
+    twins: Array | None = None
+    slots: Array | None = None
+    _pairs: "Ratings | None" = None  # these four are of edges alone
 
     def __init__(
         self,
@@ -86,12 +92,13 @@ class Ratings:
         Raises:
             ValueError: The mask has another shape than the ratings.
         """
-        self.values, self.mask = values, mask
-        self.raters, self.providers, self.twins, self.slots, self._pairs = raters, providers, twins, slots, pairs
+        self.values, self.mask, self.raters, self._weights = values, mask, raters, None
         self.shape: tuple[int, int] = values.shape[:2] if shape is None else shape
-        self._weights: Array | None = None
-        self._counts: list[Array | None] = [None, None]
-        if mask is not None:
+        self.full = raters is None and mask is None
+        self._counts: list[Array | None] = [self.shape[1], self.shape[0]] if self.full else [None, None]
+        if raters is not None:
+            self.providers, self.twins, self.slots, self._pairs = providers, twins, slots, pairs
+        elif mask is not None:
             if mask.shape != values.shape:
                 raise ValueError(
                     f"mask has shape {tuple(mask.shape)}; it must be that of the ratings, {tuple(values.shape)}"
@@ -99,11 +106,6 @@ class Ratings:
             xp = namespace(values)
             self._weights = xp.astype(mask, values.dtype)
             self.values = xp.where(mask, values, self._weights)
-
-    @property
-    def full(self) -> bool:
-        """Whether this is a grid in which every rater rated every provider."""
-        return self.raters is None and self.mask is None
 
     @property
     def weights(self) -> Array:
@@ -146,7 +148,7 @@ class Ratings:
         """Return the number of ratings of each agent, shape (S, ...) or (P, ...); one number if this is full."""
         known = self._counts[side]
         if known is None:
-            known = self._counts[side] = self.shape[1 - side] if self.full else self.reduce(self.weights, side)
+            known = self._counts[side] = self.reduce(self.weights, side)
         return known
 
     def rated(self, side: Side) -> Array:
