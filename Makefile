@@ -80,7 +80,7 @@ $(VENV)/.ready-test: EXTRAS := test
 $(VENV)/.ready-dev: EXTRAS := dev
 $(VENV)/.ready-%: pyproject.toml constraints.txt
 	test -x $(BIN)/python || python3 -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
 # What made a page of results: `make study NAME=strategic`, or one of its recipes, `make study NAME="budget ppo"`; each says in

@@ -54,6 +54,7 @@ def board(here: Path) -> dict[str, dict[str, str]]:
         return {row["model"]: row for row in csv.DictReader(file)}
 
 
+@pytest.mark.slow
 def test_models_that_misbehave_are_a_line_for_each_cell_and_harm_no_other(here: Path) -> None:
     (here / "tiny.toml").write_text(SUITE.partition("[tracks.raters]")[0])
     assert benchmark()[0] == 0

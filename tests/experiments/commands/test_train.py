@@ -112,7 +112,7 @@ def test_options_decide_what_is_learned(tmp_path):
     assert attacker.card.architecture.inputs == 2 + 5 * 10 + 10 + 10
 
 
-@pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
+@pytest.mark.parametrize("algo", [pytest.param("sac", marks=pytest.mark.slow), "recurrent-ppo"])
 def test_other_learners_stop_and_go_on(tmp_path, algo):
     settings = "learning_starts=40,buffer_size=200" if algo == "sac" else "n_steps=10,n_epochs=1,lstm=4"
     arguments = ["RaterAttack", *TINY, "--learner", f"{algo}:{SMALL},{settings}", "--steps", 320]
