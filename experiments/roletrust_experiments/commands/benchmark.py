@@ -9,10 +9,21 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.table import Table
 
 from roletrust_env.benchmarking.cost import RemainingTime, estimate_cost
 from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
 from roletrust_env.benchmarking.leaderboard import Leaderboard
+from roletrust_env.benchmarking.learners.learner import is_search, make_search_method, registry
+from roletrust_env.benchmarking.learners.results import (
+    ALL_TASKS,
+    HEADER,
+    LearnerResult,
+    TaskScale,
+    learner_results,
+    ranking,
+    table_rows,
+)
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.pool import LocalPool, Pool, cores
 from roletrust_env.benchmarking.run import play_suite, with_names
@@ -24,7 +35,9 @@ from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy import registry as attackers
-from roletrust_env.storage.files import write_text
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.storage.files import write_csv, write_text
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import (
@@ -39,8 +52,8 @@ from roletrust_experiments.commands.console import (
 )
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
-from roletrust_experiments.commands.learners import asked_learners, show_learners, show_learners_cost
 from roletrust_experiments.commands.options import NAMED, Out, Workers
+from roletrust_experiments.plots.figure_files import write_figure
 
 
 def benchmark(
@@ -156,7 +169,7 @@ def benchmark(
     with interruptible("cells"), _pool(workers, ray) as pool:
         stored = _play(asked, pool, force, out)
     if isinstance(asked, LearnersSuite):
-        show_learners(asked, stored, out)
+        _show_learners(asked, stored, out)
     else:
         _show(asked, stored, out)
     named = asked.learners if isinstance(asked, LearnersSuite) else (*asked.models, *asked.attacks)
@@ -239,7 +252,7 @@ def _asked(
         if names:
             raise ValueError(f"{flag} is not for the suite {suite.name}, which is one for {suite.kind}")
     if isinstance(suite, LearnersSuite):
-        return asked_learners(suite, learner, allow_code)
+        return _asked_learners(suite, learner, allow_code)
     if not allow_code:
         check_installed(trust_models, suite.models)
         check_installed(attackers, suite.attacks)
@@ -264,7 +277,7 @@ def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[st
 
 def _show_cost(suite: AnySuite, workers: int | None) -> None:
     if isinstance(suite, LearnersSuite):
-        show_learners_cost(suite)
+        _show_learners_cost(suite)
         return
     found = estimate_cost(suite, suite.cells())
     caption = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
@@ -275,3 +288,94 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
     number = workers or cores()
     console.print(table)
     console.print(f"In all about {in_time(total)} of one core, {in_time(total / number)} on {number}.")
+
+
+# --- suites of learners ---
+
+_INTERVALS = "interquartile mean of the runs, with its 95% interval by stratified bootstrap"
+
+
+def _asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code: bool) -> LearnersSuite:
+    """Return the suite with the learners of the options, once all of them can be made.
+
+    Args:
+        suite: Suite as it is in its file.
+        named: Learners instead of the suite's; `all` means the suite's own.
+        allow_code: True if a file may name what is not installed.
+
+    Raises:
+        ValueError: A name is unknown, a learner cannot be made, or a file names what is not installed.
+    """
+    if not allow_code:
+        check_installed(registry, [name for name in suite.learners if not is_search(name)])
+    asked = [part for name in named or ["all"] for part in (suite.learners if name == "all" else [name])]
+    found = suite.model_copy(update={"learners": tuple(dict.fromkeys(asked))})
+    for name in found.learners:
+        make_search_method(name, next(iter(suite.tasks.values())).id)
+    return found
+
+
+def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path) -> None:
+    """Write the tables and the picture of a run, and print its ranking."""
+    from roletrust_experiments.plots.learners import learners_figure
+
+    scales, found = learner_results(suite, stored)
+    write_csv(out / "learners.csv", HEADER, table_rows(found))
+    write_figure(out / "learners.png", learners_figure(suite.title, found, scales))
+    command = reproduction_command(suite, out / "results.sqlite")
+    write_text(out / "learners.md", _markdown(suite, found, scales, command))
+    console.print(_learners_table(suite, found, scales))
+    for task, scale in scales.items():
+        console.print(
+            f"[dim]{escape(task)}: 1 is {escape(scale.description)}, {scale.top_score:.4f}[/]", soft_wrap=True
+        )
+    for trial, done in stored:
+        if why := done.failed or (done.unsuitable if trial.learner in suite.learners else ""):
+            console.print(f"[dim]{escape(trial.key)}: {escape(why)}[/]", soft_wrap=True)
+    console.print(f"Written to {out}: results.sqlite, learners.csv, learners.md, learners.png", soft_wrap=True)
+
+
+def _show_learners_cost(suite: LearnersSuite) -> None:
+    """Print the maximum number of rounds; the time of a learner is unknown."""
+    table = number_table(f"{suite.name}, at the most", "rounds of each learner, over all games", "trials", "rounds")
+    times, tests = len(suite.tasks) * len(suite.seeds), len(suite.budgets) * suite.games
+    measured = sum(tests * task.arguments()["scenario"].max_cycles for task in suite.tasks.values()) * len(suite.seeds)
+    for name in suite.learners:
+        table.add_row(escape(name), f"{times * len(suite.budgets):,}", f"{times * sum(suite.budgets) + measured:,}")
+    console.print(table)
+
+
+def _learners_table(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, TaskScale]) -> Table:
+    largest = suite.budgets[-1]
+    caption = f"share with {largest:,} rounds: 0 is honest play; {_INTERVALS}"
+    table = number_table(f"Learners, suite {suite.name}", caption, *map(escape, (ALL_TASKS, *scales)))
+    for name in ranking(found):
+        table.add_row(*map(escape, _row(name, largest, found, scales)))
+    return table
+
+
+def _markdown(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, TaskScale], command: str) -> str:
+    """Return the shares with each budget in Markdown, with what they mean and the command that made them."""
+    names = ranking(found)
+    rows = []
+    for budget in suite.budgets:
+        for name in names:
+            learner, *shares = _row(name, budget, found, scales)
+            rows.append([f"{budget:,}", f"`{learner}`", *shares])
+    tops = [f"{task}: {scale.description}, {scale.top_score:.3f}" for task, scale in scales.items()]
+    caption = f"Share by the rounds of play: 0 is honest play; {_INTERVALS}. Share 1 is, on {'; '.join(tops)}."
+    table = markdown_table(["rounds", "learner", ALL_TASKS, *scales], rows, names=2)
+    return f"{table}\n\n{caption} Made by `{command}`.\n"
+
+
+def _row(name: str, budget: int, found: Sequence[LearnerResult], scales: dict[str, TaskScale]) -> list[str]:
+    """Return the name of a learner and its shares with a budget."""
+    shares = {one.task: one.share for one in found if (one.learner, one.budget) == (name, budget)}
+    return [name, *(_words(shares.get(task)) for task in (ALL_TASKS, *scales))]
+
+
+def _words(share: Interval | None) -> str:
+    if share is None or share.value != share.value:
+        return "-"
+    interval = "" if share.low != share.low else f" [{share.low:.2f}, {share.high:.2f}]"
+    return f"{share.value:.2f}{interval}"
