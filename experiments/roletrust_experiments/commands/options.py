@@ -7,17 +7,11 @@ import typer
 
 from roletrust_env.errors import suggest
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import option
 
 NAMED = "NAME[:key=value,...]"
 SEATED = "AGENT=NAME[:key=value,...]"
 OWN = "NAME may be your own class, package.module:Class, whose module is then imported."
-_OWN_MODEL = f"{OWN} A program is exec:COMMAND, a service its URL."
 
-Task = Annotated[
-    str,
-    typer.Argument(help="Attack task: " + ", ".join(completion.task_names()) + ".", autocompletion=completion.tasks),
-]
 ScenarioOption = Annotated[
     str | None,
     typer.Option(
@@ -30,18 +24,6 @@ SettingsOption = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="FIELD=VALUE", help="Field of the scenario to change; repeat for more.", show_default=False
-    ),
-]
-ModelOption = Annotated[
-    str, typer.Option(metavar=NAMED, help=f"Trust model. {_OWN_MODEL}", autocompletion=completion.models)
-]
-ModelsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar=NAMED,
-        help=f"Trust model; repeat for more; all installed ones if left out. {_OWN_MODEL}",
-        autocompletion=completion.models,
-        show_default=False,
     ),
 ]
 SeatedAttacks = Annotated[
@@ -72,25 +54,6 @@ SeededRuns = Annotated[
     int,
     typer.Option("--runs", min=1, help="Number of runs, with this seed and the seeds after it, in folders seed-..."),
 ]
-
-
-def task_options(
-    scenario: str | None,
-    settings: list[str] | None,
-    model: str,
-    compromised: list[str] | None,
-    stealth_weight: float,
-    stealth_tolerance: float,
-) -> list[str]:
-    """Return the options of an attack task as words of a command."""
-    return [
-        *option("--scenario", scenario),
-        *option("--set", settings),
-        *option("--model", model, "role-trust"),
-        *option("--compromised", compromised),
-        *option("--stealth-weight", stealth_weight, 0.0),
-        *option("--stealth-tolerance", stealth_tolerance, 0.1),
-    ]
 
 
 def find_task(text: str) -> str:
