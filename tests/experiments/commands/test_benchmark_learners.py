@@ -46,7 +46,7 @@ def run(*arguments):
     return CliRunner().invoke(app, ["benchmark", "--suite", "tiny.toml", "--workers", "1", *arguments])
 
 
-def test_a_learner_of_ones_own_beside_the_suites(here):
+def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
     asked = ["--learner", "all", "--learner", "my_learners:Always:quality=0.4", "--learner", "my_learners:Greedy"]
     result = run(*asked, "--out", "out")
     assert result.exit_code == 1, result.output  # the greedy one plays more than it may
