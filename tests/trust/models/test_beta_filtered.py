@@ -6,7 +6,7 @@ from models.played import KINDS, SHAPES, compare
 from scipy import special
 
 from roletrust_env.trust import Ratings, make_trust_model
-from roletrust_env.trust.models.central import beta_filtered
+from roletrust_env.trust.models.central import beta_reputation
 
 
 def mean(raters, good, bad, initial):
@@ -102,11 +102,11 @@ def test_twelve_passes_are_enough_for_thirty_raters(monkeypatch: pytest.MonkeyPa
     liars = np.arange(30)[:, None] < 18 * rng.random(2_000)
     rates = np.clip(np.where(liars, 0, 1) + rng.normal(0, 0.1, (30, 2_000)), 0, 1)
     evidence = rng.uniform(0, 10, (30, 2_000))
-    model = beta_filtered.BetaFiltered()
+    model = beta_reputation.BetaFiltered()
     pairs = Ratings(rates)
     kept = model._filter(pairs, rates * evidence, (1 - rates) * evidence)
     for passes, same in ((29, True), (5, False)):
-        monkeypatch.setattr(beta_filtered, "_PASSES", passes)
+        monkeypatch.setattr(beta_reputation, "_PASSES", passes)
         assert np.array_equal(model._filter(pairs, rates * evidence, (1 - rates) * evidence), kept) == same
 
 
