@@ -69,7 +69,7 @@ def check_names(attacks: Iterable[KnownAttack]) -> None:
         seen.add(key)
 
 
-def joined(*lists: Iterable[KnownAttack]) -> tuple[KnownAttack, ...]:
+def merge_attacks(*lists: Iterable[KnownAttack]) -> tuple[KnownAttack, ...]:
     """Return the attacks of several lists as one list.
 
     An attack is listed once in a condition, under the name of the first list that has it. An attack with the name of

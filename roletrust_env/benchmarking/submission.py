@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from roletrust_env.benchmarking.cells import find_attack
-from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, joined
+from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, merge_attacks
 from roletrust_env.benchmarking.leaderboard import leaderboard_rows
 from roletrust_env.benchmarking.schema import FORBIDDEN, AttackResult, CellResult, Name, check_unique
 from roletrust_env.benchmarking.sources import Sha256, Source, Word, source_of
@@ -345,7 +345,7 @@ def make_entries(
     if not entries:
         what = f", such as {lost[0]}" if lost else ""
         raise ValueError(f"the run has no attack that can be recorded{what}; scripts of packages and coalitions can")
-    return KnownAttacks(attacks=joined(entries)), lost
+    return KnownAttacks(attacks=merge_attacks(entries)), lost
 
 
 def _worst(suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]) -> Iterator[tuple[Cell, str]]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, PositiveInt, model_validator
 
-from roletrust_env.benchmarking.known_attacks import KnownAttack, check_names, joined
+from roletrust_env.benchmarking.known_attacks import KnownAttack, check_names, merge_attacks
 from roletrust_env.benchmarking.schema import Label, SuiteSchema, check_unique
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import named_factory
@@ -306,7 +306,7 @@ def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
     if not fitting:
         raise ValueError(f"none of the {len(attacks)} known attacks is for a condition of the suite {suite.name}")
     methods = suite.methods if "known" in suite.methods else (*suite.methods, "known")
-    return suite.model_copy(update={"known": joined(suite.known, fitting), "methods": methods})
+    return suite.model_copy(update={"known": merge_attacks(suite.known, fitting), "methods": methods})
 
 
 class AttackedScenario(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from roletrust_env.benchmarking.known_attacks import joined, read_known_attacks
+from roletrust_env.benchmarking.known_attacks import merge_attacks, read_known_attacks
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.schema import SuiteSchema
 from roletrust_env.benchmarking.suite import Suite
@@ -91,7 +91,7 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
     if isinstance(names := data.get("known"), str):
         names = [names]
     if isinstance(names, list):
-        data["known"] = joined(*(read_known_attacks(path.parent / str(name)) for name in names))
+        data["known"] = merge_attacks(*(read_known_attacks(path.parent / str(name)) for name in names))
     if "extends" not in data:
         return data
     base = str(data.pop("extends"))

@@ -17,7 +17,7 @@ from roletrust_env.benchmarking.known_attacks import (
     KnownAttack,
     KnownAttacks,
     check_records,
-    joined,
+    merge_attacks,
     read_known_attacks,
 )
 from roletrust_env.benchmarking.store import StoredCell
@@ -212,7 +212,7 @@ def test_a_suite_reads_them_from_the_file_beside_it(found: KnownAttacks, tmp_pat
 def test_several_lists_are_one_and_a_suite_reads_several_files(found: KnownAttacks, tmp_path: Path) -> None:
     one = found.attacks[0]
     namesake = one.model_copy(update={"record": "{}", "finder": "B. Author"})
-    both = joined([one], [namesake, one])
+    both = merge_attacks([one], [namesake, one])
     assert both == (one, namesake.model_copy(update={"name": f"{one.name} (2)"}))
     (tmp_path / "mine.json").write_text(found.model_dump_json())
     (tmp_path / "yours.json").write_text(KnownAttacks(attacks=(namesake,)).model_dump_json())
