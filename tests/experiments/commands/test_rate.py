@@ -140,12 +140,12 @@ def compare(*arguments: str) -> Any:
 
 
 def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
-    models = ["--model", "role-trust", "--model", "travos"]
+    models = ["--model", "role-trust", "--model", "own-experience"]
     result = compare(str(tmp_path / "log"), "--synthetic", *models, "--out", str(tmp_path / "out"))
     assert result.exit_code == 0, result.output
     table = rows(tmp_path / "out" / "comparison.csv")
     assert {row["protocol"] for row in table} == {"next rating", "rater forward", "attack", "crowd work"}
-    assert {row["model"] for row in table} == {"role-trust", "travos"}
+    assert {row["model"] for row in table} == {"role-trust", "own-experience"}
     known = [row for row in table if row["low"]]
     assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in known)
     assert all((row["round"] == "2592000.000000") == (row["protocol"] != "crowd work") for row in table)
@@ -171,10 +171,10 @@ def test_searched_attacks_stand_beside_the_others(tmp_path: Path) -> None:
 
 def test_methods_of_crowd_work_are_measured_on_crowd_work_alone(tmp_path: Path) -> None:
     pytest.importorskip("crowdkit", reason="needs crowd-kit: pip install 'roletrust-env[crowd]'")
-    options = ["--synthetic", "--model", "mace", "--model", "mean", "--out", str(tmp_path / "out")]
+    options = ["--synthetic", "--model", "one-coin-dawid-skene", "--model", "mean", "--out", str(tmp_path / "out")]
     assert compare(str(tmp_path / "log"), *options).exit_code == 0
     table = rows(tmp_path / "out" / "comparison.csv")
-    assert {row["protocol"] for row in table if row["model"] == "mace"} == {"crowd work"}
+    assert {row["protocol"] for row in table if row["model"] == "one-coin-dawid-skene"} == {"crowd work"}
 
 
 def test_models_that_do_not_fit_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
