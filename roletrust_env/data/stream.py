@@ -231,7 +231,7 @@ class TrustStream:
         people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
         header = {
             "format": _FORMAT,
-            **self._settings(),
+            **{name: value for name, value in self._settings().items() if (name, value) != ("count", None)},
             "start": self._start,
             "begun": self._begun,
             "texts": [names.tolist() if names.dtype == object else None for names in people],
@@ -264,7 +264,8 @@ class TrustStream:
             header = json.loads(arrays["header"].tobytes())
             if header["format"] != _FORMAT:
                 raise ValueError(f"its format is {header['format']}, and {_FORMAT} is read here")
-            before = {name: header.get(name) for name in (*stream._settings(), "count") if name in header}
+            header.setdefault("count", None)
+            before = {name: header[name] for name in stream._settings()}
             if before == stream._settings():
                 stream._restore(arrays, header)
         except (ValueError, TypeError, LookupError) as error:
@@ -297,7 +298,7 @@ class TrustStream:
             "scale": [float(end) for end in self.scale],
             "every": self.every,
             "same_agents": self.same_agents,
-            **({} if self.count is None else {"count": self.count}),
+            "count": self.count,
         }
 
     def _play(self, raters: Names, providers: Names, values: Floats) -> None:
