@@ -17,7 +17,10 @@ from roletrust_env.trust.ratings import Ratings
 
 
 class Personal:
-    """A personal model: its state has the trust T of each judge in each provider as `trust`, shape (S, P, ...)."""
+    """A personal model: its state has the trust T of each judge in each provider as `trust`, shape (S, P, ...).
+
+    A state with the credence C of each judge in each rater, shape (S, S, ...), has it as `credence`.
+    """
 
     family = "personal"
 
@@ -25,6 +28,10 @@ class Personal:
         """Return the trust of each judge in each provider, shape (S, P, ...)."""
         trust: Array = state.trust
         return trust
+
+    def rater_trust(self, state: Any) -> Array:
+        """Return the other judges' mean credence in each rater, shape (S, ...)."""
+        return published_raters(state.credence)
 
     def provider_trust(self, state: Any) -> Array:
         """Return the judges' mean trust in each provider, shape (P, ...)."""

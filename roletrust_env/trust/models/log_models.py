@@ -11,6 +11,7 @@ from pydantic import Field, NonNegativeFloat
 
 from roletrust_env.arrays import Array, is_compiling, namespace, total
 from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
 STEPS = 60
@@ -36,7 +37,7 @@ class PairMeansState(NamedTuple):
 
 
 @checked_dataclass
-class ByPairMeans(ABC):
+class ByPairMeans(Published, ABC):
     """Base of trust models that are defined by equations between raters and providers, over the means of the pairs.
 
     Attributes:
@@ -91,14 +92,6 @@ class ByPairMeans(ABC):
     def _provider_score(self, of_providers: Array) -> Array:
         """Return the trust in providers that follows from their numbers, of a scale from -1 to 1."""
         return (of_providers + 1) / 2
-
-    def rater_trust(self, state: PairMeansState) -> Array:
-        """Return the trust of the raters, shape (S, ...)."""
-        return state.tor
-
-    def provider_trust(self, state: PairMeansState) -> Array:
-        """Return the trust of the providers, shape (P, ...)."""
-        return state.top
 
 
 @checked_dataclass
@@ -346,7 +339,7 @@ class AllTimeMeanState(NamedTuple):
     """Memory of the all-time mean.
 
     Attributes:
-        tor: Trust of the raters, shape (S, ...), always 1.
+        tor: Trust of the raters, shape (S, ...), always 1, since the model has no notion of it.
         sums: Sum of all ratings of each provider, shape (P, ...).
         counts: Number of these ratings, shape (P, ...).
     """
@@ -357,7 +350,7 @@ class AllTimeMeanState(NamedTuple):
 
 
 @checked_dataclass
-class AllTimeMean:
+class AllTimeMean(Published):
     """All-time mean: a provider's average rating so far, in which all ratings count alike and none is forgotten.
 
         T[j] = sum of all ratings of j / their number
@@ -379,10 +372,6 @@ class AllTimeMean:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         sums = state.sums + ratings.reduce(ratings.values, PROVIDER)
         return AllTimeMeanState(state.tor, sums, state.counts + ratings.count(PROVIDER))
-
-    def rater_trust(self, state: AllTimeMeanState) -> Array:
-        """Return 1 for every rater, shape (S, ...), since the model has no notion of rater trust."""
-        return state.tor
 
     def provider_trust(self, state: AllTimeMeanState) -> Array:
         """Return the mean of all ratings, shape (P, ...)."""

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.parameters import Share, Tail, checked_dataclass
 from roletrust_env.trust.beta_distribution import between_quantiles, reputation
+from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings, occurred
 
 
@@ -14,7 +15,7 @@ class BetaState(NamedTuple):
     Attributes:
         successes: Evidence for a provider, r, shape (P, ...).
         failures: Evidence against it, s, shape (P, ...).
-        tor: Trust of the raters, shape (S, ...), always 1.
+        tor: Trust of the raters, shape (S, ...), always 1, since the model has no notion of it.
     """
 
     successes: PerProvider
@@ -23,7 +24,7 @@ class BetaState(NamedTuple):
 
 
 @checked_dataclass
-class Beta:
+class Beta(Published):
     """Beta reputation: ratings of a provider count as successes and failures, which fade.
 
         r[j] <- keep r[j] + sum over raters i of f[i, j],   s[j] <- keep s[j] + sum of 1 - f[i, j]
@@ -60,10 +61,6 @@ class Beta:
             state.tor,
         )
 
-    def rater_trust(self, state: BetaState) -> Array:
-        """Return 1 for every rater, shape (S, ...), since the model has no notion of rater trust."""
-        return state.tor
-
     def provider_trust(self, state: BetaState) -> Array:
         """Return the mean of Beta(r + 2 initial, s + 2 (1 - initial)), shape (P, ...)."""
         return reputation(state.successes, state.failures, self.initial)
@@ -84,8 +81,9 @@ class BetaFilteredState(NamedTuple):
     Attributes:
         successes: Evidence r, by rater and provider, shape (S, P, ...).
         failures: Evidence s, shape (S, P, ...).
-        top: Trust of the providers, shape (P, ...).
-        tor: Trust of the raters, shape (S, ...).
+        top: Trust of the providers, shape (P, ...): Beta reputation by the raters that count.
+        tor: Trust of the raters, shape (S, ...): share of the providers for which a rater counts, and `initial` if it
+            rated none.
     """
 
     successes: PerPair
@@ -95,7 +93,7 @@ class BetaFilteredState(NamedTuple):
 
 
 @checked_dataclass
-class BetaFiltered:
+class BetaFiltered(Published):
     """Filtered Beta reputation: raters whose ratings make the overall mean too unlikely do not count.
 
     Whitby, Jøsang and Indulska, "Filtering Out Unfair Ratings in Bayesian Reputation Systems" (2004). A rater's ratings
@@ -168,11 +166,3 @@ class BetaFiltered:
         rated = cast(evidence > 0, heard.dtype)
         count = pairs.reduce(rated, RATER)
         return xp.where(count > 0, pairs.reduce(heard * rated, RATER) / xp.clip(count, 1, None), self.initial)
-
-    def rater_trust(self, state: BetaFilteredState) -> Array:
-        """Return the share of providers for which a rater counts, shape (S, ...); `initial` if it rated none."""
-        return state.tor
-
-    def provider_trust(self, state: BetaFilteredState) -> Array:
-        """Return the Beta reputation by the raters that count, shape (P, ...)."""
-        return state.top

@@ -6,6 +6,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
+from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
 STEPS = 80
@@ -20,8 +21,8 @@ class FilteringState(NamedTuple):
     """Memory of iterative filtering.
 
     Attributes:
-        tor: Trust of the raters, shape (S, ...).
-        top: Trust of the providers, shape (P, ...).
+        tor: Trust of the raters, shape (S, ...): the weights divided by the largest.
+        top: Trust of the providers, shape (P, ...): the weighted means.
         means: Mean of all ratings of each pair, shape (S, P, ...), 0 where there are none.
         rated: Flag, 1 where there are ratings, 0 elsewhere, shape (S, P, ...).
     """
@@ -33,7 +34,7 @@ class FilteringState(NamedTuple):
 
 
 @checked_dataclass
-class IterativeFiltering:
+class IterativeFiltering(Published):
     """Iterative filtering: raters are weighted by their distance to the weighted mean, iterated until both agree.
 
     De Kerchove and Van Dooren (2010) give the scheme and the linear weighting. The power weighting, which is the
@@ -99,11 +100,3 @@ class IterativeFiltering:
         if self.weighting == "exponential":
             return xp.exp(_EXPONENTIAL * (least - distance))
         return xp.sqrt((least + _POWER) / (distance + _POWER))
-
-    def rater_trust(self, state: FilteringState) -> Array:
-        """Return the weights divided by the largest, shape (S, ...)."""
-        return state.tor
-
-    def provider_trust(self, state: FilteringState) -> Array:
-        """Return the weighted means, shape (P, ...)."""
-        return state.top

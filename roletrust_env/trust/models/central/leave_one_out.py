@@ -5,6 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power, upper_median
+from roletrust_env.trust.model import Published
 from roletrust_env.trust.models.central.beta_reputation import remaining
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
@@ -13,8 +14,8 @@ class LeaveOneOutState(NamedTuple):
     """Memory of leave-one-out trust.
 
     Attributes:
-        tor: Trust of the raters, shape (S, ...).
-        top: Trust of the providers, shape (P, ...).
+        tor: Trust of the raters, ToR, shape (S, ...).
+        top: Trust of the providers, ToP, shape (P, ...).
         sums: Sum of the ratings of each pair, faded, shape (S, P, ...).
         counts: Number of these ratings, faded alike, shape (S, P, ...).
     """
@@ -46,7 +47,7 @@ class Compared(NamedTuple):
 
 
 @checked_dataclass
-class LeaveOneOut:
+class LeaveOneOut(Published):
     """Leave-one-out trust: a rater is trusted as far as it agrees with the others, a provider as trusted raters say.
 
         s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1        f and 1 only where i rated j
@@ -135,11 +136,3 @@ class LeaveOneOut:
         xp, base = namespace(above), self._base(pairs, above, voice, weights)
         said = pairs.reduce(weights * above, PROVIDER) + self.prior * base
         return xp.clip(self.initial + said / (pairs.reduce(weights, PROVIDER) + self.prior), 0.0, 1.0)
-
-    def rater_trust(self, state: LeaveOneOutState) -> Array:
-        """Return ToR, shape (S, ...)."""
-        return state.tor
-
-    def provider_trust(self, state: LeaveOneOutState) -> Array:
-        """Return ToP, shape (P, ...)."""
-        return state.top

@@ -7,11 +7,12 @@ from pydantic import PositiveFloat
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, LessThanHalf, Share, checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
+from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, Ratings, mean, smooth, weighted_mean
 
 
 @checked_dataclass
-class Smoothed:
+class Smoothed(Published):
     """Base of trust models that remember nothing but trust: initial state and read-outs.
 
     Attributes:
@@ -29,17 +30,9 @@ class Smoothed:
         nothing = namespace(like).zeros_like(like)
         return Trusts(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
 
-    def rater_trust(self, state: Trusts) -> Array:
-        """Return the trust of the raters, shape (S, ...)."""
-        return state.tor
-
-    def provider_trust(self, state: Trusts) -> Array:
-        """Return the trust of the providers, shape (P, ...)."""
-        return state.top
-
 
 @checked_dataclass
-class Constant:
+class Constant(Published):
     """Control: all agents keep the initial trust, so no attack does harm and no choice by trust is informed.
 
     Attributes:
@@ -60,14 +53,6 @@ class Constant:
     def update(self, state: Trusts, ratings: Ratings) -> Trusts:
         """Return the state unchanged. See `TrustModel.update`."""
         return state
-
-    def rater_trust(self, state: Trusts) -> Array:
-        """Return the initial trust, shape (S, ...)."""
-        return state.tor
-
-    def provider_trust(self, state: Trusts) -> Array:
-        """Return the initial trust, shape (P, ...)."""
-        return state.top
 
 
 @checked_dataclass

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.algorithms import provider_quality, rater_quality
+from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, PairAge, PerPair, PerProvider, PerRater, Ratings, aged, smooth
 
 
@@ -12,8 +13,8 @@ class RoleTrustState(NamedTuple):
     """Memory of role-trust.
 
     Attributes:
-        tor: Trust of the raters, shape (S, ...).
-        top: Trust of the providers, shape (P, ...).
+        tor: Trust of the raters, ToR, shape (S, ...).
+        top: Trust of the providers, ToP, shape (P, ...).
         last: Last rating that i gave j, shape (S, P, ...).
         elapsed: Number of service periods since then, shape (S, P, ...), 0 where i never rated j.
         full: Whether every rater rated every provider in the last round, so that `elapsed` is 1 everywhere.
@@ -27,7 +28,7 @@ class RoleTrustState(NamedTuple):
 
 
 @checked_dataclass
-class RoleTrust:
+class RoleTrust(Published):
     """Role-based trust: raters by their distance to the average rating, providers by good, steady, trusted ratings.
 
     Su and Saint-Jore (EWSN 2023), Algorithms 1 and 2. The game computes an agent's ToA (Algorithm 3) from the two
@@ -64,11 +65,3 @@ class RoleTrust:
     def _rater_quality(self, ratings: Ratings) -> Array:
         """Return QoR, shape (S, ...)."""
         return rater_quality(ratings)
-
-    def rater_trust(self, state: RoleTrustState) -> Array:
-        """Return ToR, shape (S, ...)."""
-        return state.tor
-
-    def provider_trust(self, state: RoleTrustState) -> Array:
-        """Return ToP, shape (P, ...)."""
-        return state.top

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Factor, Lam, Power, Share, checked_dataclass
 from roletrust_env.trust.algorithms import sinc, upper_median, without_rounding
+from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
@@ -25,8 +26,8 @@ class WaryState(NamedTuple):
     """Memory of wary role-trust.
 
     Attributes:
-        tor: Trust of the raters, shape (S, ...).
-        top: Trust of the providers, shape (P, ...).
+        tor: Trust of the raters, ToR, shape (S, ...).
+        top: Trust of the providers, ToP, shape (P, ...).
         last: Last rating that i gave j, shape (S, P, ...), 0 where there is none.
         fresh: Remaining weight of that rating, shape (S, P, ...), 0 where there is none.
     """
@@ -38,7 +39,7 @@ class WaryState(NamedTuple):
 
 
 @checked_dataclass
-class WaryRoleTrust:
+class WaryRoleTrust(Published):
     """Wary role-trust: role-trust with a consensus of trusted raters, and trust that falls fast and rises slowly.
 
     The idea is that of Su and Saint-Jore (EWSN 2023): two roles, raters trusted by their distance to the consensus, and
@@ -118,14 +119,6 @@ class WaryRoleTrust:
         common = upper_median(change, rated)
         own = xp.clip(change - xp.where(common < -self.shock, common, 0.0), None, 0)
         return top + self.lam * (own + self.rise * (change - own))
-
-    def rater_trust(self, state: WaryState) -> Array:
-        """Return ToR, shape (S, ...)."""
-        return state.tor
-
-    def provider_trust(self, state: WaryState) -> Array:
-        """Return ToP, shape (P, ...)."""
-        return state.top
 
 
 def _level(consensus: Array, lowest: Array, raters: int) -> Array:

@@ -13,7 +13,6 @@ from roletrust_env.trust.personal import (
     mean,
     others,
     product,
-    published_raters,
 )
 from roletrust_env.trust.ratings import Ratings
 
@@ -93,7 +92,3 @@ class FirstHand(Personal):
         said = self.prior * self.initial + own * means + credence_sum(heard, voice * means)
         trust = said / (self.prior + own + credence_sum(heard, voice))
         return FirstHandState(sums, counts, xp.clip(trust, 0.0, 1.0), credence)
-
-    def rater_trust(self, state: FirstHandState) -> Array:
-        """Return the other judges' mean credence in each rater, shape (S, ...)."""
-        return published_raters(state.credence)

@@ -11,7 +11,6 @@ from roletrust_env.trust.personal import (
     in_common,
     mean,
     product,
-    published_raters,
     weighted_advice,
     with_self,
 )
@@ -160,10 +159,6 @@ class PeerTrust(Personal):
         trust = xp.where(weight > 0, mean, state.trust)
         return Likened(known, trust, xp.where(common > 0, similarity, self.initial))
 
-    def rater_trust(self, state: Likened) -> Array:
-        """Return the other judges' mean similarity to each rater, shape (S, ...)."""
-        return published_raters(state.credence)
-
 
 @checked_dataclass
 class Clustering(Personal):
@@ -204,10 +199,6 @@ class Clustering(Personal):
         trust = smooth(heard, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
         return Likened(known, trust, credence)
-
-    def rater_trust(self, state: Likened) -> Array:
-        """Return the other judges' mean credence in each rater, shape (S, ...)."""
-        return published_raters(state.credence)
 
 
 def _connected(links: Array) -> Array:

@@ -8,7 +8,7 @@ from pydantic import PositiveInt
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.beta_distribution import mass_below, mass_between, reputation
-from roletrust_env.trust.personal import Personal, others, published_raters
+from roletrust_env.trust.personal import Personal, others
 from roletrust_env.trust.ratings import Ratings
 
 _FLAT = 1 / math.sqrt(12)
@@ -147,7 +147,3 @@ class Travos(Personal):
         more, less = mean * evidence - strangers, (1 - mean) * evidence - strangers
         advised = reputation(successes + more.sum(axis=1), failures + less.sum(axis=1))
         return xp.where(confidence > self.threshold, own, advised)
-
-    def rater_trust(self, state: TravosState) -> Array:
-        """Return the other judges' mean credence in each rater, shape (S, ...)."""
-        return published_raters(state.credence)
