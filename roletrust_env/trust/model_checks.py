@@ -13,8 +13,8 @@ from roletrust_env.trust.ratings import Ratings
 
 def needs_watching(model: TrustModel[Any]) -> bool:
     """Return whether a model comes from another package. Our own models are tested, and checks take time."""
-    seated = getattr(model, "model", model)  # under `RandomOrder`
-    return not is_own(type(seated))
+    inner = getattr(model, "model", model)  # under `RandomOrder`
+    return not is_own(type(inner))
 
 
 def is_own(factory: Callable[..., Any]) -> bool:

@@ -39,7 +39,7 @@ class Experience(NamedTuple):
         return Experience(self.counts + ratings.weights, self.sums + ratings.values)
 
 
-class Likened(NamedTuple):
+class SimilarityState(NamedTuple):
     """Memory of a model that weights raters by their similarity to the judge.
 
     Attributes:
@@ -144,12 +144,12 @@ class PeerTrust(Personal):
     source = "Xiong and Liu (2004)"
     cost = "S^2 P"
 
-    def start(self, like: Array) -> Likened:
+    def start(self, like: Array) -> SimilarityState:
         """Return the initial trust of all agents. See `TrustModel.start`."""
         known = Experience.none(like)
-        return Likened(known, known.sums + self.initial, credences(like, self.initial))
+        return SimilarityState(known, known.sums + self.initial, credences(like, self.initial))
 
-    def update(self, state: Likened, ratings: Ratings) -> Likened:
+    def update(self, state: SimilarityState, ratings: Ratings) -> SimilarityState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
         known = state.known.after(ratings)
@@ -157,7 +157,7 @@ class PeerTrust(Personal):
         similarity = 1 - xp.sqrt(squares + _TINY)
         mean, weight = weighted_advice(xp.where(common > 0, similarity, 0.0), known.sums, known.counts)
         trust = xp.where(weight > 0, mean, state.trust)
-        return Likened(known, trust, xp.where(common > 0, similarity, self.initial))
+        return SimilarityState(known, trust, xp.where(common > 0, similarity, self.initial))
 
 
 @checked_dataclass
@@ -184,12 +184,12 @@ class Clustering(Personal):
     differentiable = False
     cost = "S^2 P + S^3 log S"
 
-    def start(self, like: Array) -> Likened:
+    def start(self, like: Array) -> SimilarityState:
         """Return the initial trust of all agents. See `TrustModel.start`."""
         known = Experience.none(like)
-        return Likened(known, known.sums + self.initial, credences(like, self.initial))
+        return SimilarityState(known, known.sums + self.initial, credences(like, self.initial))
 
-    def update(self, state: Likened, ratings: Ratings) -> Likened:
+    def update(self, state: SimilarityState, ratings: Ratings) -> SimilarityState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
         known = state.known.after(ratings)
@@ -198,7 +198,7 @@ class Clustering(Personal):
         heard, weight = weighted_advice(together, ratings.values, ratings.weights)
         trust = smooth(heard, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
-        return Likened(known, trust, credence)
+        return SimilarityState(known, trust, credence)
 
 
 def _connected(links: Array) -> Array:
