@@ -52,10 +52,10 @@ def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) ->
         raise TooSmallError(f"with rounds of {every:g} the log has a single round, so there is nothing to forecast")
     run = make_run(model, log.shape, one_role=not same_agents)
     top, tor = np.zeros(len(numbers)), np.zeros(len(numbers))
-    for number, some in spans(numbers):
-        top[some] = run.provider_trust[log.ratees[some]]
-        tor[some] = run.rater_trust[log.raters[some]]
-        play_round(run, number, log.raters[some], log.ratees[some], log.values[some])
+    for number, part in spans(numbers):
+        top[part] = run.provider_trust[log.ratees[part]]
+        tor[part] = run.rater_trust[log.raters[part]]
+        play_round(run, number, log.raters[part], log.ratees[part], log.values[part])
     return Forecasts(top[since:], tor[since:] if model.rates_raters else None, numbers[since:], since)
 
 
@@ -93,11 +93,11 @@ def next_rating(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, In
 def _from_past(found: Forecasts, values: Floats) -> Floats:
     """Return the rating that a line fitted to earlier rounds gives; the middle of the scale in the first."""
     line = np.full(len(values), 0.5)
-    for _, some in spans(found.number):
-        x, y = found.top[: some.start], values[: some.start]
+    for _, part in spans(found.number):
+        x, y = found.top[: part.start], values[: part.start]
         if len(x):
             slope = np.cov(x, y, bias=True)[0, 1] / np.var(x) if np.var(x) > _SPREAD else 0.0
-            line[some] = y.mean() + slope * (found.top[some] - x.mean())
+            line[part] = y.mean() + slope * (found.top[part] - x.mean())
     return line
 
 
@@ -121,11 +121,11 @@ def rater_forward(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, 
     others = count[log.ratees] - own_count
     view = (total[log.ratees] - own) / np.maximum(others, 1)
     against = ((log.values < 0.5) != (view < 0.5)).astype(np.float64)[found.since :]
-    some = (others[found.since :] >= _OTHERS) & (ratings > 0)
-    strata, groups = np.digitize(ratings, _ACTIVITY)[some], log.raters[found.since :][some]
+    judged = (others[found.since :] >= _OTHERS) & (ratings > 0)
+    strata, groups = np.digitize(ratings, _ACTIVITY)[judged], log.raters[found.since :][judged]
     scores = {"ratings": ratings, "rounds": rounds} | ({} if found.tor is None else {"trust": found.tor})
     return {
-        name: interval(auc(score[some].astype(np.float64), against[some], strata), groups, seed)
+        name: interval(auc(score[judged].astype(np.float64), against[judged], strata), groups, seed)
         for name, score in scores.items()
     }
 
@@ -138,8 +138,8 @@ def earlier_activity(log: RatingLog, found: Forecasts) -> tuple[Ints, Ints]:
     np.add.at(ratings, first, 1)
     rounds[np.unique(first)] += 1
     raters = log.raters[found.since :]
-    for _, some in spans(found.number):
-        before[:, some] = ratings[raters[some]], rounds[raters[some]]
-        np.add.at(ratings, raters[some], 1)
-        rounds[np.unique(raters[some])] += 1
+    for _, part in spans(found.number):
+        before[:, part] = ratings[raters[part]], rounds[raters[part]]
+        np.add.at(ratings, raters[part], 1)
+        rounds[np.unique(raters[part])] += 1
     return before[0], before[1]

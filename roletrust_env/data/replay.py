@@ -118,8 +118,8 @@ class Replay:
         self.newcomers, self.fresh = log.shape[1] + np.arange(TARGETS), log.shape[0] + TARGETS + np.arange(most)
         room = log.shape[0] + TARGETS + most, log.shape[1] + TARGETS + most
         self._run = make_run(model, room, one_role=not same_agents)
-        for number, some in parts[:-ROUNDS]:
-            play_round(self._run, number, log.raters[some], log.ratees[some], log.values[some])
+        for number, part in parts[:-ROUNDS]:
+            play_round(self._run, number, log.raters[part], log.ratees[part], log.values[part])
         self._rest, self._rated = parts[-ROUNDS:], np.union1d(np.unique(log.ratees), self.newcomers)
 
     def percentiles(self, targets: Ints, rounds: Sequence[HostileRatings]) -> Floats:
@@ -131,9 +131,9 @@ class Replay:
                 an account by itself does not count if raters and ratees are the same agents.
         """
         run, log = deepcopy(self._run), self.log
-        for (number, some), extra in zip(self._rest, rounds, strict=True):
+        for (number, part), extra in zip(self._rest, rounds, strict=True):
             others = (extra.raters != extra.providers) | (not self.same_agents)
-            parts = zip((log.raters[some], log.ratees[some], log.values[some]), extra, strict=True)
+            parts = zip((log.raters[part], log.ratees[part], log.values[part]), extra, strict=True)
             play_round(run, number, *(np.concatenate([real, false[others]]) for real, false in parts))
         return ranks(run.provider_trust[self._rated])[np.searchsorted(self._rated, targets)]
 

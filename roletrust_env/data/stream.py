@@ -156,10 +156,10 @@ class TrustStream:
             columns = _joined(parts)
             numbers = self._round_numbers(columns[3], start)
             order = np.argsort(numbers, kind="stable")
-            for number, some in spans(numbers[order]):
-                parts = [tuple(column[order[some]] for column in columns)]  # type: ignore[list-item]
+            for number, part in spans(numbers[order]):
+                parts = [tuple(column[order[part]] for column in columns)]  # type: ignore[list-item]
                 self._run.skip(number - self.rounds)
-                if some.stop < len(numbers):
+                if part.stop < len(numbers):
                     self._play(*parts[0][:3])
         self._start, self._waiting, self._begun = start, parts, True
         self._expect_names()
@@ -441,6 +441,6 @@ def _joined(parts: list[Columns]) -> Columns:
     return tuple(np.concatenate(columns) for columns in zip(*parts or [none], strict=True))  # type: ignore[return-value]
 
 
-def _among(names: Names, some: set[Any]) -> npt.NDArray[np.bool_]:
-    """Return whether each name is one of some."""
-    return np.fromiter((name in some for name in names.tolist()), bool, len(names))
+def _among(names: Names, chosen: set[Any]) -> npt.NDArray[np.bool_]:
+    """Return whether each name is one of the chosen."""
+    return np.fromiter((name in chosen for name in names.tolist()), bool, len(names))

@@ -65,10 +65,10 @@ class KeyIndex:
             add: Whether an unknown key is added; otherwise its place is -1.
         """
         keys = np.ascontiguousarray(keys, np.int64)
-        parts = [self._some_places(keys[at : at + _BLOCK], add) for at in range(0, len(keys), _BLOCK)]
+        parts = [self._block_places(keys[at : at + _BLOCK], add) for at in range(0, len(keys), _BLOCK)]
         return parts[0] if len(parts) == 1 else np.concatenate([*parts, np.empty(0, np.int64)])
 
-    def _some_places(self, keys: Ints, add: bool) -> Ints:
+    def _block_places(self, keys: Ints, add: bool) -> Ints:
         """Return the places of so few keys, at least one, that room for all of them may be made."""
         if add:
             self._make_room(keys)
@@ -76,9 +76,9 @@ class KeyIndex:
         waiting = np.flatnonzero(found < 0) if add else np.empty(0, np.int64)
         where = where.take(waiting)
         while len(waiting):
-            some = keys.take(waiting)
-            self._add(some, where)
-            there, where = self._find(some, where)
+            rest = keys.take(waiting)
+            self._add(rest, where)
+            there, where = self._find(rest, where)
             found[waiting] = there
             on = np.flatnonzero(there < 0)  # another key took the entry
             waiting, where = waiting.take(on), where.take(on)

@@ -225,8 +225,8 @@ class GridRun(TrustRun):
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the run keeps, by name. See `TrustRun.save`."""
-        kept = {f"state_{n}": np.asarray(leaf) for n, leaf in enumerate(arrays(self.state))}
-        return {"counts": np.array([*self.shape, self.rounds]), "peers": self.peers, **kept}
+        leaves_by_name = {f"state_{n}": np.asarray(leaf) for n, leaf in enumerate(arrays(self.state))}
+        return {"counts": np.array([*self.shape, self.rounds]), "peers": self.peers, **leaves_by_name}
 
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Go on from what another run has kept. See `TrustRun.load`."""
@@ -295,7 +295,7 @@ def _checked(stored: npt.NDArray[Any], shape: tuple[int, ...], dtype: Any) -> np
 class _Touched(NamedTuple):
     """The agents of one role in a round: their places (all if None), their number, and the ratings' places in these."""
 
-    some: Ints | None
+    agents: Ints | None
     size: int
     places: Ints
 
@@ -411,7 +411,7 @@ class EdgeRun(TrustRun):
         self._state = map_kinds(lambda kind, leaf: leaf[chosen[kind]], self._state)
         self._sizes = {kind: len(chosen[kind]) for kind in stay}
         rater, provider = (
-            moved(flags)[places[pairs]] for flags, places in zip(stay.values(), (rater, provider), strict=True)
+            new_places(flags)[places[pairs]] for flags, places in zip(stay.values(), (rater, provider), strict=True)
         )
         self._index = KeyIndex.of((rater << _PROVIDER_BITS) | provider)
 
@@ -443,8 +443,8 @@ class EdgeRun(TrustRun):
         """Update the agents and the pairs that have ratings in the round: a small game of their own."""
         one, other = self._touched("rater", raters), self._touched("provider", providers)
         places: dict[str, Ints | slice] = {
-            "rater": slice(self._sizes["rater"]) if one.some is None else one.some,
-            "provider": slice(self._sizes["provider"]) if other.some is None else other.some,
+            "rater": slice(self._sizes["rater"]) if one.agents is None else one.agents,
+            "provider": slice(self._sizes["provider"]) if other.agents is None else other.agents,
             "pair": pair,
         }
 
@@ -471,9 +471,9 @@ class EdgeRun(TrustRun):
             self._marks = np.zeros(2 * size, np.int32)
         turn = np.arange(len(places), dtype=np.int32)
         self._marks[places] = turn
-        some = places.take(np.flatnonzero(self._marks.take(places) == turn))  # every agent once; no sort is needed
-        self._marks[some] = turn[: len(some)]
-        return _Touched(some, len(some), self._marks.take(places).astype(np.int64))
+        agents = places.take(np.flatnonzero(self._marks.take(places) == turn))  # every agent once; no sort is needed
+        self._marks[agents] = turn[: len(agents)]
+        return _Touched(agents, len(agents), self._marks.take(places).astype(np.int64))
 
     def _play_all(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
         """Update all agents and all known pairs."""
@@ -511,7 +511,7 @@ def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:
     return flags
 
 
-def moved(stay: npt.NDArray[np.bool_]) -> Ints:
+def new_places(stay: npt.NDArray[np.bool_]) -> Ints:
     """Return the new place of each agent that stays, where others leave."""
     return np.cumsum(stay, dtype=np.int64) - 1
 

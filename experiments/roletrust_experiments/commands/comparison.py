@@ -166,11 +166,11 @@ def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]
     """Return a table for each log and protocol: its title, its headings, and a line for each model."""
     tables = []
     for log, protocol in dict.fromkeys((row[0], row[3]) for row in rows):
-        some = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
-        measures = list(dict.fromkeys(what for _, what in some))
-        names = dict.fromkeys(name for name, _ in some)
+        values = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
+        measures = list(dict.fromkeys(what for _, what in values))
+        names = dict.fromkeys(name for name, _ in values)
         undefined = Interval(math.nan, math.nan, math.nan)
-        lines = [[name, *(_cell(some.get((name, what), undefined)) for what in measures)] for name in names]
+        lines = [[name, *(_cell(values.get((name, what), undefined)) for what in measures)] for name in names]
         tables.append((f"{log}: {protocol}", ["model", *measures], lines))
     return tables
 
