@@ -1,228 +1,280 @@
-"""Defences that learn against attackers that learn, and what they are worth beside fixed models."""
+"""Trust models that are trained against a population of attackers, and attackers against the models, in turn.
 
-import shlex
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
+The payoffs of all known models against all known attackers are a matrix, whose equilibrium is solved. Then an attacker
+is trained in each condition against the models' mixture, and each learner against the attackers' mixture, and all join
+the matrix. What the best responses win in other games is a lower bound of the NashConv.
 
-import typer
-from rich.markup import escape
+At the end, the learned models stand beside the fixed ones: under the attackers that were found, one that is trained
+against each model alone with the same budget, and attackers and worlds that no training has met. The number is skill: 1
+for the best choice of a consumer, 0 for a blind one. With several runs, all is trained again with other seeds, and
+intervals cover games and trainings.
 
-from roletrust_env.storage.files import prepare_folder
-from roletrust_env.storage.provenance import software
-from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import changed_options, console, interruptible, print_next, progress_bar
-from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, SeededRuns
-from studies.attackers.runs import Run, read_runs, write_runs
-from studies.options import Again, ConditionSuite
-from studies.running import run
+The best model of each learner is written into the folder of its seed, as the text that `--model` takes or as a network.
+Half an hour on one core for three runs; each step is kept.
+"""
 
-_FRONT = "SCENARIO/TRACK/SHARE"
-_LEARNERS = ("leave-one-out", "network")
-_MODELS = ("role-trust", "wary-role-trust", "leave-one-out", "iterative-filtering")
-_FRONTS = ("crowd/raters/0.4", "crowd/coalition/0.2", "market/raters/0.2", "market/coalition/0.2")
-_WORLDS = ("diverse/raters/0.2", "diverse/coalition/0.1", "large/raters/0.2", "large/coalition/0.1")
-_SAVED = "roletrust_agents.learned.saved_defence:SavedTrust"
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_agents.learned.saved import digest
+from roletrust_agents.learned.saved_defence import DefenceCard, save_defence, weights_bytes
+from roletrust_agents.training.defence import Climb
+from roletrust_agents.training.defence_learners import NetworkLearner, learner_of
+from roletrust_agents.training.runs import write_bytes
+from roletrust_env import __version__
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.storage.files import write_text
+from roletrust_env.storage.markdown import markdown_table
+from studies.charts import Panel, Series, panels_figure
+from studies.defence.comparison import Comparison, Row, leads, rows
+from studies.defence.double_oracle import Game, Setup
+from studies.defence.fronts import Front
+from studies.defence.progress import Iteration, iterations
+from studies.defence.response import least_budget
+from studies.study import Recipe, Study, with_ends
 
 
-def defend(
-    defence: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Defence to train: the numbers of a trust model, by its name, or `network`; repeat for more. "
-            f"By default {', '.join(_LEARNERS)}. {OWN}",
-            autocompletion=completion.models,
-            show_default=False,
-        ),
-    ] = None,
-    model: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help=f"Fixed trust model that the defence has at the beginning; repeat for more. By default "
-            f"{', '.join(_MODELS)}. {OWN}",
-            autocompletion=completion.models,
-            show_default=False,
-        ),
-    ] = None,
-    beside: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help=f"Further trust model for the comparison at the end; repeat for more. {OWN}",
-            autocompletion=completion.models,
-            show_default=False,
-        ),
-    ] = None,
-    suite: ConditionSuite = "standard",
-    front: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=_FRONT,
-            help=f"Condition of the suite to train in; repeat for more. By default {', '.join(_FRONTS)}.",
-            show_default=False,
-        ),
-    ] = None,
-    world: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=_FRONT,
-            help=f"Condition that is kept for the comparison; repeat for more. By default {', '.join(_WORLDS)}.",
-            show_default=False,
-        ),
-    ] = None,
-    iterations: Annotated[int, typer.Option(min=1, help="Number of times that both sides respond.")] = 4,
-    budget: Annotated[
-        int,
-        typer.Option(
-            help="Rounds x games of the training of an attacker in one condition. The least number grows with the "
-            "rounds of a game and with the models of the mixture; a smaller one is refused with that number."
-        ),
-    ] = 60_000,
-    steps: Annotated[int, typer.Option(min=1, help="Steps of the training of a defence.")] = 20,
-    games: Annotated[int, typer.Option(min=2, help="Games that choose, and as many others that measure.")] = 24,
-    fresh: Annotated[int, typer.Option(min=2, help="The same for the comparison, in fresh games.")] = 24,
-    explored: Annotated[
-        float,
-        typer.Option(min=0, max=1, help="Share of all known attackers alike in what a defence is trained against."),
-    ] = 0.25,
-    seed: Seed = 0,
-    runs: SeededRuns = 1,
-    force: Again = False,
-    out: Out = Path("results/defence"),
-) -> None:
-    """Train [bold]trust models against a population of attackers, and attackers against the models[/], in turn.
+class Options(NamedTuple):
+    """The game and its effort.
 
-    The payoffs of all known models against all known attackers are a matrix, whose equilibrium is solved. Then an
-    attacker is trained in each condition against the models' mixture, and each learner against the attackers' mixture,
-    and all join the matrix. What the best responses win in other games is a lower bound of the NashConv.
-
-    At the end, the learned models stand beside the fixed ones: under the attackers that were found, one that is trained
-    against each model alone with the same budget, and attackers and worlds that no training has met. The number is
-    skill: 1 for the best choice of a consumer, 0 for a blind one. With several runs, all is trained again with other
-    seeds, and intervals cover games and trainings.
-
-    Each step is saved when it is finished, so that an interrupted command continues when it is given again.
-
-    Written: [green]defence.md defence.png iterations.csv comparison.csv leads.csv[/]; [green]defence.json[/] and the
-    best model of each learner as the text that `--model` takes, [green]LEARNER.txt[/], or as
-    [green]network.safetensors network.json[/], of several runs in a folder for each.
-
-    [bold]Examples[/]
-
-    [dim]# the game of the documentation[/]
-    [cyan]python -m studies.defend[/]
-
-    [dim]# a short one in one condition[/]
-    [cyan]python -m studies.defend --front crowd/raters/0.3 --world market/raters/0.2 --iterations 1 --steps 5[/]
-
-    [dim]# another model's numbers[/]
-    [cyan]python -m studies.defend --defence wary-role-trust[/]
-
-    [dim]# judges with experience of their own, trained three times, beside others[/]
-    [cyan]python -m studies.defend --defence first-hand --beside first-hand --beside travos --runs 3[/]
+    Attributes:
+        defence: Defences to train: the numbers of a trust model, by its name, or `network`.
+        model: Specs of fixed trust models that the defence has at the beginning.
+        beside: Specs of further trust models for the comparison at the end.
+        suite: Suite with the conditions.
+        front: Conditions to train in, as SCENARIO/TRACK/SHARE.
+        world: Conditions that are kept for the comparison.
+        iterations: Number of times that both sides respond.
+        budget: Rounds x games of the training of an attacker in one condition.
+        steps: Steps of the training of a defence.
+        games: Games that choose, and as many others that measure.
+        fresh: The same for the comparison, in fresh games.
+        explored: Share of all known attackers alike in what a defence is trained against.
+        runs: Number of runs, with the seed of the study and those after it.
     """
-    require("learned defence", "train", "scipy", "cma", "torch", "safetensors")
-    from roletrust_agents.training.defence import Climb
-    from roletrust_agents.training.defence_learners import NetworkLearner, learner_of
-    from studies.defence.comparison import Comparison, leads, names_of
-    from studies.defence.comparison import rows as rows_of
-    from studies.defence.double_oracle import Game, Setup, label
-    from studies.defence.fronts import Front
-    from studies.defence.progress import iterations as progress_of
-    from studies.defence.response import least_budget
-    from studies.defence.saving import save_models
-    from studies.defence.stored import check_of
-    from studies.defend_report import LONGEST, Report, caveats, print_report, write_report
 
-    learners = tuple(dict.fromkeys(defence or _LEARNERS))
-    fixed, further = tuple(dict.fromkeys(model or _MODELS)), tuple(dict.fromkeys(beside or ()))
-    met, others = (
-        {(one := Front.of(suite, n)).name: one for n in names} for names in (front or _FRONTS, world or _WORLDS)
-    )
-    if world and (both := sorted({*met} & {*others})):
-        raise ValueError(f"{both[0]} is a condition of the training; --world is for others")
-    fronts, worlds = list(met.values()), [one for name, one in others.items() if name not in met]
-    for name in learners:
-        learner_of(name)
-    for one in (*fronts, *worlds):
-        one.condition.check([*fixed, *further])
-    if budget < (least := max(least_budget(one.length) for one in fronts)):
-        raise ValueError(f"--budget is {budget} rounds; the training of an attacker needs {least} or more")
+    defence: tuple[str, ...] = ("leave-one-out", "first-hand", "network")
+    model: tuple[str, ...] = ("role-trust", "wary-role-trust", "leave-one-out", "iterative-filtering")
+    beside: tuple[str, ...] = ("travos", "own-experience", "first-hand")
+    suite: str = "standard"
+    front: tuple[str, ...] = ("crowd/raters/0.4", "crowd/coalition/0.2", "market/raters/0.2", "market/coalition/0.2")
+    world: tuple[str, ...] = ("diverse/raters/0.2", "diverse/coalition/0.1", "large/raters/0.2", "large/coalition/0.1")
+    iterations: int = 3
+    budget: int = 60_000
+    steps: int = 20
+    games: int = 24
+    fresh: int = 24
+    explored: float = 0.25
+    runs: int = 3
+
+
+_TABLES = ("defence.md", "defence.png", "iterations.csv", "comparison.csv", "leads.csv")
+_SAVED = ("leave-one-out.txt", "first-hand.txt", "network.json", "network.safetensors")
+FILES = {name: f"defence/{name}" for name in _TABLES} | {f"seed-0/{name}": f"defence/{name}" for name in _SAVED}
+RECIPES = {"defence": Recipe(Options(), FILES)}
+
+_LONGEST = 300  # length of the longest spec of a model that a text shows, in letters
+_SHOWN = 0.005  # least probability of a model in the text
+_FEW = 12  # games below which the worst attack is chosen by chance
+
+_WINS = {
+    "value": "value",
+    "attack": "attackers win",
+    "defence": "defence wins",
+    "nash_conv": "NashConv, at least",
+    "worst": "mixture at worst",
+    "single": "best model alone",
+}
+_WINS_LEGEND = (
+    "Skill: 1 for the best choice of a consumer, 0 for a blind one; means ± half of the 95% interval. "
+    "Value: of both mixtures against each other. Attackers and defence win: by their best responses; NashConv: both "
+    "together. Mixture at worst, best model alone: under the best responses."
+)
+_SKILLS = {"clean": "clean", "worst": "worst found", "strangers": "strangers", "worlds": "other worlds"}
+_SKILLS_LEGEND = (
+    "Clean: nobody attacks. Worst found: under the worst attacker of the game, or one that is trained against this "
+    "model alone. Strangers: under the worst attacker that no training has met. Other worlds: the same in other "
+    "conditions."
+)
+_LEADS_LEGEND = "Skill of the learned model less that of the one beside it, in the same games."
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Play all games and comparisons, and write what they come to."""
+    with Study(__name__, RECIPES, arguments) as study:
+        asked = study.options
+        met, others = (
+            {(one := Front.of(asked.suite, n)).name: one for n in names} for names in (asked.front, asked.world)
+        )
+        if both := sorted({*met} & {*others}):
+            raise ValueError(f"{both[0]} is a condition of the training; --world is for others")
+        fronts, worlds = list(met.values()), list(others.values())
+        for name in asked.defence:
+            learner_of(name)
+        for one in (*fronts, *worlds):
+            one.condition.check([*asked.model, *asked.beside])
+        if asked.budget < (least := max(least_budget(one.length) for one in fronts)):
+            raise ValueError(f"--budget is {asked.budget} rounds; the training of an attacker needs {least} or more")
+        games = [_game(study, fronts, worlds, study.seed + k) for k in range(asked.runs)]
+        warnings = _caveats([*fronts, *worlds], min(asked.games, asked.fresh))
+        comparisons = []
+        for game in games:
+            with study.progress(game.stages) as advance:
+                for words in game.play():
+                    advance(words)
+            comparison = Comparison(game, asked.beside, worlds, asked.fresh)
+            with study.progress(comparison.stages) as advance:
+                for words in comparison.play():
+                    advance(words)
+            comparisons.append(comparison)
+            _save(study, game, comparison.learned)
+        _report(study, games, iterations(games), rows(comparisons), leads(comparisons), warnings)
+
+
+def _game(study: Study[Options], fronts: Sequence[Front], worlds: Sequence[Front], seed: int) -> Game:
+    """Return a game with the steps of it that are kept in the folder of its seed."""
+    asked = study.options
+    climb = Climb(steps=asked.steps)
+    setup = Setup(asked.defence, asked.model, asked.iterations, asked.budget, climb, asked.games, asked.explored, seed)
     conditions = {one.name: one.condition.describe() for one in (*fronts, *worlds)}
+    settings = {**setup.plain(), "fresh": asked.fresh, "conditions": conditions}
+    runs = study.runs(settings, study.out / f"seed-{seed}")
+    return Game(fronts, setup, runs, runs.keep)
 
-    def planned(k: int) -> tuple[Path, Game]:
-        """Return the folder of a run and its game, with the steps that are stored there."""
-        setup = Setup(learners, fixed, iterations, budget, Climb(steps=steps), games, explored, seed + k)
-        settings = {"command": "python -m studies.defend", **setup.plain(), "fresh": fresh, "conditions": conditions}
-        folder = out / f"seed-{seed + k}" if runs > 1 else out
-        path, settings = folder / "defence.json", settings | software()
-        kept = {} if force else read_runs(path, settings, check_of(setup, fresh))
 
-        def keep(key: str, run: Run) -> None:
-            kept[key] = run
-            write_runs(path, settings, kept)
+def _caveats(fronts: Sequence[Front], games: int) -> list[str]:
+    """Return what a reader of the numbers must know about these conditions and this number of games."""
+    lines = [
+        f"{one.name}: the suite {one.condition.suite.name} knows no attackers there, so strangers are its scripts at "
+        "their defaults."
+        for one in fronts
+        if not one.has_strangers
+    ]
+    if games < _FEW:
+        lines.append(f"{games} games choose the worst attack, which is mostly chance; give {_FEW} or more.")
+    return lines
 
-        return folder, Game(fronts, setup, kept, keep)
 
-    plans = [planned(k) for k in range(runs)]  # all that is stored is checked before anything is written
-    for folder, _ in plans:
-        prepare_folder(folder)
-    warnings = caveats([*fronts, *worlds], min(games, fresh))
-    for line in warnings:
-        console.print(f"[dark_orange3]{escape(line)}[/]", soft_wrap=True)
-    comparisons, saved = [], list[Path]()
-    for folder, game in plans:
-        of = f" of {folder.name}" if runs > 1 else ""
-        _watch(f"Game{of}", game.stages, game.play())
-        comparison = Comparison(game, further, worlds, fresh)
-        _watch(f"Comparison{of}", comparison.stages, comparison.play())
-        comparisons.append(comparison)
-        saved += [folder / name for name in ("defence.json", *save_models(folder, game, comparison.learned))]
-    every = [game for _, game in plans]
-    found, rows = progress_of(every), rows_of(comparisons)
-    chosen = changed_options(
-        defend,
-        defence=defence,
-        model=model,
-        beside=beside,
-        suite=suite,
-        front=front,
-        world=world,
-        iterations=iterations,
-        budget=budget,
-        steps=steps,
-        games=games,
-        fresh=fresh,
-        explored=explored,
-        seed=seed,
-        runs=runs,
+def _save(study: Study[Options], game: Game, learned: Mapping[str, int]) -> None:
+    """Write the best model of each learner: its spec, or the files of a network.
+
+    Args:
+        study: Study, whose folder has one for each seed.
+        game: Game that is played to its end.
+        learned: Iteration, from 0, of the best model of each learner.
+    """
+    setup = game.setup
+    folder = study.out / f"seed-{setup.seed}"
+    for name, k in learned.items():
+        run = game.runs[f"defence|{k}|{name}"]
+        if name != NetworkLearner.name:
+            write_text(folder / f"{name.replace(':', '.')}.txt", run["spec"] + "\n")
+            continue
+        learner, vector = NetworkLearner(), np.array(run["vector"])
+        weights = np.array(learner.weights(vector))
+        card = DefenceCard(
+            package_version=__version__,
+            parameters=learner.parameters(vector),
+            conditions=tuple(str(front.condition) for front in game.fronts),
+            iteration=k + 1,
+            seed=setup.seed,
+            settings={"steps": setup.climb.steps, "budget": setup.budget, "explored": setup.explored},
+            weights_sha256=digest(weights_bytes(weights)),
+        )
+        save_defence(weights, card, folder / name, write_bytes)
+
+
+def _report(
+    study: Study[Options],
+    games: Sequence[Game],
+    found: Sequence[Iteration],
+    models: Sequence[Row],
+    over: Mapping[str, Sequence[Row]],
+    warnings: Sequence[str],
+) -> None:
+    """Write the tables, the figure and the page.
+
+    Args:
+        study: Study.
+        games: Games with other seeds, played to their end.
+        found: Numbers of each iteration.
+        models: Models beside each other.
+        over: Lead of each learned model over each fixed one.
+        warnings: Lines of `_caveats`.
+    """
+    pairs = [(name, row) for name, others in over.items() for row in others]
+    study.csv("iterations.csv", ["iteration", *with_ends(_WINS)], [[one.number, *_cells(one, _WINS)] for one in found])
+    study.csv("comparison.csv", ["model", *with_ends(_SKILLS)], [[row.name, *_cells(row, _SKILLS)] for row in models])
+    header = ["model", "beside", *with_ends(_SKILLS)]
+    study.csv("leads.csv", header, [[name, row.name, *_cells(row, _SKILLS)] for name, row in pairs])
+    fronts, runs = games[0].fronts, len(games)
+    over_what = f"{runs} runs, 95% intervals over runs and games" if runs > 1 else "95% intervals over games"
+    note = f"{len(fronts)} condition{'s' * (len(fronts) > 1)} of {fronts[0].condition.suite.name}, {over_what}"
+    title = "What do trust models and attackers reach when both are trained against each other?"
+    study.figure("defence.png", panels_figure(title, _panels(found, models), note), colours=256)
+    skills = list(_SKILLS.values())
+    won = [[str(one.number + 1), *_texts(one, _WINS)] for one in found]
+    beside = [[f"`{name}`", f"`{row.name}`", *_texts(row, _SKILLS)] for name, row in pairs]
+    study.page(
+        "defence.md",
+        markdown_table(["iteration", *_WINS.values()], won, 1),
+        _WINS_LEGEND,
+        markdown_table(["model", *skills], [[f"`{row.name}`", *_texts(row, _SKILLS)] for row in models], 1),
+        _SKILLS_LEGEND,
+        markdown_table(["model", "beside", *skills], beside, 2),
+        _LEADS_LEGEND,
+        *warnings,
+        _mixture(games),
+        f"{note}. Made by `{study.command}`.",
     )
-    command = shlex.join(["python", "-m", "studies.defend", *chosen])
-    report = Report(every, found, rows, leads(comparisons), warnings, command)
-    write_report(out, report)
-    print_report(report)
-    files = ["defence.md", "defence.png", "iterations.csv", "comparison.csv", "leads.csv"]
-    names = ", ".join([*files, *(path.relative_to(out).as_posix() for path in saved)])
-    console.print(escape(f"Written to {out}: {names}"), soft_wrap=True)
-    models = {name: learner for learner, name in names_of(comparisons).items()}
-    best = models[next(row.name for row in rows if row.name in models)]
-    (folder, game), first = plans[0], comparisons[0]
-    spec = first.models[label(best, first.learned[best])]
-    print_next(
-        "benchmark", "--model", spec if len(spec) <= LONGEST else f"{_SAVED}:path={folder / NetworkLearner.name}"
-    )
 
 
-def _watch(what: str, total: int, stages: Iterator[str]) -> None:
-    """Play stages with a progress bar."""
-    with progress_bar() as progress, interruptible("steps"):
-        bar = progress.add_task(what, total=total)
-        for words in stages:
-            progress.update(bar, advance=1, description=escape(words))
+def _panels(found: Sequence[Iteration], models: Sequence[Row]) -> list[Panel]:
+    at, names = [one.number + 1 for one in found], [row.name for row in models]
+
+    def lines(columns: Mapping[str, str]) -> list[Series]:
+        return [Series(label, at, [getattr(one, name) for one in found]) for label, name in columns.items()]
+
+    strangers = [
+        Series(label, names, [getattr(row, kind) for row in models])
+        for label, kind in {"in the same worlds": "strangers", "in other worlds": "worlds"}.items()
+        if all(getattr(row, kind) for row in models)
+    ]
+    met = Series("met", names, [row.worst for row in models])
+    wins = {"either side": "nash_conv", "attackers": "attack", "defence": "defence"}
+    worst = {"mixture, attackers respond": "worst", "best model alone": "single"}
+    return [
+        Panel("what a best response wins", "iteration", "skill", lines(wins)),
+        Panel("the defence", "iteration", "skill", lines(worst)),
+        Panel("at the end: the worst attacker found", "", "skill", [met]),
+        *([Panel("attackers that nobody has met", "", "skill", strangers)] if strangers else ()),
+    ]
+
+
+def _mixture(games: Sequence[Game]) -> str:
+    """Return the mean equilibrium at the end in words, with the numbers of the learned models in that of one run."""
+    last = games[0].setup.iterations
+    weights = np.mean([game.solution(last).models for game in games], axis=0)
+    parts = []
+    for (name, spec), weight in zip(games[0].known(last).defences.items(), weights, strict=True):
+        shown = name if len(games) > 1 or len(spec) > _LONGEST or spec == name else f"{name} (`{spec}`)"
+        parts += [f"{shown}: {weight:.0%}"] if weight >= _SHOWN else []
+    return f"The defence's mixture at the end: {'; '.join(parts)}."
+
+
+def _cells(one: Iteration | Row, columns: Iterable[str]) -> list[float | None]:
+    return [x for name in columns for x in getattr(one, name) or (None,) * 3]
+
+
+def _texts(one: Iteration | Row, columns: Iterable[str]) -> list[str]:
+    return [_text(getattr(one, name)) for name in columns]
+
+
+def _text(value: Interval | None) -> str:
+    return "" if value is None else f"{value.value + 0.0:.3f} ± {(value.high - value.low) / 2:.3f}"
 
 
 if __name__ == "__main__":
-    run(defend)
+    main()

@@ -143,13 +143,14 @@ class Study(Generic[Options]):
         if self._failed:
             raise SystemExit(1)
 
-    def runs(self, settings: Mapping[str, Any]) -> Runs:
+    def runs(self, settings: Mapping[str, Any], folder: Path | None = None) -> Runs:
         """Return the runs of this study that are kept in `runs.json`.
 
         Args:
             settings: Settings that runs must share to be compared; the version of the software is added.
+            folder: Folder of the file; None is that of the study.
         """
-        return Runs(self.out / "runs.json", {"study": self.name, **settings, **software()}, self.again)
+        return Runs((folder or self.out) / "runs.json", {"study": self.name, **settings, **software()}, self.again)
 
     def play(
         self, work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], settings: Mapping[str, Any]

@@ -8,11 +8,11 @@ import numpy as np
 from roletrust_agents.training.defence import Floats
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.metrics.confidence import Interval
-from studies.attackers.runs import Run
 from studies.defence.double_oracle import Game, label
 from studies.defence.fronts import Front
 from studies.defence.progress import Measured, best_trained, over_runs
 from studies.defence.response import respond_by_attack
+from studies.study import Run
 
 _OWN = 4  # random numbers of the trainings against one model, see `double_oracle`
 _HELD_OUT = "held out"

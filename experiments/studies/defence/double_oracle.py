@@ -15,10 +15,10 @@ from roletrust_agents.training.defence import Climb, Floats, train_defence
 from roletrust_agents.training.defence_learners import learner_of
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.benchmarking.worst_case import Condition
-from studies.attackers.runs import Run
 from studies.defence.fronts import Front
 from studies.defence.response import respond_by_attack
 from studies.equilibrium import Payoffs, Solution, solve
+from studies.study import Run
 
 _PAYOFF, _ATTACK, _DEFENCE = 1, 2, 3
 """Kinds of random numbers: of the matrix, and of the two trainings."""

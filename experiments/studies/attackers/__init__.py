@@ -1,1 +1,0 @@
-"""How good attackers are: the worst case by the rounds of their search, and their transfer to other trust models."""
