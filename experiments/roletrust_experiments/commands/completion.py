@@ -1,19 +1,9 @@
-"""Shell completion of names: models, attacks, scenarios, suites, tasks and learners."""
+"""Shell completion of names of models, attacks, scenarios, suites, tasks and learners, which are looked up late."""
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 
 import typer
-
-from roletrust_env import make_scenario
-from roletrust_env.benchmarking.learners.learner import registry as learner_registry
-from roletrust_env.benchmarking.learners.learner import search_names
-from roletrust_env.benchmarking.suite_files import suites as benchmark_suites
-from roletrust_env.envs.attack_env import TASKS
-from roletrust_env.evaluation.search import search_methods
-from roletrust_env.game.policy import registry as attackers
-from roletrust_env.trust.model import registry as trust_models
-from roletrust_env.world.presets import registry as scenarios
-from roletrust_env.world.roster import Roster
 
 Completer = Callable[..., list[tuple[str, str]]]
 
@@ -27,8 +17,15 @@ def _completer(items: Callable[[], Mapping[str, str]]) -> Completer:
     return complete
 
 
+def _described(module: str) -> Callable[[], Mapping[str, str]]:
+    """Return a function that returns the names and the descriptions of the registry of a module."""
+    return lambda: import_module(module).registry.describe()
+
+
 def task_names() -> dict[str, str]:
     """Return the attack tasks by their short names, such as `RaterAttack`, with their ids."""
+    from roletrust_env.envs.attack_env import TASKS
+
     return {task_id.removeprefix("RoleTrust/").removesuffix("-v0"): task_id for task_id in TASKS}
 
 
@@ -37,6 +34,9 @@ def seated_attacks(context: typer.Context, incomplete: str) -> list[tuple[str, s
     agent, equals, name = incomplete.partition("=")
     if equals:
         return [(f"{agent}={attack}", about) for attack, about in named_attacks(name)]
+    from roletrust_env.world.presets import make_scenario
+    from roletrust_env.world.roster import Roster
+
     # An option without its value stops the parser before it reads the scenario, which is then among the arguments.
     scenario = next(iter(context.args), None) or context.params.get("scenario") or "paper-3x3"
     try:
@@ -46,10 +46,21 @@ def seated_attacks(context: typer.Context, incomplete: str) -> list[tuple[str, s
     return [(f"{one}=", "") for one in names if one.startswith(agent)]
 
 
-models = _completer(trust_models.describe)
-named_attacks = _completer(attackers.describe)
-scenario_names = _completer(scenarios.describe)
+def _suites() -> Mapping[str, str]:
+    from roletrust_env.benchmarking.suite_files import suites
+
+    return suites()
+
+
+def _learners() -> Mapping[str, str]:
+    from roletrust_env.benchmarking.learners.learner import registry, search_names
+
+    return dict.fromkeys(search_names(), "") | registry.describe()
+
+
+models = _completer(_described("roletrust_env.trust.model"))
+named_attacks = _completer(_described("roletrust_env.game.policy"))
+scenario_names = _completer(_described("roletrust_env.world.presets"))
 tasks = _completer(task_names)
-suites = _completer(benchmark_suites)
-ways = _completer(lambda: dict.fromkeys(("scripts", *search_methods.names()), ""))
-learners = _completer(lambda: dict.fromkeys(search_names(), "") | learner_registry.describe())
+suites = _completer(_suites)
+learners = _completer(_learners)

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from inspect import signature
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -17,8 +17,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Column, Table
 from rich.text import Text
 
-from roletrust_env.metrics.confidence import Estimate
-from roletrust_env.trust.outside import KINDS as OUTSIDE
+if TYPE_CHECKING:
+    from roletrust_env.metrics.confidence import Estimate
 
 ALLOW_CODE = "Accept files that name classes that are not installed, as package.module:Class. This runs their code."
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
@@ -113,7 +113,9 @@ def print_json(data: Mapping[str, Any]) -> None:
 
 def needs_code(names: Iterable[str]) -> str | None:
     """Return the option `--allow-code` where a spec as `package.module:Class` or an address needs it, else None."""
-    foreign = (name for name in names if re.match(r"[\w.]+:\w+(?!\w*=)", name) or name.partition(":")[0] in OUTSIDE)
+    from roletrust_env.trust.outside import KINDS
+
+    foreign = (name for name in names if re.match(r"[\w.]+:\w+(?!\w*=)", name) or name.partition(":")[0] in KINDS)
     return "--allow-code" if any(foreign) else None
 
 
@@ -172,10 +174,11 @@ def short(text: str) -> str:
     return re.sub(r"(?<!\d)0\.", ".", text).replace(" ± ", "±")
 
 
-def plus_minus(value: Estimate, digits: int = 3) -> str:
+def plus_minus(value: "Estimate", digits: int = 3) -> str:
     """Return a mean and half its interval.
 
     Example:
+        >>> from roletrust_env.metrics.confidence import Estimate
         >>> plus_minus(Estimate(0.25, 0.0121))
         '0.250 ± 0.012'
     """
