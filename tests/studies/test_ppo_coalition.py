@@ -1,14 +1,14 @@
 """The example in one file: a short training, and its noise and network."""
 
 import numpy as np
+import ppo_coalition
 import pytest
 import torch
+from ppo_coalition import Agent, Settings, condition, main, train, utility
 
 from roletrust_agents.learned.coalition_attacker import joint_decision
 from roletrust_env import make_task
 from roletrust_env.game.coalition import FEATURES
-from studies import ppo_coalition
-from studies.ppo_coalition import Agent, Settings, condition, main, train, utility
 
 pytestmark = pytest.mark.slow
 

@@ -1,4 +1,4 @@
-"""PPO (Schulman et al., 2017) for a coalition in one file: `python -m studies.ppo_coalition`.
+"""PPO (Schulman et al., 2017) for a coalition in one file: `python docs/guide/ppo_coalition.py`.
 
 Half of ten raters lie together, in the world `crowd` of the suite `two-worlds`. The file prints the reward during the
 training and the utility of consumers in fresh games at the end: 1 if they always got the best service. The actor is a
