@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from roletrust_env import make_scenario
-from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.evaluation.specs import parse_named
+from roletrust_env.trust.model import registry
 from roletrust_env.trust.service import TrustService, http_server
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import errors
@@ -48,7 +48,7 @@ def serve(
     [dim]# a model in a process of its own[/]
     [cyan]roletrust benchmark --model 'exec:roletrust serve mypackage.mymodel:MyModel'[/]
     """
-    service = TrustService(parse_trust_model(model, make_scenario("paper-3x3")))
+    service = TrustService(parse_named(registry, model))
     if port is None:
         for line in sys.stdin:
             if line.strip() and (answer := service.answer(line)) is not None:
