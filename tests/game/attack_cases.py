@@ -1,10 +1,11 @@
 """Scenarios with every feature, and attackers of every kind, for the tests of attack tasks."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from game_cases import each
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, Random, Scenario
@@ -81,16 +82,6 @@ def make(scenario: Scenario, case: dict[str, Any], like: Any = None, **changes: 
 
 def rng(seed: int = 0, like: Any = None) -> Random:
     return Random(np.random.default_rng(seed), like)
-
-
-def each(function: Callable, *trees: Any) -> Any:
-    """Apply a function to the arrays of alike trees; None and flags stay as they are."""
-    if trees[0] is None or isinstance(trees[0], bool):
-        return trees[0]
-    if isinstance(trees[0], tuple):
-        parts = [each(function, *parts) for parts in zip(*trees, strict=True)]
-        return type(trees[0])(*parts) if hasattr(trees[0], "_fields") else tuple(parts)
-    return function(*trees)
 
 
 def assert_close(actual: Any, expected: Any) -> None:

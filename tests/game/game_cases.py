@@ -9,6 +9,7 @@ import pytest
 from hypothesis import settings
 
 from roletrust_env import Actions, Game, Noise, Random, Scenario, State
+from roletrust_env.trees import is_array, map_leaves
 
 TOLERANCE = {"rtol": 0, "atol": 1e-12}
 
@@ -106,18 +107,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 
 def each(function: Callable, *trees: Any) -> Any:
     """Apply a function to the arrays of states, noises or actions; None and flags stay as they are."""
-    if trees[0] is None or isinstance(trees[0], bool):
-        return trees[0]
-    if isinstance(trees[0], tuple):
-        make = getattr(trees[0], "_make", tuple)
-        return make(each(function, *parts) for parts in zip(*trees, strict=True))
-    return function(*trees)
-
-
-def arrays(tree: Any) -> list[Any]:
-    found: list[Any] = []
-    each(found.append, tree)
-    return found
+    return map_leaves(lambda *same: function(*same) if is_array(same[0]) else same[0], *trees)
 
 
 def assert_close(actual: Any, expected: Any) -> None:

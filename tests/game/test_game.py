@@ -7,12 +7,13 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import torch
-from game_cases import ACCESS, EVERY_ACCESS, TOLERANCE, arrays, assert_close, busy, each, luck, many, play, scenarios
+from game_cases import ACCESS, EVERY_ACCESS, TOLERANCE, assert_close, busy, each, luck, many, play, scenarios
 from hypothesis import given
 from slow_game import Slow
 
 from roletrust_env import Actions, Game, Noise, Scenario
 from roletrust_env.game.summary import summarise
+from roletrust_env.trees import arrays
 from roletrust_env.world.presence import LEFT, PRESENT, WAITING
 
 
