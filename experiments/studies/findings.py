@@ -70,7 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         answers = study.play(answer, {name: (name, effort) for name in names}, effort._asdict())
         parts = ["# The paper, answered", _INTRODUCTION]
         for name, found in answers.items():
-            panels = [Panel(*panel[:3], [Series(*one) for one in panel[3]], *panel[4:]) for panel in found["panels"]]
+            panels = [Panel(*panel) for panel in found["panels"]]
+            panels = [panel._replace(series=[Series(*one) for one in panel.series]) for panel in panels]
             rows = [
                 (panel.title, series.label, at, *map(float, value))
                 for panel in panels

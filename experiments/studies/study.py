@@ -262,7 +262,7 @@ def _given(default: Options, given: Namespace) -> tuple[Options, list[str]]:
         if changed[field] != usual:
             several = changed[field] if isinstance(changed[field], tuple) else (changed[field],)
             words += [option] if value is True else [word for one in several for word in (option, str(one))]
-    return default._replace(**changed), words  # type: ignore[attr-defined, no-any-return]
+    return default._replace(**changed), words  # type: ignore[attr-defined]
 
 
 def _played(work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], workers: int) -> Iterator[tuple[str, Run]]:
