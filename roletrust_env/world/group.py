@@ -17,7 +17,8 @@ class FrozenModel(BaseModel):
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         """Add the docstrings of the fields to that of the class."""
-        fields = [f"    {name}: {info.description}" for name, info in cls.model_fields.items()]
+        texts = {name: " ".join((info.description or "").split()) for name, info in cls.model_fields.items()}
+        fields = [f"    {name}: {text}" for name, text in texts.items()]
         cls.__doc__ = "\n".join([cleandoc(cls.__doc__ or ""), "", "Attributes:", *fields])
 
     @model_validator(mode="before")
