@@ -3,6 +3,7 @@
 import codecs
 import csv
 import gzip
+import re
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -281,7 +282,7 @@ def _csv_blocks(path: Path, file: IO[bytes], columns: Columns) -> Iterator[list[
     for lines in _lines(file):
         if not read:
             lines = lines.removeprefix(codecs.BOM_UTF8)
-            header = next(csv.reader([lines.partition(b"\n")[0].decode()], strict=True))
+            header = next(csv.reader([re.split(rb"[\r\n]", lines, maxsplit=1)[0].decode()], strict=True))
             names = [f"f{place}" for place in _column_places(path, columns, [one.strip() for one in header], "row 1")]
             convert = arrow_csv.ConvertOptions(
                 include_columns=sorted(set(names)), default_column_type=arrow.string(), strings_can_be_null=False

@@ -79,13 +79,23 @@ def test_times_are_of_one_kind_in_all_blocks(tmp_path: Path) -> None:
             read_ratings(written(tmp_path, "rater,ratee,rating,time\n" + "".join(lines)), TIMED)
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_bad_files_get_one_line_with_the_row(tmp_path: Path, case: str) -> None:
-    content, message = BAD[case]
-    with pytest.raises(ValueError, match=message) as error:
-        read_ratings(written(tmp_path, content), TIMED, scale=(1, 5))
-    assert "\n" not in str(error.value)
-    assert "log.csv" in str(error.value)
+@pytest.mark.parametrize("size", [1 << 20, 20])
+def test_bad_files_get_one_line_with_the_row(tmp_path: Path, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where few bytes of the file are parsed at a time."""
+    monkeypatch.setattr("roletrust_env.data.log._BYTES", size)
+    for content, message in BAD.values():
+        with pytest.raises(ValueError, match=message.replace("after row 0", r"after row \d")) as error:
+            read_ratings(written(tmp_path, content), TIMED, scale=(1, 5))
+        assert "\n" not in str(error.value)
+        assert "log.csv" in str(error.value)
+
+
+def test_any_line_ends_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = read_ratings(written(tmp_path, GOOD), TIMED, scale=(1, 5))
+    for content in (GOOD.replace("\n", "\r\n"), GOOD.replace("\n", "\r"), GOOD.rstrip()):
+        found = read_ratings(written(tmp_path, content), TIMED, scale=(1, 5))
+        for one, other in zip(found, wanted, strict=True):
+            assert np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("cut", [10, 40, -5])
