@@ -213,7 +213,7 @@ def _report(
     over_what = f"{runs} runs, 95% intervals over runs and games" if runs > 1 else "95% intervals over games"
     note = f"{len(fronts)} condition{'s' * (len(fronts) > 1)} of {fronts[0].condition.suite.name}, {over_what}"
     title = "What do trust models and attackers reach when both are trained against each other?"
-    study.figure("defence.png", panels_figure(title, _panels(found, models), note), colours=256)
+    study.figure("defence.png", panels_figure(title, _panels(found, models), note))
     skills = list(_SKILLS.values())
     won = [[str(one.number + 1), *_texts(one, _WINS)] for one in found]
     beside = [[f"`{name}`", f"`{row.name}`", *_texts(row, _SKILLS)] for name, row in pairs]

@@ -158,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             Panel("in the equilibrium", "", "probability", [Series("probability", at, weight)]),
         ]
         title = "What is a mixture of trust models worth against attackers who know it?"
-        study.figure("equilibrium.png", panels_figure(title, panels, note), colours=256)
+        study.figure("equilibrium.png", panels_figure(title, panels, note))
 
 
 def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payoffs]:

@@ -177,7 +177,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         study.page("strategic.md", markdown_table(headings, rows, 3), f"{note}. Made by `{study.command}`.")
         title = "What is left of welfare when providers and raters learn, by trust model?"
         figure = panels_figure(title, _panels(found), f"{asked.runs} runs; 95% intervals")
-        study.figure("strategic.png", figure, colours=256)
+        study.figure("strategic.png", figure)
 
 
 def play_point(point: Point, effort: Mapping[str, int]) -> Run:

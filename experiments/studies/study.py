@@ -197,8 +197,8 @@ class Study(Generic[Options]):
         write_csv(self.out / name, header, rows)
         self._written.append(name)
 
-    def figure(self, name: str, figure: Figure, colours: int | None = None) -> None:
-        """Write a figure, see `write_figure`."""
+    def figure(self, name: str, figure: Figure, colours: int | None = 256) -> None:
+        """Write a figure, see `write_figure`. Charts need few colours, maps of colours need all."""
         write_figure(self.out / name, figure, colours)
         self._written.append(name)
 

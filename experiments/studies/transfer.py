@@ -149,7 +149,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             ("trained_on", "universal", "played_on", "seen", "utility", "half_95"),
             [(*cell.coalition[::2], cell.model, cell.seen, *cell.utility[:2]) for row in found for cell in row],
         )
-        study.figure("transfer.png", _figure(f"Trained on one trust model, played on others ({condition})", found))
+        title = f"Trained on one trust model, played on others ({condition})"
+        study.figure("transfer.png", _figure(title, found), colours=None)
         table = [[row[0].coalition.name, *(f"{one.utility.mean:.2f}{'*' * one.seen}" for one in row)] for row in found]
         study.page(
             "transfer.md",
