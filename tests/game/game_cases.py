@@ -6,7 +6,6 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import settings
 
 from roletrust_env import Actions, Game, Noise, Random, Scenario, State
 from roletrust_env.trees import is_array, map_leaves
@@ -143,7 +142,3 @@ def play(game: Game, start: Noise, actions: list[Actions], noises: list[Noise]) 
     for action, noise in zip(actions, noises, strict=True):
         state, rewards = game.step(state, action, noise)
         yield state, rewards
-
-
-def many(max_examples: int) -> Any:
-    return settings(max_examples=max_examples)

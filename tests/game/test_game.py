@@ -7,7 +7,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import torch
-from game_cases import ACCESS, EVERY_ACCESS, TOLERANCE, assert_close, busy, each, luck, many, play, scenarios
+from game_cases import ACCESS, EVERY_ACCESS, TOLERANCE, assert_close, busy, each, luck, play, scenarios
 from hypothesis import given
 from slow_game import Slow
 
@@ -45,13 +45,11 @@ def test_a_busy_game_matches_the_reference(access: dict, seed: int) -> None:
     assert_matches_reference(busy(access=access), seed)
 
 
-@many(60)
 @given(scenarios(), st.integers(0, 99))
 def test_any_game_matches_the_reference(scenario: Scenario, seed: int) -> None:
     assert_matches_reference(scenario, seed)
 
 
-@many(40)
 @given(scenarios(), st.integers(0, 99))
 def test_a_batch_is_its_games_one_by_one(scenario: Scenario, seed: int) -> None:
     game = Game(scenario)
@@ -80,7 +78,6 @@ def test_a_batch_may_have_several_axes() -> None:
         np.testing.assert_allclose(summarise(game, two[0]), fold(summarise(game, flat[0])), **TOLERANCE)
 
 
-@many(40)
 @given(scenarios(), st.integers(0, 99), st.sampled_from([(), (2,)]))
 def test_numpy_and_torch_agree(scenario: Scenario, seed: int, batch: tuple[int, ...]) -> None:
     game, tensor_game = Game(scenario), Game(scenario, like=torch.zeros((), dtype=torch.float64))
@@ -94,7 +91,6 @@ def test_numpy_and_torch_agree(scenario: Scenario, seed: int, batch: tuple[int, 
         assert_close(tensor_game.observations(tensor_state), game.observations(state))
 
 
-@many(40)
 @given(scenarios(), st.integers(0, 99), st.sampled_from([np.float32, np.float64]), st.booleans())
 def test_everything_stays_in_range_and_precision(scenario: Scenario, seed: int, dtype: type, tensors: bool) -> None:
     def cast(array: Any) -> Any:
@@ -115,7 +111,6 @@ def test_everything_stays_in_range_and_precision(scenario: Scenario, seed: int, 
         kinds = [a.dtype for a in arrays(state)]
 
 
-@many(40)
 @given(scenarios(), st.integers(0, 99))
 def test_a_step_leaves_its_inputs_alone(scenario: Scenario, seed: int) -> None:
     game = Game(scenario)
@@ -128,7 +123,6 @@ def test_a_step_leaves_its_inputs_alone(scenario: Scenario, seed: int) -> None:
         state = after
 
 
-@many(40)
 @given(scenarios(), st.integers(0, 99))
 def test_who_serves_whom(scenario: Scenario, seed: int) -> None:
     """Never oneself; the absent neither serve nor are served; who left or was cut off never comes back."""
@@ -153,7 +147,6 @@ def test_who_serves_whom(scenario: Scenario, seed: int) -> None:
             assert np.array_equal(game.present(after), after.population.phase == PRESENT)
 
 
-@many(30)
 @given(scenarios(), st.integers(0, 99), st.randoms())
 def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: int, random: Any) -> None:
     game = Game(scenario)

@@ -8,7 +8,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from game_cases import ACCESS, TOLERANCE, busy, luck, many, scenarios
+from game_cases import ACCESS, TOLERANCE, busy, luck, scenarios
 from hypothesis import given
 
 from roletrust_baselines import (
@@ -52,7 +52,7 @@ MARKET: dict[str, Any] = {
 
 
 def meeting(scenario: Scenario, providers: int | None = None) -> Scenario:
-    """The scenario with encounters, with all providers if it is not said with how many, and no late ratings."""
+    """The scenario with encounters, with all providers if it is not said with how and no late ratings."""
     fields = scenario.model_dump()
     count = sum(g["count"] * (1 + g["reserve"]) for g in fields["agents"] if g["role"] != "SR")
     others = count - any(g["role"] == "SR+SP" for g in fields["agents"])
@@ -109,13 +109,11 @@ def assert_same(scenario: Scenario, model: Any, seed: int, full: bool = False) -
             np.testing.assert_array_equal(state.population.phase, dense.population.phase)
 
 
-@many(40)
 @given(scenarios(), st.integers(1, 4), st.integers(0, 99))
 def test_a_sparse_game_is_the_game_on_the_pairs_that_meet(scenario: Scenario, providers: int, seed: int) -> None:
     assert_same(meeting(scenario, providers), "role-trust", seed)
 
 
-@many(20)
 @given(scenarios(), st.integers(0, 99))
 def test_with_all_pairs_served_it_is_the_game_in_which_all_meet(scenario: Scenario, seed: int) -> None:
     if not {"SR", "SR+SP"} <= {group.role for group in scenario.agents}:  # there an SR does not meet all providers
@@ -179,7 +177,6 @@ def test_a_rater_that_is_not_there_buys_nothing() -> None:
 # --- who meets whom -----------------------------------------------------------------------------------
 
 
-@many(60)
 @given(st.integers(1, 9), st.data())
 def test_nobody_meets_itself_or_anybody_twice(n_providers: int, data: st.DataObject) -> None:
     own = np.array(data.draw(st.lists(st.integers(0, n_providers), min_size=1, max_size=4)))

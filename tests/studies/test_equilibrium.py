@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from small_suites import small
@@ -37,7 +37,6 @@ def test_one_mixture_serves_all_conditions() -> None:
     assert np.mean([solve([game]).value for game in (here, there)]) == pytest.approx(1.0)
 
 
-@settings(max_examples=50)
 @given(games=st.lists(SCORES, min_size=1, max_size=3))
 def test_neither_side_gains_by_leaving_the_equilibrium(games: list[np.ndarray]) -> None:
     found = solve(games)

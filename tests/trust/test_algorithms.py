@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import reference
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
 from roletrust_env.trust import agent_trust, provider_trust, rater_trust
@@ -91,9 +91,8 @@ def looped(function: Callable[..., list[float]], *batched: np.ndarray, **setting
     return np.stack([function(*game, **settings) for game in games], axis=-1)
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_1000_random_rounds_match_the_reference(seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def test_1000_random_rounds_match_the_reference() -> None:
+    rng = np.random.default_rng(0)
     for _ in range(1000):
         game = random_game(rng)
         lam = rng.choice([0.5, rng.uniform(0.5, 1)])
@@ -125,7 +124,6 @@ def test_1000_random_agents_match_the_reference(asarray: Callable) -> None:
 anything = st.floats(0, 1)
 steps = st.integers(0, 64).map(lambda k: k / 64)  # sums of these are exact, in whatever order they are taken
 lams = st.floats(0.5, 1, exclude_max=True)
-properties = settings(max_examples=60)
 
 
 @st.composite
@@ -146,7 +144,6 @@ def games(draw: st.DrawFn, values: st.SearchStrategy[float] = steps) -> Game:
     )
 
 
-@properties
 @given(games(anything), lams, st.sampled_from([np.float64, np.float32]))
 def test_trust_stays_between_0_and_1(game: Game, lam: float, precision: type) -> None:
     game = game.map(lambda a: in_precision(a, precision))
@@ -154,7 +151,6 @@ def test_trust_stays_between_0_and_1(game: Game, lam: float, precision: type) ->
         assert np.all((trust >= 0) & (trust <= 1))
 
 
-@properties
 @given(games(anything), lams, st.sampled_from([0.0, 1.0]))
 def test_no_trust_and_full_trust_move_by_at_most_lam(game: Game, lam: float, previous: float) -> None:
     tor, top = np.full_like(game.tor, previous), np.full_like(game.top, previous)
@@ -163,7 +159,6 @@ def test_no_trust_and_full_trust_move_by_at_most_lam(game: Game, lam: float, pre
         assert np.all((trust >= 0) & (trust <= 1))
 
 
-@properties
 @given(games(), lams, st.data())
 def test_permuting_agents_permutes_their_trust(game: Game, lam: float, data: st.DataObject) -> None:
     i = np.array(data.draw(st.permutations(range(len(game.tor)))))
@@ -181,7 +176,6 @@ def test_permuting_agents_permutes_their_trust(game: Game, lam: float, data: st.
     assert_close(providers(permuted, lam), providers(game, lam)[j])
 
 
-@properties
 @given(games(), lams)
 def test_a_batch_is_its_games_one_by_one(game: Game, lam: float) -> None:
     for function in (raters, providers):
@@ -191,7 +185,6 @@ def test_a_batch_is_its_games_one_by_one(game: Game, lam: float) -> None:
             assert_close(function(single, lam), together[..., *index])
 
 
-@properties
 @given(games(), lams)
 def test_numpy_and_torch_agree(game: Game, lam: float) -> None:
     tensors = game.map(torch.asarray)
@@ -201,7 +194,6 @@ def test_numpy_and_torch_agree(game: Game, lam: float) -> None:
         assert_close(trust, function(game, lam))
 
 
-@properties
 @given(games(anything), lams)
 def test_who_took_no_part_keeps_its_trust(game: Game, lam: float) -> None:
     idle, unrated = ~game.mask.any(axis=1), ~game.mask.any(axis=0)
@@ -209,7 +201,6 @@ def test_who_took_no_part_keeps_its_trust(game: Game, lam: float) -> None:
     assert np.array_equal(providers(game, lam)[unrated], game.top[unrated])
 
 
-@properties
 @given(games())
 def test_inputs_are_not_mutated(game: Game) -> None:
     for asarray in (np.asarray, torch.asarray):
@@ -219,7 +210,6 @@ def test_inputs_are_not_mutated(game: Game) -> None:
             assert np.array_equal(np.asarray(after), before)
 
 
-@properties
 @given(games())
 def test_agents_trust_lies_between_their_two_roles(game: Game) -> None:
     n = min(len(game.tor), len(game.top))

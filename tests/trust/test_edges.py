@@ -6,7 +6,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from model_cases import assert_close, having, named, read
 
 from roletrust_env.trees import map_kinds
@@ -65,7 +65,6 @@ def run_trust(model: Any, shape: tuple[int, int], rounds: list[Edges], **options
 
 
 @EVERY_CENTRAL
-@settings(max_examples=60)
 @given(log=logs())
 def test_edges_are_a_grid(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
     shape, rounds = log
@@ -76,7 +75,6 @@ def test_edges_are_a_grid(name: str, log: tuple[tuple[int, int], list[Edges]]) -
 
 
 @having("takes_peers")
-@settings(max_examples=40)
 @given(log=logs())
 def test_agents_of_two_roles_are_one_agent_on_edges_too(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
     _, rounds = log

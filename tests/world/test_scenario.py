@@ -6,7 +6,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from roletrust_env import Game, Random, Scenario, load_scenario, make_scenario, parallel_env, scenarios
 from roletrust_env.game.summary import summarise
@@ -254,7 +254,6 @@ fields = st.dictionaries(
 )
 
 
-@settings(max_examples=150)
 @given(fields, agents)
 def test_a_scenario_of_anything_is_refused_clearly_or_plays(fields: dict[str, Any], agents: list[Any]) -> None:
     message = "junk: "

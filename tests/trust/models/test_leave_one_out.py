@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from model_cases import Matrix, Vector, assert_matches, named, read
@@ -108,7 +108,6 @@ def test_who_repeats_itself_does_not_outvote_the_others() -> None:
     assert after(game, keep=1, power=0, limit=0)[1][0] == pytest.approx((3 + 0.1) / (43 + 0.2))
 
 
-@settings(max_examples=60)
 @given(
     ratings=arrays(np.float64, (4, 7), elements=st.floats(0, 1)),
     mask=arrays(np.bool_, (4, 7)),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from model_cases import Matrix, Vector, assert_close, assert_matches
 from test_edges import Edges, grid_trust, logs, run_trust
 
@@ -180,7 +180,6 @@ def test_the_laws_of_all_models(name: str) -> None:
 
 
 @EVERY
-@settings(max_examples=40)
 @given(log=logs())
 def test_edges_are_a_grid(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
     shape, rounds = log
