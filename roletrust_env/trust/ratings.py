@@ -28,7 +28,10 @@ Side: TypeAlias = Literal[0, 1]
 """Role of an agent in a rating, `RATER` or `PROVIDER`: on a grid, the axis of the agents of this role."""
 
 RATER: Final = 0
+"""Side of the raters; on a grid their axis."""
+
 PROVIDER: Final = 1
+"""Side of the providers; on a grid their axis."""
 
 TINY = 1e-30
 """Number that replaces a branch at 0; elsewhere it is lost in rounding."""
