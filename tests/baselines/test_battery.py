@@ -5,7 +5,6 @@ import warnings
 
 import numpy as np
 import pytest
-import torch
 from typer.testing import CliRunner
 
 from roletrust_env import Game, JointPolicy, Policy, attackers, make_attacker, record
@@ -29,7 +28,6 @@ RATERS = ("sr_0", "srsp_1")
 PROVIDERS = ("sp_0", "srsp_1")
 SEATS = {"ratings": RATERS, "silence": RATERS, "quality": PROVIDERS, "treatment": PROVIDERS}
 NAMES = [name for name in attackers() if name != "learned" and "presence" not in registry.factory(name).attacks]
-DRAWN = ("random-rating", "transitive-lying")
 
 
 def seated(policy):
@@ -56,17 +54,6 @@ def made(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_its_class_is_called_as_it_is(name):
     assert policy_name(space(name).default) == name
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_it_plays_alone_as_in_a_batch_and_on_torch_as_on_numpy(name):
-    policy, numpy, tensor = made(name), np.zeros(()), torch.zeros((), dtype=torch.float64)
-    alone, batch, tensors = played(policy, numpy, ()), played(policy, numpy, (4,)), played(policy, tensor, (4,))
-    for one, many, torches in zip(alone, batch, tensors, strict=True):
-        assert torches == pytest.approx(many, abs=1e-12)
-        assert np.isfinite(many).all()
-        if name not in DRAWN:
-            assert one == pytest.approx(many[..., 0], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)

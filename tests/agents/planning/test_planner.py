@@ -147,11 +147,11 @@ def test_gradients_through_a_game_are_those_of_the_score(arguments):
 
 @pytest.mark.parametrize(("arguments", "top"), [(PROVIDER, Exact()), (RATER, BestKnown())], ids=["provider", "rater"])
 def test_planner_comes_near_the_optimum_of_a_short_game(arguments, top):
-    arguments = {**arguments, "max_cycles": 8}
-    best, plan = found(top, arguments), found(Planner(starts=16), arguments, budget=6_000)
+    arguments = {**arguments, "max_cycles": 6}
+    best, plan = found(top, arguments), found(Planner(starts=16), arguments, budget=4_500)
     assert plan.scores.mean() > 0.98 * best.scores.mean()
     assert plan.scores.mean() <= best.bound + 1e-12
-    assert 0.8 * 6_000 < plan.rounds <= 6_000
+    assert 0.8 * 4_500 < plan.rounds <= 4_500
 
 
 def test_without_stealth_the_best_lie_is_0():

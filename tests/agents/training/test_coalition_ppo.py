@@ -198,6 +198,7 @@ def test_what_it_refuses(changes, message):
         FROM_RANDOM.search(arguments(**changes), Budget(239), 0)
 
 
+@pytest.mark.slow
 def test_it_learns_within_few_games():
     found = CoalitionPpo(start="random", n_epochs=4).search(arguments(), Budget(600), 0).attacker
     untrained = CoalitionAttacker(deep_set_of(model_of()[0].policy))

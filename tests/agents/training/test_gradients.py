@@ -48,6 +48,7 @@ def test_a_low_temperature_is_the_true_game():
     assert float(scores[1]) > float(scores[0]) + 0.01
 
 
+@pytest.mark.slow
 def test_it_learns():
     ascent = begun(budget=10_000, games=8, validation=64, validate_every=5)
     first = ascent.best.score
