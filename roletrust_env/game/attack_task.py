@@ -429,16 +429,6 @@ class AttackTask:
         assert rater is not None  # every agent has a role
         return layout.flatten(rater)
 
-    def own_action(self, actions: Actions) -> Array:
-        """Return the part of the compromised agents in the actions of all, as an action of shape (A, ...)."""
-        roster, parts = self.game.roster, []
-        for name in self.compromised:
-            if name in roster.provider_names:
-                parts.append(actions.quality[roster.provider_names.index(name)][None, ...])
-            if name in roster.rater_names:
-                parts.append(actions.ratings[roster.rater_names.index(name)])
-        return namespace(parts[0]).concat(parts)
-
     def _overrule(self, scripted: Actions, action: Array | Actions) -> Actions:
         """Return the actions of all agents, with those of the attacker in place of the scripted ones."""
         if isinstance(action, Actions):

@@ -1,7 +1,7 @@
 """A game as a picture: its parts, and their layout."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -71,20 +71,13 @@ _MAX_NUMBERED = 16  # largest number of edges with a number each
 _MAX_COLOURED = 4  # largest number of curves with a colour each
 
 
-class Panel(Protocol):
-    """Part of the picture, with the artists that change, in the order in which they are drawn."""
-
-    moving: list[Artist]
-
-    def update(self, scene: Scene) -> None:
-        """Show a scene."""
-        ...
-
-
 class Graph:
     """Graph with raters on the left, providers on the right and ratings as edges.
 
     An SR+SP agent is on both sides, with a shaded row between its two nodes.
+
+    Attributes:
+        moving: Artists that change, in the order in which they are drawn.
     """
 
     def __init__(self, axes: Axes, scene: Scene) -> None:
@@ -447,7 +440,7 @@ class Picture:
             _scale_bar(figure.add_axes((0.2, 0.043, 0.2, 0.013)))
             left = figure.add_axes((0.02, 0.1, 0.58, 0.74))
             large = max(scene.ratings.shape) > _GRAPH_LIMIT
-            self._ratings: Panel = Matrix(left, scene) if large else Graph(left, scene)
+            self._ratings: Matrix | Graph = Matrix(left, scene) if large else Graph(left, scene)
             self._tor = TrustCurves(
                 figure.add_axes((0.655, 0.555, 0.325, 0.33)), "Trust of raters, ToR", scenario, scene.raters
             )

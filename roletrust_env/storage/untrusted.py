@@ -84,15 +84,6 @@ def parse_untrusted(kind: type[Kind], text: bytes) -> Kind:
         raise ValueError(explain(error)) from None
 
 
-def check_plain(kind: type[Kind], data: object) -> Kind:
-    """Return plain data that has been read from JSON as an object of a class.
-
-    Raises:
-        ValueError: The content is wrong.
-    """
-    return parse_untrusted(kind, json.dumps(data).encode())
-
-
 def read_untrusted(kind: type[Kind], path: Path, limit: int, *, what: str, command: str) -> Kind:
     """Read a JSON file of limited size, and validate it as data of a kind.
 

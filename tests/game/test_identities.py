@@ -132,8 +132,8 @@ def test_an_attackers_identities_are_no_honest_providers() -> None:
     random = task.game.random(0)
     state = task.start(task.game.draw(random, start=True), random)
     for _ in range(8):
-        action = task.own_action(task.joint_policy.act(state.game, state.memories, random)[0])
-        state, outcome = task.step(state, action, task.game.draw(random), random)
+        honest, _ = task.joint_policy.act(state.game, state.memories, random)
+        state, outcome = task.step(state, honest, task.game.draw(random), random)
     assert task.game.present(state.game).all()
     assert float(outcome.reward) < 0.05  # the one honest provider is trusted; the Sybils do not count
 

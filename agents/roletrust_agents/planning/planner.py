@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_agents.smooth import check_graph, check_service, one_thread, smooth_model
 from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.measurement import (
     SEARCHED,
@@ -22,7 +23,6 @@ from roletrust_env.evaluation.measurement import (
     random_sources,
 )
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
-from roletrust_env.evaluation.smooth import check_graph, check_service, one_thread, smooth_model
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown

@@ -12,12 +12,12 @@ import math
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet
+from roletrust_agents.smooth import SmoothTask, check_graph, flat_roots, one_thread
 from roletrust_agents.training.adam_training import AdamTraining
 from roletrust_agents.training.settings import GradientSettings
 from roletrust_env.arrays import Array
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import UnsuitableError
-from roletrust_env.evaluation.smooth import SmoothTask, check_graph, flat_roots, one_thread
 from roletrust_env.metrics.confidence import GameMean
 
 _LOST = 0.02

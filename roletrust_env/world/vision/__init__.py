@@ -3,7 +3,6 @@
 This package is the only part of the library that imports OpenCV. It is imported only for scenarios with camera frames.
 """
 
-from roletrust_env.world.vision.calibration import fit_calibration, labelled_margins
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH
 from roletrust_env.world.vision.degrade import degrade
 from roletrust_env.world.vision.detector import OFFSET, SLOPE, best_margin, probability, view
@@ -22,8 +21,6 @@ __all__ = [
     "RenderedScene",
     "best_margin",
     "degrade",
-    "fit_calibration",
-    "labelled_margins",
     "open_frames",
     "probability",
     "view",

@@ -6,8 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FRAME_HEIGHT", "FRAME_WIDTH", "Camera", "FloatArray", "Frame", "camera_of"]
-
 Frame = NDArray[np.uint8]
 """Frame of shape (height, width, 3), RGB, 0 to 255."""
 FloatArray = NDArray[np.float64]

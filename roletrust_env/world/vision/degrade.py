@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import Frame
 
-__all__ = ["degrade", "motion_kernel", "transmit"]
-
 # At quality 0:
 _DEFOCUS = 8.7  # pixels of Gaussian blur
 _NOISE = 22.5  # grey levels of sensor noise

@@ -19,7 +19,7 @@ GreyFrame = NDArray[np.uint8]
 
 SLOPE = 3.54
 OFFSET = -2.20
-"""Constants of Platt scaling, fitted by `calibration.fit_calibration` on `calibration.labelled_margins`.
+"""Constants of Platt scaling, fitted by `fit_calibration` on `labelled_margins` in `tests/world/vision/calibration.py`.
 
 The same two numbers are used for every camera, frame source, attack and figure.
 """

@@ -14,8 +14,6 @@ from roletrust_env.world.vision.camera import FRAME_HEIGHT, Frame
 from roletrust_env.world.vision.degrade import motion_kernel
 from roletrust_env.world.vision.scene import RenderedScene
 
-__all__ = ["CapturedFrames", "FrameSource", "FramesError", "ImageFolder", "LiveCamera", "VideoFile", "open_frames"]
-
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 """File name suffixes of the images in a folder, in lower case."""
 

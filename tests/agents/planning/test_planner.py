@@ -8,6 +8,7 @@ import torch
 
 from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import Planner
+from roletrust_agents.smooth import SOFT, SmoothRoleTrust
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.measurement import (
@@ -20,7 +21,6 @@ from roletrust_env.evaluation.measurement import (
     random_sources,
 )
 from roletrust_env.evaluation.search import Budget, HonestPlay, UnsuitableError, find
-from roletrust_env.evaluation.smooth import SOFT, SmoothRoleTrust
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trust import Ratings, RoleTrust
 

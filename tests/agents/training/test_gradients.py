@@ -5,13 +5,13 @@ import pytest
 import torch
 from small_market import TASK, assert_continues, run
 
+from roletrust_agents.smooth import SmoothTask
 from roletrust_agents.training.coalition_methods import GradientSearch
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.settings import GradientSettings
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchMethod, UnsuitableError
-from roletrust_env.evaluation.smooth import SmoothTask
 from roletrust_env.game.make_task import make_task
 
 SMALL = GradientSettings(games=4, units=4, candidates=3, validation=8, validate_every=2)

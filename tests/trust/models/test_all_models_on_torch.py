@@ -7,7 +7,7 @@ import pytest
 import torch
 from model_cases import EVERY_MODEL, RoundRatings, arrays, assert_close, having, named, play, random_rounds, read
 
-from roletrust_env.evaluation.smooth import SmoothRoleTrust
+from roletrust_agents.smooth import SmoothRoleTrust
 from roletrust_env.testing.trust_models import check_torch
 from roletrust_env.trust import Ratings, make_trust_model, trust_models
 

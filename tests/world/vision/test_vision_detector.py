@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from calibration import fit_calibration, labelled_margins
 
 from roletrust_env.world.vision import (
     OFFSET,
@@ -7,8 +8,6 @@ from roletrust_env.world.vision import (
     RenderedScene,
     best_margin,
     degrade,
-    fit_calibration,
-    labelled_margins,
     probability,
     view,
 )

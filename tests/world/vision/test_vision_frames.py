@@ -184,17 +184,6 @@ def test_a_video_of_the_scene_gets_the_ratings_of_the_scene(tmp_path):
         np.testing.assert_array_equal(recorded.perceive([1.0], 0.0, k, noise), rendered.perceive([1.0], 0.0, k, noise))
 
 
-def test_one_source_for_each_provider(tmp_path):
-    wide = write_video(tmp_path / "wide.avi", 1.0, 320, 180)
-    square = write_video(tmp_path / "square.avi", 1.0, 200, 200)
-    service = HogService(1, 2, period_s=0.5, max_cycles=2, frames=[str(wide), str(square)])
-    assert service.perceive([1.0, 1.0], 0.0, 1, np.zeros((1, 2))).max() < 0.03  # grey frames: nobody
-    assert service.latest.shape == (2, FRAME_HEIGHT, 640, 3)
-    assert not service.latest[1, :, 360:].any()
-    with pytest.raises(ValueError, match="names 1 sources; allowed are one for all, or 2"):
-        HogService(1, 2, period_s=0.5, max_cycles=2, frames=[str(wide)])
-
-
 class OneCamera:
     """A stand-in for `cv2.VideoCapture` of a camera that is always there."""
 

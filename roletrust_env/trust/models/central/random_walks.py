@@ -12,7 +12,8 @@ from pydantic import PositiveInt
 from roletrust_env.arrays import Array, largest, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, Ratings
+from roletrust_env.trust.model import Published
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings
 
 _REST = 1e-15  # a relative step this small is rounding
 
@@ -144,18 +145,20 @@ class EigenTrustState(NamedTuple):
     """Memory of EigenTrust.
 
     Attributes:
-        trusts: Published trust.
+        tor: Trust of the agents that rate, shape (S, ...).
+        top: Trust of the agents that provide, shape (P, ...).
         scores: Satisfaction minus dissatisfaction of each pair so far, shape (S, P, ...).
         peers: Flag, 1 where a rater and a provider are one agent, shape (S, P, ...).
     """
 
-    trusts: Trusts
+    tor: PerRater
+    top: PerProvider
     scores: PerPair
     peers: PerPair
 
 
 @checked_dataclass
-class EigenTrust:
+class EigenTrust(Published):
     """EigenTrust: an agent is trusted as far as trusted agents were satisfied with it.
 
     Kamvar, Schlosser and Garcia-Molina (2003):
@@ -194,15 +197,7 @@ class EigenTrust:
         each = 1 / n_agents(pairs, peers)
         p = Trusts(0 * pairs.reduce(scores, RATER) + each, 0 * pairs.reduce(scores, PROVIDER) + each)
         trusts = walk(pairs, xp.where(scores > _ROUNDING, scores, 0.0), peers, p, PRE_TRUSTED)
-        return EigenTrustState(trusts, scores, peers)
-
-    def rater_trust(self, state: EigenTrustState) -> Array:
-        """Return the trust of the agents that rate, shape (S, ...)."""
-        return state.trusts.tor
-
-    def provider_trust(self, state: EigenTrustState) -> Array:
-        """Return the trust of the agents that provide, shape (P, ...)."""
-        return state.trusts.top
+        return EigenTrustState(*trusts, scores, peers)
 
 
 POWER = 0.15
@@ -213,20 +208,22 @@ class PowerTrustState(NamedTuple):
     """Memory of PowerTrust.
 
     Attributes:
-        trusts: Published trust.
+        tor: Trust of the agents that rate, shape (S, ...).
+        top: Trust of the agents that provide, shape (P, ...).
         latest: Latest rating that i gave j, shape (S, P, ...), 0 where there is none.
         heard: Number of ratings that each provider has received, shape (P, ...).
         peers: Flag, 1 where a rater and a provider are one agent, shape (S, P, ...).
     """
 
-    trusts: Trusts
+    tor: PerRater
+    top: PerProvider
     latest: PerPair
     heard: PerProvider
     peers: PerPair
 
 
 @checked_dataclass
-class PowerTrust:
+class PowerTrust(Published):
     """PowerTrust: trust passed on as in EigenTrust, by the latest ratings, with an extra share for the most rated.
 
     Zhou and Hwang (2007), their global aggregation without the look-ahead step and without a distributed ranking:
@@ -272,12 +269,4 @@ class PowerTrust:
         power = xp.astype(heard >= last, latest.dtype)
         top = power / total(power, 0)
         start = Trusts(own_role(pairs, top, peers), top)
-        return PowerTrustState(walk(pairs, latest, peers, start, POWER), latest, heard, peers)
-
-    def rater_trust(self, state: PowerTrustState) -> Array:
-        """Return the trust of the agents that rate, shape (S, ...)."""
-        return state.trusts.tor
-
-    def provider_trust(self, state: PowerTrustState) -> Array:
-        """Return the trust of the agents that provide, shape (P, ...)."""
-        return state.trusts.top
+        return PowerTrustState(*walk(pairs, latest, peers, start, POWER), latest, heard, peers)

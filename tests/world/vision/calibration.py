@@ -1,4 +1,4 @@
-"""Calibration of the detector: `fit_calibration(*labelled_margins())` gives its two constants on rendered frames."""
+"""Calibration of the people detector: `fit_calibration(*labelled_margins())` gives its constants SLOPE and OFFSET."""
 
 from collections.abc import Iterable
 
