@@ -1,13 +1,11 @@
 """The journal of a manager. Every round is on disk before it is published, so no published trust is ever lost.
 
-Beside it lies a snapshot of the manager's memory, so that a restart does not replay all rounds. A snapshot is text:
-names, numbers, and arrays as base64 of their NPY files. It is never more than a shortcut. One that is damaged, of other
-settings or of another journal is ignored, and all rounds are replayed.
+Beside it lies a snapshot of the manager's memory, so that a restart does not replay all rounds. A snapshot is a file of
+arrays, see `roletrust_env.storage.arrays`. It is never more than a shortcut. One that is damaged, of other settings or
+of another journal is ignored, and all rounds are replayed.
 """
 
-import base64
 import hashlib
-import io
 import json
 import mmap
 import os
@@ -17,11 +15,12 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roletrust_env.live.team import PublishedTrust, RatingRows, Team, Trust
-from roletrust_env.storage.files import replacing
+from roletrust_env.storage.arrays import load_arrays, save_arrays
 
-_VERSION, _SNAPSHOT_VERSION = 1, 2
+_VERSION, _SNAPSHOT_VERSION = 1, 3
 _BLOCK = 1 << 20  # bytes that are read at once
 
 
@@ -211,13 +210,13 @@ class Snapshot(NamedTuple):
         position: Place in the journal after the round.
         stamp: Stamp of the round, nanoseconds.
         last_stamps: Last accepted stamp of each rater, nanoseconds.
-        memory: Memory of the run, see `TeamRun.memory`.
+        run: All that the run keeps, see `TeamRun.save`.
     """
 
     position: JournalPosition
     stamp: int
     last_stamps: dict[str, int]
-    memory: list[Any]
+    run: dict[str, NDArray[Any]]
 
 
 def snapshot_path(journal: Path) -> Path:
@@ -232,59 +231,31 @@ def write_snapshot(journal: Path, snapshot: Snapshot) -> None:
         OSError: The file cannot be written.
     """
     *place, team = snapshot.position
-    data = {
+    header = {
         "snapshot": _SNAPSHOT_VERSION,
         "position": place,
         "raters": team.raters,
         "providers": team.providers,
         "stamp": snapshot.stamp,
         "last_stamps": snapshot.last_stamps,
-        "memory": [_packed(value) for value in snapshot.memory],
     }
-    text = json.dumps(data, allow_nan=False).encode()
-    with replacing(snapshot_path(journal)) as path:
-        path.write_bytes(hashlib.sha256(text).hexdigest().encode() + b"\n" + text + b"\n")
+    arrays = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8), **snapshot.run}
+    save_arrays(snapshot_path(journal), arrays)
 
 
 def read_snapshot(journal: Path) -> Snapshot | None:
     """Return the snapshot of a journal; None if there is none or it is damaged."""
     with suppress(OSError, ValueError, KeyError, TypeError):
-        digest, text = snapshot_path(journal).read_bytes().rstrip(b"\n").split(b"\n")
-        data = json.loads(text)
-        if hashlib.sha256(text).hexdigest().encode() != digest or data["snapshot"] != _SNAPSHOT_VERSION:
+        run = load_arrays(snapshot_path(journal))
+        data = json.loads(run.pop("header").tobytes())
+        if data["snapshot"] != _SNAPSHOT_VERSION:
             return None
         team = Team(tuple(data["raters"]), tuple(data["providers"]))
-        offset, digest_there, number = data["position"]
-        position = JournalPosition(int(offset), str(digest_there), int(number), team)
+        offset, digest, number = data["position"]
+        position = JournalPosition(int(offset), str(digest), int(number), team)
         stamps = {str(name): int(stamp) for name, stamp in data["last_stamps"].items()}
-        return Snapshot(position, int(data["stamp"]), stamps, [_unpacked(value) for value in data["memory"]])
+        return Snapshot(position, int(data["stamp"]), stamps, run)
     return None
-
-
-def _packed(value: Any) -> Any:
-    """Return an array or a number as plain data.
-
-    Raises:
-        TypeError, ValueError: The value is something else.
-    """
-    if isinstance(value, np.ndarray):
-        file = io.BytesIO()
-        np.save(file, value, allow_pickle=False)
-        return {"npy": base64.b64encode(file.getvalue()).decode()}
-    if not isinstance(value, bool | int | float):
-        raise TypeError(f"a {type(value).__name__} cannot be stored in a snapshot")
-    return value
-
-
-def _unpacked(value: Any) -> Any:
-    """Return the array or number of plain data.
-
-    Raises:
-        KeyError, TypeError, ValueError: The data is neither.
-    """
-    if isinstance(value, bool | int | float):
-        return value
-    return np.load(io.BytesIO(base64.b64decode(value["npy"], validate=True)), allow_pickle=False)
 
 
 def _entry(data: dict[str, Any], team: Team) -> JournalEntry:

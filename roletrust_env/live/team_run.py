@@ -1,13 +1,12 @@
 """The trust of a team after the rounds so far, under any trust model."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.live.team import RatingRows, Team, Trust
-from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.run import GridRun
@@ -54,26 +53,16 @@ class TeamRun(GridRun):
         self._provided = np.pad(self._provided, (0, len(team.providers) - len(self._provided)))
         self.team = team
 
-    @property
-    def memory(self) -> list[Any]:
-        """Arrays and numbers from which `remember` makes the same run again."""
-        return [self.rounds, self._rated, self._provided, *leaves(self.state)]
+    def save(self) -> dict[str, NDArray[Any]]:
+        """Return all that the run keeps, by name. See `TrustRun.save`."""
+        return {**super().save(), "rated": self._rated, "provided": self._provided}
 
-    def remember(self, memory: Sequence[Any]) -> None:
-        """Continue where another run of the same model and team was.
-
-        Args:
-            memory: Memory of the other run.
-
-        Raises:
-            ValueError: The memory is of another model or team.
-        """
-        own = self.memory
-        if [_form(one) for one in own] != [_form(one) for one in memory]:
-            raise ValueError("the memory is of another trust model or of another team")
-        self.rounds, self._rated, self._provided, *state = memory
-        values = iter(state)
-        self.state = map_leaves(lambda _: next(values), self.state)
+    def load(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from what another run of the same model and team has kept. See `TrustRun.load`."""
+        super().load(arrays)
+        self._rated, self._provided = arrays["rated"], arrays["provided"]
+        if (self._rated.shape, self._provided.shape) != ((self.shape[0],), (self.shape[1],)):
+            raise ValueError("the counts are of another team")
 
     def play_named(self, ratings: RatingRows) -> None:
         """Play one round.
@@ -106,11 +95,6 @@ class TeamRun(GridRun):
         counts = {"rated": self._rated[rater], "provided": self._provided[provider]}
         initial = getattr(self.model, "initial", 0.5)
         return tuple(agent_trust(tor[rater], top[provider], initial=initial, **counts).tolist())
-
-
-def _form(value: Any) -> Any:
-    """Return what two values must have in common: type, shape and dtype."""
-    return (value.shape, value.dtype) if isinstance(value, np.ndarray) else type(value)
 
 
 def grows(model: TrustModel[Any]) -> bool:

@@ -64,9 +64,9 @@ class TeamTrust:
         """Return the trust after the rounds in the journal, from a snapshot if it fits."""
         run, after = None, self._journal.after
         if snapshot is not None and after is not None and (self._grows or after.team == self.team):
-            with suppress(ValueError):
+            with suppress(ValueError, LookupError):
                 run = TeamRun(self._model, after.team)
-                run.remember(snapshot.memory)
+                run.load(snapshot.run)
                 self.last_stamps, self.last_stamp = dict(snapshot.last_stamps), snapshot.stamp
         if self.last_stamp is None:
             run, after = None, None
@@ -160,8 +160,7 @@ class TeamTrust:
         """Write a snapshot; without it, a restart takes longer, and nothing else is lost."""
         if self._run is not None:
             with suppress(OSError, TypeError, ValueError):
-                memory = self._run.memory
-                write_snapshot(self._path, Snapshot(self._journal.position, stamp, last_stamps, memory))
+                write_snapshot(self._path, Snapshot(self._journal.position, stamp, last_stamps, self._run.save()))
 
 
 def replay_rounds(

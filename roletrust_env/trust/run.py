@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trees import Kind, arrays, is_array, kinds, leaves, map_kinds, map_leaves
+from roletrust_env.trees import Kind, arrays, kinds, leaves, map_kinds, map_leaves
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 from roletrust_env.trust.model import Traits, TrustModel, start_model
 from roletrust_env.trust.model_checks import watched_update
@@ -225,7 +225,8 @@ class GridRun(TrustRun):
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the run keeps, by name. See `TrustRun.save`."""
-        leaves_by_name = {f"state_{n}": np.asarray(leaf) for n, leaf in enumerate(arrays(self.state))}
+        kept = (leaf for leaf in leaves(self.state) if leaf is not None)
+        leaves_by_name = {f"state_{n}": np.asarray(leaf) for n, leaf in enumerate(kept)}
         return {"counts": np.array([*self.shape, self.rounds]), "peers": self.peers, **leaves_by_name}
 
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
@@ -236,10 +237,16 @@ class GridRun(TrustRun):
             raise ValueError(f"{peers.shape} pairs of {peers.dtype} where {raters, providers} of bool belong")
 
         def restored(leaf: Any) -> Any:
-            return _checked(arrays[f"state_{next(place)}"], leaf.shape, leaf.dtype) if is_array(leaf) else leaf
+            if leaf is None:
+                return None
+            like = np.asarray(leaf)
+            stored = _checked(arrays[f"state_{next(place)}"], like.shape, like.dtype)
+            return stored if hasattr(leaf, "dtype") else stored.item()  # a flag or a number of Python stays one
 
-        self.state = map_leaves(restored, start_model(self.model, np.zeros(peers.shape), peers))
-        self.peers, self.rounds = peers, rounds
+        state = map_leaves(restored, start_model(self.model, np.zeros(peers.shape), peers))
+        if (more := f"state_{next(place)}") in arrays:
+            raise ValueError(f"{more} is of no part of a state of {self.model!r}")
+        self.state, self.peers, self.rounds = state, peers, rounds
 
 
 def pairs_of(shape: tuple[int, int], *, one_role: bool) -> npt.NDArray[np.bool_]:

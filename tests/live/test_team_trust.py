@@ -17,6 +17,7 @@ from roletrust_env.live.rounds import MatchedRound
 from roletrust_env.live.team import Team
 from roletrust_env.live.team_run import TeamRun
 from roletrust_env.live.validation import RefusalReason
+from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.trust import make_trust_model
 
 SLOW = pytest.mark.slow
@@ -108,26 +109,34 @@ def test_replayed_messages_are_refused_after_a_restart_from_a_snapshot(often, tm
     assert second.validator.refusals.total() == 30
 
 
-def spoiled(data, **changes):
-    """Return a snapshot with other content and a valid checksum."""
-    import hashlib
+def spoiled(path, *, others=(), **changes):
+    """Give a snapshot another header, or other arrays, and a valid checksum."""
+    arrays = load_arrays(path)
+    header = json.loads(arrays["header"].tobytes())
+    header |= {name: change(header[name]) for name, change in changes.items()}
+    arrays |= {"header": np.frombuffer(json.dumps(header).encode(), np.uint8), **dict(others)}
+    save_arrays(path, {name: array for name, array in arrays.items() if array is not None})
 
-    text = json.dumps(json.loads(data.split(b"\n")[1]) | changes).encode()
-    return hashlib.sha256(text).hexdigest().encode() + b"\n" + text + b"\n"
+
+def cut(change):
+    return lambda path: path.write_bytes(change(path.read_bytes()))
 
 
 @pytest.mark.parametrize(
     "spoil",
     [
-        lambda data: b"",
-        lambda data: data[:-100],
-        lambda data: data[:100] + bytes([data[100] ^ 1]) + data[101:],
-        lambda data: b"\x80\x04\x95cposix\nsystem\n",
-        lambda data: spoiled(data, snapshot=1),
-        lambda data: spoiled(data, position=[7, *json.loads(data.split(b"\n")[1])["position"][1:]]),
-        lambda data: spoiled(data, position=[json.loads(data.split(b"\n")[1])["position"][0], "0" * 64, 20]),
-        lambda data: spoiled(data, memory=[]),
-        lambda data: spoiled(data, memory=[1, {"npy": "gASVBQ=="}]),
+        cut(lambda data: b""),
+        cut(lambda data: data[:-100]),
+        cut(lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:]),
+        cut(lambda data: b"\x80\x04\x95cposix\nsystem\n"),
+        lambda path: spoiled(path, snapshot=lambda _: 1),
+        lambda path: spoiled(path, position=lambda at: [7, *at[1:]]),
+        lambda path: spoiled(path, position=lambda at: [at[0], "0" * 64, 20]),
+        lambda path: spoiled(path, others={"state_0": None}),
+        lambda path: spoiled(path, others={"state_0": np.zeros(7)}),
+        lambda path: spoiled(path, others={"state_5": np.zeros(7)}),
+        lambda path: spoiled(path, others={"rated": np.zeros(7)}),
+        lambda path: spoiled(path, others={"header": np.array([{}])}),
     ],
 )
 def test_a_damaged_snapshot_is_ignored(spoil, often, replays, tmp_path):
@@ -135,7 +144,7 @@ def test_a_damaged_snapshot_is_ignored(spoil, often, replays, tmp_path):
     published = feed(first, *random_ratings(25))
     first.close()
     path = snapshot_path(tmp_path / "journal")
-    path.write_bytes(spoil(path.read_bytes()))
+    spoil(path)
     replays.clear()
     second = manager(tmp_path / "journal")
     assert second.trust == published[-1].trust
