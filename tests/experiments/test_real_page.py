@@ -1,4 +1,4 @@
-"""The page on real ratings agrees with its table, and `make real` makes both."""
+"""The page on real ratings agrees with its table."""
 
 import csv
 import re
@@ -53,10 +53,3 @@ def test_searched_attacks_are_no_smaller(rows: list[Row]) -> None:
     for place, value in searched.items():
         sign = 1 if place[1].startswith("lift") else -1
         assert sign * (value - plain[place]) >= -1e-6, place
-
-
-def test_the_makefile_and_the_page_name_the_same_command() -> None:
-    (command,) = re.findall(r"roletrust (real \$\(LOGS\).*) --out", (HOUSE / "Makefile").read_text(encoding="utf-8"))
-    assert command.replace("$(LOGS)", "logs") in PAGE
-    for name in KNOWN.values():
-        assert name in PAGE
