@@ -3,9 +3,9 @@
 from collections.abc import Callable, Hashable, Sequence
 from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, Self
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, FiniteFloat, PositiveFloat, model_validator
 
-from roletrust_env.evaluation.search import Progress
+from roletrust_env.evaluation.attackers import MAX_RECORD
 from roletrust_env.world.group import FrozenModel
 
 Label = Annotated[str, Field(min_length=1, pattern=r"^[^|\x00-\x1f\x7f]+$")]
@@ -84,6 +84,10 @@ def check_unique(**fields: tuple[object, ...]) -> None:
             raise ValueError(f"{name} must not contain a value twice: {values}")
 
 
+Numbers = list[FiniteFloat | None]
+"""Numbers of a result; None is undefined."""
+
+
 class AttackResult(NamedTuple):
     """Result of one attack.
 
@@ -102,11 +106,11 @@ class AttackResult(NamedTuple):
     attack: str
     words: str
     rounds: int
-    chosen: dict[str, list[float | None]]
-    measured: dict[str, list[float | None]]
-    by_round: Sequence[float | None] = ()
-    record: str = ""
-    progress: Progress = ()
+    chosen: dict[str, Numbers]
+    measured: dict[str, Numbers]
+    by_round: Sequence[FiniteFloat | None] = ()
+    record: Annotated[str, Field(max_length=MAX_RECORD)] = ""
+    progress: tuple[tuple[int, FiniteFloat], ...] = ()
 
 
 class CellResult(NamedTuple):

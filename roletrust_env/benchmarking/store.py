@@ -9,16 +9,15 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from filelock import FileLock, Timeout
-from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from roletrust_env.benchmarking.schema import AnyCell, AttackResult, CellResult, SuiteSchema
 from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.benchmarking.suite_files import AnySuite, read_suite
 from roletrust_env.errors import explain
-from roletrust_env.evaluation.attackers import MAX_RECORD
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import check_file
 
@@ -42,10 +41,7 @@ CREATE TABLE attacks (
 
 _JOURNALS = "-wal", "-shm"
 
-_Numbers = list[FiniteFloat | None]
-_NUMBERS, _SCORES = TypeAdapter(_Numbers), TypeAdapter(dict[str, _Numbers])
-_RECORD = TypeAdapter(Annotated[str, Field(max_length=MAX_RECORD)])
-_PROGRESS = TypeAdapter(tuple[tuple[int, FiniteFloat], ...])
+_ATTACK = TypeAdapter(AttackResult)
 
 
 class StoredCell(NamedTuple):
@@ -159,8 +155,11 @@ class Store:
         """Return all cells with their results, in the order of their keys."""
         with self._reading() as file:
             attacks: dict[str, list[AttackResult]] = {}
-            for key, *columns in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
-                attacks.setdefault(key, []).append(_attack_result(*columns))
+            for key, *plain, chosen, measured, by_round, record, progress in file.execute(
+                "SELECT * FROM attacks ORDER BY 1, 2"
+            ):
+                row = (*plain, *map(json.loads, (chosen, measured, by_round)), record, json.loads(progress))
+                attacks.setdefault(key, []).append(_ATTACK.validate_python(row))
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
@@ -270,15 +269,6 @@ def _prepare(file: sqlite3.Connection, suite: SuiteSchema) -> None:
     facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software(), "sources": sources}
     rows = ", ".join("('{}', '{}')".format(name, json.dumps(value).replace("'", "''")) for name, value in facts.items())
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
-
-
-def _attack_result(
-    name: str, words: str, rounds: int, chosen: str, measured: str, by_round: str, record: str, progress: str
-) -> AttackResult:
-    """Return the result of a row of the table of attacks."""
-    scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured), _NUMBERS.validate_json(by_round)
-    found = _RECORD.validate_python(record, strict=True), _PROGRESS.validate_json(progress)
-    return AttackResult(name, words, rounds, *scores, *found)
 
 
 _NOT_WRITABLE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY}
