@@ -1,11 +1,11 @@
 """The cells of a game: the pairs of a rater and a provider for which a round has numbers, and what is summed over them.
 
 The rules of a round are written once, in `Game.step`, for arrays whose first axis is the rater and whose second axis is
-its cells. On a `GridCells` a rater has a cell for every provider. On `MetCells` it has one for each provider that it
-meets in a round, so that time and memory grow with the services of a round, not with S times P.
+its cells. In `Cells` a rater has a cell for every provider. In `MetCells` it has one for each provider that it meets in
+a round, so that time and memory grow with the services of a round, not with S times P.
 """
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,72 +27,13 @@ Met = Any
 """Index of the provider of each cell, whole, shape (S, K); None on a grid, where it is the place of the cell."""
 
 
-class Cells(Protocol):
-    """The cells of a game.
+class Cells:
+    """The cells of a game: those of all pairs, arrays of shape (S, P, ...), for any trust model and array library.
+
+    Below, K is the number of cells of a rater, here P.
 
     Attributes:
         width: Number of cells K of each rater.
-    """
-
-    width: int
-
-    def start(self, nothing: Array) -> tuple[Any, Array]:
-        """Return the state of the trust model before any rating, and zeros of shape (P, ...).
-
-        Args:
-            nothing: Zeros of shape (S, K, ...).
-        """
-        ...
-
-    def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
-        """Return providers of the cells, and flags that are false, where nobody has met yet. Shape (S, K, ...)."""
-        ...
-
-    def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
-        """Return the providers of the cells of a round, and whether rater and provider meet, boolean.
-
-        Args:
-            shape: Shape (S, K, ...) of the cells.
-            noise: Uniform noise of encounters, shape (S, k, ...); of no use where nobody meets by chance.
-        """
-        ...
-
-    def update(
-        self, trust: Any, met: Met, ratings: Array, rated: Array | None, round: Array
-    ) -> tuple[Any, Array, Array]:
-        """Return the state of the trust model after the ratings of a round, and the trust as `read` does.
-
-        Args:
-            trust: State of the trust model before the round.
-            met: Providers of the cells.
-            ratings: Ratings, shape (S, K, ...).
-            rated: Whether there is a rating, boolean, shape (S, K, ...); None if everywhere.
-            round: Number of the round, shape (...).
-        """
-        ...
-
-    def read(self, trust: Any) -> tuple[Array, Array]:
-        """Return the trust of the raters, shape (S, ...), and of the providers, shape (P, ...), in a state."""
-        ...
-
-    def of_providers(self, values: Array, met: Met) -> Array:
-        """Return the provider's value for each cell, from shape (P, ...), in a shape that broadcasts with the cells."""
-        ...
-
-    def counts(self, flags: Array, met: Met, dtype: Any) -> Array:
-        """Return in how many cells of each provider a flag is true, shape (P, ...)."""
-        ...
-
-    def anywhere(self, flags: Array, met: Met) -> Array:
-        """Return whether a flag is true in any cell of each provider, shape (P, ...)."""
-        ...
-
-
-class GridCells:
-    """Cells of all pairs: arrays of shape (S, P, ...), for any trust model and array library. See `Cells`.
-
-    Attributes:
-        width: Number of providers P.
         not_self: Whether rater and provider are two agents, boolean, shape (S, P).
     """
 
@@ -118,15 +59,24 @@ class GridCells:
         self._watched = needs_watching(model)
 
     def start(self, nothing: Array) -> tuple[Any, Array]:
-        """See `Cells.start`."""
+        """Return the state of the trust model before any rating, and zeros of shape (P, ...).
+
+        Args:
+            nothing: Zeros of shape (S, K, ...).
+        """
         return start_model(self._model, nothing, self._peers), nothing[0]
 
     def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
-        """See `Cells.nobody`."""
+        """Return providers of the cells, and flags that are false, where nobody has met yet. Shape (S, K, ...)."""
         return None, for_batch(self.not_self & False, shape)
 
     def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
-        """See `Cells.meet`."""
+        """Return the providers of the cells of a round, and whether rater and provider meet, boolean.
+
+        Args:
+            shape: Shape (S, K, ...) of the cells.
+            noise: Uniform noise of encounters, shape (S, k, ...); of no use where nobody meets by chance.
+        """
         if not isinstance(self._rule, Encounters):
             return None, for_batch(self.not_self, shape)
         batch = (1,) * (len(shape) - 2)
@@ -139,26 +89,34 @@ class GridCells:
     def update(
         self, trust: Any, met: Met, ratings: Array, rated: Array | None, round: Array
     ) -> tuple[Any, Array, Array]:
-        """See `Cells.update`."""
+        """Return the state of the trust model after the ratings of a round, and the trust as `read` does.
+
+        Args:
+            trust: State of the trust model before the round.
+            met: Providers of the cells.
+            ratings: Ratings, shape (S, K, ...).
+            rated: Whether there is a rating, boolean, shape (S, K, ...); None if everywhere.
+            round: Number of the round, shape (...).
+        """
         if self._watched:
             return watched_update(self._model, trust, Ratings(ratings, rated), round)
         after = self._model.update(trust, Ratings(ratings, rated))
         return after, *self.read(after)
 
     def read(self, trust: Any) -> tuple[Array, Array]:
-        """See `Cells.read`."""
+        """Return the trust of the raters, shape (S, ...), and of the providers, shape (P, ...), in a state."""
         return self._model.rater_trust(trust), self._model.provider_trust(trust)
 
     def of_providers(self, values: Array, met: Met) -> Array:
-        """See `Cells.of_providers`."""
+        """Return the provider's value for each cell, from shape (P, ...), in a shape that broadcasts with the cells."""
         return values[None, ...]
 
     def counts(self, flags: Array, met: Met, dtype: Any) -> Array:
-        """See `Cells.counts`."""
+        """Return in how many cells of each provider a flag is true, shape (P, ...)."""
         return flags.sum(axis=0, dtype=dtype)
 
     def anywhere(self, flags: Array, met: Met) -> Array:
-        """See `Cells.anywhere`."""
+        """Return whether a flag is true in any cell of each provider, shape (P, ...)."""
         return flags.any(axis=0)
 
 
@@ -178,12 +136,14 @@ class SparseTrust(NamedTuple):
     top: Floats
 
 
-class MetCells:
-    """Cells of the pairs that meet: arrays of shape (S, K), for one game with encounters on NumPy. See `Cells`.
+class MetCells(Cells):
+    """The cells of the pairs that meet: arrays of shape (S, K), for one game with encounters on NumPy.
 
     Attributes:
         width: Number of providers K that a rater meets in a round.
     """
+
+    _rule: Encounters
 
     def __init__(self, rule: Encounters, roster: Roster, model: Any) -> None:
         """Take a model that runs on edges.

@@ -14,7 +14,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace
 from roletrust_env.game.brief import game_facts
-from roletrust_env.game.cells import Cells, GridCells, for_batch
+from roletrust_env.game.cells import Cells, for_batch
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.policy import Policy
@@ -92,7 +92,7 @@ class Game:
 
     def _make_cells(self) -> Cells:
         """Return the pairs for which a round of this game has numbers."""
-        grid = GridCells(self.scenario, self.roster, self.model, self.like)
+        grid = Cells(self.scenario, self.roster, self.model, self.like)
         self._not_self = grid.not_self
         return grid
 
