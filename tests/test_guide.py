@@ -102,12 +102,11 @@ def test_the_models_of_the_tutorials_pass_the_check_for_plug_ins(page, module, n
 
 def test_the_coalition_runs_down_the_best_providers_and_keeps_its_trust():
     names = {}
-    exec(next(cell for cell in cells(TUTORIALS / "attacker.md") if "watch_lies" in cell), names)
-    lies = names["lies"]
-    by_place = lies.by_place.mean(axis=1)
+    exec(next(cell for cell in cells(TUTORIALS / "attacker.md") if "attacked_rollout" in cell), names)
+    by_place, tor = names["by_place"].mean(axis=1), names["tor"]
     assert (np.diff(by_place) > 0).all()
     assert by_place[0] < -0.8 < 0.3 < by_place[-1]
-    assert abs(lies.own - lies.honest).max() < 0.05
+    assert abs(tor[:, 0] - tor[:, 1]).max() < 0.05
 
 
 def test_your_learner_learns():

@@ -10,64 +10,34 @@ for the best choice of a consumer, 0 for a blind one. With several runs, all is 
 intervals cover games and trainings.
 
 The best model of each learner is written into the folder of its seed, as the text that `--model` takes or as a network.
-Half an hour on one core for three runs; each step is kept.
+Half an hour on one core for three runs.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Hashable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.saved_defence import DefenceCard, save_defence, weights_bytes
-from roletrust_agents.training.defence import Climb
 from roletrust_agents.training.defence_learners import NetworkLearner, learner_of
 from roletrust_agents.training.runs import write_bytes
 from roletrust_env import __version__
-from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.confidence import Interval, over_seeds
 from roletrust_env.storage.files import write_text
 from roletrust_env.storage.markdown import markdown_table
 from studies.charts import Panel, Series, panels_figure
-from studies.defence.comparison import Comparison, Row, leads, rows
-from studies.defence.double_oracle import Game, Setup
 from studies.defence.fronts import Front
-from studies.defence.progress import Iteration, iterations
-from studies.defence.response import least_budget
-from studies.study import Recipe, Study, with_ends
+from studies.defence.game import Options, label, play_game
+from studies.study import Recipe, Run, Study, with_ends
 
+Measured = Mapping[str, Sequence[float]]
+"""What one run has measured, by the name of a column, each in its games, shape (G,)."""
 
-class Options(NamedTuple):
-    """The game and its effort.
+Row = dict[str, Interval]
+"""Means with their intervals, by the name of a column."""
 
-    Attributes:
-        defence: Defences to train: the numbers of a trust model, by its name, or `network`.
-        model: Specs of fixed trust models that the defence has at the beginning.
-        beside: Specs of further trust models for the comparison at the end.
-        suite: Suite with the conditions.
-        front: Conditions to train in, as SCENARIO/TRACK/SHARE.
-        world: Conditions that are kept for the comparison.
-        iterations: Number of times that both sides respond.
-        budget: Rounds x games of the training of an attacker in one condition.
-        steps: Steps of the training of a defence.
-        games: Games that choose, and as many others that measure.
-        fresh: The same for the comparison, in fresh games.
-        explored: Share of all known attackers alike in what a defence is trained against.
-        runs: Number of runs, with the seed of the study and those after it.
-    """
-
-    defence: tuple[str, ...] = ("leave-one-out", "first-hand", "network")
-    model: tuple[str, ...] = ("role-trust", "wary-role-trust", "leave-one-out", "iterative-filtering")
-    beside: tuple[str, ...] = ("travos", "own-experience", "first-hand")
-    suite: str = "standard"
-    front: tuple[str, ...] = ("crowd/raters/0.4", "crowd/coalition/0.2", "market/raters/0.2", "market/coalition/0.2")
-    world: tuple[str, ...] = ("diverse/raters/0.2", "diverse/coalition/0.1", "large/raters/0.2", "large/coalition/0.1")
-    iterations: int = 3
-    budget: int = 60_000
-    steps: int = 20
-    games: int = 24
-    fresh: int = 24
-    explored: float = 0.25
-    runs: int = 3
+Key = TypeVar("Key", bound=Hashable)
 
 
 _TABLES = ("defence.md", "defence.png", "iterations.csv", "comparison.csv", "leads.csv")
@@ -75,9 +45,7 @@ _SAVED = ("leave-one-out.txt", "first-hand.txt", "network.json", "network.safete
 FILES = {name: f"defence/{name}" for name in _TABLES} | {f"seed-0/{name}": f"defence/{name}" for name in _SAVED}
 RECIPES = {"defence": Recipe(Options(), FILES)}
 
-_LONGEST = 300  # length of the longest spec of a model that a text shows, in letters
 _SHOWN = 0.005  # least probability of a model in the text
-_FEW = 12  # games below which the worst attack is chosen by chance
 
 _WINS = {
     "value": "value",
@@ -105,175 +73,153 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Play all games and comparisons, and write what they come to."""
     with Study(__name__, RECIPES, arguments) as study:
         asked = study.options
-        met, others = (
-            {(one := Front.of(asked.suite, n)).name: one for n in names} for names in (asked.front, asked.world)
-        )
-        if both := sorted({*met} & {*others}):
-            raise ValueError(f"{both[0]} is a condition of the training; --world is for others")
-        fronts, worlds = list(met.values()), list(others.values())
+        if both := {*asked.front} & {*asked.world}:
+            raise ValueError(f"{min(both)} is a condition of the training; --world is for others")
         for name in asked.defence:
             learner_of(name)
-        for one in (*fronts, *worlds):
-            one.condition.check([*asked.model, *asked.beside])
-        if asked.budget < (least := max(least_budget(one.length) for one in fronts)):
-            raise ValueError(f"--budget is {asked.budget} rounds; the training of an attacker needs {least} or more")
-        games = [_game(study, fronts, worlds, study.seed + k) for k in range(asked.runs)]
-        warnings = _caveats([*fronts, *worlds], min(asked.games, asked.fresh))
-        comparisons = []
-        for game in games:
-            with study.progress(game.stages) as advance:
-                for words in game.play():
-                    advance(words)
-            comparison = Comparison(game, asked.beside, worlds, asked.fresh)
-            with study.progress(comparison.stages) as advance:
-                for words in comparison.play():
-                    advance(words)
-            comparisons.append(comparison)
-            _save(study, game, comparison.learned)
-        _report(study, games, iterations(games), rows(comparisons), leads(comparisons), warnings)
+        for name in (*asked.front, *asked.world):
+            Front.of(asked.suite, name).condition.check([*asked.model, *asked.beside])
+        seeds = range(study.seed, study.seed + asked.runs)
+        played = study.play(
+            play_game, {f"seed-{seed}": (asked, seed) for seed in seeds}, {**asked._asdict(), "runs": None}
+        )
+        for key, run in played.items():
+            _save(study, key, run)
+        runs = list(played.values())
+        iterations = over_runs({k: [run["iterations"][k] for run in runs] for k in range(asked.iterations)})
+        models, over = compare(runs, list(dict.fromkeys((*asked.model, *asked.beside))))
+        leads = [(name, other, row) for name, others in over.items() for other, row in others.items()]
+        study.csv(
+            "iterations.csv",
+            ["iteration", *with_ends(_WINS)],
+            [[k, *_cells(row, _WINS)] for k, row in iterations.items()],
+        )
+        study.csv(
+            "comparison.csv",
+            ["model", *with_ends(_SKILLS)],
+            [[name, *_cells(row, _SKILLS)] for name, row in models.items()],
+        )
+        study.csv(
+            "leads.csv",
+            ["model", "beside", *with_ends(_SKILLS)],
+            [[name, other, *_cells(row, _SKILLS)] for name, other, row in leads],
+        )
+        over_what = f"{len(runs)} runs, 95% intervals over runs and games"
+        note = f"{len(asked.front)} conditions of {asked.suite}, {over_what}"
+        title = "What do trust models and attackers reach when both are trained against each other?"
+        study.figure("defence.png", panels_figure(title, _panels(iterations, models), note))
+        skills = list(_SKILLS.values())
+        study.page(
+            "defence.md",
+            markdown_table(
+                ["iteration", *_WINS.values()], [[str(k + 1), *_texts(row, _WINS)] for k, row in iterations.items()], 1
+            ),
+            _WINS_LEGEND,
+            markdown_table(
+                ["model", *skills], [[f"`{name}`", *_texts(row, _SKILLS)] for name, row in models.items()], 1
+            ),
+            _SKILLS_LEGEND,
+            markdown_table(
+                ["model", "beside", *skills], [[f"`{a}`", f"`{b}`", *_texts(row, _SKILLS)] for a, b, row in leads], 2
+            ),
+            _LEADS_LEGEND,
+            _mixture(runs),
+            f"{note}. Made by `{study.command}`.",
+        )
 
 
-def _game(study: Study[Options], fronts: Sequence[Front], worlds: Sequence[Front], seed: int) -> Game:
-    """Return a game with the steps of it that are kept in the folder of its seed."""
-    asked = study.options
-    climb = Climb(steps=asked.steps)
-    setup = Setup(asked.defence, asked.model, asked.iterations, asked.budget, climb, asked.games, asked.explored, seed)
-    conditions = {one.name: one.condition.describe() for one in (*fronts, *worlds)}
-    settings = {**setup.plain(), "fresh": asked.fresh, "conditions": conditions}
-    runs = study.runs(settings, study.out / f"seed-{seed}")
-    return Game(fronts, setup, runs, runs.keep)
-
-
-def _caveats(fronts: Sequence[Front], games: int) -> list[str]:
-    """Return what a reader of the numbers must know about these conditions and this number of games."""
-    lines = [
-        f"{one.name}: the suite {one.condition.suite.name} knows no attackers there, so strangers are its scripts at "
-        "their defaults."
-        for one in fronts
-        if not one.has_strangers
-    ]
-    if games < _FEW:
-        lines.append(f"{games} games choose the worst attack, which is mostly chance; give {_FEW} or more.")
-    return lines
-
-
-def _save(study: Study[Options], game: Game, learned: Mapping[str, int]) -> None:
-    """Write the best model of each learner: its spec, or the files of a network.
+def over_runs(measured: Mapping[Key, Sequence[Measured]]) -> dict[Key, Row]:
+    """Return means with 95% intervals over games, and over runs if there are several, see `over_seeds`.
 
     Args:
-        study: Study, whose folder has one for each seed.
-        game: Game that is played to its end.
-        learned: Iteration, from 0, of the best model of each learner.
+        measured: What each run has measured, by what it is about.
     """
-    setup = game.setup
-    folder = study.out / f"seed-{setup.seed}"
-    for name, k in learned.items():
-        run = game.runs[f"defence|{k}|{name}"]
+    found: dict[Key, Row] = {key: {} for key in measured}
+    for column in next(iter(measured.values()))[0]:
+        values = np.array([[run[column] for run in runs] for runs in measured.values()])
+        for key, one in zip(measured, over_seeds(values, len(values)).estimates, strict=True):
+            found[key][column] = one.interval
+    return found
+
+
+def compare(runs: Sequence[Run], fixed: Sequence[str]) -> tuple[dict[str, Row], dict[str, dict[str, Row]]]:
+    """Return the models over all runs, the best worst case first, and the lead of each learned one over each fixed one.
+
+    The name of a learned model of several runs does not say in which iteration it came.
+    """
+    theirs = {name: [run["compared"][name] for run in runs] for name in fixed}
+    ours, leads = {}, {}
+    for learner, k in runs[0]["learned"].items():
+        name = f"{learner}, trained" if len(runs) > 1 else label(learner, k)
+        ours[name] = [run["compared"][label(learner, run["learned"][learner])] for run in runs]
+        apart = {o: [_apart(*pair) for pair in zip(ours[name], each, strict=True)] for o, each in theirs.items()}
+        leads[name] = over_runs(apart)
+    # Apart from the fixed ones: each run trains its own learned models, so their means vary more.
+    rows = over_runs(ours) | over_runs(theirs)
+    return dict(sorted(rows.items(), key=lambda row: -row[1]["worst"].value)), leads
+
+
+def _apart(one: Measured, other: Measured) -> Measured:
+    return {column: np.subtract(one[column], other[column]).tolist() for column in one}
+
+
+def _save(study: Study[Options], folder: str, run: Run) -> None:
+    """Write the best model of each learner of a run: its spec, or the files of a network."""
+    for name, k in run["learned"].items():
+        path = study.out / folder / name.replace(":", ".")
         if name != NetworkLearner.name:
-            write_text(folder / f"{name.replace(':', '.')}.txt", run["spec"] + "\n")
+            write_text(path.with_suffix(".txt"), run["specs"][label(name, k)] + "\n")
             continue
-        learner, vector = NetworkLearner(), np.array(run["vector"])
+        asked, learner, vector = study.options, NetworkLearner(), np.array(run["vectors"][name])
         weights = np.array(learner.weights(vector))
         card = DefenceCard(
             package_version=__version__,
             parameters=learner.parameters(vector),
-            conditions=tuple(str(front.condition) for front in game.fronts),
+            conditions=tuple(str(Front.of(asked.suite, front).condition) for front in asked.front),
             iteration=k + 1,
-            seed=setup.seed,
-            settings={"steps": setup.climb.steps, "budget": setup.budget, "explored": setup.explored},
+            seed=int(folder.removeprefix("seed-")),
+            settings={"steps": asked.steps, "budget": asked.budget, "explored": asked.explored},
             weights_sha256=digest(weights_bytes(weights)),
         )
-        save_defence(weights, card, folder / name, write_bytes)
+        save_defence(weights, card, path, write_bytes)
 
 
-def _report(
-    study: Study[Options],
-    games: Sequence[Game],
-    found: Sequence[Iteration],
-    models: Sequence[Row],
-    over: Mapping[str, Sequence[Row]],
-    warnings: Sequence[str],
-) -> None:
-    """Write the tables, the figure and the page.
-
-    Args:
-        study: Study.
-        games: Games with other seeds, played to their end.
-        found: Numbers of each iteration.
-        models: Models beside each other.
-        over: Lead of each learned model over each fixed one.
-        warnings: Lines of `_caveats`.
-    """
-    pairs = [(name, row) for name, others in over.items() for row in others]
-    study.csv("iterations.csv", ["iteration", *with_ends(_WINS)], [[one.number, *_cells(one, _WINS)] for one in found])
-    study.csv("comparison.csv", ["model", *with_ends(_SKILLS)], [[row.name, *_cells(row, _SKILLS)] for row in models])
-    header = ["model", "beside", *with_ends(_SKILLS)]
-    study.csv("leads.csv", header, [[name, row.name, *_cells(row, _SKILLS)] for name, row in pairs])
-    fronts, runs = games[0].fronts, len(games)
-    over_what = f"{runs} runs, 95% intervals over runs and games" if runs > 1 else "95% intervals over games"
-    note = f"{len(fronts)} condition{'s' * (len(fronts) > 1)} of {fronts[0].condition.suite.name}, {over_what}"
-    title = "What do trust models and attackers reach when both are trained against each other?"
-    study.figure("defence.png", panels_figure(title, _panels(found, models), note))
-    skills = list(_SKILLS.values())
-    won = [[str(one.number + 1), *_texts(one, _WINS)] for one in found]
-    beside = [[f"`{name}`", f"`{row.name}`", *_texts(row, _SKILLS)] for name, row in pairs]
-    study.page(
-        "defence.md",
-        markdown_table(["iteration", *_WINS.values()], won, 1),
-        _WINS_LEGEND,
-        markdown_table(["model", *skills], [[f"`{row.name}`", *_texts(row, _SKILLS)] for row in models], 1),
-        _SKILLS_LEGEND,
-        markdown_table(["model", "beside", *skills], beside, 2),
-        _LEADS_LEGEND,
-        *warnings,
-        _mixture(games),
-        f"{note}. Made by `{study.command}`.",
-    )
-
-
-def _panels(found: Sequence[Iteration], models: Sequence[Row]) -> list[Panel]:
-    at, names = [one.number + 1 for one in found], [row.name for row in models]
-
+def _panels(iterations: Mapping[int, Row], models: Mapping[str, Row]) -> list[Panel]:
     def lines(columns: Mapping[str, str]) -> list[Series]:
-        return [Series(label, at, [getattr(one, name) for one in found]) for label, name in columns.items()]
+        at = [k + 1 for k in iterations]
+        return [Series(label, at, [row[name] for row in iterations.values()]) for label, name in columns.items()]
 
-    strangers = [
-        Series(label, names, [getattr(row, kind) for row in models])
-        for label, kind in {"in the same worlds": "strangers", "in other worlds": "worlds"}.items()
-        if all(getattr(row, kind) for row in models)
-    ]
-    met = Series("met", names, [row.worst for row in models])
+    def rows(columns: Mapping[str, str]) -> list[Series]:
+        return [Series(label, list(models), [row[name] for row in models.values()]) for label, name in columns.items()]
+
     wins = {"either side": "nash_conv", "attackers": "attack", "defence": "defence"}
     worst = {"mixture, attackers respond": "worst", "best model alone": "single"}
     return [
         Panel("what a best response wins", "iteration", "skill", lines(wins)),
         Panel("the defence", "iteration", "skill", lines(worst)),
-        Panel("at the end: the worst attacker found", "", "skill", [met]),
-        *([Panel("attackers that nobody has met", "", "skill", strangers)] if strangers else ()),
+        Panel("at the end: the worst attacker found", "", "skill", rows({"met": "worst"})),
+        Panel(
+            "attackers that nobody has met",
+            "",
+            "skill",
+            rows({"in the same worlds": "strangers", "in other worlds": "worlds"}),
+        ),
     ]
 
 
-def _mixture(games: Sequence[Game]) -> str:
-    """Return the mean equilibrium at the end in words, with the numbers of the learned models in that of one run."""
-    last = games[0].setup.iterations
-    weights = np.mean([game.solution(last).models for game in games], axis=0)
-    parts = []
-    for (name, spec), weight in zip(games[0].known(last).defences.items(), weights, strict=True):
-        shown = name if len(games) > 1 or len(spec) > _LONGEST or spec == name else f"{name} (`{spec}`)"
-        parts += [f"{shown}: {weight:.0%}"] if weight >= _SHOWN else []
+def _mixture(runs: Sequence[Run]) -> str:
+    """Return the mean equilibrium at the end in words."""
+    weights = {name: float(np.mean([run["mixture"][name] for run in runs])) for name in runs[0]["mixture"]}
+    parts = [f"{name}: {weight:.0%}" for name, weight in weights.items() if weight >= _SHOWN]
     return f"The defence's mixture at the end: {'; '.join(parts)}."
 
 
-def _cells(one: Iteration | Row, columns: Iterable[str]) -> list[float | None]:
-    return [x for name in columns for x in getattr(one, name) or (None,) * 3]
+def _cells(row: Row, columns: Mapping[str, str]) -> list[float]:
+    return [x for name in columns for x in row[name]]
 
 
-def _texts(one: Iteration | Row, columns: Iterable[str]) -> list[str]:
-    return [_text(getattr(one, name)) for name in columns]
-
-
-def _text(value: Interval | None) -> str:
-    return "" if value is None else f"{value.value + 0.0:.3f} ± {(value.high - value.low) / 2:.3f}"
+def _texts(row: Row, columns: Mapping[str, str]) -> list[str]:
+    return [f"{one.value + 0.0:.3f} ± {(one.high - one.low) / 2:.3f}" for one in (row[name] for name in columns)]
 
 
 if __name__ == "__main__":

@@ -1,34 +1,30 @@
 """What central trust models cost on lists of ratings: the time of a round, and its memory, by the number of ratings.
 
-Beside the models stands a round of role-trust in plain NumPy, and the bandwidth of the memory. A list on which a round
-is expected to take more than 10 seconds or 8 GB is left out, and a line says so. On a quiet machine a quarter of an
-hour.
+Beside the models stands a round of role-trust in plain NumPy, and the bandwidth of the memory. On a quiet machine a
+quarter of an hour.
 """
 
+import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
 from roletrust_env import make_scenario
-from roletrust_env.evaluation.resources import in_bytes, in_time
+from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_env.trust import TrustModel, trust_models
-from roletrust_env.trust.run import edge_model, runs_on_edges
+from roletrust_env.trees import map_kinds
+from roletrust_env.trust import Ratings, TrustModel, trust_models
+from roletrust_env.trust.models.central.role_trust import RoleTrust
+from roletrust_env.trust.run import edge_model, runs_on_edges, start_on_edges
 from studies.study import Recipe, Study
-from studies.timing import (
-    EACH,
-    PLAIN,
-    Edges,
-    Measured,
-    Spread,
-    Timing,
-    by_hand,
-    bytes_per_s,
-    copying,
-    machine,
-    measure,
-    round_of,
-)
+from studies.timing import PLAIN, Contestant, Spread, Timing, machine, measure
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 
 
 class Options(NamedTuple):
@@ -40,29 +36,39 @@ class Options(NamedTuple):
 
 RECIPES = {"edge-costs": Recipe(Options(), {name: name for name in ("edge-costs.md", "edge-costs.csv")})}
 
-SECONDS, MEMORY = 10.0, 8e9
-"""Limits of a round: seconds, and peak memory in bytes."""
-
-BYTES = 100
-"""Memory that a rating of the plain round takes, which every list has."""
+EACH = 10
+"""Ratings of each rater, and of each provider, on average."""
 
 _HEADER = (
     *("model", "ratings_asked", "ratings", "ns_per_rating", "ns_per_rating_least", "ns_per_rating_greatest"),
-    *("peak_bytes", "left_out"),
+    "peak_bytes",
 )
 _REPEATS, _SLICE_S = 3, 0.05  # turns of each model, and their approximate length in seconds
+_COPIED = 10_000_000  # numbers whose copying shows the bandwidth: more than a cache holds
+_COPIED_BYTES = 16  # a number is read and written
 
 
-class EdgeCell(NamedTuple):
-    """A round of a model: its timing and its peak memory in bytes, or the reason why there is none."""
+class Edges(NamedTuple):
+    """Pairs that rate in every round, sorted by provider, and two rounds of ratings.
 
-    timing: Timing | None
-    memory: int = 0
-    left_out: str = ""
+    Attributes:
+        raters: Place of the rater of each pair, shape (E,).
+        providers: Place of the provider of each pair, shape (E,).
+        values: Ratings of two rounds, shape (2, E).
+        side: Number of raters, and of providers.
+    """
 
+    raters: Ints
+    providers: Ints
+    values: Floats
+    side: int
 
-EdgeCosts = dict[tuple[str, int], EdgeCell]
-"""Rounds by the model's name and the number of ratings."""
+    @classmethod
+    def of(cls, ratings: int, seed: int) -> "Edges":
+        """Return about so many random pairs."""
+        rng, side = np.random.default_rng(seed), max(2, ratings // EACH)
+        keys = np.unique(rng.integers(0, side**2, ratings))
+        return cls(keys % side, keys // side, rng.random((2, len(keys))), side)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -73,105 +79,99 @@ def main(arguments: Sequence[str] | None = None) -> None:
         chosen = {
             name: edge_model(model) for name, model in models.items() if study.options.model or runs_on_edges(model)
         }
-        with study.progress(len(chosen) * len(sizes)) as advance:
-            (copied,) = measure([copying()], 5, 0.1)
-            found = measure_lists(chosen, sizes, seed=study.seed, advance=advance)
-        study.csv("edge-costs.csv", _HEADER, [_row(*where, cell) for where, cell in found.items()])
+        numbers = np.ones(_COPIED)
+        target = numbers.copy()
+        (copied,) = measure([Contestant("copy", lambda: np.copyto(target, numbers), _COPIED)], 5, 0.1)
         parts = [
             "# What the trust models cost on lists of ratings",
             f"One round in float64 in which all pairs rate again, {EACH} ratings for each rater and each provider, the "
             f"median of the repeats; {PLAIN}: the round of role-trust by hand; memory: peak from nothing to the end of "
-            f"a round, with the ratings. Copying an array moves {bytes_per_s(copied) / 1e9:.1f} GB/s.",
+            f"a round, with the ratings. Copying an array moves {_COPIED_BYTES / copied.each().median:.1f} GB/s.",
         ]
+        rows = []
         for size in sizes:
-            rows = [[name, *_numbers(cell)] for (name, n), cell in found.items() if n == size]
-            table = markdown_table(["model", "ms a round", "M ratings/s", "memory"], rows, names=1)
-            parts += [f"## {size:,} ratings", table]
-        reasons = [
-            f"- Left out: {name} on {n:,} ratings: {cell.left_out}."
-            for (name, n), cell in found.items()
-            if cell.left_out
-        ]
-        study.page("edge-costs.md", *parts, "\n".join(reasons), f"Made by `{study.command}` on {machine()}.")
+            found = measure_lists(chosen, Edges.of(size, study.seed))
+            rows += [(name, size, one.contestant.amount, *one.each(), memory) for name, (one, memory) in found.items()]
+            lines = [[name, *_cells(*cell)] for name, cell in found.items()]
+            parts += [
+                f"## {size:,} ratings",
+                markdown_table(["model", "ms a round", "M ratings/s", "memory"], lines, 1),
+            ]
+        study.csv("edge-costs.csv", _HEADER, rows)
+        study.page("edge-costs.md", *parts, f"Made by `{study.command}` on {machine()}.")
 
 
-def measure_lists(
-    models: Mapping[str, TrustModel[Any]],
-    sizes: Sequence[int],
-    *,
-    seed: int = 0,
-    advance: Callable[[str], None] = lambda what: None,
-) -> EdgeCosts:
-    """Time a round of every model on lists of so many ratings, one after the other, since all would not fit.
-
-    What a shorter list took grows with the number of ratings, and what would take too much is left out. The first row
-    of each number is the round of role-trust in plain NumPy, see `timing.plain`.
+def measure_lists(models: Mapping[str, TrustModel[Any]], edges: Edges) -> dict[str, tuple[Timing, int]]:
+    """Time a round of every model on a list, one after the other, since all would not fit.
 
     Args:
         models: Central models by name.
-        sizes: Numbers of ratings.
-        seed: Random seed of the ratings.
-        advance: Called with the next step, once for each model and size.
+        edges: The list.
 
-    Raises:
-        ValueError: A list would take more memory than the limit.
+    Returns:
+        The timing and the peak memory in bytes, from nothing to the end of a round. First stands the round of
+        role-trust in plain NumPy, see `plain`.
     """
-    if (needed := BYTES * max(sizes)) > MEMORY:
-        raise ValueError(
-            f"a list of {max(sizes):,} ratings would take about {in_bytes(needed)} of memory, and "
-            f"{in_bytes(MEMORY)} are allowed, {MEMORY / BYTES:,.0f} ratings"
-        )
-    found: EdgeCosts = {}
-    for size in sorted(sizes):
-        edges = Edges.of(size, seed)
-        found[PLAIN, size] = _timed(by_hand(edges))
-        for name, model in models.items():
-            advance(f"{name}, {size:,} ratings")
-            shorter = [cell for (other, n), cell in found.items() if other == name and n < size]
-            reason = _too_much(shorter[-1], size) if shorter else ""
-            if reason:
-                found[name, size] = EdgeCell(None, left_out=reason)
-            else:
-                found[name, size] = _timed(round_of(name, model, edges))
+    found = {PLAIN: _timed(PLAIN, edges, partial(plain, edges))}
+    for name, model in models.items():
+        found[name] = _timed(name, edges, partial(on_edges, edges, model))
     return found
 
 
-def _timed(made: Measured) -> EdgeCell:
-    (taken,) = measure([made.contestant], _REPEATS, _SLICE_S)
-    return EdgeCell(taken, made.memory)
+def on_edges(edges: Edges, model: TrustModel[Any]) -> Callable[[], Any]:
+    """Return a function that plays the third round of a central model, and returns the state after it."""
+    shape = (edges.side, edges.side)
+    state = map_kinds(
+        lambda kind, leaf: np.zeros(len(edges.raters)) if kind in ("pair", "age") else leaf,
+        start_on_edges(model, shape),
+    )
+
+    def after(state: Any, values: Floats) -> Any:
+        return model.update(state, Ratings(values, raters=edges.raters, providers=edges.providers, shape=shape))
+
+    for values in edges.values:
+        state = after(state, values)
+    return lambda: after(state, edges.values[0])
 
 
-def _too_much(shorter: EdgeCell, size: int) -> str:
-    """Return the reason to leave out a list, from what a shorter one took; empty if there is none."""
-    if shorter.timing is None:
-        return shorter.left_out
-    growth = size / shorter.timing.contestant.ratings
-    seconds, memory = shorter.timing.per_rating().median * size, shorter.memory * growth
-    if seconds > SECONDS:
-        return f"a round would take about {in_time(seconds)}"
-    return f"a round would take about {in_bytes(memory)}" if memory > MEMORY else ""
+def plain(edges: Edges) -> Callable[[], Any]:
+    """Return a function that plays the third round of role-trust, written by hand for this one case in NumPy."""
+    raters, providers, (first, second), side = edges
+    model = RoleTrust()
+    given, received = (np.maximum(np.bincount(agents, minlength=side), 1) for agents in (raters, providers))
+    rates, provides = (np.bincount(agents, minlength=side) > 0 for agents in (raters, providers))
+
+    def after(tor: Floats, top: Floats, last: Floats | None, values: Floats) -> tuple[Floats, Floats, Floats]:
+        average = np.bincount(providers, values, side) / received
+        gaps = np.sqrt(np.abs(values - average[providers]))
+        quality = 1 - np.bincount(raters, gaps, side) / given
+        tor = np.where(rates, tor + model.lam * (quality - tor), tor)
+        rho = np.sinc(1 - values) if last is None else np.sinc(1 - values) * np.sinc(values - last)
+        quality = np.bincount(providers, rho * tor[raters] * values, side) / received
+        return tor, np.where(provides, top + model.lam * (quality - top), top), values.copy()
+
+    start = np.full(side, model.initial)
+    state = after(*after(start, start, None, first), second)
+    return lambda: after(*state, first)
 
 
-def _row(name: str, size: int, cell: EdgeCell) -> tuple[Any, ...]:
-    """Return a row of the table of numbers."""
-    if cell.timing is None:
-        return (name, size, *(None,) * 5, cell.left_out)
-    each = Spread.of(1e9 * s for s in _each(cell.timing))
-    return (name, size, cell.timing.contestant.ratings, *each, cell.memory, None)
+def _timed(name: str, edges: Edges, make: Callable[[], Callable[[], Any]]) -> tuple[Timing, int]:
+    tracemalloc.start()
+    try:
+        step = make()
+        step()
+        memory = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    (taken,) = measure([Contestant(name, step, len(edges.raters))], _REPEATS, _SLICE_S)
+    return taken, memory + edges.raters.nbytes + edges.providers.nbytes + edges.values.nbytes
 
 
-def _numbers(cell: EdgeCell) -> tuple[str, str, str]:
+def _cells(timing: Timing, memory: int) -> tuple[str, str, str]:
     """Return milliseconds of a round, millions of ratings per second with their range, and the memory."""
-    if cell.timing is None:
-        return "-", "-", "-"
-    rate = Spread.of(1e-6 / s for s in _each(cell.timing))
-    time = f"{1e3 * Spread.of(cell.timing.seconds).median:,.1f}"
-    return time, f"{rate.median:.2f} ({rate.low:.2f} - {rate.high:.2f})", in_bytes(cell.memory)
-
-
-def _each(timing: Timing) -> list[float]:
-    """Return the seconds for a rating in each repeat."""
-    return [seconds / timing.contestant.ratings for seconds in timing.seconds]
+    rate = timing.rate()
+    time = f"{1e3 * Spread.of(timing.seconds).median:,.1f}"
+    return time, f"{rate.median:.2f} ({rate.low:.2f} - {rate.high:.2f})", in_bytes(memory)
 
 
 if __name__ == "__main__":

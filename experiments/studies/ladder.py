@@ -18,15 +18,13 @@ The recipe `ladder` has three colluders in a crowd, whose trainings are those of
 `pages`; half an hour on two cores for both.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
@@ -38,7 +36,6 @@ from roletrust_agents.training.universal import Universal
 from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
 from roletrust_env import make_scenario
 from roletrust_env.envs.attack_env import TASKS
-from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import (
     HELD_OUT,
     TaskArguments,
@@ -49,12 +46,11 @@ from roletrust_env.evaluation.measurement import (
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import Budget, HonestPlay, MeasuredSearch, SearchMethod, UnsuitableError, find
 from roletrust_env.evaluation.specs import parse_kinds, parse_settings, parse_trust_model
-from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.game.state import Actions
-from roletrust_env.metrics.confidence import over_games
+from roletrust_env.metrics.confidence import Interval, over_games
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.options import find_task
-from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, tidy
+from roletrust_experiments.plots.style import ATTACKER, INK
+from studies.charts import Panel, Series, panels_figure
 from studies.study import Recipe, Study
 
 Floats = npt.NDArray[np.float64]
@@ -71,7 +67,6 @@ class Options(NamedTuple):
         compromised: Agents that the attacker controls; the task's own if left out.
         attack: Scripted attacks to try and to search, with the given parameters fixed.
         stealth_weight: Price of a trust gap that gives the attacker away.
-        stealth_tolerance: Trust gap that costs nothing.
         budget: Rounds x games that each search method and the planner may play.
         games: Number of held-out games that measure each attack.
         runs: Number of runs, with the seed of the study and those after it.
@@ -85,7 +80,6 @@ class Options(NamedTuple):
     compromised: tuple[str, ...] = ()
     attack: tuple[str, ...] = ()
     stealth_weight: float = 0.0
-    stealth_tolerance: float = 0.1
     budget: int = 2_000_000
     games: int = 100
     runs: int = 1
@@ -93,18 +87,14 @@ class Options(NamedTuple):
 
 
 _COLLUDERS = Options(stealth_weight=2.0, runs=5, learned=(Path("results/colluders/runs"),))
-RECIPES = {"ladder": Recipe(_COLLUDERS, {"ladder.png": "ladder.png"}), "task": Recipe(Options())}
+RECIPES = {
+    "ladder": Recipe(_COLLUDERS, {name: name for name in ("ladder.png", "ladder-actions.png")}),
+    "task": Recipe(Options()),
+}
 
 
-_SHOWN = 40
-"""Number of rounds to draw; more would be too dense."""
-
-_MAPS = 3
-"""Maximum number of raters with a map of their ratings."""
-
-_FEW = 3  # maximum number of ratings of a rater with a line each
-_COLOURS = {"honest play": HONEST[0], "exact": INK, "best known": INK}
-_OTHERS = "#9CA3AF"
+_TOLERANCE = 0.1  # trust gap that costs nothing
+_SHOWN = 40  # rounds to draw; more would be too dense
 
 
 HEADER = ("rung", "run", "score", "half_95", "objective", "cost", "rounds", "seconds", "attack")
@@ -139,33 +129,6 @@ class Row(NamedTuple):
         return int(np.argmax(self.scores))
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """The record of T rounds of one held-out game.
-
-    Attributes:
-        name: of the rung.
-        quality: that each compromised provider chose, by its name, (T,); its identities, too, where they can be called.
-        ratings: that each compromised rater gave the honest providers, by its name, (T, H); NaN where none was due.
-        own: trust of each compromised agent, by `"ToR of sr_0"` and the like, (T,).
-        mine: mean trust of the compromised agents, by `"ToR"` and `"ToP"`, (T,), as far as there are such agents.
-        honest: the same of the honest ones.
-        objective: of each round, (T,).
-        cost: of each round, unweighted, (T,).
-        price: what a unit of cost takes off the score.
-    """
-
-    name: str
-    quality: dict[str, Floats]
-    ratings: dict[str, Floats]
-    own: dict[str, Floats]
-    mine: dict[str, Floats]
-    honest: dict[str, Floats]
-    objective: Floats
-    cost: Floats
-    price: float
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Climb the ladder of a task, and write its rungs."""
     with Study(__name__, RECIPES, arguments) as study:
@@ -180,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "scenario": rules,
             "trust_model": parse_trust_model(asked.model, rules),
             "compromised": asked.compromised or tuple(defaults["compromised"]),
-            "stealth": {"weight": asked.stealth_weight, "tolerance": asked.stealth_tolerance},
+            "stealth": {"weight": asked.stealth_weight, "tolerance": _TOLERANCE},
         }
         kinds = parse_kinds(list(asked.attack), rules) if asked.attack else None
         Scripts.of(exact_task(task), kinds)  # an attack that does not fit is refused before the games
@@ -192,19 +155,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for path in asked.learned
         ]
         ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(asked.runs)]
-        with study.progress(len(ladders[0])) as advance:
-            found, missing = climb(ladders, task, asked.budget, seed, asked.games, advance)
+        found, missing = climb(ladders, task, asked.budget, seed, asked.games)
         rows = ranked(found)
-        trajectories = [
-            watch(task, row.runs[row.best], seed + row.best, _run_name(row, seed)) for row in compared(rows)
-        ]
+        best = max(rows, key=lambda row: row.score)
         about = f"{task_id.removeprefix('RoleTrust/')}, {rules.name}, {defaults['objective']}"
         if asked.stealth_weight:
-            about += f" less {asked.stealth_weight:g} x gap over {asked.stealth_tolerance:g}"
+            about += f" less {asked.stealth_weight:g} x gap over {_TOLERANCE:g}"
         study.csv("ladder.csv", HEADER, lines(rows, seed))
-        study.figure("ladder.png", ladder_figure(about, rows, trajectories))
         score, what = top(rows)
         over = f"over {asked.runs} runs" if asked.runs > 1 else "over the held-out games"
+        intervals = [Interval(row.score, row.score - row.half, row.score + row.half) for row in rows]
+        series = Series("score", [row.name for row in rows], intervals)
+        panel = Panel("score: mean reward per round", "", "score", [series])
+        study.figure("ladder.png", panels_figure(about, [panel], f"95% intervals {over}"))
+        acts = watch(task, best.runs[best.best], seed + best.best)
+        study.figure("ladder-actions.png", actions_figure(_run_name(best, seed), acts))
         study.page(
             "ladder.md",
             f"# {about}",
@@ -222,7 +187,6 @@ def climb(
     budget: int,
     seed: int,
     games: int,
-    advance: Callable[[str], None],
 ) -> tuple[list[list[MeasuredSearch]], dict[str, str]]:
     """Run every rung.
 
@@ -232,7 +196,6 @@ def climb(
         budget: Budget of each search.
         seed: Seed of the first run; each later run has the next one.
         games: Number of held-out games that measure each attack.
-        advance: Called with the name of each rung when it is done.
 
     Returns:
         The results of each rung in each run, and the reasons why some rungs do not apply.
@@ -248,7 +211,6 @@ def climb(
             )
         except UnsuitableError as error:
             missing[rungs[0].name] = str(error)
-        advance(rungs[0].name)
     return found, missing
 
 
@@ -273,12 +235,6 @@ def top(rows: Sequence[Row]) -> tuple[float, str]:
         if bound is not None:
             return bound, "the exact optimum" if row.name == "exact" else "a bound that is proven"
     return max(row.score for row in rows), "the best that was found"
-
-
-def compared(rows: Sequence[Row]) -> tuple[Row, Row]:
-    """Return the best scripted attack, and the best attack of all."""
-    scripted = [row for row in rows if row.name.startswith("scripted")]
-    return max(scripted, key=lambda row: row.score), max(rows, key=lambda row: row.score)
 
 
 def lines(rows: Sequence[Row], seed: int) -> list[tuple[Any, ...]]:
@@ -308,212 +264,48 @@ def _score(row: Row) -> str:
     return f"{row.score:.4f}" + (f" ± {ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
 
 
-def watch(arguments: TaskArguments, finding: MeasuredSearch, seed: int, called: str | None = None) -> Trajectory:
-    """Play one held-out game of what a rung found in the run with a seed; it is called by the rung or by a name."""
-    task = exact_task(arguments)
-    roster, bad = task.game.roster, {*task.identities, *task.joint_policy.attackers}
-    rounds = list(judged_rollout(task, finding.attacker, (1, 1), *random_sources(task, seed, HELD_OUT)))
-    trust = [task.game.published(played.round.state) for played in rounds]
-    tor, top = (np.stack([pair[k][:, 0, 0] for pair in trust]) for k in range(2))
-    victims = [i for i, name in enumerate(roster.provider_names) if name not in bad]
-    # Only policies decide on identities in reserve; an action of the task does not.
-    names = task.identities if isinstance(finding.attacker, Scripted) else task.compromised
-    chosen = [_chosen(task, names, played.round.actions) for played in rounds]
-    quality = {name: np.stack([values[name] for values, _ in chosen]) for name in chosen[0][0]}
-    ratings = {name: np.stack([values[name] for _, values in chosen])[:, victims] for name in chosen[0][1]}
-    for given in ratings.values():
-        given[0] = np.nan  # nothing has been served yet
-    shown = [name for name in task.identities if name in quality or name in ratings]
-    own: dict[str, Floats] = {}
-    mine: dict[str, Floats] = {}
-    honest: dict[str, Floats] = {}
-    for kind, names, values in (("ToR", roster.rater_names, tor), ("ToP", roster.provider_names, top)):
-        for group, members in ((mine, shown), (honest, [name for name in names if name not in bad])):
-            places = [names.index(name) for name in members if name in names]
-            if places:
-                group[kind] = values[:, places].mean(axis=1)
-            if group is mine:
-                own |= {f"{kind} of {names[place]}": values[:, place] for place in places}
-    objective, cost = (np.array([float(played.outcome[k][0, 0]) for played in rounds]) for k in (1, 2))
-    called = called or finding.name
-    return Trajectory(called, quality, ratings, own, mine, honest, objective, cost, task.stealth.weight)
-
-
-def _chosen(task: AttackTask, names: Sequence[str], actions: Actions) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Return the quality that some agents choose in one game, by name, and their ratings, (P,) each."""
-    roster = task.game.roster
-    quality = {
-        name: actions.quality[roster.provider_names.index(name), 0, 0]
-        for name in names
-        if name in roster.provider_names
-    }
-    ratings = {
-        name: actions.ratings[roster.rater_names.index(name), :, 0, 0] for name in names if name in roster.rater_names
-    }
-    return quality, ratings
-
-
-def ladder_figure(about: str, rows: "Sequence[Row]", trajectories: Sequence[Trajectory]) -> Figure:
-    """Return the figure of a ladder.
+def watch(arguments: TaskArguments, finding: MeasuredSearch, seed: int) -> dict[str, Floats]:
+    """Return what compromised agents do in one held-out game of a run, by name.
 
     Args:
-        about: Title.
-        rows: Rows of the ladder, from honest play upwards.
-        trajectories: Trajectories of the scripted attack and of the best one.
+        arguments: Arguments of the task.
+        finding: What a rung has found in the run.
+        seed: Seed of the run.
+
+    Returns:
+        Ratings that a rater gives the H honest providers, shape (H, T), NaN in the first round, in which nothing
+        has been served; the quality that a provider chooses, shape (1, T).
     """
-    # Many ratings are drawn as a map with a row for each honest provider.
-    maps = [name for name, values in trajectories[0].ratings.items() if _is_many(trajectories, values)][:_MAPS]
-    height, below_height = 0.9 + 0.36 * len(rows), 6.6 + 1.0 * len(maps)
-    figure = Figure(figsize=(10.4, height + below_height), layout="constrained")
-    halves: Any = figure.subfigures(2, 1, height_ratios=[height, below_height], hspace=0.03)
-    top, below = halves
-    _bars(top.subplots(), rows)
-    top.suptitle(about, x=0.012, ha="left", fontsize=13, fontweight="bold", color=INK)
-    grid = below.subplots(3 + len(maps), 2, sharex=True, sharey="row", height_ratios=[2] * 3 + [1] * len(maps))
-    for k, (column, trajectory) in enumerate(zip(grid.T, trajectories, strict=True)):
-        _actions(column[0], trajectory)
-        _trust(column[1], trajectory)
-        _gains(column[2], trajectory)
-        column[0].set_title(trajectory.name, loc="left", fontsize=12, fontweight="bold", color=INK, pad=24)
-        for axes, name in zip(column[3:], maps, strict=True):
-            _map(axes, name, trajectory.ratings[name])
-            axes.set_ylabel("" if k else axes.get_ylabel(), color=INK)
-        column[-1].set_xlabel("round", color=INK)
-        for axes in column[:3]:
-            axes.set_ylabel("" if k else axes.get_ylabel(), color=INK)
-            _legend(axes)
+    task = exact_task(arguments)
+    roster, sources = task.game.roster, random_sources(task, seed, HELD_OUT)
+    actions = [played.round.actions for played in judged_rollout(task, finding.attacker, (1, 1), *sources)]
+    quality = np.stack([np.asarray(one.quality)[:, 0, 0] for one in actions], axis=-1)
+    ratings = np.stack([np.asarray(one.ratings)[:, :, 0, 0] for one in actions], axis=-1)
+    ratings[..., 0] = np.nan
+    honest = [j for j, name in enumerate(roster.provider_names) if name not in task.identities]
+    found = {}
+    for name in task.compromised:
+        if name in roster.rater_names:
+            found[f"ratings by {name}, a row for each honest provider"] = ratings[
+                roster.rater_names.index(name), honest
+            ]
+        if name in roster.provider_names:
+            found[f"quality of {name}"] = quality[[roster.provider_names.index(name)]]
+    return found
+
+
+def actions_figure(title: str, acts: Mapping[str, Floats]) -> Figure:
+    """Return a map of the actions of each agent by round, see `watch`; dark is 0, and light is 1."""
+    figure = Figure(figsize=(6.2, 0.9 + 1.3 * len(acts)), layout="constrained")
+    colours = LinearSegmentedColormap.from_list("actions", [ATTACKER, "#FDF3EC"])
+    grid: Any = figure.subplots(len(acts), 1, sharex=True, squeeze=False)
+    for axes, (name, values) in zip(grid.flat, acts.items(), strict=True):
+        axes.imshow(np.ma.masked_invalid(values[:, :_SHOWN]), cmap=colours, vmin=0, vmax=1, aspect="auto")
+        axes.set_title(f"{name}; dark is 0, light is 1", loc="left", fontsize=9, color=INK)
+        axes.set_yticks([])
+    grid[-1, 0].set_xlabel("round", color=INK)
+    figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
     return figure
-
-
-def _bars(axes: Axes, rows: "Sequence[Row]") -> None:
-    """Draw a bar for each rung, with honest play at the bottom, and a point for each run."""
-    scores = [row.score for row in rows]
-    best = max(row.score for row in rows if row.name not in _COLOURS)
-    low, high = min(0.0, *scores), max(0.0, *scores)
-    # The bar of a script far below honest play is cut, because it would compress all others; its number is printed.
-    low = max(low, -0.25 * high)
-    for place, row in enumerate(rows):
-        colour = _COLOURS.get(row.name, ATTACKER if row.score == best else _OTHERS)
-        axes.barh(place, max(row.score, low), color=colour, height=0.66, zorder=2)
-        if row.score < low:
-            axes.text(low, place, " ◂", va="center", fontsize=9, color="white")
-        elif row.half > 0:
-            axes.errorbar(row.score, place, xerr=row.half, color=INK, capsize=2.5, linewidth=1, zorder=3)
-        if len(row.runs) > 1 and row.score >= low:
-            points: Any = {"s": 13, "color": "white", "edgecolors": INK, "linewidths": 0.7, "zorder": 4}
-            axes.scatter(row.scores, [place - 0.2] * len(row.runs), **points)
-        share = "" if np.isnan(row.share) else f"   share {row.share:.3f}"
-        end = max(0.0, row.score + row.half, *row.scores)
-        axes.text(end + 0.012 * (high - low), place, _score(row) + share, va="center", fontsize=9.5, color=INK)
-    axes.set_yticks(range(len(rows)), [row.name for row in rows], color=INK)
-    axes.set_xlim(low * 1.02, low + (high - low) * 1.42)
-    runs = len(rows[0].runs)
-    over = (
-        f"and the 95% interval of the mean over {runs} runs, which are the points"
-        if runs > 1
-        else "in its 95% interval"
-    )
-    axes.set_xlabel(f"score: mean reward per round, {over}", color=INK)
-    axes.axvline(0, color=QUIET, linewidth=0.8)
-    axes.grid(axis="x", color="#E5E7EB", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=QUIET, labelcolor=INK, length=0)
-    for side in ("top", "right", "left", "bottom"):
-        axes.spines[side].set_visible(False)
-
-
-def _actions(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the actions of the attacker: a line for each quality, and for each rating or their mean."""
-    tidy(axes, "what it does")
-    colours = _agents(trajectory)
-    for name, values in trajectory.quality.items():
-        _step(axes, values, f"quality of {name}", colours[name], 1.8)
-    for name, values in trajectory.ratings.items():
-        if np.ptp(values[1:], axis=1).max() < 1e-9:
-            _step(axes, values[:, 0], f"rating of all by {name}", colours[name], 1.8)
-            continue
-        if len(trajectory.ratings) == 1 and values.shape[1] <= _FEW:
-            for j in range(values.shape[1]):
-                # Later lines are thinner, so that equal lines stay visible.
-                _step(axes, values[:, j], f"rating {j + 1} by {name}", ATTACKERS[j], 4.2 - 1.5 * j)
-            continue
-        _step(axes, values.mean(axis=1), f"mean rating by {name}", colours[name], 1.6)
-
-
-def _agents(trajectory: Trajectory) -> dict[str, str]:
-    """Return the colour of each compromised agent."""
-    names = dict.fromkeys((*trajectory.quality, *trajectory.ratings))
-    return {name: ATTACKERS[k % len(ATTACKERS)] for k, name in enumerate(names)}
-
-
-def _legend(axes: Axes) -> None:
-    """Draw a legend in one line above the axes, and reserve its height but not its width."""
-    if not axes.get_title(loc="left"):
-        axes.set_title(" ", fontsize=10)
-    legend = axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(-0.01, 0.99),
-        ncols=5,
-        frameon=False,
-        labelcolor=INK,
-        handlelength=1.3,
-        columnspacing=0.9,
-        fontsize=8.8,
-        borderaxespad=0.2,
-    )
-    legend.set_in_layout(False)
-
-
-def _map(axes: Axes, name: str, values: Floats) -> None:
-    """Draw the ratings by one rater, with a row for each honest provider; dark is low."""
-    shown = np.ma.masked_invalid(values[:_SHOWN].T)
-    colours = LinearSegmentedColormap.from_list("lies", [ATTACKER, "#FDF3EC"])
-    axes.imshow(shown, cmap=colours, vmin=0, vmax=1, aspect="auto", interpolation="none")
-    text = f"ratings by {name}, one row per honest provider; dark is 0, light is 1"
-    axes.set_title(text, loc="left", fontsize=8.8, color=INK).set_in_layout(False)
-    axes.set_title(" ", fontsize=8.8)
-    axes.set_ylabel("provider", color=INK)
-    axes.set_yticks([])
-    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
-    for side in axes.spines.values():
-        side.set_visible(False)
-
-
-def _is_many(trajectories: Sequence[Trajectory], values: Floats) -> bool:
-    """Return whether there are too many ratings for lines, and they differ in some attack."""
-    different = any(np.ptp(given[1:], axis=1).max() > 1e-9 for t in trajectories for given in t.ratings.values())
-    return different and (values.shape[1] > _FEW or len(trajectories[0].ratings) > 1)
-
-
-def _trust(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the trust of the attacker's agents, of each if they are few, and the mean of the honest agents."""
-    tidy(axes, "trust")
-    dashes, colours = {"ToR": "-", "ToP": (0, (4, 1.5))}, _agents(trajectory)
-    lines = [(kind, "honest", HONEST[0], values) for kind, values in trajectory.honest.items()]
-    if len(colours) <= len(ATTACKERS):
-        for name, values in trajectory.own.items():
-            kind, _, agent = name.partition(" of ")
-            lines.append((kind, agent, colours[agent], values))
-    else:
-        lines += [(kind, "attackers", ATTACKER, values) for kind, values in trajectory.mine.items()]
-    for kind, whose, colour, values in lines:
-        axes.plot(values[:_SHOWN], color=colour, linestyle=dashes[kind], lw=1.7, label=f"{kind} {whose}")
-
-
-def _gains(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the objective and the cost of each round."""
-    tidy(axes, "per round")
-    rounds = np.arange(min(_SHOWN, len(trajectory.cost)))
-    axes.plot(rounds, trajectory.objective[:_SHOWN], color=HONEST[1], lw=1.7, label="objective")
-    if not trajectory.price:
-        return
-    cost = trajectory.cost[:_SHOWN]
-    axes.fill_between(rounds, 0, cost, color=ATTACKERS[1], alpha=0.35, lw=0)
-    axes.plot(rounds, cost, color=ATTACKERS[1], lw=1.4, label="cost: gap over tolerance")
-
-
-def _step(axes: Axes, values: Floats, label: str, colour: str, lw: float) -> None:
-    axes.step(np.arange(len(values))[:_SHOWN], values[:_SHOWN], where="mid", color=colour, lw=lw, label=label)
 
 
 if __name__ == "__main__":

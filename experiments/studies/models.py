@@ -45,10 +45,9 @@ ATTACKS = {
 """Attacks as `--attack` takes them, by their titles on the page."""
 
 _ROW, _HEAD = 0.82, 1.5  # inches
-_SMALL = 3.6, 2.7
 _COLOURS = {"honest": HONEST[0], "attackers": ATTACKER}
 _TRUSTS: dict[str, tuple[Any, float]] = {"ToP": ("-", 1.7), "ToR": (DASHES[2], 1.5)}
-_WORDS = {
+WORDS = {
     ("ToP", "honest"): "honest providers",
     ("ToR", "honest"): "honest raters",
     ("ToP", "attackers"): "attacking providers",
@@ -80,12 +79,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         attacks = {name: parse_attacks(texts, rules) for name, texts in ATTACKS.items()}
         games = study.options.games
         models = {name: Game(rules, parse_trust_model(name, rules)) for name in study.options.model or trust_models()}
-        panels: dict[str, dict[str, Panel]] = {name: {} for name in models}
-        with study.progress(len(models) * len(attacks)) as advance:
-            for name, game in models.items():
-                for attack, attackers in attacks.items():
-                    panels[name][attack] = play_panel(JointPolicy(game, attackers), study.seed, games=games)
-                    advance(f"{name}, {attack}")
+        panels = {
+            name: {
+                attack: play_panel(JointPolicy(game, attackers), study.seed, games=games)
+                for attack, attackers in attacks.items()
+            }
+            for name, game in models.items()
+        }
         note = f"shaded: during the attack; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"
         families = {name: Traits.of(game.model).family for name, game in models.items()}
         study.figure("models.png", models_figure(panels, families, note))
@@ -144,7 +144,7 @@ def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[s
     grid = figure.subplots(len(panels), len(attacks), sharex=True, sharey=True, squeeze=False)
     for row, (model, by_attack) in zip(grid, panels.items(), strict=True):
         for axes, attack in zip(row, attacks, strict=True):
-            _draw(axes, by_attack[attack])
+            draw_panel(axes, by_attack[attack])
         row[0].set_ylabel(model, rotation=0, ha="right", va="center", labelpad=12, color=INK, fontweight="bold")
         row[0].annotate(
             families[model],
@@ -162,38 +162,15 @@ def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[s
     for axes in grid[-1]:
         axes.set_xlabel("time (s)", color=INK, fontsize=9)
     shown = [panel for by_attack in panels.values() for panel in by_attack.values()]
-    figure.legend(handles=_keys(shown), loc="outside upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK)
+    figure.legend(
+        handles=legend_keys(shown), loc="outside upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK
+    )
     figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
     return figure
 
 
-def panel_figure(panel: Panel, title: str) -> Figure:
-    """One panel by itself, small."""
-    figure = Figure(figsize=_SMALL, layout="constrained")
-    axes = figure.subplots()
-    _draw(axes, panel)
-    axes.set_title(title, color=INK, fontsize=10)
-    axes.set_xlabel("time (s)", color=INK, fontsize=9)
-    axes.set_ylabel("trust", color=INK, fontsize=9)
-    figure.legend(
-        handles=_keys([panel]), loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK
-    )
-    return figure
-
-
-def in_words(panel: Panel) -> str:
-    """Return the description of a panel for readers who cannot see it."""
-    start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
-    told = []
-    for (trust, whose), values in panel.lines.items():
-        before, meanwhile = values[max(start - 1, 0)], values[start:stop]
-        there = meanwhile[~np.isnan(meanwhile)]  # none in a round in which all such agents have left
-        during = f"{there.min():.2f} to {there.max():.2f} in it" if len(there) else "absent in it"
-        told.append(f"{trust} of {_WORDS[trust, whose]} {before:.2f} before, {during}")
-    return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
-
-
-def _draw(axes: Axes, panel: Panel) -> None:
+def draw_panel(axes: Axes, panel: Panel) -> None:
+    """Draw the lines of a panel, and shade the time of the attack."""
     tidy(axes, "")
     axes.tick_params(labelsize=8)
     shade(axes, [panel.attacked], ATTACKED)
@@ -203,11 +180,11 @@ def _draw(axes: Axes, panel: Panel) -> None:
     axes.set_xlim(0, panel.time_s[-1])
 
 
-def _keys(panels: Iterable[Panel]) -> list[Line2D]:
+def legend_keys(panels: Iterable[Panel]) -> list[Line2D]:
     """Return an entry of the legend for each kind of line."""
     shown = {key for panel in panels for key in panel.lines}
     return [
-        Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=f"{_WORDS[trust, whose]}, {trust}")
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=f"{WORDS[trust, whose]}, {trust}")
         for whose, colour in _COLOURS.items()
         for trust, (dashes, width) in _TRUSTS.items()
         if (trust, whose) in shown

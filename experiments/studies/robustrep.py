@@ -8,8 +8,7 @@ from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.ratings import Ratings, merge_repeats
+from roletrust_env.trust.ratings import Ratings
 
 
 class Records(NamedTuple):
@@ -62,10 +61,6 @@ class RobustRep:
         new = xp.asarray(scores, dtype=values.dtype, device=values.device)
         return state._replace(ratings=records, top=xp.where(xp.isnan(new), state.top, new))
 
-    def trust_run(self, shape: tuple[int, int]) -> "VoteLog":
-        """Return a run of a log, without a window: a grid of a large log would not fit."""
-        return VoteLog(shape, self.initial)
-
     def rater_trust(self, state: Records) -> Array:
         """Return 1 for every rater. See `TrustModel.rater_trust`."""
         return state.tor
@@ -75,72 +70,29 @@ class RobustRep:
         return state.top
 
 
-class VoteLog:
-    """Scores of a log, from all ratings so far, as the package keeps them; otherwise as `TrustRun`.
-
-    Attributes:
-        rounds: Number of rounds so far.
-    """
-
-    def __init__(self, shape: tuple[int, int], initial: float) -> None:
-        self.rounds, self._shape, self._initial = 0, shape, initial
-        self._parts: list[tuple[Ints, Ints, Floats, Ints]] = []
-
-    @property
-    def rater_trust(self) -> Floats:
-        """Return 1 for every rater, shape (S,)."""
-        return np.ones(self._shape[0])
-
-    @property
-    def provider_trust(self) -> Floats:
-        """Return the score of each provider, shape (P,), and the initial trust of those without a rating."""
-        if not self._parts:
-            return np.full(self._shape[1], self._initial)
-        rater, provider, value, round = (np.concatenate(column) for column in zip(*self._parts, strict=True))
-        scores = _score(rater, provider, value, 0 * round, round, self._shape[1])
-        return np.where(np.isnan(scores), self._initial, scores)
-
-    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
-        """Play one round. See `TrustRun.play`."""
-        if len(raters):
-            raters, providers, values, _ = merge_repeats(raters, providers, values, raters * self._shape[1] + providers)
-            self._parts.append((raters, providers, values, np.full(len(raters), self.rounds)))
-        self.rounds += 1
-
-    def skip(self, rounds: int) -> None:
-        """Play so many rounds without ratings. See `TrustRun.skip`."""
-        self.rounds += rounds
-
-
 def _scores(ratings: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Return the score of each provider in each game, shape (P, games); NaN without a rating.
 
     Args:
         ratings: Ratings, shape (rounds, S, P, games); NaN where there is none.
     """
-    round, rater, provider, game = np.nonzero(~np.isnan(ratings))
-    many, games = ratings.shape[2:]
-    value = ratings[round, rater, provider, game]
-    return _score(rater, game * many + provider, value, game, round, games * many).reshape(games, -1).T
-
-
-def _score(rater: Ints, ratee: Ints, value: Floats, tag: Ints, round: Ints, many: int) -> Floats:
-    """Return the scores of so many ratees, NaN without a rating. Ratings of a tag have a scale of their own."""
     import pandas as pd
     from robustrep import Config, score
 
+    round, rater, provider, game = np.nonzero(~np.isnan(ratings))
+    many, games = ratings.shape[2:]
     columns = {
         "rater": rater,
-        "ratee": ratee,
-        "value": 100 * value,
+        "ratee": game * many + provider,
+        "value": 100 * ratings[round, rater, provider, game],
         "scale": "d0",  # percent; the package reads the scale of each tag off its values
-        "tag": tag,
+        "tag": game,
         "ts": round,
         "evidence_uri": "",
         "source": "",
     }
-    scores = np.full(many, np.nan)
+    scores = np.full(games * many, np.nan)
     if rater.size:
         result = score(pd.DataFrame(columns), Config(bootstrap_n=0, min_clusters=1))
         scores[result["ratee"].astype(int)] = result["robust_score"].astype(float)
-    return scores
+    return scores.reshape(games, -1).T

@@ -27,7 +27,7 @@ from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.run import edge_model
 from roletrust_experiments.commands.console import plus_minus
 from studies.study import Recipe, Study
-from studies.timing import Spread, machine
+from studies.timing import PLAIN, Spread, machine
 
 
 class Options(NamedTuple):
@@ -54,17 +54,11 @@ MET = 5
 LEAST = 5 * MET
 """Least number of agents of a city: a rater meets all of its providers."""
 
-MOST = 10_000_000
-"""Maximum number of agents of a city; role-trust then takes some 10 GB."""
-
 _GROUP = 100_000  # agents of a group, at most
 _PERIOD = 10  # of the on-off providers, in rounds
 
 ATTACKS = "bad-mouthing", "on-off", "collusion"
 """Attacks on a city."""
-
-PLAIN = "plain NumPy"
-"""Name of the round of `mean` that is written by hand."""
 
 _ROUNDS = 1000  # more than are ever played where rounds are timed
 _SHARE = 0.2  # of the raters attack there
@@ -142,13 +136,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sizes, cost_sizes = sorted(asked.agents), sorted(asked.cost)
         scenario = make_scenario("city")
         models = {name: edge_model(parse_trust_model(name, scenario)) for name in asked.model}
-        for size in (*sizes, *cost_sizes):
-            city(size, asked.rounds)  # refuses what is too small or too large
-        steps = len(sizes) * len(models) * (1 + len(ATTACKS) * len(SHARES)) + len(cost_sizes) * (len(models) + 1)
         seeds = range(study.seed, study.seed + asked.seeds)
-        with study.progress(steps) as advance:
-            harms = measure_harm(sizes, models, SHARES, rounds=asked.rounds, seeds=seeds, advance=advance)
-            costs = measure_rounds(cost_sizes, models, seed=study.seed, advance=advance)
+        harms = measure_harm(sizes, models, SHARES, asked.rounds, seeds)
+        costs = measure_rounds(cost_sizes, models, study.seed)
         study.csv("scale-harm.csv", _HARM_HEADER, [(*one[:4], *one.skill[:2], *one.harm[:2]) for one in harms])
         study.csv("scale-costs.csv", _COST_HEADER, map(_cost_row, costs))
         (harm_headings, *harm_lines), cost_lines = _harm_lines(harms), _cost_lines(costs)
@@ -169,15 +159,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def city(agents: int, rounds: int) -> Scenario:
-    """Return the preset `city` with another number of agents, four raters to each provider, and of rounds.
-
-    Raises:
-        ValueError: There are too few agents, or too many.
-    """
-    if agents < LEAST:
-        raise ValueError(f"a city of {agents} agents is too small; it needs {LEAST} or more")
-    if agents > MOST:
-        raise ValueError(f"a city of {agents:,} agents is too large; at most {MOST:,} are allowed")
+    """Return the preset `city` with another number of agents, four raters to each provider, and of rounds."""
     preset = make_scenario("city")
     groups = [
         group.model_copy(update={"count": min(_GROUP, count - begun)}).model_dump()
@@ -215,13 +197,7 @@ def attackers(game: SparseGame, attack: str, share: float) -> dict[str, Policy]:
 
 
 def measure_harm(
-    sizes: Sequence[int],
-    models: Mapping[str, Any],
-    shares: Sequence[float],
-    *,
-    rounds: int,
-    seeds: Sequence[int],
-    advance: Callable[[str], None] = lambda what: None,
+    sizes: Sequence[int], models: Mapping[str, Any], shares: Sequence[float], rounds: int, seeds: Sequence[int]
 ) -> list[Harm]:
     """Play cities with and without attackers, with the same luck.
 
@@ -231,7 +207,6 @@ def measure_harm(
         shares: Shares of attackers.
         rounds: Number of rounds.
         seeds: Seeds, two or more for an interval.
-        advance: Called with what is played next, once for each model, size and condition.
     """
     found = []
     for agents in sizes:
@@ -240,9 +215,7 @@ def measure_harm(
             game = SparseGame(scenario, model)
             played: dict[tuple[str, float], Floats] = {}
             for attack, share in [("honest", 0.0), *((attack, share) for attack in ATTACKS for share in shares)]:
-                advance(f"{agents:,} agents, {name}, {attack}")
-                policies = attackers(game, attack, share) if share else {}
-                seats = JointPolicy(game, policies)
+                seats = JointPolicy(game, attackers(game, attack, share) if share else {})
                 got = np.array([_utilities(seats, seed) for seed in seeds]).T
                 played[attack, share] = skill(*got)
                 harm = estimate(played["honest", 0.0] - played[attack, share])
@@ -259,29 +232,20 @@ def _utilities(seats: JointPolicy, seed: int) -> tuple[float, float]:
     return float(share_of_best(got, best).value), float(share_of_best(blind, best).value)
 
 
-def measure_rounds(
-    sizes: Sequence[int],
-    models: Mapping[str, Any],
-    *,
-    seed: int = 0,
-    advance: Callable[[str], None] = lambda what: None,
-) -> list[RoundCost]:
+def measure_rounds(sizes: Sequence[int], models: Mapping[str, Any], seed: int = 0) -> list[RoundCost]:
     """Time rounds of cities in which a fifth of the raters bad-mouths, each in turn with plain NumPy.
 
     Args:
         sizes: Numbers of agents.
         models: Central trust models by name.
         seed: Random seed.
-        advance: Called with what is measured next, once for each model and size, and for plain NumPy.
     """
     found = []
     for agents in sizes:
         scenario, (raters, providers) = city(agents, _ROUNDS), city_sizes(agents)
-        advance(f"{agents:,} agents, {PLAIN}")
         by_hand, memory = _traced(partial(plain, raters, providers, seed))
         rows = []
         for name, model in models.items():
-            advance(f"{agents:,} agents, {name}")
             play, peak = _traced(_player(SparseGame(scenario, model), seed))
             turns = [(play(), sum(by_hand())) for _ in range(_REPEATS)]
             parts = Parts(*(median(column) for column in zip(*(taken for taken, _ in turns), strict=True)))

@@ -11,7 +11,7 @@ agent, with everybody honest and with what was learnt. Some ten minutes on one c
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from roletrust_agents.strategic.strategies import (
 )
 from roletrust_env import Game
 from roletrust_env.evaluation.specs import parse_trust_model
-from roletrust_env.metrics.confidence import Estimate, Interval, estimate
+from roletrust_env.metrics.confidence import Interval, estimate
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.console import plus_minus
 from studies.charts import Panel, Series, panels_figure
@@ -122,41 +122,10 @@ class Point(NamedTuple):
         return Game(scenario, parse_trust_model(self.model, scenario), like=np.zeros((), np.float32))
 
 
-class Level(NamedTuple):
-    """What a population comes to, over its runs.
-
-    Attributes:
-        point: The population.
-        estimates: Mean of each measure with its interval.
-        anarchy: Price of anarchy with its interval: best welfare over welfare; infinite if welfare is not above 0.
-        deviations: The most frequent best deviation of a provider and of a rater, in words.
-    """
-
-    point: Point
-    estimates: dict[str, Estimate]
-    anarchy: Interval
-    deviations: tuple[str, ...]
-
-    @classmethod
-    def of(cls, point: Point, run: Mapping[str, Any]) -> Self:
-        """Return the level of a point from its runs."""
-        values = {name: np.asarray(run[name], np.float64) for name in MEASURES}
-        return cls(
-            point,
-            {name: estimate(each) for name, each in values.items()},
-            price_of_anarchy(values["best_welfare"], values["welfare"]),
-            tuple(max(sorted(set(run[name])), key=run[name].count) for name in DEVIATIONS),
-        )
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Let all populations learn, and write what they come to."""
     with Study(__name__, RECIPES, arguments) as study:
         asked = study.options
-        if asked.games % 2:
-            raise ValueError(
-                f"--games is {asked.games}; it must be even, because one half chooses and the other measures"
-            )
         points = [
             Point(scenario, model, cost, start)
             for scenario in asked.scenario
@@ -167,11 +136,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         effort = {"runs": asked.runs, "steps": asked.steps, "games": asked.games, "seed": study.seed}
         jobs = {"|".join(map(str, point)): (point, effort) for point in points}
         played = study.play(play_point, jobs, effort)
-        found = [Level.of(point, played[key]) for key, (point, _) in jobs.items() if key in played]
+        found = {point: played[key] for key, (point, _) in jobs.items() if key in played}
         header = ["scenario", "model", "cost", "start", *with_ends(MEASURES, ("", "_half_95"))]
         header += [*with_ends(["anarchy"], ("", "_low_95", "_high_95")), *DEVIATIONS]
-        study.csv("strategic.csv", header, map(_line, found))
-        rows = [[*_names(level), *_cells(level)] for level in found]
+        study.csv("strategic.csv", header, [_line(*one) for one in found.items()])
+        rows = [_cells(*one) for one in found.items()]
         headings = ["world", "model", "start", *_COLUMNS, "price of anarchy"]
         note = f"{asked.runs} runs of {asked.steps} steps, {asked.games} games each; 95% intervals over the runs"
         study.page("strategic.md", markdown_table(headings, rows, 3), f"{note}. Made by `{study.command}`.")
@@ -239,32 +208,37 @@ def _in_words(side: Side, parameters: Floats) -> list[str]:
     ]
 
 
-def _line(level: Level) -> list[Any]:
-    """Return a row of the table of numbers."""
-    numbers = [part for name in MEASURES for part in level.estimates[name][:2]]
-    return [*level.point, *numbers, *(None if x == np.inf else x for x in level.anarchy), *level.deviations]
+def _measured(run: Run, name: str) -> Floats:
+    return np.asarray(run[name], np.float64)
 
 
-def _names(level: Level) -> list[str]:
-    scenario, model, cost, start = level.point
-    return [f"{scenario}, {cost:g}", f"`{model}`", start]
+def _anarchy(run: Run) -> Interval:
+    return price_of_anarchy(_measured(run, "best_welfare"), _measured(run, "welfare"))
 
 
-def _cells(level: Level) -> list[str]:
-    price, low, high = level.anarchy
-    measures = [plus_minus(level.estimates[name]) for name in _COLUMNS.values()]
-    return [*measures, "∞" if price == np.inf else f"{price:.2f} ({low:.2f}, {high:.2f})"]
+def _line(point: Point, run: Run) -> list[Any]:
+    """Return a row of the table of numbers, with the most frequent best deviation of a provider and of a rater."""
+    numbers = [part for name in MEASURES for part in estimate(_measured(run, name))[:2]]
+    words = [max(sorted(set(run[name])), key=run[name].count) for name in DEVIATIONS]
+    return [*point, *numbers, *(None if x == np.inf else x for x in _anarchy(run)), *words]
 
 
-def _panels(found: Sequence[Level]) -> list[Panel]:
+def _cells(point: Point, run: Run) -> list[str]:
+    price, low, high = _anarchy(run)
+    measures = [plus_minus(estimate(_measured(run, name))) for name in _COLUMNS.values()]
+    anarchy = "∞" if price == np.inf else f"{price:.2f} ({low:.2f}, {high:.2f})"
+    return [f"{point.scenario}, {point.cost:g}", f"`{point.model}`", point.start, *measures, anarchy]
+
+
+def _panels(found: Mapping[Point, Run]) -> list[Panel]:
     """Return a panel for each scenario and cost: the welfare of each model by the start."""
     panels = []
-    for scenario, cost in dict.fromkeys((level.point.scenario, level.point.cost) for level in found):
+    for scenario, cost in dict.fromkeys((point.scenario, point.cost) for point in found):
         series = []
         for start, label in STARTS.items():
-            levels = [one for one in found if one.point[::2] == (scenario, cost) and one.point.start == start]
-            welfare = [one.estimates["welfare"].interval for one in levels]
-            series.append(Series(label, [one.point.model for one in levels], welfare))
+            runs = {one.model: run for one, run in found.items() if (*one[::2], one.start) == (scenario, cost, start)}
+            welfare = [estimate(_measured(run, "welfare")).interval for run in runs.values()]
+            series.append(Series(label, list(runs), welfare))
         panels.append(Panel(f"{scenario}, cost {cost:g}", "", "welfare", series))
     return panels
 

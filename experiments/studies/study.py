@@ -7,7 +7,6 @@ import shutil
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, NamedTuple, Self, TypeVar, get_args, get_type_hints
@@ -42,39 +41,6 @@ class Recipe(NamedTuple, Generic[Options]):
     files: Mapping[str, str] = {}
 
 
-class Runs(dict[str, Run]):
-    """Runs by key, in a JSON file that is written after each, so that an interrupted study continues.
-
-    Args:
-        path: Path of the file.
-        settings: Settings that all runs have in common, as plain data.
-        again: Begin again, and overwrite the file.
-
-    Raises:
-        ValueError: The file is no file of runs, or has runs with other settings.
-    """
-
-    def __init__(self, path: Path, settings: Mapping[str, Any], again: bool = False) -> None:
-        self._path, self._settings = path, json.loads(json.dumps(settings))
-        if again or not path.exists():
-            return
-        instead = "give --force to begin again, or another --out"
-        try:
-            stored = json.loads(path.read_text(encoding="utf-8"))
-            made_with, runs = dict(stored["made_with"]), dict(stored["runs"])
-        except (ValueError, KeyError, TypeError):
-            raise ValueError(f"{path} holds no runs of a study; {instead}") from None
-        if made_with != self._settings:
-            other = [name for name in self._settings if made_with.get(name) != self._settings[name]]
-            raise ValueError(f"{path} holds runs with another {', '.join(other) or 'set of settings'}; {instead}")
-        self.update(runs)
-
-    def keep(self, key: str, run: Run) -> None:
-        """Add a run, and write all runs in an order that does not depend on their end."""
-        self[key] = run
-        write_json(self._path, {"made_with": self._settings, "runs": {key: self[key] for key in sorted(self)}})
-
-
 class Study(Generic[Options]):
     """A study that is being run, as a context.
 
@@ -94,7 +60,6 @@ class Study(Generic[Options]):
         out: Folder of the results.
         again: Begin again, and overwrite what is there.
         command: Command that repeats the study.
-        facts: Further results for `study.json`.
     """
 
     def __init__(
@@ -114,7 +79,6 @@ class Study(Generic[Options]):
         seeded = ["--seed", str(self.seed)] if self.seed else []
         chosen = [] if self.recipe == first else [self.recipe]
         self.command = shlex.join(["python", "-m", self.name, *chosen, *words, *seeded])
-        self.facts: dict[str, Any] = {}
         self._written: list[str] = []
         self._failed = False
 
@@ -135,7 +99,7 @@ class Study(Generic[Options]):
         if error is not None:
             return
         about = {"command": self.command, "options": self.options._asdict(), "seed": self.seed}  # type: ignore[attr-defined]
-        write_json(self.out / "study.json", json.loads(json.dumps({**about, **software(), **self.facts}, default=str)))
+        write_json(self.out / "study.json", json.loads(json.dumps({**about, **software()}, default=str)))
         print(f"Written to {self.out}: {', '.join([*self._written, 'study.json'])}")
         for name, place in self._published.items() if self._publish else ():
             (DOCS / place).parent.mkdir(parents=True, exist_ok=True)
@@ -143,54 +107,38 @@ class Study(Generic[Options]):
         if self._failed:
             raise SystemExit(1)
 
-    def runs(self, settings: Mapping[str, Any], folder: Path | None = None) -> Runs:
-        """Return the runs of this study that are kept in `runs.json`.
-
-        Args:
-            settings: Settings that runs must share to be compared; the version of the software is added.
-            folder: Folder of the file; None is that of the study.
-        """
-        return Runs((folder or self.out) / "runs.json", {"study": self.name, **settings, **software()}, self.again)
-
     def play(
         self, work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], settings: Mapping[str, Any]
     ) -> dict[str, Run]:
-        """Play the runs that are not kept, each in a process of its own, and return all that did not fail.
+        """Play the runs that are not kept in `runs.json`, each in a process, and return all that did not fail.
+
+        The file is written after each run, so that an interrupted study continues.
 
         Args:
             work: Function of a module that plays a run.
             jobs: Arguments of each run, by key.
-            settings: See `runs`.
+            settings: Settings that runs must share to be compared; the version of the software is added.
 
         Raises:
-            ValueError: All runs failed.
+            ValueError: All runs failed, or the file has runs with other settings.
         """
-        kept = self.runs(settings)
+        path = self.out / "runs.json"
+        made_with = json.loads(json.dumps({"study": self.name, **settings, **software()}))
+        kept = {} if self.again or not path.exists() else _kept(path, made_with)
         missing = {key: arguments for key, arguments in jobs.items() if key not in kept}
-        with self.progress(len(jobs)) as advance:
-            for key in jobs.keys() - missing.keys():
-                advance(key)
+        with progress_bar() as bar:
+            task = bar.add_task(self.recipe, total=len(jobs), completed=len(jobs) - len(missing))
             for key, run in _played(work, missing, self.workers):
                 if "failed" in run:
-                    self.warn(f"{key}: {run['failed']}")
+                    print(f"{key}: {run['failed']}", file=sys.stderr)
                     self._failed = True
                 else:
-                    kept.keep(key, run)
-                advance(key)
+                    kept[key] = run
+                    write_json(path, {"made_with": made_with, "runs": {key: kept[key] for key in sorted(kept)}})
+                bar.update(task, advance=1)
         if not any(key in kept for key in jobs):
             raise ValueError("no run was finished, so there is nothing to show")
         return {key: kept[key] for key in jobs if key in kept}
-
-    @contextmanager
-    def progress(self, total: int) -> Iterator[Callable[[str], None]]:
-        """Show a progress bar, and yield a function that takes what was done last."""
-        with progress_bar() as bar:
-            task = bar.add_task(self.recipe, total=total)
-            yield lambda what: bar.update(task, advance=1, description=what.replace("[", r"\["))
-
-    def warn(self, line: str) -> None:
-        """Print a line that a reader must know."""
-        print(line, file=sys.stderr)
 
     def csv(self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
         """Write a table of numbers."""
@@ -263,6 +211,18 @@ def _given(default: Options, given: Namespace) -> tuple[Options, list[str]]:
             several = changed[field] if isinstance(changed[field], tuple) else (changed[field],)
             words += [option] if value is True else [word for one in several for word in (option, str(one))]
     return default._replace(**changed), words  # type: ignore[attr-defined]
+
+
+def _kept(path: Path, made_with: Run) -> dict[str, Run]:
+    """Return the runs of a file, all with these settings."""
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        same, runs = stored["made_with"] == made_with, dict(stored["runs"])
+    except (ValueError, KeyError, TypeError):
+        same, runs = False, {}
+    if not same:
+        raise ValueError(f"{path} holds no runs with these settings; give --force to begin again, or another --out")
+    return runs
 
 
 def _played(work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], workers: int) -> Iterator[tuple[str, Run]]:

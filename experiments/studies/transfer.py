@@ -10,8 +10,7 @@ turn against the marked trust models. `--on` adds columns without training on th
 or, as a URL, a service. Hours for all models; the recipe `outside` is some minutes.
 """
 
-from collections.abc import Sequence
-from time import perf_counter
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -96,23 +95,8 @@ class Coalition(NamedTuple):
         return f"{'universal' if self.universal else 'trained on'}|{self.name}|{seed}"
 
 
-class Cell(NamedTuple):
-    """A cell of the table.
-
-    Attributes:
-        coalition: Row: the coalition.
-        model: Column: the trust model that it plays against.
-        utility: Utility of the consumer in fresh games, over the seeds.
-    """
-
-    coalition: Coalition
-    model: str
-    utility: Estimate
-
-    @property
-    def seen(self) -> bool:
-        """True if the trust model was among those of the training."""
-        return self.coalition.knows(self.model)
+Table = Mapping[Coalition, Mapping[str, Estimate]]
+"""Utility of the consumer in fresh games, over the seeds, by coalition and by the trust model that it plays against."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -124,34 +108,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
         columns = list(dict.fromkeys([*models, *asked.on]))
         condition.check(columns)
         rows, seeds = coalitions(models), range(study.seed, study.seed + asked.runs)
-        settings = {
-            "condition": condition.describe(),
-            "budget": asked.budget,
-            "games": asked.games,
-            "columns": columns,
-        }
-        jobs = {
-            row.key(seed): (condition, row, seed, columns, asked.budget, asked.games) for row in rows for seed in seeds
-        }
-        played = study.play(play_row, jobs, settings)
-        found = [
-            [
-                Cell(row, model, mean_of([played[row.key(seed)]["utility"][model] for seed in seeds]))
-                for model in columns
-            ]
+        effort = (columns, asked.budget, asked.games)
+        jobs = {row.key(seed): (condition, row, seed, *effort) for row in rows for seed in seeds}
+        played = study.play(play_row, jobs, {"condition": condition.describe(), "effort": effort})
+        found = {
+            row: {name: mean_of([played[row.key(seed)]["utility"][name] for seed in seeds]) for name in columns}
             for row in rows
             if all(row.key(seed) in played for seed in seeds)
-        ]
-        if not found:
-            raise ValueError("no row of the table could be played in full; the reasons are above")
+        }
+        cells = [(row, name, utility) for row, line in found.items() for name, utility in line.items()]
         study.csv(
             "transfer.csv",
             ("trained_on", "universal", "played_on", "seen", "utility", "half_95"),
-            [(*cell.coalition[::2], cell.model, cell.seen, *cell.utility[:2]) for row in found for cell in row],
+            [(row.name, row.universal, name, row.knows(name), *utility[:2]) for row, name, utility in cells],
         )
         title = f"Trained on one trust model, played on others ({condition})"
         study.figure("transfer.png", _figure(title, found), colours=None)
-        table = [[row[0].coalition.name, *(f"{one.utility.mean:.2f}{'*' * one.seen}" for one in row)] for row in found]
+        table = [
+            [row.name, *(f"{one.mean:.2f}{'*' * row.knows(name)}" for name, one in line.items())]
+            for row, line in found.items()
+        ]
         study.page(
             "transfer.md",
             markdown_table(["trained on", *columns], table, names=1),
@@ -185,31 +161,27 @@ def play_row(condition: Condition, row: Coalition, seed: int, models: Sequence[s
         games: Number of fresh games.
 
     Returns:
-        The utility by trust model, and the rounds and seconds of the training.
+        The utility by trust model, and the attack in a few words.
     """
-    began = perf_counter()
     if row.universal:
         found = SearchResult(CoalitionAttacker(universal_coalitions()[row.name]), 0, row.name)
     else:
         found = EvolutionSearch(start="random").search(condition.arguments(row.name), Budget(budget), seed)
-    seconds = perf_counter() - began
     utility = {model: condition.utility(model, found.attacker, seed, games) for model in models}
-    return {"rounds": found.rounds, "seconds": round(seconds, 3), "attack": found.description, "utility": utility}
+    return {"attack": found.description, "utility": utility}
 
 
-def sentences(cells: Sequence[Sequence[Cell]]) -> list[str]:
+def sentences(found: Table) -> list[str]:
     """Return what the table says about unseen models: of all trained coalitions, and of each universal one.
 
     Example:
-        >>> row = Coalition("mean", ("mean",))
-        >>> cells = [[Cell(row, "mean", Estimate(0.2, 0.1)), Cell(row, "beta", Estimate(0.4, 0.1))]]
-        >>> sentences(cells)
+        >>> sentences({Coalition("mean", ("mean",)): {"mean": Estimate(0.2, 0.1), "beta": Estimate(0.4, 0.1)}})
         ['Coalitions trained on one model, on the others: mean utility 0.400; 1 of 1 below 0.5.']
     """
     groups: dict[str, list[float]] = {}
-    for row in cells:
-        name = row[0].coalition.name if row[0].coalition.universal else ""
-        groups.setdefault(name, []).extend(cell.utility.mean for cell in row if not cell.seen)
+    for row, line in found.items():
+        unseen = [one.mean for name, one in line.items() if not row.knows(name)]
+        groups.setdefault(row.name if row.universal else "", []).extend(unseen)
     return [
         f"{f'{name}, on models it was not trained on' if name else 'Coalitions trained on one model, on the others'}: "
         f"mean utility {mean_of([*values]).mean:.3f}; {sum(value < LIMIT for value in values)} of {len(values)} "
@@ -219,21 +191,22 @@ def sentences(cells: Sequence[Sequence[Cell]]) -> list[str]:
     ]
 
 
-def _figure(title: str, cells: Sequence[Sequence[Cell]]) -> Figure:
+def _figure(title: str, found: Table) -> Figure:
     """Return a heat map of the utility: trained on the rows, played on the columns."""
-    rows, columns = [row[0].coalition.name for row in cells], [cell.model.rpartition(":")[2] for cell in cells[0]]
+    rows = [row.name for row in found]
+    columns = [name.rpartition(":")[2] for name in next(iter(found.values()))]
     names = _LETTER * max(map(len, (*rows, *columns)))
     size = max(5.5, _CELL * len(columns) + names + 1.6), _CELL * len(rows) + names + 1.6
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots()
-    values = np.array([[cell.utility.mean for cell in row] for row in cells])
+    values = np.array([[one.mean for one in line.values()] for line in found.values()])
     colours = LinearSegmentedColormap.from_list("utility", [ATTACKER, "#FDF3EC", HONEST[0]])
     image = axes.imshow(np.ma.masked_invalid(values), cmap=colours, vmin=0, vmax=1, aspect="auto")
-    for k, row in enumerate(cells):
-        for j, cell in enumerate(row):
+    for k, (row, line) in enumerate(found.items()):
+        for j, name in enumerate(line):
             ink = "white" if abs(values[k, j] - 0.5) > _DARK else INK
             axes.text(j, k, f"{values[k, j]:.2f}", ha="center", va="center", fontsize=7.5, color=ink)
-            if cell.seen:
+            if row.knows(name):
                 axes.add_patch(Rectangle((j - 0.47, k - 0.47), 0.94, 0.94, fill=False, edgecolor=INK, linewidth=1.5))
     axes.set_xticks(range(len(columns)), columns, rotation=55, ha="right", rotation_mode="anchor", fontsize=8.5)
     axes.set_yticks(range(len(rows)), rows, fontsize=8.5)

@@ -102,8 +102,6 @@ class TrustRun(ABC):
 def make_run(model: Any, shape: tuple[int, int] = (0, 0), *, one_role: bool = True) -> TrustRun:
     """Return a run with so many raters and providers: on edges if the model runs there, otherwise on a grid.
 
-    A model of another kind may bring a run of its own: a method `trust_run(shape)`.
-
     Args:
         model: Trust model.
         shape: Number of raters and of providers at the start.
@@ -112,9 +110,6 @@ def make_run(model: Any, shape: tuple[int, int] = (0, 0), *, one_role: bool = Tr
     Raises:
         MemoryError: The state on a grid would take more than `MEMORY`. The message says how much.
     """
-    if hasattr(model, "trust_run"):
-        own: TrustRun = model.trust_run(shape)
-        return own
     if not runs_on_edges(model):
         check_memory(model, shape)
         return GridRun(model, np.zeros(shape), pairs_of(shape, one_role=one_role), one_role=one_role)

@@ -24,7 +24,6 @@ def test_every_question_has_a_sentence_a_figure_a_table_and_a_command(tmp_path, 
             rows = list(csv.DictReader(file))
         assert rows
         assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in rows)
-        assert one["differences"]
     main(["--quick", "--games", "3", "--question", "noise", "--out", str(tmp_path / "again")])
     again = json.loads((tmp_path / "again" / "runs.json").read_text())["runs"]
     assert again["noise"] == kept["noise"]

@@ -11,7 +11,6 @@ from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
 from roletrust_agents.training.runs import write_bytes
 from roletrust_baselines.search import PaperAttacks
 from roletrust_env import make_scenario
-from roletrust_env.evaluation.measurement import exact_task
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.trust import Traits, make_trust_model
 from studies.ladder import main, watch
@@ -85,26 +84,14 @@ def test_a_trained_attacker():
         find(zoo, {**arguments, "compromised": ("sp_2",), "scenario": four}, **measured)
 
 
-def trained(folder, seed, **other):
-    """A saved attacker of a training with a seed, as `roletrust train --runs` leaves it."""
-    zoo = load_attacker(ZOO / "provider-3x3")
-    card = zoo.card.model_copy(update={"training": zoo.card.training.model_copy(update={"seed": seed, **other})})
-    save_attacker(replace(zoo, card=card), folder / f"seed-{seed}" / "attacker", write_bytes)
-
-
-def test_trajectory_is_what_was_played():
+def test_what_an_attack_does_is_what_was_played():
     arguments = {"scenario": "paper-3x3", "max_cycles": 12, "compromised": ("sr_2", "sp_0"), "objective": "damage"}
     finding = find(PaperAttacks(), arguments, budget=0, seed=0, games=2)
-    seen = watch(arguments, finding, 0)
-    assert seen.quality["sp_0"].tolist() == [0, 1] * 6
-    assert seen.ratings["sr_2"].shape == (12, 2)
-    assert np.isnan(seen.ratings["sr_2"][0]).all()
-    assert (seen.ratings["sr_2"][1:] == 0.5).all()
-    assert list(seen.own) == ["ToR of sr_2", "ToP of sp_0"]
-    assert seen.own["ToR of sr_2"].tolist() == seen.mine["ToR"].tolist()
-    assert seen.mine["ToR"].shape == seen.honest["ToP"].shape == (12,)
-    assert seen.objective == pytest.approx(1 - seen.honest["ToP"])
-    assert exact_task(arguments).compromised == ("sr_2", "sp_0")
+    ratings, quality = watch(arguments, finding, 0).values()
+    assert quality.tolist() == [[0, 1] * 6]
+    assert ratings.shape == (2, 12)
+    assert np.isnan(ratings[:, 0]).all()
+    assert (ratings[:, 1:] == 0.5).all()
 
 
 @pytest.mark.parametrize("name", ["eigentrust", "huber-mean", "peer-trust"])

@@ -1,7 +1,5 @@
 """The package robustrep as a trust model."""
 
-from copy import deepcopy
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ pytest.importorskip("robustrep")
 
 from roletrust_env.testing import check_trust_model
 from roletrust_env.trust import Ratings
-from roletrust_env.trust.run import make_run
 from studies.robustrep import RobustRep
 
 pytestmark = pytest.mark.slow
@@ -42,24 +39,3 @@ def test_without_the_package_the_error_says_how_to_install_it(monkeypatch: pytes
     monkeypatch.setattr("studies.robustrep.find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'roletrust-env\[peers\]'"):
         RobustRep()
-
-
-def test_on_a_log_it_is_the_same_without_a_window() -> None:
-    rng = np.random.default_rng(2)
-    ratings, mask = rng.uniform(0.1, 1, (4, 5, 3)), rng.random((4, 5, 3)) < 0.5
-    mask[:, :, 2] = False
-    model = RobustRep(initial=0.3, window=4)
-    state, run = model.start(np.zeros((5, 3))), make_run(model, (5, 3))
-    assert (run.provider_trust == 0.3).all()
-    for given, seen in zip(ratings, mask, strict=True):
-        raters, providers = np.nonzero(seen)
-        before = deepcopy(run)
-        run.play(raters, providers, given[seen])
-        run.skip(1)
-        state = model.update(state, Ratings(given, seen))
-        np.testing.assert_allclose(run.provider_trust, model.provider_trust(state))
-        assert before.rounds == run.rounds - 2
-    assert (run.rater_trust == 1).all()
-    twice = make_run(model, (2, 1))
-    twice.play(np.array([0, 0, 1]), np.array([0, 0, 0]), np.array([0.2, 0.6, 0.9]))
-    assert twice.provider_trust.tolist() == pytest.approx([0.4])

@@ -41,19 +41,6 @@ def test_the_page_and_the_tables(tmp_path):
     assert f"| mean | on-off | 40% | {float(harms[4]['harm']):.3f} ± " in (tmp_path / "scale.md").read_text()
 
 
-def test_bad_input_is_one_line_before_the_work(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("studies.scale.measure_harm", None)
-    for arguments, message in (
-        (["--agents", "24"], "24 agents is too small; it needs 25 or more"),
-        (["--cost", "100000000000"], "100,000,000,000 agents is too large; at most 10,000,000"),
-        (["--model", "travos"], "edges"),
-    ):
-        with pytest.raises(SystemExit) as stopped:
-            main([*arguments, "--out", str(tmp_path)])
-        assert stopped.value.code == 2
-        assert message in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(("agents", "raters", "providers"), [(25, 20, 5), (104, 84, 20), (600_000, 480_000, 120_000)])
 def test_a_city_has_four_raters_to_a_provider(agents, raters, providers):
     scenario = city(agents, 7)

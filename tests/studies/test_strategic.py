@@ -36,10 +36,3 @@ def test_the_price_of_anarchy_has_an_interval_that_covers_the_quotient_and_is_in
     found = [price_of_anarchy(*pair) for pair in zip(best, welfare, strict=True)]
     assert np.mean([one.low <= 2 <= one.high for one in found]) > 0.9
     assert price_of_anarchy(np.array([0.9, 0.9]), np.array([0.001, 0.001])).high == np.inf
-
-
-def test_an_odd_number_of_games_is_refused(tmp_path, capsys):
-    with pytest.raises(SystemExit):
-        main(["--games", "3", "--out", str(tmp_path / "none")])
-    assert "it must be even" in capsys.readouterr().err
-    assert not (tmp_path / "none").exists()

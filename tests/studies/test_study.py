@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import pytest
 
+from roletrust_env.storage.files import write_json
 from studies import study as runner
-from studies.study import Recipe, Runs, Study
+from studies.study import Recipe, Study
 
 
 class Options(NamedTuple):
@@ -76,12 +77,11 @@ def test_other_settings_and_damaged_files_are_refused_in_one_line(tmp_path, caps
 
 
 def test_an_interrupted_study_keeps_what_is_finished(tmp_path, monkeypatch, capsys):
-    def keep(self, key, run):
-        kept(self, key, run)
+    def write(path, content):
+        write_json(path, content)
         raise KeyboardInterrupt
 
-    kept = Runs.keep
-    monkeypatch.setattr(Runs, "keep", keep)
+    monkeypatch.setattr(runner, "write_json", write)
     with pytest.raises(SystemExit) as stopped:
         study(tmp_path)
     assert stopped.value.code == 130

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from matplotlib.figure import Figure
 from pydantic import TypeAdapter, ValidationError
 
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
@@ -18,8 +20,9 @@ from roletrust_experiments.commands.catalogue import Entry
 from roletrust_experiments.commands.console import errors, progress_bar
 from roletrust_experiments.playing.games import attacks_in_words
 from roletrust_experiments.plots.figure_files import write_figure
+from roletrust_experiments.plots.style import INK
 from roletrust_experiments.plots.video import write_video
-from studies.models import ATTACKS, ROUNDS, SCENARIO, in_words, panel_figure, play_panel
+from studies.models import ATTACKS, ROUNDS, SCENARIO, WORDS, Panel, draw_panel, legend_keys, play_panel
 
 MODEL = "role-trust"
 """Trust model that every attack is shown on: the paper's."""
@@ -210,8 +213,34 @@ def how_shown(name: str, entry: Entry) -> Shown:
 def _draw(path: Path, joint_policy: JointPolicy, title: str) -> str:
     """Play and draw; return the description of the picture."""
     panel = play_panel(joint_policy, 0, games=GAMES)
-    write_figure(path, panel_figure(panel, title))
-    return in_words(panel)
+    write_figure(path, _panel_figure(panel, title))
+    return _in_words(panel)
+
+
+def _panel_figure(panel: Panel, title: str) -> Figure:
+    """One panel by itself, small."""
+    figure = Figure(figsize=(3.6, 2.7), layout="constrained")
+    axes = figure.subplots()
+    draw_panel(axes, panel)
+    axes.set_title(title, color=INK, fontsize=10)
+    axes.set_xlabel("time (s)", color=INK, fontsize=9)
+    axes.set_ylabel("trust", color=INK, fontsize=9)
+    figure.legend(
+        handles=legend_keys([panel]), loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK
+    )
+    return figure
+
+
+def _in_words(panel: Panel) -> str:
+    """Return the description of a panel for readers who cannot see it."""
+    start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
+    told = []
+    for (trust, whose), values in panel.lines.items():
+        before, meanwhile = values[max(start - 1, 0)], values[start:stop]
+        there = meanwhile[~np.isnan(meanwhile)]  # none in a round in which all such agents have left
+        during = f"{there.min():.2f} to {there.max():.2f} in it" if len(there) else "absent in it"
+        told.append(f"{trust} of {WORDS[trust, whose]} {before:.2f} before, {during}")
+    return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
 
 
 def films(folder: Path, *, quick: bool) -> dict[str, Film]:

@@ -54,18 +54,12 @@ class Front(NamedTuple):
         Raises:
             ValueError: The name has another form, or see `Condition.of`.
         """
-        scenario, _, rest = name.partition("/")
-        track, _, share = rest.partition("/")
         try:
+            scenario, track, share = name.split("/")
             number = float(share)
         except ValueError:
             raise ValueError(f"a front is SCENARIO/TRACK/SHARE, such as crowd/raters/0.3, not {name!r}") from None
         return cls(Condition.of(suite, scenario, track, number), f"{scenario}/{track}/{number:g}")
-
-    @property
-    def length(self) -> int:
-        """Number of rounds of a game."""
-        return self.condition.suite.scenarios[self.condition.scenario].scenario().max_cycles
 
     def arguments(self, model: str) -> Mapping[str, Any]:
         """Return the arguments of the attack task against a trust model, given by its spec."""
@@ -104,11 +98,6 @@ class Front(NamedTuple):
             found |= {one.name: one for one in [min(ready, key=lambda one: coalitions[one.name].chosen.mean())]}
         return list(found.values())
 
-    @property
-    def has_strangers(self) -> bool:
-        """True if the suite knows attackers in this condition."""
-        return bool(self._known_there())
-
     def strangers(self, met: Sequence[KnownAttack]) -> list[KnownAttack]:
         """Return attackers that no training has met: those that the suite knows in this condition.
 
@@ -117,7 +106,10 @@ class Front(NamedTuple):
         Args:
             met: Attackers that a training has met; scripts of these names are left out.
         """
-        if known := self._known_there():
+        where = self.condition
+        known = where.suite.known_in((where.scenario, where.track, where.share))
+        # Those of the evolution strategy are no strangers: some were found against `first-hand` and `leave-one-out`.
+        if known := [one for one in known if not one.name.startswith("evolution strategy against ")]:
             return known
         names = {one.name for one in met}
         return [script for script in self._scripts() if script.name not in names]
@@ -139,16 +131,15 @@ class Front(NamedTuple):
                 found[name] = Skills(*(self._skill(half["utility"][k], half["blind"][k]) for half in halves))
         return found
 
+    def worst(self, model: str, attacks: Sequence[KnownAttack], seed: int, games: int) -> Floats:
+        """Return the skill under the attack that is the worst one in the games that choose, shape (G,)."""
+        met = self.skills(model, attacks, seed, games).values()
+        return min(met, key=lambda skills: float(np.mean(skills.chosen))).measured
+
     def clean(self, model: str, seed: int, games: int) -> Floats:
         """Return the skill where nobody attacks, shape (G,). Arguments as for `skills`."""
         seen = measure_honest(exact_task(self.arguments(model)), seed, games).measured
         return self._skill(seen["utility"][0], seen["blind"][0])
-
-    def _known_there(self) -> list[KnownAttack]:
-        where = self.condition
-        known = where.suite.known_in((where.scenario, where.track, where.share))
-        # Those of the evolution strategy are no strangers: some were found against `first-hand` and `leave-one-out`.
-        return [one for one in known if not one.name.startswith("evolution strategy against ")]
 
     def _scripts(self) -> list[KnownAttack]:
         """Return the scripted attacks of the suite at their defaults."""

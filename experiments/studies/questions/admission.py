@@ -9,8 +9,8 @@ from roletrust_env import Policy, Scenario, make_scenario
 from roletrust_env.evaluation.measurement import GameRecord
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
-from studies.charts import Panel, Series
-from studies.questions.answers import Effort, Finding, amount, as_settings, last, listed, play, verdict
+from studies.charts import Panel
+from studies.questions.answers import Effort, Finding, amount, last, lines, listed, play, verdict
 
 QUESTION = "What does admission control buy?"
 _THRESHOLDS = 0.1, 0.15, 0.2, 0.25, 0.3, 0.4
@@ -48,16 +48,12 @@ def answer(effort: Effort) -> Finding:
         )
         for name in attacks
     }
-    panels = tuple(
+    panels = [
         Panel(
             title,
             "threshold of trust",
             along,
-            [
-                Series(name, thresholds, [estimate(found[what, name, at]).interval for at in thresholds])
-                for name in attacks
-                if attacks[name] or what != CAUGHT
-            ],
+            lines(found, what, [name for name in attacks if attacks[name] or what != CAUGHT], thresholds),
         )
         for what, title, along in (
             (GAIN, "what consumers gain who go by trust", "quality, more than without"),
@@ -65,9 +61,8 @@ def answer(effort: Effort) -> Finding:
             (CUT, "honest agents cut off", "share of the honest, at the end"),
             (CAUGHT, "attackers cut off", "share of the attackers, at the end"),
         )
-    )
-    settings = as_settings(open_to_all, **attacks) | {"thresholds": thresholds, "rounds": _ROUNDS}
-    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
+    ]
+    return Finding(QUESTION, sentence(differences), panels, effort.games)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:

@@ -5,9 +5,9 @@ Differences are paired: both sides play the same games with the same random numb
 multiple comparisons.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import ceil
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from roletrust_env import Policy, Scenario, metrics
 from roletrust_env.benchmarking.pool import LocalPool
@@ -17,14 +17,14 @@ from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import Floats, GameRecord, exact_task, watch
 from roletrust_env.game.consumer import Bought
-from roletrust_env.metrics.confidence import Estimate, Interval
-from roletrust_env.storage.provenance import describe_policies
+from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_env.world.group import Role
 from roletrust_env.world.roster import Roster
 from studies import SUITES
-from studies.charts import Panel
+from studies.charts import Panel, Series
 
 T = TypeVar("T")
+At = TypeVar("At", float, str)
 
 SETTLED = 10
 """Rounds after which the initial trust counts for 2 ** -10 at most, where lam is 0.5."""
@@ -113,15 +113,6 @@ def honest(scenario: Scenario, attackers: Mapping[str, Policy]) -> list[int]:
     return [place for place, name in enumerate(Roster.of(scenario).names) if name not in attackers]
 
 
-def as_settings(scenario: Scenario, **attacks: Mapping[str, Policy]) -> dict[str, Any]:
-    """Return a scenario and its attackers as plain data."""
-    return {
-        "trust_model": "role-trust",
-        "scenario": scenario.model_dump(mode="json"),
-        "attackers": {name: describe_policies(attackers) for name, attackers in attacks.items()},
-    }
-
-
 _SAME = 1e-9
 """Largest difference that is due to rounding."""
 
@@ -136,17 +127,27 @@ class Finding(NamedTuple):
         question: Question in words.
         sentence: Answer in words.
         panels: Panels of the figure.
-        differences: Differences behind the sentence, by name.
         games: Number of games of each mean.
-        settings: Settings of the games, as plain data.
     """
 
     question: str
     sentence: str
-    panels: tuple[Panel, ...]
-    differences: dict[str, Estimate]
+    panels: Sequence[Panel]
     games: int
-    settings: dict[str, Any]
+
+
+def lines(
+    found: Mapping[tuple[str, str, At], Floats], what: str, labels: Iterable[str], at: Sequence[At]
+) -> list[Series]:
+    """Return a line for each label: means over the games with their intervals.
+
+    Args:
+        found: Numbers of each game, by what they are, the label and the position, shape (G,) each.
+        what: What is drawn.
+        labels: Labels of the lines.
+        at: Positions.
+    """
+    return [Series(label, at, [estimate(found[what, label, x]).interval for x in at]) for label in labels]  # type: ignore[arg-type]
 
 
 def sign(difference: Estimate) -> int:

@@ -10,8 +10,8 @@ from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, me
 from roletrust_env.evaluation.attackers import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.score import mean_or_nan
-from studies.charts import Panel, Series
-from studies.questions.answers import SETTLED, Effort, Finding, as_settings, in_words, verdict
+from studies.charts import Panel
+from studies.questions.answers import SETTLED, Effort, Finding, in_words, lines, verdict
 
 QUESTION = "What does ToA do for agents that are raters and providers?"
 _PEERS, _ATTACKERS = 9, 3
@@ -62,27 +62,21 @@ def answer(effort: Effort) -> Finding:
         for name, trust in _ROLES.items()
         for what in Seen._fields
     }
-    panels = tuple(
-        Panel(
-            title,
-            "",
-            what,
-            [
-                Series(
-                    trust,
-                    [case.words for case in _CASES.values()],
-                    [estimate(getattr(seen[name], field)[trust]).interval for name in _CASES],
-                )
-                for trust in ("ToR", "ToP", "ToA")
-            ],
-        )
+    found = {
+        (field, trust, _CASES[name].words): values
+        for name, one in seen.items()
+        for field in Seen._fields
+        for trust, values in getattr(one, field).items()
+    }
+    words = [case.words for case in _CASES.values()]
+    panels = [
+        Panel(title, "", what, lines(found, field, ("ToR", "ToP", "ToA"), words))
         for field, title, what in (
             ("gap", "how far attackers stand apart", "trust of the honest less that of attackers"),
             ("auc", "how well they are told apart", "AUC: 0.5 as by chance, 1 surely"),
         )
-    )
-    settings = as_settings(_peers(effort, ()), **{case.words: _attackers(case) for case in _CASES.values()})
-    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
+    ]
+    return Finding(QUESTION, sentence(differences), panels, effort.games)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:

@@ -64,9 +64,8 @@ def answer(effort: Effort) -> Finding:
         [Series("breaks", order, [Interval(*breaks[model]) for model in order])],
         bound=BOUND,
     )
-    differences = {f"{model}, {share:.0%}": one for model, found in left.items() for share, one in found.items()}
     words = sentence(breaks, set(left) - set(breaks), failed)
-    return Finding(QUESTION, words, (panel,), differences, suite.games, suite.model_dump(mode="json"))
+    return Finding(QUESTION, words, [panel], suite.games)
 
 
 def breaking(over: Mapping[float, Estimate]) -> Break:

@@ -9,7 +9,7 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from studies.charts import Panel, Series
-from studies.questions.answers import Effort, Finding, amount, as_settings, exact, honest, in_words, last, lost, play
+from studies.questions.answers import Effort, Finding, amount, exact, honest, in_words, last, lines, lost, play
 
 QUESTION = "Do larger systems dilute liars?"
 _SIZES = 3, 9, 27, 81
@@ -22,7 +22,7 @@ FALLS, FROM = "fall", "from"
 def answer(effort: Effort) -> Finding:
     """Play crowds of several sizes with one liar, and with a third of liars."""
     sizes = effort.some(_SIZES)
-    taken: dict[tuple[str, str, int], Floats] = {}
+    taken: dict[tuple[str, str, float], Floats] = {}
     for size in sizes:
         scenario = _crowd(size, effort)
         twin = play(effort, scenario)
@@ -37,19 +37,17 @@ def answer(effort: Effort) -> Finding:
         for lie in _LIES
         for what, rest in ((FALLS, taken[lie, who, sizes[-1]]), (FROM, 0.0))
     }
-    panels = tuple(
+    panels = [
         Panel(
             f"liars {lie}",
             "raters, and as many providers",
             "trust that the honest lose",
-            [Series(who, sizes, [estimate(taken[lie, who, size]).interval for size in sizes]) for who in _MANY]
-            + [_without_noise(lie, level, who, sizes) for who in _MANY],
+            [*lines(taken, lie, _MANY, sizes), *(_without_noise(level, who, sizes) for who in _MANY)],
             "log",
         )
         for lie, level in _LIES.items()
-    )
-    settings = as_settings(_crowd(sizes[-1], effort)) | {"sizes": list(sizes), "lies": _LIES}
-    return Finding(QUESTION, sentence(differences, sizes[0], sizes[-1]), panels, differences, effort.games, settings)
+    ]
+    return Finding(QUESTION, sentence(differences, sizes[0], sizes[-1]), panels, effort.games)
 
 
 def sentence(differences: dict[str, Estimate], small: int, large: int) -> str:
@@ -87,7 +85,7 @@ def _crowd(size: int, effort: Effort) -> Scenario:
     return crowd.change(name=f"crowd-{size}x{size}", agents=agents, max_cycles=effort.rounds(40))
 
 
-def _without_noise(lie: str, level: float, who: str, sizes: tuple[int, ...]) -> Series:
+def _without_noise(level: float, who: str, sizes: tuple[int, ...]) -> Series:
     """Return the closed form as a mean over the honest agents."""
     values = []
     for size in sizes:

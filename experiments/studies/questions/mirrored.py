@@ -81,12 +81,7 @@ def answer(effort: Effort) -> Finding:
             [] if part else [Series("bound", [0.0, limit, limit, shares[-1]], [*map(exact, (1, 1, 0, 0))], known=True)]
         )
         panels.append(Panel(title, "share of the raters that lie", "skill over both worlds", [*series, *known]))
-    differences = {f"{name}, published": one for name, one in published.items()}
-    differences |= {
-        f"{name}, own": one for name, one in own.items() if Traits.of(make_trust_model(name)).family == "personal"
-    }
-    scenario = {"raters": RATERS, "providers": PROVIDERS, "rounds": rounds, "noise": _NOISE, "rated": _RATED}
-    return Finding(QUESTION, sentence(published, own), tuple(panels), differences, effort.games, {"scenario": scenario})
+    return Finding(QUESTION, sentence(published, own), panels, effort.games)
 
 
 def sentence(published: dict[str, Estimate], own: dict[str, Estimate]) -> str:

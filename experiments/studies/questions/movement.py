@@ -3,8 +3,8 @@
 from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario, metrics
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from studies.charts import Panel, Series
-from studies.questions.answers import Effort, Finding, as_settings, honest, last, listed, lost, play
+from studies.charts import Panel
+from studies.questions.answers import Effort, Finding, honest, last, lines, listed, lost, play
 
 QUESTION = "What does movement do, where each rater sees only the providers near it?"
 _ARENA = 10.0
@@ -38,20 +38,14 @@ def answer(effort: Effort) -> Finding:
         for radius in (_USUAL, _NEAR)
         for name, other in ((EVERYONE, (moving, _EVERYONE)), (STILL, (still, radius)))
     }
-    panels = tuple(
-        Panel(
-            title,
-            f"radius in metres, in an arena of {_ARENA:g} m",
-            along,
-            [Series(label, radii, [estimate(found[what, label, at]).interval for at in radii]) for label in _SPEEDS],
-        )
+    panels = [
+        Panel(title, f"radius in metres, in an arena of {_ARENA:g} m", along, lines(found, what, _SPEEDS, radii))
         for what, title, along in (
             (HARM, f"what {_LIARS} liars of ten raters take", "trust that the honest lose"),
             (UTILITY, "what trust is worth with nobody lying", "utility of going by trust"),
         )
-    )
-    settings = as_settings(_robots(effort, _USUAL, _SPEEDS[moving]), liars=liars) | {"radii": radii, "speeds": _SPEEDS}
-    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
+    ]
+    return Finding(QUESTION, sentence(differences), panels, effort.games)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:

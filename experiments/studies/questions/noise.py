@@ -9,7 +9,7 @@ from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
 from studies.charts import Panel, Series
-from studies.questions.answers import Effort, Finding, amount, as_settings, exact, honest, in_words, last, lost, play
+from studies.questions.answers import Effort, Finding, amount, exact, honest, in_words, last, lines, lost, play
 
 QUESTION = "What does noise alone cost, with everybody honest?"
 _NOISES = 0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2
@@ -43,22 +43,17 @@ def answer(effort: Effort) -> Finding:
         LIAR: estimate(both[_LARGE] - by_liar),
         SHARE: estimate(both[_SMALL] - both[_LARGE] * _SMALL / _LARGE),
     }
-    panels = tuple(
+    panels = [
         Panel(
             title,
             "standard deviation of perceived quality",
             "trust lost",
-            [
-                Series(label, noises, [estimate(loss[trust, label, noise]).interval for noise in noises])
-                for label in _QUALITIES
-            ]
-            + ([_root(noises, len(raters))] if trust == RATERS else []),
+            lines(loss, trust, _QUALITIES, noises) + ([_root(noises, len(raters))] if trust == RATERS else []),
             "symlog",
         )
         for trust, title in ((RATERS, "honest raters, ToR"), (PROVIDERS, "honest providers, ToP"))
-    )
-    settings = as_settings(calm, liar=liar) | {"noises": noises, "qualities": _QUALITIES}
-    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
+    ]
+    return Finding(QUESTION, sentence(differences), panels, effort.games)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:

@@ -8,10 +8,10 @@ import numpy as np
 from roletrust_env import make_scenario
 from roletrust_env.benchmarking.schema import AttackResult
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import HONEST, Stage, Suite, Track
+from roletrust_env.benchmarking.suite import Stage, Suite, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from studies.charts import Panel, Series
-from studies.questions.answers import PATIENCE_S, Effort, Finding, listed, play_suite, scripts, verdict
+from studies.charts import Panel
+from studies.questions.answers import PATIENCE_S, Effort, Finding, lines, listed, play_suite, scripts, verdict
 
 QUESTION = "Do raters do more harm than providers?"
 _PLACES = {"the paper's team": "paper-3x3", "a market": "market"}
@@ -45,11 +45,17 @@ def answer(effort: Effort) -> Finding:
         for what in Harm._fields
         for place in suite.scenarios
     }
-    panels = tuple(
-        Panel(title, "", "less than without the attack", _series(harms, what))
+    found = {
+        (what, f"{who} attack", place): values
+        for (place, who), one in harms.items()
+        for what, values in one._asdict().items()
+    }
+    labels = [f"{who} attack" for who in _TRACKS]
+    panels = [
+        Panel(title, "", "less than without the attack", lines(found, what, labels, list(suite.scenarios)))
         for what, title in zip(Harm._fields, ("trust of the honest", "utility of consumers"), strict=True)
-    )
-    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, suite.model_dump(mode="json"))
+    ]
+    return Finding(QUESTION, sentence(differences), panels, effort.games)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
@@ -98,23 +104,8 @@ def _suite(effort: Effort) -> Suite:
 
 
 def _rows(kept: Sequence[StoredCell], place: str, track: str) -> tuple[AttackResult, ...]:
-    """Return the results on a track.
-
-    Raises:
-        ValueError: The cell failed.
-    """
-    cell, done = next(one for one in kept if (one.cell.scenario, one.cell.track) == (place, track))
-    if done.failed:
-        raise ValueError(f"{'everybody honest' if cell.method == HONEST else track} in {place}: {done.failed}")
-    return done.rows
-
-
-def _series(harms: dict[tuple[str, str], Harm], what: str) -> list[Series]:
-    places = list(dict.fromkeys(place for place, _ in harms))
-    return [
-        Series(f"{who} attack", places, [estimate(getattr(harms[place, who], what)).interval for place in places])
-        for who in _TRACKS
-    ]
+    """Return the results on a track."""
+    return next(done.rows for cell, done in kept if (cell.scenario, cell.track) == (place, track))
 
 
 def _numbers(values: Sequence[float | None]) -> Floats:
