@@ -217,7 +217,11 @@ def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None
         ValueError: A name is not in the registry.
     """
     for text in () if isinstance(texts, str) else texts:
-        if text.strip().partition(":")[0] not in registry.names():
+        name, _, rest = text.strip().partition(":")
+        if name not in registry.names():
+            owner = rest.partition(":")[0]
+            if name not in OUTSIDE and (not owner or "=" in owner):  # a name that no import can make known
+                _explain_unknown(registry, name)
             raise ValueError(
                 f"the file names the {registry.kind} {text!r}, which is not installed; if you trust whoever wrote "
                 "it, --allow-code lets it import what it names"
@@ -272,8 +276,8 @@ def _explain_unknown(registry: Registry[Any], name: str) -> None:
         registry.factory(name)
     except ValueError as error:
         raise ValueError(
-            f"{error}. Your own is package.module:Class, or a name that a package declares as an entry point "
-            f"in the group {registry.group!r}"
+            f"{error}. Your own is package.module:Class, or a name that an installed package declares as an entry "
+            f"point in the group {registry.group!r}"
         ) from None
 
 

@@ -7,8 +7,16 @@ from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.scripts import Scripts
-from roletrust_env.evaluation.specs import parse_attacks, parse_kinds, parse_settings, parse_trust_model, parse_value
+from roletrust_env.evaluation.specs import (
+    check_installed,
+    parse_attacks,
+    parse_kinds,
+    parse_settings,
+    parse_trust_model,
+    parse_value,
+)
 from roletrust_env.game.make_task import make_task
+from roletrust_env.game.policy import registry as attackers
 from roletrust_experiments.cli import app
 
 PAPER = make_scenario("paper-3x3")
@@ -113,3 +121,13 @@ def test_what_a_class_made_is_looked_at(tmp_path, mine):
         file.write("from roletrust_env.trust import Mean\nclass Cuckoo(Mean):\n    def __new__(cls, **_): return 7\n")
     with pytest.raises(ValueError, match="trust model 'Cuckoo' made 7; it must make a TrustModel"):
         parse_trust_model(f"{mine}:Cuckoo", PAPER)
+
+
+def test_a_file_with_a_wrong_name_is_told_the_names_and_one_with_a_class_the_option():
+    check_installed(attackers, ["bad-mouthing", "on-off:period=4"])
+    for text in ("bad-mouthng", "bad-mouthng:level=0"):
+        with pytest.raises(ValueError, match=r"unknown attacker 'bad-mouthng'; did you mean 'bad-mouthing'\?"):
+            check_installed(attackers, [text])
+    for text in ("os:system", "os:system:command=ls"):
+        with pytest.raises(ValueError, match=r"is not installed; .* --allow-code"):
+            check_installed(attackers, [text])
