@@ -10,7 +10,6 @@ from array_api_compat import array_namespace
 Array: TypeAlias = Any
 """A NumPy array or a torch tensor. Axis 0 is the rater, axis 1 the provider, every further axis is batch."""
 
-
 _NUMPY = (np.ndarray, np.generic)
 _NAMESPACES: dict[type, ModuleType] = {}
 """Array namespace of each type of array seen so far. A compiler can trace a look-up in a dict, but not a cache."""

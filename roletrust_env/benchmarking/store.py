@@ -38,7 +38,6 @@ CREATE TABLE attacks (
 ) WITHOUT ROWID;
 """
 
-
 _JOURNALS = "-wal", "-shm"
 
 _ATTACK = TypeAdapter(AttackResult)

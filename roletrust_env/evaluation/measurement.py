@@ -25,7 +25,6 @@ TaskArguments = Mapping[str, Any]
 SEARCHED, HELD_OUT = 0, 1
 """The two kinds of random numbers: those of the games in a search, and those of the games that measure the result."""
 
-
 _ANYWHERE = 2_000_000
 """Pairs of agents in all games of a batch that fits into any memory."""
 

@@ -14,10 +14,8 @@ from roletrust_env.world.presence import CUT_OFF, LEFT, WAITING
 
 Floats = npt.NDArray[np.float64]
 
-
 Curves = Sequence[tuple[Any, Any]]
 """Published trust, ToR (S,) and ToP (P,), at the start and after each round, oldest first."""
-
 
 _ABSENCES = {WAITING: "waiting", LEFT: "left", CUT_OFF: "cut off"}
 

@@ -8,9 +8,7 @@ from roletrust_env.rendering.scene import Floats, Scene, Side
 
 _TABLE_LIMIT = 12  # largest number of raters or providers with a row each
 
-
 _FEW = 4  # number of the best and of the worst agents shown if there are more than the limit
-
 
 _BAR = 16
 

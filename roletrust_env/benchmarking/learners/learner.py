@@ -29,7 +29,6 @@ HONEST_PLAY = "honest play"
 BOUNDS = ("exact", "best known")
 """References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some tasks only."""
 
-
 GAMES = 32
 """Default number of parallel games of a learner."""
 

@@ -295,7 +295,6 @@ def _participant(network: bool) -> Any:
 
 _QOS = Qos(Policy.DataRepresentation(use_cdrv0_representation=True))
 
-
 _ONCE = Qos(Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=_QOS)
 """Quality of service of messages that later readers receive as well."""
 
