@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,6 @@ import numpy.typing as npt
 from roletrust_env import counter_rng
 from roletrust_env.arrays import Array, namespace
 
-NoiseT = TypeVar("NoiseT", covariant=True)
 Keys = npt.NDArray[np.uint32]
 
 STREAMS = 12
@@ -21,22 +20,6 @@ POLICIES = 8
 
 _KEYS_AT_ONCE = 64
 """Number of rounds whose keys are made at once."""
-
-
-class NoiseMaker(Protocol[NoiseT]):
-    """Maker of the noise of rounds. The key of a round has the shape (STREAMS, 4)."""
-
-    def rounds_at_once(self, batch: tuple[int, ...]) -> int:
-        """Return the number of rounds whose noise is best made at once."""
-        ...
-
-    def make_round(self, key: Keys, batch: tuple[int, ...]) -> NoiseT:
-        """Return the noise of one round for a batch of this shape."""
-        ...
-
-    def make_rounds(self, keys: Keys, batch: tuple[int, ...]) -> Sequence[NoiseT]:
-        """Return the noise of R rounds for a batch of this shape. The keys have the shape (R, STREAMS, 4)."""
-        ...
 
 
 class Random:
@@ -59,7 +42,7 @@ class Random:
         self._key = generator.integers(0, 2**32, 4, dtype=np.uint32)
         self._rounds = self._calls = 0
         self._keys: tuple[int, Keys] = (0, np.empty((0, STREAMS, 4), np.uint32))
-        # Noise made ahead: its first round, the maker and the batch that it was made for, and the noise of each round.
+        # Noise made ahead: its first round, the source and the batch that it was made for, and the noise of each round.
         self._stock: tuple[int, tuple[Any, tuple[int, ...]], Sequence[Any]] = (0, (None, ()), ())
 
     def round_key(self) -> Array:
@@ -71,26 +54,25 @@ class Random:
         self._rounds += 1
         return self._on_device(key)
 
-    def draw_noise(self, maker: "NoiseMaker[NoiseT]", batch: tuple[int, ...]) -> NoiseT:
+    def draw_noise(self, source: Any, batch: tuple[int, ...]) -> Any:
         """Return the noise of the next round, on NumPy.
 
         If the arrays are small, the noise of many rounds is made at once, which is faster.
 
         Args:
-            maker: Maker of the noise of a game.
+            source: Source of the noise of a game, see `roletrust_env.game.noise.NoiseSource`.
             batch: Shape of the batch.
         """
         first, made_for, stock = self._stock
         at = self._rounds - first
-        if made_for[0] is not maker or made_for[1] != batch or not 0 <= at < len(stock):
-            count = min(maker.rounds_at_once(batch), 16 + self._rounds)  # fewer at first, as many games are short
+        if made_for[0] is not source or made_for[1] != batch or not 0 <= at < len(stock):
+            count = min(source.rounds_at_once(batch), 16 + self._rounds)  # fewer at first, as many games are short
             if count == 1:
-                return maker.make_round(self.round_key(), batch)
-            stock = maker.make_rounds(self._round_keys(self._rounds, count), batch)
-            self._stock, at = (self._rounds, (maker, batch), stock), 0
+                return source.make_round(self.round_key(), batch)
+            stock = source.make_rounds(self._round_keys(self._rounds, count), batch)
+            self._stock, at = (self._rounds, (source, batch), stock), 0
         self._rounds += 1
-        noise: NoiseT = stock[at]
-        return noise
+        return stock[at]
 
     def uniform(self, shape: Sequence[int]) -> Array:
         """Return random numbers from U[0, 1).

@@ -116,7 +116,8 @@ class Game:
             start: Whether the noise is for `start`, which uses further fields.
         """
         if self._on_numpy and not (start and self._noise_source.starts):
-            return random.draw_noise(self._noise_source, batch)
+            drawn: Noise = random.draw_noise(self._noise_source, batch)
+            return drawn
         return self.noise(random.round_key(), batch, start=start)
 
     def noise(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:

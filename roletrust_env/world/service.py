@@ -73,7 +73,7 @@ def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
     if not isinstance(like, np.ndarray):
         raise ValueError("the service 'hog' needs NumPy; it does not support arrays of another library")
     try:
-        from roletrust_env.world.vision import HogService
+        from roletrust_env.world.vision.service import HogService
     except ImportError as error:
         raise ValueError(f"the service 'hog' needs OpenCV ({error}): pip install 'roletrust-env[vision]'") from None
 

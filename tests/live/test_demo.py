@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 
 from roletrust_env.live.journal import read_journal
 from roletrust_env.trust import make_trust_model
-from roletrust_env.world.vision import best_margin, open_frames, view
+from roletrust_env.world.vision.detector import best_margin, view
+from roletrust_env.world.vision.frames import open_frames
 from roletrust_experiments.cli import app
 
 HEADROOM = 2.5  # ratio of a round to the longest time that three raters take for three pictures each

@@ -7,7 +7,7 @@ import pytest
 
 from roletrust_env import Game, JointPolicy, Scenario, load_scenario, make_scenario, record
 from roletrust_env.world.scenario import read_scenario
-from roletrust_env.world.vision import HogService
+from roletrust_env.world.vision.service import HogService
 
 
 def crowd(raters: dict[str, Any] | None = None, providers: dict[str, Any] | None = None, **fields: Any) -> Scenario:

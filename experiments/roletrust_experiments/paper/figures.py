@@ -79,7 +79,7 @@ def loop_length_s(game: Game) -> float | None:
     """Return the length of repeated footage in seconds; None if the footage was not repeated."""
     if game.scenario.playback == "once":
         return None
-    from roletrust_env.world.vision import HogService
+    from roletrust_env.world.vision.service import HogService
 
     return game.service.loop_length_s if isinstance(game.service, HogService) else None
 

@@ -24,7 +24,8 @@ from roletrust_env.live.wire.topics import IMAGES, RATINGS
 from roletrust_env.randomness import Random
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.scenario import Scenario
-from roletrust_env.world.vision import FramesError, degrade, open_frames
+from roletrust_env.world.vision.degrade import degrade
+from roletrust_env.world.vision.frames import FramesError, open_frames
 
 _JPEG_QUALITY = 95  # of 100; high enough not to change what the people detector finds
 _DEADLINE = 0.4  # of the period, for missing pictures: ratings must arrive before the manager closes the round

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.world.vision import best_margin, probability, view
 from roletrust_env.world.vision.degrade import transmit
+from roletrust_env.world.vision.detector import best_margin, probability, view
 
 _EVERY = 4  # rounds between two pictures of strangers that are decoded
 _SHARE = 0.1  # of the period: no stranger has a turn if the pictures of known cameras took longer

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.world.vision import HogService
+from roletrust_env.world.vision.service import HogService
 from roletrust_experiments.cli import app
 from roletrust_experiments.paper import claims
 from roletrust_experiments.plots import paper

@@ -2,15 +2,9 @@ import numpy as np
 import pytest
 from calibration import fit_calibration, labelled_margins
 
-from roletrust_env.world.vision import (
-    OFFSET,
-    SLOPE,
-    RenderedScene,
-    best_margin,
-    degrade,
-    probability,
-    view,
-)
+from roletrust_env.world.vision.degrade import degrade
+from roletrust_env.world.vision.detector import OFFSET, SLOPE, best_margin, probability, view
+from roletrust_env.world.vision.scene import RenderedScene
 
 
 def seen(frame):

@@ -7,7 +7,10 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
-from roletrust_env.world.vision import FRAME_HEIGHT, FramesError, HogService, RenderedScene, open_frames
+from roletrust_env.world.vision.camera import FRAME_HEIGHT
+from roletrust_env.world.vision.frames import FramesError, open_frames
+from roletrust_env.world.vision.scene import RenderedScene
+from roletrust_env.world.vision.service import HogService
 
 FPS = 10
 
@@ -79,7 +82,7 @@ def test_a_broken_video_is_one_error_and_no_line_of_ffmpeg(tmp_path):
     data[at] = np.random.default_rng(0).bytes(20_000)
     (tmp_path / "bad.mp4").write_bytes(data)
     code = (
-        "import sys\nfrom roletrust_env.world.vision import FramesError, open_frames\n"
+        "import sys\nfrom roletrust_env.world.vision.frames import FramesError, open_frames\n"
         "try:\n    source = open_frames(sys.argv[1], duration_s=3.0, period_s=0.1)\n"
         "    for k in range(30): source.frame(0, 0.1 * k, 0.0)\n"
         "except FramesError as error: print(error)"

@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
-from roletrust_env.world.vision import FRAME_HEIGHT, FRAME_WIDTH, RenderedScene, best_margin, degrade, view
+from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH
+from roletrust_env.world.vision.degrade import degrade
+from roletrust_env.world.vision.detector import best_margin, view
+from roletrust_env.world.vision.scene import RenderedScene
 
 STRENGTHS = (0.0, 0.4, 1.0)
 

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from roletrust_env.world.vision import FRAME_HEIGHT, FRAME_WIDTH, HogService
+from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH
 from roletrust_env.world.vision.detector import view
+from roletrust_env.world.vision.service import HogService
 
 CALM = ([1.0, 1.0, 1.0], 0.0)
 
