@@ -23,10 +23,9 @@ from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.worst_case import WorstCase, attack_scores, worst_cases
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import plus_minus
 from roletrust_experiments.commands.leaderboard import read_run
 from studies.condition import suite_of
-from studies.study import Recipe, Study
+from studies.study import Recipe, Study, plus_minus
 
 _EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 

@@ -25,8 +25,7 @@ from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.consumers import share_of_best, skill
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.run import edge_model
-from roletrust_experiments.commands.console import plus_minus
-from studies.study import Recipe, Study
+from studies.study import Recipe, Study, plus_minus
 from studies.timing import PLAIN, Spread, machine
 
 

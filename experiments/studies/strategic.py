@@ -28,10 +28,9 @@ from roletrust_env import Game
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval, estimate
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import plus_minus
 from studies.charts import Panel, Series, panels_figure
 from studies.condition import scenario_of
-from studies.study import Recipe, Run, Study, with_ends
+from studies.study import Recipe, Run, Study, plus_minus, with_ends
 
 
 class Options(NamedTuple):

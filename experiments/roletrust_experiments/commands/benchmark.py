@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from rich.table import Table
 
 from roletrust_env.benchmarking.cost import RemainingTime, estimate_cost
@@ -39,20 +38,16 @@ from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
-    interruptible,
-    needs_code,
+    errors,
     number_table,
-    option,
-    print_next,
     progress_bar,
 )
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
-from roletrust_experiments.commands.options import NAMED, Out, Workers
+from roletrust_experiments.commands.options import NAMED, OWN, Out, Workers
 from roletrust_experiments.plots.figure_files import write_figure
 
 
@@ -61,7 +56,6 @@ def benchmark(
         str,
         typer.Option(
             help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file.",
-            autocompletion=completion.suites,
         ),
     ] = "quick",
     model: Annotated[
@@ -69,9 +63,7 @@ def benchmark(
         typer.Option(
             metavar=NAMED,
             help="Trust model to play instead of those of the suite; repeat for more; `all` means all installed ones. "
-            "NAME may be your own class, package.module:Class, whose module is then imported; a program is "
-            "exec:COMMAND, a service its URL.",
-            autocompletion=completion.models,
+            f"{OWN} A program is exec:COMMAND, a service its URL.",
             show_default=False,
         ),
     ] = None,
@@ -80,8 +72,7 @@ def benchmark(
         typer.Option(
             metavar=NAMED,
             help="Scripted attack to play instead of those of the suite; repeat for more; `all` means all installed "
-            "ones. NAME may be your own class, package.module:Class, whose module is then imported.",
-            autocompletion=completion.named_attacks,
+            f"ones. {OWN}",
             show_default=False,
         ),
     ] = None,
@@ -99,8 +90,7 @@ def benchmark(
         typer.Option(
             metavar=NAMED,
             help="Learner to play instead of those of the suite, in a suite for learners; repeat for more; `all` means "
-            "those of the suite. NAME may be your own class, package.module:Class, whose module is then imported.",
-            autocompletion=completion.learners,
+            f"those of the suite. {OWN}",
             show_default=False,
         ),
     ] = None,
@@ -162,32 +152,25 @@ def benchmark(
         asked = _with_known(asked, known)
     if dry_run:
         _show_cost(asked, workers)
-        names = [*option("--model", model), *option("--attack", attack), *option("--learner", learner)]
-        names += option("--known", known)
-        print_next("benchmark", "--suite", suite, names, "--allow-code" if allow_code else None, "--out", out)
         return
-    with interruptible("cells"), _pool(workers, ray) as pool:
-        stored = _play(asked, pool, force, out)
+    with _pool(workers, ray) as pool:
+        try:
+            stored = _play(asked, pool, force, out)
+        except KeyboardInterrupt:
+            errors.print("Stopped. Finished cells are saved; repeat the command without --force.", soft_wrap=True)
+            raise typer.Exit(130) from None
     if isinstance(asked, LearnersSuite):
         _show_learners(asked, stored, out)
     else:
         _show(asked, stored, out)
-    named = asked.learners if isinstance(asked, LearnersSuite) else (*asked.models, *asked.attacks)
-    print_next("report", out / "results.sqlite", needs_code(named), "--out", out / "report")
     if any(done.failed for _, done in stored):
         raise typer.Exit(1)
 
 
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
     """Play the suite with a progress bar that shows the cells and the remaining time."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[remaining]}"),
-    )
-    with progress_bar(columns=columns) as progress:
-        job, began = progress.add_task(f"Playing {suite.name}", remaining=""), perf_counter()
+    with progress_bar() as progress:
+        job, began = progress.add_task(f"Playing {suite.name}"), perf_counter()
         time = RemainingTime({})
 
         def begin(remaining: Sequence[Any], total: int) -> None:
@@ -202,7 +185,8 @@ def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCel
         def show(cell: Any, result: CellResult) -> None:
             time.finish(cell.key)
             seconds = time.seconds(perf_counter() - began)
-            progress.update(job, advance=1, remaining="" if seconds is None else f"{in_time(seconds)} left")
+            left = "" if seconds is None else f", {in_time(seconds)} left"
+            progress.update(job, advance=1, description=f"Playing {suite.name}{left}")
             if result.failed:
                 progress.console.print(f"[red]{escape(cell.key)}: {escape(result.failed)}[/]", soft_wrap=True)
 

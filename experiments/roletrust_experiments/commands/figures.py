@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 import typer
 from rich.markup import escape
+from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, State, make_scenario
 from roletrust_env.evaluation.curves import Curves
@@ -17,7 +18,7 @@ from roletrust_env.live.team import PublishedTrust
 from roletrust_env.live.validation import MANAGER, is_genuine
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe_policies, provenance
-from roletrust_experiments.commands.console import FittedTable, console, print_next, progress_bar
+from roletrust_experiments.commands.console import console, plain_table, progress_bar
 from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.options import Out
 from roletrust_experiments.paper import claims
@@ -149,7 +150,6 @@ def figures(
     if note := loop_note(game):
         console.print(f"[dim]{escape(note)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
-    print_next("play", "--attack", "sr_2=bad-mouthing:start=40,stop=90")
 
 
 class _Footage(NamedTuple):
@@ -327,11 +327,11 @@ def _papers(
     return [*written, "results.json"]
 
 
-def claims_table(title: str, found: Sequence[claims.Claim]) -> FittedTable:
+def claims_table(title: str, found: Sequence[claims.Claim]) -> Table:
     """Return the table of the paper's claims: the claim, the criterion and the measured value."""
-    table = FittedTable(title, needed=6)
+    table = plain_table(title)
     for heading in ("fig", "what", "the paper", "needed", "measured", ""):
-        table.column(heading, "right" if heading == "measured" else "left")
+        table.add_column(heading, justify="right" if heading == "measured" else "left", overflow="fold")
     for claim, following in zip(found, [*found[1:], None], strict=True):
         verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[claim.ok]
         ends = following is not None and following.figure != claim.figure

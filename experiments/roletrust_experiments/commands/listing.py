@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
+from rich.table import Table
 
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.resources import check_memory
@@ -21,7 +22,7 @@ from roletrust_experiments.commands.catalogue import (
     unfit,
     where_searched,
 )
-from roletrust_experiments.commands.console import FittedTable, console, print_json, print_next, progress_bar, short
+from roletrust_experiments.commands.console import console, plain_table, print_json, progress_bar, short
 from roletrust_experiments.commands.extras import require
 
 
@@ -151,7 +152,7 @@ def measure(attacker: Any, games: int) -> Estimate:
 
 
 def _print(found: Mapping[Kind, dict[str, Entry]], kind: Kind | None) -> None:
-    """Print the tables, what their words mean, and a command that is useful next."""
+    """Print the tables, and what their words mean."""
     for one, entries in found.items():
         console.print(_KINDS[one][1](entries))
     if kind in (None, Kind.ATTACKERS):
@@ -163,10 +164,9 @@ def _print(found: Mapping[Kind, dict[str, Entry]], kind: Kind | None) -> None:
         console.print(
             "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"
         )
-    print_next(*_NEXT.get(kind, _NEXT[None]))
 
 
-def _scenario_table(entries: Mapping[str, Entry]) -> FittedTable:
+def _scenario_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Scenarios", "agents", "rounds")
     for name, entry in _readable(entries, table):
         count: dict[str, int] = {}
@@ -178,7 +178,7 @@ def _scenario_table(entries: Mapping[str, Entry]) -> FittedTable:
     return table
 
 
-def _model_table(entries: Mapping[str, Entry]) -> FittedTable:
+def _model_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Trust models", "parameters = defaults, allowed values")
     for name, entry in _readable(entries, table):
         origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
@@ -191,7 +191,7 @@ def _model_table(entries: Mapping[str, Entry]) -> FittedTable:
     return table
 
 
-def _attacker_table(entries: Mapping[str, Entry]) -> FittedTable:
+def _attacker_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Attackers", "parameters = defaults, where searched")
     for name, entry in _readable(entries, table):
         channels = [f"by {' and '.join(entry['channels'])}"] if entry["channels"] else []
@@ -203,7 +203,7 @@ def _attacker_table(entries: Mapping[str, Entry]) -> FittedTable:
     return table
 
 
-def _learner_table(entries: Mapping[str, Entry]) -> FittedTable:
+def _learner_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Learners", "parameters = defaults")
     for name, entry in _readable(entries, table):
         lines = [_given(key, parameter) for key, parameter in entry["parameters"].items()]
@@ -211,9 +211,9 @@ def _learner_table(entries: Mapping[str, Entry]) -> FittedTable:
     return table
 
 
-def _zoo_table(entries: Mapping[str, Entry]) -> FittedTable:
+def _zoo_table(entries: Mapping[str, Entry]) -> Table:
     again = any("measured" in entry for entry in entries.values())
-    table = _table("Trained attackers", "score", "honest", *(("measured", "holds") if again else ()), needed=3)
+    table = _table("Trained attackers", "score", "honest", *(("measured", "holds") if again else ()))
     for name, entry in _readable(entries, table):
         texts = [_score(entry["score"]), short(f"{entry['score']['honest']:.4f}")]
         if measured := entry.get("measured"):
@@ -226,7 +226,7 @@ def _score(score: Mapping[str, float]) -> str:
     return short(f"{score['mean']:.4f} ± {score['half_95']:.4f}")
 
 
-def _readable(entries: Mapping[str, Entry], table: FittedTable) -> Iterator[tuple[str, Entry]]:
+def _readable(entries: Mapping[str, Entry], table: Table) -> Iterator[tuple[str, Entry]]:
     """Yield the entries that can be read; add a row with the reason for each other entry."""
     for name, entry in entries.items():
         if "error" in entry:
@@ -244,27 +244,18 @@ def _given(name: str, parameter: Mapping[str, Any]) -> str:
     return escape(name if parameter["required"] else f"{name}={parameter['default']}")
 
 
-def _table(title: str, *columns: str, needed: int | None = None) -> FittedTable:
-    table = FittedTable(title, needed=needed or 2 + len(columns))
+def _table(title: str, *columns: str) -> Table:
+    table = plain_table(title)
     table.show_lines = True
-    table.column("name", style="cyan")
-    table.column("description")
-    for column in columns:
-        table.column(column, "right" if column in _NUMBERS else "left")
+    table.add_column("name", style="cyan", overflow="fold")
+    for column in ("description", *columns):
+        table.add_column(column, justify="right" if column in _NUMBERS else "left", overflow="fold")
     return table
 
 
 _NUMBERS = ("rounds", "honest", "score", "measured")
 
-_NEXT: dict[Kind | None, tuple[str, ...]] = {
-    Kind.SCENARIOS: ("play", "crowd-10x10"),
-    Kind.MODELS: ("play", "--model", "beta", "--attack", "sr_2=bad-mouthing"),
-    Kind.ZOO: ("play", "--attack", "sp_2=learned:path=provider-3x3"),
-    Kind.LEARNERS: ("benchmark", "--suite", "learners-quick", "--learner", "PPO"),
-    None: ("play", "--attack", "sr_2=bad-mouthing"),
-}
-
-_KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], Callable[[Mapping[str, Entry]], FittedTable]]] = {
+_KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], Callable[[Mapping[str, Entry]], Table]]] = {
     Kind.SCENARIOS: (all_scenarios, _scenario_table),
     Kind.MODELS: (all_models, _model_table),
     Kind.ATTACKERS: (all_attackers, _attacker_table),

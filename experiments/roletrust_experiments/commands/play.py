@@ -11,6 +11,7 @@ import numpy as np
 import typer
 from rich.markup import escape
 from rich.progress import Progress
+from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env.evaluation.resources import check_memory, in_bytes, in_time
@@ -18,18 +19,15 @@ from roletrust_env.evaluation.specs import parse_attacks, parse_settings, parse_
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
-from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import (
-    FittedTable,
     console,
     errors,
-    option,
+    number_table,
     print_json,
-    print_next,
     progress_bar,
 )
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, SeatedAttacks, Seed, SettingsOption
+from roletrust_experiments.commands.options import NAMED, OWN, Seed, SettingsOption
 from roletrust_experiments.playing.games import (
     HEADER,
     Played,
@@ -49,20 +47,24 @@ _LONG_S = 60.0
 def play(
     scenario: Annotated[
         str,
-        typer.Argument(
-            help="Name of a scenario, or path of a .toml or .yaml file.", autocompletion=completion.scenario_names
-        ),
+        typer.Argument(help="Name of a scenario, or path of a .toml or .yaml file."),
     ] = "paper-3x3",
     model: Annotated[
         list[str],
         typer.Option(
             metavar=NAMED,
-            help="Trust model; repeat to compare several under one attack. NAME may be your own class, "
-            "package.module:Class, whose module is then imported.",
-            autocompletion=completion.models,
+            help="Trust model; repeat to compare several under one attack. " + OWN,
         ),
     ] = ["role-trust"],  # noqa: B006 (typer copies it)
-    attack: SeatedAttacks = None,
+    attack: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AGENT=NAME[:key=value,...]",
+            help="Attack by an agent; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. "
+            + OWN,
+            show_default=False,
+        ),
+    ] = None,
     settings: SettingsOption = None,
     games: Annotated[int, typer.Option(min=1, help="Number of games, played as one batch.")] = 1,
     seed: Seed = 0,
@@ -168,15 +170,6 @@ def play(
             console.print(f"[dim]{note}[/]")
     if written:
         aside.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
-    changes = [*option("--set", settings or []), *option("--seed", seed, 0)]
-    attacks = option("--attack", attack or [f"{one.game.roster.rater_names[-1]}=bad-mouthing"])
-    if attack and len(model) > 1:
-        print_next("benchmark", option("--model", model), where=aside)
-    else:
-        compared = [*model, "median" if model != ["median"] else "mean"] if attack else model
-        print_next(
-            "play", scenario, option("--model", compared), attacks, changes, option("--games", games, 1), where=aside
-        )
 
 
 def _forecast(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int) -> str:
@@ -281,14 +274,11 @@ def _as_data(played: Sequence[Played]) -> dict[str, Any]:
     }
 
 
-def _as_table(title: str, played: Sequence[Played], games: int) -> FittedTable:
+def _as_table(title: str, played: Sequence[Played], games: int) -> Table:
     """Return a table of the results of each group of agents under each model, and of the effects of the attack."""
-    table = FittedTable(escape(title), needed=3)
+    headings = (name.replace(" ", "\n") for name in MEASURES)
+    table = number_table(escape(title), "", "at end", *headings, name="agents")
     table.padding = (0, 1, 0, 0)  # it fits into 80 columns
-    table.column("agents")
-    table.column("at end", "right")
-    for name in MEASURES:
-        table.column(name.replace(" ", "\n"), "right")
     for one in played:
         if len(played) > 1:
             table.add_row(f"[bold]{escape(one.model)}[/]")

@@ -14,9 +14,9 @@ from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import registry
-from roletrust_experiments.commands import comparison, completion
+from roletrust_experiments.commands import comparison
 from roletrust_experiments.commands.console import console, number_table, progress_bar
-from roletrust_experiments.commands.options import NAMED, Out, Seed
+from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
 _BLOCK = 50_000  # ratings at a time, where rounds do not depend on it
 
@@ -33,8 +33,7 @@ def rate(
         typer.Option(
             metavar=NAMED,
             help="Trust model, role-trust if left out; with --compare, repeat for more, all central ones if left out. "
-            "NAME may be your own class, package.module:Class, whose module is then imported.",
-            autocompletion=completion.models,
+            + OWN,
             show_default=False,
         ),
     ] = None,

@@ -9,18 +9,15 @@ from rich.markup import escape
 
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.schema import AttackResult
-from roletrust_env.benchmarking.store import Store
 from roletrust_env.benchmarking.suite import Cell, Suite
+from roletrust_env.benchmarking.verification import check_installed_names
 from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.search import search_methods
-from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.confidence import estimate
 from roletrust_env.storage.files import prepare_folder
-from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, print_next, progress_bar
+from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar
 from roletrust_experiments.commands.extras import require
+from roletrust_experiments.commands.leaderboard import read_run
 from roletrust_experiments.commands.options import NAMED, Out
 from roletrust_experiments.playing.replay import Replay
 from roletrust_experiments.plots.figure_files import write_figure
@@ -113,7 +110,6 @@ def replay(
             write_video_of_states(out / "game.mp4", task.game, found.states(worst), task.identities, progress)
         written += ["game.mp4", "game.png"]
     console.print(escape(f"Written to {out}: {', '.join(written)}"), soft_wrap=True)
-    print_next("report", results)
 
 
 def _choose(
@@ -124,14 +120,9 @@ def _choose(
     Raises:
         ValueError: The file is none of a robustness run, or has no such model, cell or attack.
     """
-    with Store(path) as store:
-        suite, stored = store.suite, store.all()
-    if not isinstance(suite, Suite):
-        raise ValueError(f"{path} has a suite for {suite.kind}; only attacks on trust models can be played again")
+    suite, stored = read_run(path)
     if not allow_code:
-        check_installed(trust_models, suite.model_names)
-        check_installed(attackers, suite.attacks)
-        check_installed(search_methods, suite.searches)
+        check_installed_names(suite)
     played = {one.cell.key: one for one in stored if one.result.rows}
     if key is None:
         board = Leaderboard.of(suite, stored)

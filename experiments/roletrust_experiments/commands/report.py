@@ -8,7 +8,7 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
-from roletrust_experiments.commands.console import ALLOW_CODE, console, needs_code, print_next
+from roletrust_experiments.commands.console import ALLOW_CODE, console
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import Out
 
@@ -84,11 +84,6 @@ def report(
         written += ", leaderboard.md, games.csv.gz, conditions.csv"
     figures = f"{', '.join(content.tables)}, each as .csv and .png; paper, with the figures as .pdf and .svg"
     console.print(escape(f"Written to {out}: {written}; {figures}"), soft_wrap=True)
-    if found:
-        code = needs_code((*found.suite.models, *found.suite.attacks))
-        print_next("submit", found.path, code, "--out", out / "submission.json")
-    else:
-        print_next("benchmark", "--suite", "learners", "--dry-run")
 
 
 def _flat(value: Any) -> Any:

@@ -8,9 +8,8 @@ import typer
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.trust.model import registry
 from roletrust_env.trust.service import TrustService, http_server
-from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import errors
-from roletrust_experiments.commands.options import NAMED
+from roletrust_experiments.commands.options import NAMED, OWN
 
 
 def serve(
@@ -18,8 +17,7 @@ def serve(
         str,
         typer.Argument(
             metavar=NAMED,
-            help="Trust model. NAME may be your own class, package.module:Class, whose module is then imported.",
-            autocompletion=completion.models,
+            help="Trust model. " + OWN,
         ),
     ],
     port: Annotated[

@@ -16,7 +16,6 @@ from roletrust_env.benchmarking.schema import AnyCell
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.submission import CellClaim, make_entries, make_submission
 from roletrust_env.benchmarking.suite import Suite
-from roletrust_env.benchmarking.suite_files import suites
 from roletrust_env.benchmarking.verification import (
     LONGEST_S,
     Check,
@@ -34,12 +33,11 @@ from roletrust_env.storage.files import write_json
 from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
-    needs_code,
     number_table,
-    print_next,
     progress_bar,
 )
 from roletrust_experiments.commands.extras import require
+from roletrust_experiments.commands.leaderboard import read_run
 from roletrust_experiments.commands.options import NAMED, Workers
 
 
@@ -100,16 +98,11 @@ def submit(
         table.add_row(escape(name), standing.worst.text)
     console.print(table)
     console.print(f"Written: {out}, {len(found.cells):,} cells", soft_wrap=True)
-    own = None if found.suite["name"] in suites() else "--own-suite"
-    print_next("verify", out, own, needs_code((*found.models, *found.attacks)))
 
 
 def _submit_attacks(results: Path, out: Path, models: Sequence[str], finder: str, allow_code: bool) -> None:
     """Write the worst attacks of a run as known attacks."""
-    with Store(results) as store:
-        suite, stored = store.suite, store.all()
-    if not isinstance(suite, Suite):
-        raise ValueError(f"{results} has a suite for {suite.kind}; only attacks on trust models can be submitted")
+    suite, stored = read_run(results)
     if not allow_code:
         check_installed_names(suite)
     found, lost = make_entries(suite, stored, models, finder)
@@ -117,7 +110,6 @@ def _submit_attacks(results: Path, out: Path, models: Sequence[str], finder: str
     for line in lost:
         console.print(f"[yellow]{escape(line)} cannot be recorded, and is left out.[/]", soft_wrap=True)
     console.print(f"Written: {out}, {len(found.attacks):,} attacks", soft_wrap=True)
-    print_next("benchmark", "--suite", suite.name if suite.name in suites() else f"{suite.name}.toml", "--known", out)
 
 
 def verify(
@@ -189,17 +181,6 @@ def verify(
         checks += check_scores(found, suite, replayed, same)
     console.print(_table(file, checks))
     console.print(f"{len(replayed)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
-    if len(replayed) < len(found.cells):
-        print_next(
-            "verify",
-            file,
-            "--own-suite" if own_suite else None,
-            "--allow-code" if allow_code else None,
-            "--cells",
-            min(len(found.cells), max(10, 2 * number)),
-        )
-    else:
-        print_next("list", "models")
     if not all(check.ok for check in checks):
         raise typer.Exit(1)
 

@@ -1,40 +1,35 @@
 """`roletrust train`: train an attacker, in a folder that holds all that an interrupted run needs to continue."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from roletrust_agents.training.runs import RunFolder, write_bytes
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.envs.attack_env import TASKS
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model
 from roletrust_env.game.attack_task import Knowledge, Objective
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, errors, print_next, progress_bar
+from roletrust_experiments.commands.console import console, errors, progress_bar
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import (
     NAMED,
-    Compromised,
-    ScenarioOption,
-    SeededRuns,
+    Out,
+    Seed,
     SettingsOption,
-    StealthTolerance,
-    StealthWeight,
-    check_choice,
     find_task,
+    task_names,
 )
 from roletrust_experiments.plots.figure_files import write_figure
 
 if TYPE_CHECKING:
     from roletrust_agents.learned.cards import ModelCard
-    from roletrust_agents.learned.saved import SavedAttacker
-    from roletrust_agents.training.runs import CurvePoint, Run, TrainingReport
+    from roletrust_agents.training.runs import Run, TrainingReport
 
 _SINGLE = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
 _COALITIONS = {
@@ -54,8 +49,7 @@ def train(
     task: Annotated[
         str | None,
         typer.Argument(
-            help=f"Attack task: {', '.join(completion.task_names())}.",
-            autocompletion=completion.tasks,
+            help=f"Attack task: {', '.join(task_names())}.",
             show_default=False,
         ),
     ] = None,
@@ -64,19 +58,24 @@ def train(
         typer.Option(
             metavar=NAMED,
             help=f"Learning algorithm, one of {', '.join(_ALGORITHMS)}, with settings such as gamma=0.9.",
-            autocompletion=lambda incomplete: [name for name in _ALGORITHMS if name.startswith(incomplete)],
         ),
     ] = "PPO",
     steps: Annotated[
         int | None,
         typer.Option(min=1, help="Minimum number of rounds to train for, over all games; the tuned one if left out."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of the games and of the learner.")] = 0,
-    runs: SeededRuns = 1,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run; it is created if it is missing.")] = Path(
-        "results/train"
-    ),
-    scenario: ScenarioOption = None,
+    seed: Seed = 0,
+    runs: Annotated[
+        int, typer.Option(min=1, help="Number of runs, with this seed and the seeds after it, in folders seed-...")
+    ] = 1,
+    out: Out = Path("results/train"),
+    scenario: Annotated[
+        str | None,
+        typer.Option(
+            help="Scenario to play instead of the task's own: a name, or the path of a .toml or .yaml file.",
+            show_default=False,
+        ),
+    ] = None,
     settings: SettingsOption = None,
     model: Annotated[
         list[str] | None,
@@ -84,19 +83,19 @@ def train(
             metavar=NAMED,
             help="Trust model, role-trust if left out; a class of your own needs an entry point. "
             "Learners of coalitions take several, and train against them in turn: " + ", ".join(_COALITIONS) + ".",
-            autocompletion=completion.models,
             show_default=False,
         ),
     ] = None,
-    compromised: Compromised = None,
-    objective: Annotated[
-        str | None,
+    compromised: Annotated[
+        list[str] | None,
         typer.Option(
-            metavar="|".join(get_args(Objective)),
-            help="Aim of the attacker; the task's own if left out.",
-            autocompletion=lambda incomplete: [name for name in get_args(Objective) if name.startswith(incomplete)],
+            metavar="AGENT",
+            help="Agent that the attacker controls; repeat for more; the task's own if left out.",
             show_default=False,
         ),
+    ] = None,
+    objective: Annotated[
+        Objective | None, typer.Option(help="Aim of the attacker; the task's own if left out.", show_default=False)
     ] = None,
     accomplice: Annotated[
         list[str] | None,
@@ -104,19 +103,11 @@ def train(
             metavar="AGENT", help="Provider that the objective promote is about; repeat for more.", show_default=False
         ),
     ] = None,
-    stealth_weight: StealthWeight = 0.0,
-    stealth_tolerance: StealthTolerance = 0.1,
-    knowledge: Annotated[
-        str,
-        typer.Option(
-            metavar="|".join(get_args(Knowledge)),
-            help="Threat model: what the attacker observes.",
-            autocompletion=lambda incomplete: [name for name in get_args(Knowledge) if name.startswith(incomplete)],
-        ),
-    ] = "black_box",
-    threads: Annotated[
-        int, typer.Option(min=1, help="Number of threads of torch; networks of this size gain little from two.")
-    ] = 1,
+    stealth_weight: Annotated[
+        float, typer.Option(min=0, help="Price of a trust gap that gives the attacker away.")
+    ] = 0.0,
+    stealth_tolerance: Annotated[float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")] = 0.1,
+    knowledge: Annotated[Knowledge, typer.Option(help="Threat model: what the attacker observes.")] = "black_box",
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the run in --out from its last checkpoint.")
     ] = False,
@@ -146,14 +137,9 @@ def train(
     [dim]# a coalition that learns by evolution, against two trust models in turn[/]
     [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
 
-    [dim]# one by an evolution strategy, which needs fewer rounds[/]
+    [dim]# one by an evolution strategy, which needs fewer rounds; coalition-PPO has noise that is held over a game, and
+    # gradients go through the game[/]
     [cyan]roletrust train CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
-
-    [dim]# one by PPO, with noise that is held over a game[/]
-    [cyan]roletrust train CollusionAttack --learner coalition-PPO --objective mislead --model median[/]
-
-    [dim]# a coalition that learns by gradients through the game[/]
-    [cyan]roletrust train CollusionAttack --learner gradients:learning_rate=0.005 --objective mislead --model beta[/]
 
     [dim]# five seeds, for one rung of a ladder[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
@@ -168,7 +154,7 @@ def train(
     from roletrust_agents.training.runs import Run
     from roletrust_agents.training.settings import make_settings
 
-    torch.set_num_threads(threads)
+    torch.set_num_threads(1)  # networks of this size gain little from two
     run = None
     if task is None:
         _refuse_options(context)
@@ -176,7 +162,8 @@ def train(
         task_id = find_task(task)
         name, changes = parse_parameters(learner)
         algo: Any = {known.lower(): algo for known, algo in _ALGORITHMS.items()}.get(name.lower().replace(" ", "-"))
-        algo = algo or check_choice("learner", name, tuple(_ALGORITHMS))
+        if algo is None:
+            raise ValueError(f"unknown learner {name!r}{suggest(name, _ALGORITHMS)}")
         tuned = make_settings(task_id, algo, {**changes, **({"steps": steps} if steps else {})})
         defaults = TASKS[task_id].defaults
         rules = make_scenario(scenario or defaults["scenario"])
@@ -196,9 +183,9 @@ def train(
             task=TaskCard(
                 id=task_id,
                 compromised=tuple(compromised or defaults["compromised"]),
-                objective=check_choice("objective", objective or defaults["objective"], get_args(Objective)),
+                objective=objective or defaults["objective"],
                 stealth=Price(weight=stealth_weight, tolerance=stealth_tolerance),
-                knowledge=check_choice("knowledge", knowledge, get_args(Knowledge)),
+                knowledge=knowledge,
                 accomplices=tuple(accomplice or ()),
             ),
             trust_model=models[0],
@@ -216,12 +203,11 @@ def train(
                 f"Stopped. The training so far is kept; continue with: roletrust train {again}", soft_wrap=True
             )
             raise typer.Exit(130) from None
-    print_next("list", "zoo", "--folder", out if runs == 1 else folders[0].path)
 
 
 def _refuse_options(context: typer.Context) -> None:
     """Refuse the options of a new run beside a run that is continued, which has its own."""
-    allowed = ("--out", "--threads", "--resume", "--runs")
+    allowed = ("--out", "--resume", "--runs")
     sources = {one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params}
     given = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
     if wrong := [name for name in given if name not in allowed]:
@@ -253,9 +239,11 @@ def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
 
 def _train(run: "Run", folder: RunFolder) -> None:
     """Train a run from its last checkpoint or from the beginning."""
+    from roletrust_agents.learned import save_attacker
     from roletrust_agents.learned.saved import task_from_card
     from roletrust_agents.training import coalition_loop, loop
     from roletrust_agents.training.runs import versions
+    from roletrust_experiments.plots.learning import learning_figure
 
     coalition, games = run.algo in _COALITIONS.values(), run.settings["games"]
     learn = coalition_loop.train if coalition else loop.train
@@ -268,11 +256,20 @@ def _train(run: "Run", folder: RunFolder) -> None:
     if folder.config() is None:
         about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}
         folder.begin({**about, **provenance(game, run.seed)})
-    with _bar() as progress:
-        name = run.task.id.removeprefix("RoleTrust/").removesuffix("-v0")
-        job = progress.add_task(f"{name}, {run.algo}, seed {run.seed}", total=run.steps, score="...")
-        attacker, curve = learn(run, folder, lambda report: _show(progress, job, report))
-    _write(folder.path, run, attacker, curve)
+    name = run.task.id.removeprefix("RoleTrust/").removesuffix("-v0")
+    title = f"{name}, {run.algo}, seed {run.seed}"
+    with progress_bar() as progress:
+        job = progress.add_task(title, total=run.steps)
+
+        def show(report: "TrainingReport") -> None:
+            scores = [point.score for point in report.curve]
+            score = f": score {scores[-1]:.4f}, best {max(scores):.4f}" if scores else ""
+            progress.update(job, completed=report.steps, description=title + score)
+
+        attacker, curve = learn(run, folder, show)
+    write_csv(folder.path / "curve.csv", ("steps", "seconds", "score", "half_95"), curve)
+    write_figure(folder.path / "curve.png", learning_figure(run.algo, attacker, curve))
+    save_attacker(attacker, folder.path / "attacker", write_bytes)
     score = attacker.card.score
     console.print(
         f"[bold]{name}[/], {run.algo}, seed {run.seed}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} "
@@ -293,33 +290,3 @@ def _model_card(text: str, rules: Scenario) -> "ModelCard":
             f"declare the model as an entry point in the group {trust_models.group!r}"
         )
     return ModelCard(name=name, parameters=parameters)
-
-
-def _bar() -> Progress:
-    """Return a progress bar that shows the score."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        TextColumn("score [bold]{task.fields[score]}"),
-    )
-    return progress_bar(columns=columns)
-
-
-def _show(progress: Progress, job: Any, report: "TrainingReport") -> None:
-    score = (
-        f"{report.curve[-1].score:.4f}, best {max(point.score for point in report.curve):.4f}"
-        if report.curve
-        else "..."
-    )
-    progress.update(job, completed=report.steps, score=score)
-
-
-def _write(out: Path, run: "Run", attacker: "SavedAttacker", curve: "list[CurvePoint]") -> None:
-    from roletrust_agents.learned import save_attacker
-    from roletrust_experiments.plots.learning import learning_figure
-
-    write_csv(out / "curve.csv", ("steps", "seconds", "score", "half_95"), curve)
-    write_figure(out / "curve.png", learning_figure(run.algo, attacker, curve))
-    save_attacker(attacker, out / "attacker", write_bytes)

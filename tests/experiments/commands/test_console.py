@@ -5,8 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
-from roletrust_experiments.commands.console import changed_options, progress_bar
-from studies.defend import defend
+from roletrust_experiments.commands.console import progress_bar
 
 
 class Screen(io.StringIO):
@@ -26,11 +25,3 @@ def test_a_progress_bar_moves_or_is_not_there(where, shown):
         progress.console.print("said")
     assert ("Playing" in console.file.getvalue()) == shown
     assert "said" in console.file.getvalue()
-
-
-def test_options_with_their_defaults_are_left_out():
-    defaults = {"defence": None, "model": None, "suite": "standard", "iterations": 4, "explored": 0.25, "seed": 0}
-    assert changed_options(defend, **defaults) == []
-    changes = {"defence": ["network"], "model": ["beta", "mean"], "explored": 0.5}
-    words = ["--defence", "network", "--model", "beta", "--model", "mean", "--explored", "0.5"]
-    assert changed_options(defend, **defaults | changes) == words
