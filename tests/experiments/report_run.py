@@ -13,7 +13,7 @@ from small_suites import small
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
 
-SHOWN = ("heatmap", "worst_cases", "curves", "breakdown", "tradeoff", "learners")
+SHOWN = ("heatmap", "curves", "breakdown", "tradeoff", "learners")
 SUITE = small(models=["mean", "role-trust", "constant"], description="<script>alert(1)</script>")
 
 

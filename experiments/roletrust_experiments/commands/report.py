@@ -69,9 +69,9 @@ def report(
     prepare_folder(out)
     for name, table in content.tables.items():
         write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
-    write_figures(out, content, PAGE, ".png")
+    drawn = write_figures(out, content, PAGE, ".png")
     write_figures(out / "paper", content, COLUMN, ".pdf", ".svg")
-    pictures = {name: (out / f"{name}.png").read_bytes() for name in content.tables}
+    pictures = {name: (out / f"{name}.png").read_bytes() for name in drawn}
     linked = ["--pages", pages] if pages else []
     command = shlex.join(["roletrust", "report", *map(str, paths), *linked, "--out", str(out)])
     write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/")))
@@ -81,8 +81,8 @@ def report(
         write_text(out / "paper" / "leaderboard.tex", latex_table(found.leaderboard, command))
         write_games(out / "games.csv.gz", found.leaderboard.cells)
         write_csv(out / "conditions.csv", ConditionRow._fields, found.conditions)
-        written += ", leaderboard.md, games.csv.gz, conditions.csv"
-    figures = f"{', '.join(content.tables)}, each as .csv and .png; paper, with the figures as .pdf and .svg"
+        written += ", leaderboard.md, games.csv.gz, conditions.csv, worst_cases.csv"
+    figures = f"{', '.join(drawn)}, each as .csv and .png; paper, with the figures as .pdf and .svg"
     console.print(escape(f"Written to {out}: {written}; {figures}"), soft_wrap=True)
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -38,7 +37,6 @@ class Layout(NamedTuple):
         row: Height of a row of a heat map or of the leaderboard, inches.
         panel: Height of a panel with lines, inches.
         panels: Number of panels with lines side by side.
-        grids: Number of heat maps side by side.
         mark: Area of a mark, square points.
         selected: Whether figures are of a selection: the best models, the condition in which the best one is weakest,
             and the tracks with several shares.
@@ -49,13 +47,12 @@ class Layout(NamedTuple):
     row: float
     panel: float
     panels: int
-    grids: int
     mark: float
     selected: bool
     style: Any
 
 
-PAGE = Layout(width=10, row=0.3, panel=3.2, panels=2, grids=3, mark=22, selected=False, style={})
+PAGE = Layout(width=10, row=0.3, panel=3.2, panels=2, mark=22, selected=False, style={})
 """Layout of the page and of PNG files."""
 
 COLUMN = Layout(
@@ -63,7 +60,6 @@ COLUMN = Layout(
     row=0.155,
     panel=2.0,
     panels=1,
-    grids=2,
     mark=10,
     selected=True,
     style={
@@ -93,8 +89,8 @@ COLUMN = Layout(
 """Layout of a column of IEEE and ACM."""
 
 
-def write_figures(folder: Path, content: Content, layout: Layout, *suffixes: str) -> None:
-    """Write each figure of a report.
+def write_figures(folder: Path, content: Content, layout: Layout, *suffixes: str) -> list[str]:
+    """Write each figure of a report, and return their names, which are those of their tables.
 
     Args:
         folder: Folder of the files.
@@ -114,6 +110,7 @@ def write_figures(folder: Path, content: Content, layout: Layout, *suffixes: str
         for name, figure in found.items():
             for suffix in suffixes:
                 write_figure(folder / f"{name}{suffix}", figure, colours=256 if suffix == ".png" else None)
+    return list(found)
 
 
 def _figures(robustness: Robustness, layout: Layout) -> dict[str, Figure]:
@@ -128,7 +125,6 @@ def _figures(robustness: Robustness, layout: Layout) -> dict[str, Figure]:
     return {
         "leaderboard": _leaderboard(robustness, layout),
         "heatmap": _heatmap(robustness, layout),
-        "worst_cases": _worst_cases(robustness, layout),
         "curves": _panels(tables["curves"], layout, lambda axes, rows: _draw_curves(axes, rows, styles), weakest),
         "breakdown": _panels(tables["breakdown"], layout, breakdown, _several_shares(tables["breakdown"], layout)),
         "tradeoff": _panels(
@@ -169,74 +165,33 @@ def _leaderboard(robustness: Robustness, layout: Layout) -> Figure:
     return figure
 
 
-class _Grid(NamedTuple):
-    """Values of a heat map, shape (number of rows, number of columns), NaN where there is none, and their labels."""
-
-    rows: list[str]
-    columns: list[str]
-    values: npt.NDArray[np.float64]
-
-    @classmethod
-    def of(cls, cells: Sequence[tuple[str, str, float]], rows: Sequence[str], columns: Sequence[str]) -> "_Grid":
-        """Return a grid from the row, the column and the value of each cell, with labels in a given order."""
-        values = np.full((len(rows), len(columns)), np.nan)
-        for row, column, value in cells:
-            values[rows.index(row), columns.index(column)] = value
-        return cls(list(rows), list(columns), values)
-
-    def draw(self, axes: Axes, lowest: float, rotation: float = 0) -> None:
-        """Draw a heat map with values in hundredths; dark is low, and the colours go from `lowest` to 1."""
-        if self.values.size:
-            axes.imshow(self.values, cmap="cividis", vmin=lowest, vmax=1, aspect="auto", interpolation="none")
-        turned: Any = {"rotation": rotation, "ha": "right", "rotation_mode": "anchor"} if rotation else {}
-        axes.set_xticks(range(len(self.columns)), self.columns, fontsize="small", **turned)
-        axes.set_yticks(range(len(self.rows)), self.rows, fontsize="small")
-        axes.tick_params(length=0, labelcolor=INK)
-        for side in axes.spines.values():
-            side.set_visible(False)
-        for (row, column), value in np.ndenumerate(self.values):
-            if not np.isnan(value):
-                ink = "white" if value - lowest < 0.5 * (1 - lowest) else "black"
-                text = f"{100 * value:.0f}".replace("-", "\N{MINUS SIGN}")
-                axes.text(column, row, text, color=ink, ha="center", va="center", fontsize="x-small")
-
-
 def _heatmap(robustness: Robustness, layout: Layout) -> Figure:
-    """Return the worst case of each model in each condition with attackers."""
-    rows = [row for rows in _groups(robustness.tables["worst_cases"]).values() for row in rows if row["share"]]
-    cells = [
-        (row["model"], f"{row['scenario']}, {row['track']} {_percent(row['share'])}", row["score"]) for row in rows
-    ]
-    shown = _Grid.of(cells, robustness.order, list(dict.fromkeys(condition for _, condition, _ in cells)))
-    figure = Figure(figsize=(layout.width, layout.row * (len(shown.rows) + 7)), layout="constrained")
-    axes, lowest = figure.subplots(), robustness.lowest
-    shown.draw(axes, lowest, rotation=45)
-    _draw_colours(figure, axes, lowest, robustness.suite.score)
-    return figure
-
-
-def _worst_cases(robustness: Robustness, layout: Layout) -> Figure:
-    """Return a heat map for each model, or each of the best: scenarios and tracks by shares."""
-    table = robustness.tables["worst_cases"]
-    shares = list(map(_percent, sorted({*table.columns()["share"]})))
-    cells = {
-        model: [(f"{row['scenario']}, {row['track']}", _percent(row["share"]), row["score"]) for row in rows]
-        for model, rows in _groups(table).items()
-        if model in robustness.order[: _LINES if layout.selected else None]
+    """Return the worst case of each model in each condition with attackers, in hundredths; dark is low."""
+    table, models, lowest = robustness.tables["worst_cases"], robustness.order, robustness.lowest
+    found = {
+        (row["model"], f"{row['scenario']}, {row['track']} {_percent(row['share'])}"): row["score"]
+        for rows in _groups(table).values()
+        for row in rows
+        if row["share"]
     }
-    where = list(dict.fromkeys(row for found in cells.values() for row, _, _ in found))
-    wide = min(layout.grids, max(1, len(cells)))
-    many = -(-max(1, len(cells)) // wide)
-    height = layout.row * (1.5 + many * (len(where) + 2.2))
-    figure = Figure(figsize=(layout.width, height), layout="constrained")
-    panels, lowest = figure.subplots(many, wide, squeeze=False, sharey=True), robustness.lowest
-    for axes, (model, found) in zip(panels.flat, cells.items(), strict=False):
-        _Grid.of(found, where, shares).draw(axes, lowest)
-        axes.set_title(model, loc="left", color=INK, pad=3)
-    for axes in panels.flat[len(cells) :]:
-        axes.set_visible(False)
-    _draw_colours(figure, panels, lowest, robustness.suite.score)
-    figure.supxlabel("share of the compromised", fontsize="medium", color=INK)
+    where = list(dict.fromkeys(condition for _, condition in found))
+    values = np.array([[found.get((model, condition), np.nan) for condition in where] for model in models])
+    figure = Figure(figsize=(layout.width, layout.row * (len(models) + 7)), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(values, cmap="cividis", vmin=lowest, vmax=1, aspect="auto", interpolation="none")
+    axes.set_xticks(range(len(where)), where, fontsize="small", rotation=45, ha="right", rotation_mode="anchor")
+    axes.set_yticks(range(len(models)), models, fontsize="small")
+    axes.tick_params(length=0, labelcolor=INK)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    for (row, column), value in np.ndenumerate(values):
+        if not np.isnan(value):
+            ink = "white" if value - lowest < 0.5 * (1 - lowest) else "black"
+            text = f"{100 * value:.0f}".replace("-", "\N{MINUS SIGN}")
+            axes.text(column, row, text, color=ink, ha="center", va="center", fontsize="x-small")
+    colours = ScalarMappable(Normalize(lowest, 1), "cividis")
+    bar: Any = figure.colorbar(colours, ax=axes, label=robustness.suite.score, pad=0.01, aspect=25)
+    bar.outline.set_visible(False)
     return figure
 
 
@@ -304,13 +259,6 @@ def _draw_tradeoff(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any
     axes.set_xlabel("detectability (AUC)", color=INK)
     axes.set_ylabel("damage", color=INK)
     quiet(axes, "both")
-
-
-def _draw_colours(figure: Figure, beside: Any, lowest: float, label: str) -> None:
-    """Draw the bar of colours beside heat maps."""
-    colours = ScalarMappable(Normalize(lowest, 1), "cividis")
-    bar: Any = figure.colorbar(colours, ax=beside, label=label, pad=0.01, aspect=25)
-    bar.outline.set_visible(False)
 
 
 def _groups(table: Table) -> dict[Any, list[dict[str, Any]]]:

@@ -15,7 +15,7 @@ from roletrust_experiments.report.robustness import Robustness
 
 MODELS = ["exec:a$_b$ [x]_%&#", "$$\\frac{x}{y}$$ <b>mean</b>", "@score {safe} ~^"]
 ATTACK = "x:Y$_$[red]"
-NAMES = ["breakdown", "curves", "heatmap", "leaderboard", "learners", "tradeoff", "worst_cases"]
+NAMES = ["breakdown", "curves", "heatmap", "leaderboard", "learners", "tradeoff"]
 
 
 @pytest.fixture(scope="module")
@@ -57,15 +57,13 @@ def test_every_figure_is_a_column_wide_and_its_text_is_text(folder: Path) -> Non
 
 
 def test_names_stand_in_figures_as_they_are(folder: Path) -> None:
-    for name in ("heatmap", "worst_cases", "curves", "breakdown", "tradeoff"):
+    for name in ("heatmap", "curves", "breakdown", "tradeoff"):
         assert set(MODELS) <= set(svg(folder / f"{name}.svg")[0]), name
 
 
 def test_a_heat_map_has_the_worst_cases_in_hundredths(folder: Path, content: Content) -> None:
     assert content.robustness is not None
     columns = content.robustness.tables["worst_cases"].columns()
-    found = [text for text in svg(folder / "worst_cases.svg")[0] if re.fullmatch(r"\d+", text)]
-    assert sorted(found) == sorted(f"{100 * score:.0f}" for score in columns["score"])
     found = [text for text in svg(folder / "heatmap.svg")[0] if re.fullmatch(r"\d+", text)]
     attacked = [score for score, share in zip(columns["score"], columns["share"], strict=True) if share]
     assert sorted(found) == sorted(f"{100 * score:.0f}" for score in attacked)
