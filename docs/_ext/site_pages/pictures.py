@@ -258,7 +258,7 @@ def films(folder: Path, *, quick: bool) -> dict[str, Film]:
         for identity, (preset, attacks) in STAGED.items():
             rules = make_scenario(preset).change(max_cycles=2 if quick else _FILM_ROUNDS)
             policies, name = parse_attacks(attacks, rules), file_name(identity)
-            write_video(folder / f"{name}.mp4", Game(rules), policies, 0, progress)
+            write_video(folder / f"{name}.mp4", JointPolicy(Game(rules), policies), 0, progress)
             attack = f"{attacks_in_words(policies)} by {', '.join(policies)}, marked"
             words = f"A game of {identity} in {rules.name}: {attack}; all other agents are honest."
             found[identity] = Film(name, words)

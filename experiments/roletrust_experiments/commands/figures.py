@@ -14,7 +14,6 @@ from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, State, make_scenario
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.live.team import PublishedTrust
 from roletrust_env.live.validation import MANAGER, is_genuine
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe_policies, provenance
@@ -25,11 +24,9 @@ from roletrust_experiments.paper import claims
 from roletrust_experiments.paper.figures import (
     BAD_MOUTHING,
     ON_OFF,
-    Attack,
     Paper,
     loop_length_s,
     loop_note,
-    paper_of,
     papers,
 )
 from roletrust_experiments.paper.live_curves import curves_from_rounds
@@ -68,10 +65,6 @@ def figures(
             show_default=False,
         ),
     ] = None,
-    attack: Annotated[
-        Attack | None,
-        typer.Option(help="The paper's attack in the --recording, whose figure is drawn.", show_default=False),
-    ] = None,
     keys: Annotated[
         Path | None,
         typer.Option(
@@ -105,20 +98,17 @@ def figures(
     [dim]# for fewer rounds: 40 rounds need 20 s of video, or 40 images[/]
     [cyan]roletrust play paper-3x3-hog --set frames=walk.mp4 --set max_cycles=40[/]
 
-    [dim]# the curves of a live team, or for the paper's robots the figure and its claims[/]
+    [dim]# the curves of a live team[/]
     [cyan]roletrust figures --recording bag[/]
-    [cyan]roletrust figures --recording results/live/recording --attack bad-mouthing[/]
 
     [dim]# without a camera, in a second[/]
     [cyan]roletrust figures --service synthetic --seed 7[/]
     """
-    if recording is not None and frames is not None:
-        raise ValueError("--recording plays nothing, so --frames has no effect")
     if recording is not None:
-        _draw_recording(recording, attack, keys, out)
+        if frames is not None:
+            raise ValueError("--recording plays nothing, so --frames has no effect")
+        _draw_recording(recording, keys, out)
         return
-    if attack is not None:
-        raise ValueError("--attack says what a --recording shows; without a recording, both figures are played")
     if keys is not None:
         raise ValueError("--keys checks a --recording; without a recording, nothing is signed")
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
@@ -243,22 +233,22 @@ def _explain(found: list[claims.Claim], game: Game, rounds: list[Curves]) -> Non
         )
 
 
-def _draw_recording(recording: Path, attack: Attack | None, keys: Path | None, out: Path) -> None:
-    """Draw and write the published trust of a team, or for the paper's team and attack its figure and claims.
+def _draw_recording(recording: Path, keys: Path | None, out: Path) -> None:
+    """Draw and write the published trust of all agents of a team against time.
 
     Args:
         recording: Folder of the recording.
-        attack: The paper's attack that was played; None for any other team.
         keys: Folder with the manager's public key; None draws unsigned trust, too.
         out: Folder for the results.
 
     Raises:
-        ValueError: The folder is no recording, has fewer than two rounds, or has another team than the paper's.
+        ValueError: The folder is no recording, or has fewer than two rounds.
     """
     require_live()
     from roletrust_env.live.wire import messages
     from roletrust_env.live.wire.keys import PublicKeys
     from roletrust_env.live.wire.recording import read_recording
+    from roletrust_experiments.plots.curves import Panel, trust_figure
 
     rounds, keyring = [], None if keys is None else PublicKeys(keys, [MANAGER])
     for one in read_recording(recording):
@@ -273,58 +263,19 @@ def _draw_recording(recording: Path, attack: Attack | None, keys: Path | None, o
         raise ValueError(
             f"{recording} holds {len(rounds)} rounds of trust; it must hold two consecutive ones, with agents"
         )
-    start = rounds[0].stamp - rounds[0].round * period
     prepare_folder(out)
-    if attack is None:
-        written = _any_team(recording, rounds, curves_from_rounds(rounds, start, period, period / 1e9), out)
-    else:
-        written = _papers(recording, rounds, attack, start, period, out)
-    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
-
-
-def _any_team(recording: Path, rounds: list[PublishedTrust], curves: Curves, out: Path) -> list[str]:
-    """Write the trust of all agents against time."""
-    from roletrust_experiments.plots.curves import Panel, trust_figure
-
-    last = rounds[-1]
-    panels = [
-        Panel("trust of raters, ToR", tuple(last.tor), curves.tor),
-        Panel("trust of providers, ToP", tuple(last.top), curves.top),
-    ]
-    header = ["time_s", *(f"ToR {name}" for name in last.tor), *(f"ToP {name}" for name in last.top)]
+    curves = curves_from_rounds(rounds, rounds[0].stamp - rounds[0].round * period, period, period / 1e9)
+    raters, providers = tuple(rounds[-1].tor), tuple(rounds[-1].top)
+    header = ["time_s", *(f"ToR {name}" for name in raters), *(f"ToP {name}" for name in providers)]
     rows = zip(curves.time_s.tolist(), *curves.trust[..., 0].T.tolist(), strict=True)
     write_csv(out / "figure.csv", header, rows)
-    title = f"{recording.name}: {len(last.tor)} raters, {len(last.top)} providers, {len(rounds)} rounds"
-    write_figure(out / "figure.png", trust_figure(title, panels, curves.time_s, float(curves.time_s[-1])))
-    return ["figure.csv", "figure.png"]
-
-
-def _papers(
-    recording: Path, rounds: list[PublishedTrust], attack: Attack, start: int, period: int, out: Path
-) -> list[str]:
-    """Write the paper's figure, with the paper's clock at any speed of the team."""
-    from roletrust_experiments.plots.paper import write_paper
-
-    scenario = make_scenario("paper-3x3-hog")
-    paper, size = paper_of(attack, scenario.period_s), (len(rounds[-1].tor), len(rounds[-1].top))
-    if size != (3, 3):
-        raise ValueError(
-            f"--attack {attack} needs the paper's three raters and three providers; {recording} has {size[0]} and "
-            f"{size[1]}; leave --attack out to draw its curves"
-        )
-    curves = curves_from_rounds(rounds, start, period, scenario.period_s)
-    if curves.time_s[0] > 5 or curves.time_s[-1] <= paper.attack.start_s + 20:
-        raise ValueError(
-            f"{recording} is from {curves.time_s[0]:g} to {curves.time_s[-1]:g} s of the paper's clock, too short for "
-            f"--attack {attack}; leave --attack out to draw its curves"
-        )
-    found = paper.check(curves, scenario, paper.attack)
-    note = f"recorded in {recording.name}: {len(rounds)} rounds"
-    written = write_paper(out, f"figure{paper.number}", paper, {"": curves}, scenario, note)
-    results = {"command": "roletrust figures", "recording": str(recording), "attack": attack, "period_s": period / 1e9}
-    write_json(out / "results.json", {**results, "claims": [claim._asdict() for claim in found]})
-    console.print(claims_table("Su and Saint-Jore (2023), from a recording", found))
-    return [*written, "results.json"]
+    panels = [
+        Panel("trust of raters, ToR", raters, curves.tor, curves.time_s),
+        Panel("trust of providers, ToP", providers, curves.top, curves.time_s),
+    ]
+    title = f"{recording.name}: {len(raters)} raters, {len(providers)} providers, {len(rounds)} rounds"
+    write_figure(out / "figure.png", trust_figure(title, panels, float(curves.time_s[-1])))
+    console.print(f"Written to {out}: figure.csv, figure.png", soft_wrap=True)
 
 
 def claims_table(title: str, found: Sequence[claims.Claim]) -> Table:

@@ -234,7 +234,7 @@ def _film(
 
     names = [_file("play", one.model, played) for one in played]
     for name, one in zip(names, played, strict=True):
-        write_video(out / f"{name}.mp4", one.game, attackers, seed, progress)
+        write_video(out / f"{name}.mp4", JointPolicy(one.game, attackers), seed, progress)
     return [f"{name}.{kind}" for name in names for kind in ("mp4", "png")]
 
 

@@ -45,39 +45,39 @@ def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str,
         attackers: Policies of the attackers by agent.
     """
     roster, scenario = game.roster, game.scenario
-    panels = [Panel("trust of raters, ToR", roster.rater_names, curves.tor)] if game.model.rates_raters else []
-    panels.append(Panel("trust of providers, ToP", roster.provider_names, curves.top))
+    panels = [Panel("trust of providers, ToP", roster.provider_names, curves.top, curves.time_s)]
+    if game.model.rates_raters:
+        panels.insert(0, Panel("trust of raters, ToR", roster.rater_names, curves.tor, curves.time_s))
     if roster.n_both:
         both = roster.n_agents - roster.n_both
-        panels.append(Panel("trust of both, ToA", roster.names[both:], curves.trust[:, both:]))
+        panels.append(Panel("trust of both, ToA", roster.names[both:], curves.trust[:, both:], curves.time_s))
     period = scenario.period_s
     end = scenario.max_cycles * period
     perturbed = [
         (blow.start * period, blow.stop * period) for blow in scenario.perturbations if blow.start < scenario.max_cycles
     ]
     windows, notes = _windows(attackers, period, end), [note for note in [loop_note(game)] if note]
-    return trust_figure(
-        title, panels, curves.time_s, end, attackers=attackers, attacks=windows, perturbed=perturbed, notes=notes
-    )
+    return trust_figure(title, panels, end, attackers=attackers, attacks=windows, perturbed=perturbed, notes=notes)
 
 
 class Panel(NamedTuple):
-    """Label, agents and trust, (T, agents, games), of a panel."""
+    """Label, agents, trust, (T, agents, games), and times in seconds, (T,), of a panel."""
 
     label: str
     names: Sequence[str]
     trust: Floats
+    time_s: Floats
 
 
 def trust_figure(
     title: str,
     panels: Sequence[Panel],
-    time_s: Floats,
     end: float,
     *,
     attackers: Collection[str] = (),
     attacks: Iterable[tuple[float, float]] = (),
     perturbed: Iterable[tuple[float, float]] = (),
+    labels: tuple[str, str] = ("attack", "perturbed"),
     notes: Sequence[str] = (),
 ) -> Figure:
     """Return a figure of trust against time in one or more panels. Lines are as in `curve_figure`.
@@ -85,20 +85,20 @@ def trust_figure(
     Args:
         title: Title of the figure.
         panels: Panels from top to bottom.
-        time_s: Times in seconds, (T,).
         end: End of the axis in seconds.
         attackers: Names of the attackers.
         attacks: Intervals with an attack.
         perturbed: Intervals with a perturbation of services.
+        labels: Labels of both kinds of intervals.
         notes: Notes below the figure.
     """
     figure = Figure(figsize=(9.6, 0.6 + 2.5 * len(panels)), layout="constrained")
     grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     faints = []
-    for k, (axes, (label, names, trust)) in enumerate(zip(grid, panels, strict=True)):
+    for k, (axes, (label, names, trust, time_s)) in enumerate(zip(grid, panels, strict=True)):
         tidy(axes, label)
-        shade(axes, attacks, ATTACKED, "attack" if k == 0 else None)
-        shade(axes, perturbed, PERTURBED, "perturbed" if k == 0 else None)
+        shade(axes, attacks, ATTACKED, labels[0] if k == 0 else None)
+        shade(axes, perturbed, PERTURBED, labels[1] if k == 0 else None)
         faints.append(_draw(axes, names, time_s, trust, attackers))
         axes.set_xlim(0, end)
         axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -14,8 +13,9 @@ from roletrust_env.evaluation.curves import Curves
 from roletrust_env.storage.files import write_csv
 from roletrust_env.world.scenario import Scenario
 from roletrust_experiments.paper.figures import COLUMNS, Paper
+from roletrust_experiments.plots.curves import Panel, trust_figure
 from roletrust_experiments.plots.figure_files import write_figure
-from roletrust_experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
+from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, QUIET
 
 
 class Still(NamedTuple):
@@ -51,7 +51,7 @@ def write_paper(
 
 
 def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, note: str | None = None) -> Figure:
-    """Return a figure with trust of raters above trust of providers, over time, and the runs side by side.
+    """Return a figure with trust of raters above trust of providers, over time, for one run after the other.
 
     Args:
         paper: Figure of the paper.
@@ -59,49 +59,26 @@ def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, n
         scenario: Scenario with the perturbations.
         note: Note below the figure, on the frames.
     """
-    figure = Figure(figsize=(9.6 if len(runs) == 1 else 1.6 + 7.8 * len(runs), 5.6), layout="constrained")
-    grid = figure.subplots(2, len(runs), sharex=True, sharey="row", squeeze=False)
-    for k, (run, curves) in enumerate(runs.items()):
-        _draw((grid[0, k], grid[1, k]), paper, curves, scenario)
-        if len(runs) > 1:
-            grid[0, k].set_title(run, loc="left", fontsize=10.5, color=INK, pad=28)
-        for axes in grid[:, k] if k else ():
-            axes.set_ylabel("")
-    for axes in grid[:, -1]:
-        axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)
-    figure.suptitle(paper.title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
-    if note:
-        figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
-    return figure
-
-
-def _draw(column: tuple[Axes, Axes], paper: Paper, curves: Curves, scenario: Scenario) -> None:
-    """Draw one run: ToR in the upper axes, ToP in the lower."""
-    upper, lower = column
-    period = scenario.period_s
-    fast = [(blow.start * period, blow.stop * period) for blow in scenario.perturbations]
-    for axes, name, trust in ((upper, "ToR", curves.tor), (lower, "ToP", curves.top)):
-        top = axes is upper
-        tidy(axes, "trust of raters, ToR" if top else "trust of providers, ToP")
-        shade(axes, [(paper.attack.start_s, paper.attack.stop_s)], ATTACKED, paper.label if top else None)
-        shade(axes, fast, PERTURBED, "fast target" if top else None)
-        for level in paper.levels if top else ():
+    period, panels = scenario.period_s, []
+    for run, curves in runs.items():
+        which = f" {run}" if run else ""
+        panels.append(Panel(f"trust of raters,{which} ToR", COLUMNS[1:4], curves.tor, curves.time_s))
+        panels.append(Panel(f"trust of providers,{which} ToP", COLUMNS[4:], curves.top, curves.time_s))
+    figure = trust_figure(
+        paper.title,
+        panels,
+        max(float(curves.time_s[-1]) for curves in runs.values()),
+        attackers=[paper.attacker],
+        attacks=[paper.attack],
+        perturbed=[(blow.start * period, blow.stop * period) for blow in scenario.perturbations],
+        labels=(paper.label, "fast target"),
+        notes=[note] if note else [],
+    )
+    for axes in figure.axes[::2]:
+        for level in paper.levels:
             axes.hlines(level, *paper.attack, color=INK, linewidth=1, linestyle=":", zorder=5)
             axes.text(paper.attack.stop_s + 0.8, level, f"paper: {level:g}", fontsize=9, va="center", color=INK)
-        for i in range(trust.shape[1]):
-            label = f"{name}_{i + 1}"
-            bad = label == paper.attacker  # its curve lies broad under the others, so that none hides another
-            axes.plot(
-                curves.time_s,
-                trust[:, i, 0],
-                color=ATTACKER if bad else HONEST[i],
-                linestyle="-" if bad else DASHES[i],
-                linewidth=3.4 if bad else 1.7,
-                zorder=3 if bad else 4,
-                label=f"{label} (attacker)" if bad else label,
-            )
-    lower.set_xlabel("time (s)", color=INK)
-    lower.set_xticks(np.arange(0, curves.time_s[-1] + 1, 10))
+    return figure
 
 
 def montage_figure(stills: Sequence[Still]) -> Figure:

@@ -1,6 +1,5 @@
 """What a recording becomes: figures, and a scenario."""
 
-import json
 import tomllib
 from pathlib import Path
 
@@ -41,17 +40,6 @@ def bag(tmp_path_factory):
     return folder / "bag"
 
 
-def test_the_papers_figure_from_a_recording(bag, tmp_path):
-    done = run("figures", "--recording", str(bag), "--attack", "bad-mouthing", "--out", str(tmp_path))
-    assert done.exit_code == 0, done.output
-    results = json.loads((tmp_path / "results.json").read_text())
-    assert results["period_s"] == 0.5
-    assert all(claim["ok"] for claim in results["claims"])
-    rows = np.genfromtxt(tmp_path / "figure4.csv", delimiter=",", names=True)
-    assert rows["ToR_3"][70:88].mean() == pytest.approx(1 - np.sqrt(1 / 3), abs=0.06)
-    assert imageio.imread(tmp_path / "figure4.png").shape[0] > 500
-
-
 def test_the_curves_of_any_team(bag, tmp_path):
     done = run("figures", "--recording", str(bag), "--out", str(tmp_path))
     assert done.exit_code == 0, done.output
@@ -82,7 +70,6 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     [
         (["figures", "--recording", "nowhere"], "nowhere cannot be read"),
         (["figures", "--recording", "nowhere", "--frames", "walk.mp4"], "--recording plays nothing"),
-        (["figures", "--attack", "on-off"], "--attack says what a --recording shows"),
         (["live", "scenario", "nowhere"], "nowhere cannot be read"),
         (["live", "scenario", "nowhere", "--out", "team.txt"], "must end in .toml"),
         (["live", "scenario", "nowhere", "--out", "there.toml"], "there.toml exists already"),

@@ -34,7 +34,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *("submit", folder / "run/results.sqlite", "--attacks"), *("--finder", "A. Author", "--out", folder / "a.json")
     )
     assert "a.json, 1 attacks" in told
-    assert "benchmark --suite tiny.toml --known" in told
     return folder
 
 
