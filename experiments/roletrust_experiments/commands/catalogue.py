@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, get_type_hints
 
 from roletrust_env import Policy
 from roletrust_env.benchmarking.learners.learner import registry as learners
@@ -41,20 +41,6 @@ _BUILT_IN = {
 """Descriptions of this project's search methods, which a learner is compared with."""
 
 
-class Parameter(NamedTuple):
-    """A parameter of a trust model or an attacker.
-
-    Attributes:
-        default: Default value as plain data; None also for a required parameter.
-        required: True if the parameter has no default.
-        allowed: Allowed values in words; empty if they are not declared.
-    """
-
-    default: Any
-    required: bool
-    allowed: str
-
-
 def all_scenarios() -> dict[str, Entry]:
     """Return every scenario by name, with all its fields."""
     return _entries(scenarios.names(), lambda name: scenarios.make(name).model_dump(mode="json"))
@@ -67,8 +53,7 @@ def all_models() -> dict[str, Entry]:
         factory = models.factory(name)
         traits = Traits.of(factory if isinstance(factory, type) else models.make(name))
         facts = {key: getattr(traits, key) for key in ("family", "source", "cost", "differentiable", "rates_raters")}
-        parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
-        return {"description": summary(factory), **facts, "parameters": parameters}
+        return {"description": summary(factory), **facts, "parameters": _parameters(factory)}
 
     return _entries(models.names(), entry)
 
@@ -85,7 +70,7 @@ def all_attackers() -> dict[str, Entry]:
         factory = attackers.factory(name)
         ranges, known = declared_ranges(factory), declared_facts(factory, (0,), 1)
         parameters = {
-            key: {**parameter._asdict(), "searched": _plain(ranges.get(key)), "given": key in known}
+            key: {**parameter, "searched": _plain(ranges.get(key)), "given": key in known}
             for key, parameter in _parameters(factory).items()
         }
         channels = getattr(factory, "attacks", None)
@@ -103,8 +88,7 @@ def all_learners() -> dict[str, Entry]:
 
     def entry(name: str) -> Entry:
         factory = learners.factory(name)
-        parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
-        return {"description": summary(factory), "parameters": parameters}
+        return {"description": summary(factory), "parameters": _parameters(factory)}
 
     described = {name: _BUILT_IN.get(name, text) for name, text in search_methods.describe().items()}
     searches = {name: {"description": described[name], "parameters": {}} for name in search_names()}
@@ -160,8 +144,12 @@ def _entries(names: Iterable[str], entry: Callable[[str], Entry]) -> dict[str, E
     return found
 
 
-def _parameters(factory: Callable[..., Any]) -> Mapping[str, Parameter]:
-    """Return the parameters of a factory, in the order of its signature."""
+def _parameters(factory: Callable[..., Any]) -> dict[str, Entry]:
+    """Return the parameters of a factory, in the order of its signature.
+
+    Each has its `default` as plain data, None also for a `required` parameter, and the `allowed` values in words, empty
+    if they are not declared.
+    """
     try:
         hints = get_type_hints(factory, include_extras=True)
     except Exception:  # the types of a foreign factory may be plain text
@@ -169,8 +157,11 @@ def _parameters(factory: Callable[..., Any]) -> Mapping[str, Parameter]:
     found = {}
     for name, parameter in inspect.signature(factory).parameters.items():
         required = parameter.default is parameter.empty
-        default = None if required else _as_data(parameter.default)
-        found[name] = Parameter(default, required, allowed(hints[name]) if name in hints else "")
+        found[name] = {
+            "default": None if required else _as_data(parameter.default),
+            "required": required,
+            "allowed": allowed(hints[name]) if name in hints else "",
+        }
     return found
 
 

@@ -13,7 +13,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, State, make_scenario
-from roletrust_env.evaluation.curves import Curves
 from roletrust_env.live.validation import MANAGER, is_genuine
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe_policies, provenance
@@ -24,7 +23,6 @@ from roletrust_experiments.paper import claims
 from roletrust_experiments.paper.figures import (
     BAD_MOUTHING,
     ON_OFF,
-    Paper,
     loop_length_s,
     loop_note,
     papers,
@@ -111,6 +109,8 @@ def figures(
         return
     if keys is not None:
         raise ValueError("--keys checks a --recording; without a recording, nothing is signed")
+    from roletrust_experiments.plots.paper import montage_figure, write_paper
+
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
     game = Game(scenario.change(frames=frames, playback="loop" if loop else "once"))
     prepare_folder(out)
@@ -130,14 +130,42 @@ def figures(
         calm = claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
         seen = _Footage(loop_length_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
         found = claims.for_given_frames(found)
-    written = _write(out, game, seed, played, rounds, sight, found, seen)
+    written: list[str] = []
+    note = loop_note(game)
+    for paper, curves in zip(played, rounds, strict=True):
+        written += write_paper(out, f"figure{paper.number}", paper, {"": curves}, game.scenario, note)
+    if sight.taken:
+        write_figure(out / "montage.png", montage_figure(sight.taken))
+        written.append("montage.png")
+    written.append("results.json")
+    results = {
+        "command": "roletrust figures",
+        "service": game.scenario.service,
+        **provenance(game, seed),
+        "attackers": {f"figure {paper.number}": describe_policies(paper.policies) for paper in played},
+        "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
+        **({"footage": seen._asdict()} if seen else {}),
+        "claims": [claim._asdict() for claim in found],
+        "files": written,
+    }
+    write_json(out / "results.json", results)
     if seen is None or seen.in_clear_view:
         seen_through = "OpenCV's HOG people detector" if service == "hog" else "a synthetic service"
         console.print(claims_table(f"Su and Saint-Jore (2023), seen through {seen_through}", found))
-        _explain(found, game, rounds)
+        calm_s = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF))
+        steady_s = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, BAD_MOUTHING))
+        after = f"{claims.SETTLE_S:g} s after any other event"
+        console.print(f"[dim]calm: before the attack, {after} (Figure 3: {calm_s})[/]")
+        console.print(f"[dim]steady: mean over the rounds of the attack, {after} (Figure 4: {steady_s})[/]")
+        console.print("[dim]least dip: of the three ToP, the smallest fall while the target moves fast[/]")
+        if any(claim.ok is None for claim in found):
+            console.print(
+                "[dim]n/a: the bound holds for the rendered scene; in these frames the detector still recognises the "
+                "person when the picture is blurred[/]"
+            )
     else:
         console.print(seen.in_words(), soft_wrap=True)
-    if note := loop_note(game):
+    if note:
         console.print(f"[dim]{escape(note)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
@@ -182,55 +210,6 @@ class _Sight:
         if time_s in _MOMENTS_S:
             perceived = state.service[..., 0].mean(axis=0)
             self.taken.append(Still(_MOMENTS_S[time_s], time_s, self._camera.latest.copy(), perceived))
-
-
-def _write(
-    out: Path,
-    game: Game,
-    seed: int,
-    played: tuple[Paper, Paper],
-    rounds: list[Curves],
-    sight: _Sight,
-    found: list[claims.Claim],
-    seen: _Footage | None,
-) -> list[str]:
-    """Write all files, and return their names."""
-    from roletrust_experiments.plots.paper import montage_figure, write_paper
-
-    written: list[str] = []
-    for paper, curves in zip(played, rounds, strict=True):
-        written += write_paper(out, f"figure{paper.number}", paper, {"": curves}, game.scenario, loop_note(game))
-    if sight.taken:
-        write_figure(out / "montage.png", montage_figure(sight.taken))
-        written.append("montage.png")
-    written.append("results.json")
-    results = {
-        "command": "roletrust figures",
-        "service": game.scenario.service,
-        **provenance(game, seed),
-        "attackers": {f"figure {paper.number}": describe_policies(paper.policies) for paper in played},
-        "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
-        **({"footage": seen._asdict()} if seen else {}),
-        "claims": [claim._asdict() for claim in found],
-        "files": written,
-    }
-    write_json(out / "results.json", results)
-    return written
-
-
-def _explain(found: list[claims.Claim], game: Game, rounds: list[Curves]) -> None:
-    """Print explanations of the rows of the table."""
-    calm = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF))
-    steady = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, BAD_MOUTHING))
-    after = f"{claims.SETTLE_S:g} s after any other event"
-    console.print(f"[dim]calm: before the attack, {after} (Figure 3: {calm})[/]")
-    console.print(f"[dim]steady: mean over the rounds of the attack, {after} (Figure 4: {steady})[/]")
-    console.print("[dim]least dip: of the three ToP, the smallest fall while the target moves fast[/]")
-    if any(claim.ok is None for claim in found):
-        console.print(
-            "[dim]n/a: the bound holds for the rendered scene; in these frames the detector still recognises the "
-            "person when the picture is blurred[/]"
-        )
 
 
 def _draw_recording(recording: Path, keys: Path | None, out: Path) -> None:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.resources import check_memory
-from roletrust_env.metrics.confidence import Estimate, estimate
+from roletrust_env.metrics.confidence import estimate
 from roletrust_experiments.commands.catalogue import (
     Entry,
     all_attackers,
@@ -123,6 +123,7 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
     """
     require("a trained attacker", "train", "safetensors")
     from roletrust_agents.learned.coalition_attacker import attacker_for
+    from roletrust_agents.learned.policy import play_task
     from roletrust_agents.learned.saved import ZOO, load_attacker
     from roletrust_env.evaluation.measurement import task_memory
 
@@ -132,23 +133,12 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
         check_memory("--games", games, task_memory(attacker.task(), mind))
     with progress_bar() as progress:
         for name, attacker in progress.track(attackers.items(), description="Playing"):
-            measured, saved = measure(attacker, games), entries[name]["score"]
+            saved = entries[name]["score"]
+            measured = estimate(play_task(attacker.task(), attacker.network, games=games, seed=0))
             # Two equal means seldom have separate intervals; rounding differs between machines.
             holds = abs(measured.mean - saved["mean"]) <= measured.half + saved["half_95"] + 1e-4
             entries[name]["measured"] = {"mean": float(measured.mean), "half_95": float(measured.half), "holds": holds}
     return all(one.get("measured", {}).get("holds", False) for one in entries.values())
-
-
-def measure(attacker: Any, games: int) -> Estimate:
-    """Return the score of a trained attacker in its own task.
-
-    Args:
-        attacker: Trained attacker, a `SavedAttacker`.
-        games: Number of games.
-    """
-    from roletrust_agents.learned.policy import play_task
-
-    return estimate(play_task(attacker.task(), attacker.network, games=games, seed=0))
 
 
 def _print(found: Mapping[Kind, dict[str, Entry]], kind: Kind | None) -> None:

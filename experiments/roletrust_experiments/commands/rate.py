@@ -135,38 +135,23 @@ def rate(
     if synthetic or search or len(model or ()) > 1:
         raise ValueError("--synthetic, --search and several models need --compare")
     name = model[0] if model else "role-trust"
-    _rate(ratings, name, columns, scale or (0, 1), (every, count), same_agents is True, repeats, top, out)
-
-
-def _rate(
-    path: Path,
-    name: str,
-    columns: Columns,
-    scale: tuple[float, float],
-    lengths: tuple[float | None, int | None],
-    same_agents: bool,
-    repeats: bool,
-    top: int,
-    out: Path,
-) -> None:
-    """Play a log as a stream, and write and print the trust of its agents."""
-    model: Any = parse_named(registry, name)
-    every, count = lengths
-    check_rounds(every, count, has_times=columns.time is not None)
+    both = same_agents is True
+    chosen: Any = parse_named(registry, name)
+    check_rounds(every, count, has_times=time is not None)
     prepare_folder(out)
     with progress_bar() as progress:
-        task = progress.add_task(f"Reading {path.name}", total=None)
+        task = progress.add_task(f"Reading {ratings.name}", total=None)
         log = read_ratings(
-            path,
+            ratings,
             columns,
-            scale=scale,
-            same_agents=same_agents,
+            scale=scale or (0, 1),
+            same_agents=both,
             repeats=repeats,
             advance=lambda rows: progress.update(task, completed=rows),
         )
         many = len(log.values)
         agents = tuple(np.arange(size) for size in log.shape)
-        stream = TrustStream(model, every=every, count=count, same_agents=same_agents, agents=agents)  # type: ignore[arg-type]
+        stream = TrustStream(chosen, every=every, count=count, same_agents=both, agents=agents)  # type: ignore[arg-type]
         progress.update(task, description="Playing rounds", completed=0, total=many)
         size = many if every is None and count is None else _BLOCK
         for start in range(0, many, size):
@@ -184,10 +169,15 @@ def _rate(
     if not log.was_sorted:
         console.print("The rows were not in the order of time; they were sorted.")
     for role, rows in roles.items():
-        if role == "raters" and not model.rates_raters:
+        if role == "raters" and not chosen.rates_raters:
             console.print(f"{escape(name)} has no notion of trust in raters.")
             continue
-        _print(role, rows, top)
+        ends = dict.fromkeys([*range(min(top, len(rows))), *range(max(0, len(rows) - top), len(rows))])
+        table = number_table(f"Trust of {len(rows):,} {role}", "", "rank", "trust", "ratings")
+        for place in ends:  # the most and the least trusted
+            agent, trust, number = rows[place]
+            table.add_row(escape(agent), f"{place + 1:,}", f"{trust:.4f}", f"{number:,}")
+        console.print(table)
     written = f"Written to {out}: ratees.csv, raters.csv"
     console.print(f"{many:,} ratings in {stream.rounds:,} rounds. {written}", soft_wrap=True)
 
@@ -204,13 +194,3 @@ def _ranked(names: list[str], trusts: dict[int, float], places: Any) -> list[tup
     ratings = np.bincount(places, minlength=len(names))
     order = np.lexsort((-ratings, -trust))
     return [(names[at], float(trust[at]), int(ratings[at])) for at in order.tolist() if ratings[at]]
-
-
-def _print(role: str, rows: list[tuple[str, float, int]], top: int) -> None:
-    """Print the most and the least trusted agents of a role."""
-    ends = dict.fromkeys([*range(min(top, len(rows))), *range(max(0, len(rows) - top), len(rows))])
-    table = number_table(f"Trust of {len(rows):,} {role}", "", "rank", "trust", "ratings")
-    for place in ends:
-        name, trust, ratings = rows[place]
-        table.add_row(escape(name), f"{place + 1:,}", f"{trust:.4f}", f"{ratings:,}")
-    console.print(table)
