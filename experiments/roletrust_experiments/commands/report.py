@@ -39,11 +39,10 @@ def report(
     round by round; the share of liars that breaks a model; damage against detectability; the learners and their
     progress; and the limits of these numbers. A run may be incomplete: the page shows the cells that have been played.
 
-    Written: [green]report.html[/], the page; a [green].csv[/] with the numbers of each figure and a [green].png[/] of
-    it; [green]leaderboard.md[/], the leaderboard in Markdown; [green]games.csv.gz[/], the utility of every game; and
-    [green]conditions.csv[/], how well each condition tells models apart. Of the tables, [green]worst_cases.csv[/] has
-    a row for each model and condition. The folder [green]paper[/] is for papers: each figure as [green].pdf[/] and
-    [green].svg[/] at the width of a column, and [green]leaderboard.tex[/], the leaderboard in LaTeX.
+    Written: [green]report.html[/], the page; a [green].csv[/] with the numbers of each figure, and a [green].png[/]
+    and a [green].pdf[/] of it; [green]leaderboard.md[/], the leaderboard in Markdown; [green]games.csv.gz[/], the
+    utility of every game; and [green]conditions.csv[/], how well each condition tells models apart. Of the tables,
+    [green]worst_cases.csv[/] has a row for each model and condition.
 
     [bold]Examples[/]
 
@@ -58,9 +57,8 @@ def report(
     require("the report", "train", "scipy", "cma", "jinja2")  # to read a suite of the benchmark, and for the page
     from roletrust_experiments.commands.leaderboard import leaderboard_markdown
     from roletrust_experiments.report.content import read
-    from roletrust_experiments.report.figures import COLUMN, PAGE, write_figures
+    from roletrust_experiments.report.figures import write_figures
     from roletrust_experiments.report.games import write_games
-    from roletrust_experiments.report.latex import latex_table
     from roletrust_experiments.report.page import page
     from roletrust_experiments.report.robustness import ConditionRow
 
@@ -69,8 +67,7 @@ def report(
     prepare_folder(out)
     for name, table in content.tables.items():
         write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
-    drawn = write_figures(out, content, PAGE, ".png")
-    write_figures(out / "paper", content, COLUMN, ".pdf", ".svg")
+    drawn = write_figures(out, content, ".png", ".pdf")
     pictures = {name: (out / f"{name}.png").read_bytes() for name in drawn}
     linked = ["--pages", pages] if pages else []
     command = shlex.join(["roletrust", "report", *map(str, paths), *linked, "--out", str(out)])
@@ -78,11 +75,10 @@ def report(
     written = "report.html"
     if found := content.robustness:
         write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
-        write_text(out / "paper" / "leaderboard.tex", latex_table(found.leaderboard, command))
         write_games(out / "games.csv.gz", found.leaderboard.cells)
         write_csv(out / "conditions.csv", ConditionRow._fields, found.conditions)
         written += ", leaderboard.md, games.csv.gz, conditions.csv, worst_cases.csv"
-    figures = f"{', '.join(drawn)}, each as .csv and .png; paper, with the figures as .pdf and .svg"
+    figures = f"{', '.join(drawn)}, each as .csv, .png and .pdf"
     console.print(escape(f"Written to {out}: {written}; {figures}"), soft_wrap=True)
 
 

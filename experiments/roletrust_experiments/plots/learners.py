@@ -48,21 +48,6 @@ def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[
     return figure
 
 
-def learners_column(found: Sequence[LearnerResult], width: float) -> Figure:
-    """Return a figure for a column of a paper: the share of each learner over all tasks by its budget.
-
-    Args:
-        found: See `learners_figure`.
-        width: Width in inches.
-    """
-    figure = Figure(figsize=(width, 2.6), layout="constrained")
-    axes = figure.subplots()
-    _curves(axes, [one for one in found if one.task == ALL_TASKS], _styles(ranking(found)))
-    axes.set_ylabel("share, interquartile mean", color=INK)
-    figure.legend(frameon=False, loc="outside lower center", ncols=3, labelcolor=INK)
-    return figure
-
-
 def _styles(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return the colour and the dash of each learner."""
     colours = [*HONEST, *ATTACKERS]

@@ -1,9 +1,9 @@
-"""Figures of a report, each drawn once: for the page and its PNG files, and in the column of a paper."""
+"""Figures of a report, each drawn once, for the page and for files."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -13,7 +13,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from roletrust_experiments.plots.figure_files import write_figure
-from roletrust_experiments.plots.learners import learners_column, learners_figure
+from roletrust_experiments.plots.learners import learners_figure
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, quiet, tidy
 from roletrust_experiments.report.content import Content
 from roletrust_experiments.report.robustness import Robustness, Table
@@ -29,107 +29,63 @@ _DASHES: tuple[Any, ...] = ("-", (0, (7, 3)), (0, (2, 2)), (0, (9, 3, 2, 3)))
 _MARKS = ("o", "s", "^", "D", "v")
 
 
-class Layout(NamedTuple):
-    """Measures of figures.
+_WIDTH = 10
+"""Width of a figure, inches."""
 
-    Attributes:
-        width: Width of a figure, inches.
-        row: Height of a row of a heat map or of the leaderboard, inches.
-        panel: Height of a panel with lines, inches.
-        panels: Number of panels with lines side by side.
-        mark: Area of a mark, square points.
-        selected: Whether figures are of a selection: the best models, the condition in which the best one is weakest,
-            and the tracks with several shares.
-        style: Settings of Matplotlib.
-    """
+_ROW = 0.3
+"""Height of a row of the heat map or of the leaderboard, inches."""
 
-    width: float
-    row: float
-    panel: float
-    panels: int
-    mark: float
-    selected: bool
-    style: Any
+_PANEL = 3.2
+"""Height of a panel with lines, inches."""
 
+_PANELS = 2
+"""Number of panels with lines side by side."""
 
-PAGE = Layout(width=10, row=0.3, panel=3.2, panels=2, mark=22, selected=False, style={})
-"""Layout of the page and of PNG files."""
+_MARK = 22
+"""Area of a mark, square points."""
 
-COLUMN = Layout(
-    width=3.4,
-    row=0.155,
-    panel=2.0,
-    panels=1,
-    mark=10,
-    selected=True,
-    style={
-        # Matplotlib has the first one, which goes with the Times of most papers; the second has more letters.
-        "font.family": ["STIXGeneral", "DejaVu Sans"],
-        "font.size": 8,
-        "axes.labelsize": 8,
-        "axes.titlesize": 8,
-        "xtick.labelsize": 7,
-        "ytick.labelsize": 7,
-        "legend.fontsize": 7,
-        "lines.linewidth": 1.1,
-        "lines.markersize": 3.2,
-        "axes.linewidth": 0.5,
-        "grid.linewidth": 0.5,
-        "xtick.major.width": 0.5,
-        "ytick.major.width": 0.5,
-        "xtick.major.pad": 2,
-        "ytick.major.pad": 2,
-        "axes.labelpad": 2,
-        # Text remains text, which can be searched and edited; the default of PDF is Type 3, which IEEE refuses.
-        "pdf.fonttype": 42,
-        "svg.fonttype": "none",
-        "svg.hashsalt": "roletrust",
-    },
-)
-"""Layout of a column of IEEE and ACM."""
+_STYLE = {
+    # Text remains text, which can be searched and edited; the default of PDF is Type 3, which IEEE refuses.
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "roletrust",
+}
+"""Settings of Matplotlib."""
 
 
-def write_figures(folder: Path, content: Content, layout: Layout, *suffixes: str) -> list[str]:
+def write_figures(folder: Path, content: Content, *suffixes: str) -> list[str]:
     """Write each figure of a report, and return their names, which are those of their tables.
 
     Args:
         folder: Folder of the files.
         content: Content of the report.
-        layout: Layout of the figures.
         suffixes: Suffixes of the files, which give their formats.
     """
     # Matplotlib makes labels of ticks when it draws, so that the style must hold until the file is written.
-    with rc_context(layout.style):
-        found = _figures(content.robustness, layout) if content.robustness else {}
+    with rc_context(_STYLE):
+        found = _figures(content.robustness) if content.robustness else {}
         if learners := content.learners:
-            found["learners"] = (
-                learners_column(learners.found, layout.width)
-                if layout.selected
-                else learners_figure(learners.suite.title, learners.found, learners.scales)
-            )
+            found["learners"] = learners_figure(learners.suite.title, learners.found, learners.scales)
         for name, figure in found.items():
             for suffix in suffixes:
                 write_figure(folder / f"{name}{suffix}", figure, colours=256 if suffix == ".png" else None)
     return list(found)
 
 
-def _figures(robustness: Robustness, layout: Layout) -> dict[str, Figure]:
+def _figures(robustness: Robustness) -> dict[str, Figure]:
     """Return the figures of trust models by the name of their table."""
     tables, scale, styles = robustness.tables, robustness.suite.score, _styles(robustness.order[:_LINES])
-    weakest = [robustness.leaderboard.rows[0].worst_condition] if layout.selected else None
 
     def breakdown(axes: Axes, rows: Rows) -> None:
         _draw_breakdown(axes, rows, styles)
         axes.set_ylabel(f"worst-case {scale}", color=INK)
 
     return {
-        "leaderboard": _leaderboard(robustness, layout),
-        "heatmap": _heatmap(robustness, layout),
-        "curves": _panels(tables["curves"], layout, lambda axes, rows: _draw_curves(axes, rows, styles), weakest),
-        "breakdown": _panels(tables["breakdown"], layout, breakdown, _several_shares(tables["breakdown"], layout)),
-        "tradeoff": _panels(
-            tables["tradeoff"], layout, lambda axes, rows: _draw_tradeoff(axes, rows, styles, layout.mark), weakest
-        ),
+        "leaderboard": _leaderboard(robustness),
+        "heatmap": _heatmap(robustness),
+        "curves": _panels(tables["curves"], lambda axes, rows: _draw_curves(axes, rows, styles)),
+        "breakdown": _panels(tables["breakdown"], breakdown),
+        "tradeoff": _panels(tables["tradeoff"], lambda axes, rows: _draw_tradeoff(axes, rows, styles)),
     }
 
 
@@ -141,10 +97,10 @@ def _styles(models: Iterable[str]) -> dict[str, dict[str, Any]]:
     }
 
 
-def _leaderboard(robustness: Robustness, layout: Layout) -> Figure:
+def _leaderboard(robustness: Robustness) -> Figure:
     """Return clean and worst-case score of each model, with their intervals."""
     standings = robustness.leaderboard.rows
-    figure = Figure(figsize=(layout.width, layout.row * (len(standings) + 4)), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, _ROW * (len(standings) + 4)), layout="constrained")
     axes, places = figure.subplots(), np.arange(len(standings))
     for name, field, colour, mark in (("clean", "clean", HONEST[0], "o"), ("worst case", "worst", ATTACKER, "s")):
         found = [getattr(row, field) for row in standings]
@@ -165,7 +121,7 @@ def _leaderboard(robustness: Robustness, layout: Layout) -> Figure:
     return figure
 
 
-def _heatmap(robustness: Robustness, layout: Layout) -> Figure:
+def _heatmap(robustness: Robustness) -> Figure:
     """Return the worst case of each model in each condition with attackers, in hundredths; dark is low."""
     table, models, lowest = robustness.tables["worst_cases"], robustness.order, robustness.lowest
     found = {
@@ -176,7 +132,7 @@ def _heatmap(robustness: Robustness, layout: Layout) -> Figure:
     }
     where = list(dict.fromkeys(condition for _, condition in found))
     values = np.array([[found.get((model, condition), np.nan) for condition in where] for model in models])
-    figure = Figure(figsize=(layout.width, layout.row * (len(models) + 7)), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, _ROW * (len(models) + 7)), layout="constrained")
     axes = figure.subplots()
     axes.imshow(values, cmap="cividis", vmin=lowest, vmax=1, aspect="auto", interpolation="none")
     axes.set_xticks(range(len(where)), where, fontsize="small", rotation=45, ha="right", rotation_mode="anchor")
@@ -195,13 +151,12 @@ def _heatmap(robustness: Robustness, layout: Layout) -> Figure:
     return figure
 
 
-def _panels(table: Table, layout: Layout, draw: Callable[[Axes, Rows], None], selected: Sequence[str] | None) -> Figure:
-    """Return a figure with a panel for each value of the first column of a table, or for some of them."""
-    groups = _groups(table)
-    found = {name: groups.get(name, []) for name in (groups if selected is None else selected)}
-    wide = min(layout.panels, max(1, len(found)))
+def _panels(table: Table, draw: Callable[[Axes, Rows], None]) -> Figure:
+    """Return a figure with a panel for each value of the first column of a table."""
+    found = _groups(table)
+    wide = min(_PANELS, max(1, len(found)))
     many = -(-max(1, len(found)) // wide)
-    figure = Figure(figsize=(layout.width, 3 * layout.row + layout.panel * many), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 3 * _ROW + _PANEL * many), layout="constrained")
     panels = figure.subplots(many, wide, squeeze=False)
     for axes, (name, rows) in zip(panels.flat, found.items(), strict=False):
         draw(axes, rows)
@@ -210,7 +165,7 @@ def _panels(table: Table, layout: Layout, draw: Callable[[Axes, Rows], None], se
         axes.set_visible(False)
     lines = {label: line for axes in panels.flat for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     if lines:
-        columns = 3 * layout.panels
+        columns = 3 * _PANELS
         figure.legend(lines.values(), lines, frameon=False, loc="outside lower center", ncols=columns, labelcolor=INK)
     return figure
 
@@ -237,21 +192,13 @@ def _draw_breakdown(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, An
     quiet(axes, "y")
 
 
-def _several_shares(table: Table, layout: Layout) -> list[str] | None:
-    """Return the tracks with several shares if figures are of a selection; None for all, or if there is none."""
-    if not layout.selected:
-        return None
-    shares = {where: {row["share"] for row in rows if row["share"]} for where, rows in _groups(table).items()}
-    return [where for where, found in shares.items() if len(found) > 1] or None
-
-
-def _draw_tradeoff(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]], size: float) -> None:
+def _draw_tradeoff(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]]) -> None:
     """Draw a mark for each attack at its damage and detectability; the worst case has a large one."""
     for model, style in styles.items():
         mine = [row for row in rows if row["model"] == model]
         if mine:
             points = [row["auc"] for row in mine], [row["damage"] for row in mine]
-            sizes = [4 * size if row["worst"] else size for row in mine]
+            sizes = [4 * _MARK if row["worst"] else _MARK for row in mine]
             look = {"color": style["color"], "marker": style["marker"]}
             axes.scatter(*points, s=sizes, alpha=0.75, label=model, lw=0, **look)
     axes.axvline(0.5, color=QUIET, linestyle="--", lw=1)  # chance

@@ -15,14 +15,13 @@ from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.specs import is_own_model
 from roletrust_experiments.report.content import Content
-from roletrust_experiments.report.figures import Layout
 
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are empty files."""
 
-    def write(folder: Path, content: Content, layout: Layout, *suffixes: str) -> list[str]:
+    def write(folder: Path, content: Content, *suffixes: str) -> list[str]:
         folder.mkdir(exist_ok=True)
         for name in content.tables:
             (folder / f"{name}{suffixes[0]}").touch()
@@ -145,7 +144,7 @@ def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path, undr
 
 def test_every_file_that_the_page_links_to_is_there(folder: Path) -> None:
     links = set(re.findall(r'href="([^#"]+\.\w+)"', (folder / "out" / "report.html").read_text(encoding="utf-8")))
-    assert {"worst_cases.csv", "paper/heatmap.pdf", "paper/leaderboard.tex", "learners.csv"} <= links
+    assert {"worst_cases.csv", "heatmap.pdf", "learners.csv"} <= links
     assert [link for link in links if not (folder / "out" / link).is_file()] == []
 
 
@@ -153,9 +152,9 @@ def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:
     made = run("report", str(folder / "learners.sqlite"), "--out", str(tmp_path / "out"))
     assert made.exit_code == 0, made.output
     files = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
-    paper = {"paper/learners.pdf", "paper/learners.svg"}
-    assert files == {"report.html", "learners.csv", "learners.png", *paper}
-    for name in ("learners.csv", "learners.png", *paper):
+    drawn = {"learners.csv", "learners.png", "learners.pdf"}
+    assert files == {"report.html", *drawn}
+    for name in drawn:
         assert (tmp_path / "out" / name).read_bytes() == (folder / "out" / name).read_bytes()
 
 
