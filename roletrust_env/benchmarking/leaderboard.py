@@ -268,25 +268,14 @@ class Leaderboard:
         """
         write_csv(Path(path), HEADER, [row.line() for row in self.rows])
 
-    def to_markdown(self, columns: Sequence[str] | None = None) -> str:
-        """Return the rows as a table in Markdown.
-
-        Args:
-            columns: Columns among `COLUMNS`. None means those of `columns`.
-
-        Raises:
-            ValueError: A column is unknown.
-        """
-        selected = self.columns if columns is None else tuple(columns)
-        for name in selected:
-            if name not in COLUMNS:
-                raise ValueError(f"there is no column {name!r}; there are {', '.join(COLUMNS)}")
+    def to_markdown(self) -> str:
+        """Return the rows as a table in Markdown, with the columns of `columns`."""
         lines = []
         for row in self.rows:
             texts = row_texts(row, " ± ")
             texts["model"] = f"`{texts['model']}`"
-            lines.append([texts[name] for name in selected])
-        return markdown_table(selected, lines, names=_LEFT)
+            lines.append([texts[name] for name in self.columns])
+        return markdown_table(self.columns, lines, names=_LEFT)
 
     def __repr__(self) -> str:
         """Return the rows as a table of plain text."""
