@@ -44,7 +44,7 @@ _PANELS = 2
 _MARK = 22
 """Area of a mark, square points."""
 
-_STYLE = {
+_STYLE: Any = {  # Matplotlib's type of settings is a list of all their names
     # Text remains text, which can be searched and edited; the default of PDF is Type 3, which IEEE refuses.
     "pdf.fonttype": 42,
     "svg.fonttype": "none",

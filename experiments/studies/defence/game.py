@@ -177,8 +177,10 @@ def play_game(asked: Options, seed: int) -> Run:
         iterations.append(measure_iteration(before, solution, game.payoffs()))
     last = game.payoffs()
     worst = dict(zip(game.defences, least(last).tolist(), strict=True))
-    numbers = range(asked.iterations)
-    learned = {name: max(numbers, key=lambda k, name=name: worst[label(name, k)]) for name in asked.defence}
+    learned = {}
+    for name in asked.defence:
+        values = [worst[label(name, k)] for k in range(asked.iterations)]
+        learned[name] = values.index(max(values))
     specs = {label(name, k): game.defences[label(name, k)] for name, k in learned.items()}
     specs |= {spec: spec for spec in (*asked.model, *asked.beside)}
     weights = solve([one.chosen.mean(axis=2) for one in last]).models

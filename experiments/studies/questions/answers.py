@@ -147,7 +147,7 @@ def lines(
         labels: Labels of the lines.
         at: Positions.
     """
-    return [Series(label, at, [estimate(found[what, label, x]).interval for x in at]) for label in labels]  # type: ignore[arg-type]
+    return [Series(label, at, [estimate(found[what, label, x]).interval for x in at]) for label in labels]
 
 
 def sign(difference: Estimate) -> int:
