@@ -18,13 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_env.benchmarking.cells import make_search, scripted_batches
-from roletrust_env.errors import suggest
 from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewards
-from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError, search_methods
+from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.storage.provenance import describe
+from roletrust_experiments.commands.console import plus_minus
 from studies.charts import Panel, Series, panels_figure
 from studies.condition import Condition
 from studies.study import Recipe, Run, Study, mean_of
@@ -126,11 +126,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with Study(__name__, RECIPES, arguments) as study:
         asked = study.options
         condition = Condition.of(asked.suite, asked.scenario, asked.track, asked.share)
-        condition.check(list(asked.model))
-        installed = [SCRIPTS, *search_methods.names()]
-        for name in asked.method:
-            if _base(name) not in installed:
-                raise ValueError(f"unknown method {name!r}{suggest(name, installed)}")
         searches = [
             Point(model, method, budget, study.seed + run)
             for model in asked.model
@@ -141,8 +136,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         jobs = {one.key: (condition, one, asked.games) for one in searches}
         kept = study.play(play_point, jobs, {"condition": condition.describe(), "games": asked.games})
         found, reasons = levels(searches, kept), list(left_out(searches, kept))
-        if not found:
-            raise ValueError(f"no search was played: {'; '.join(reasons)}")
         header = ("model", "method", "budget", "seed", "utility", "rounds", "seconds", "attack", "left_out")
         rows = [[*one, *(kept[one.key].get(name) for name in header[4:])] for one in searches if one.key in kept]
         study.csv("budget.csv", header, rows)
@@ -256,8 +249,7 @@ def _table(found: Sequence[Level]) -> tuple[list[str], list[list[str]]]:
         name = one.method if one.budget else f"{one.method}, {one.rounds:,} rounds"
         cells = rows.setdefault((one.model, name), ["-"] * len(budgets))
         at = next((k for k, limit in enumerate(budgets) if limit >= one.at), len(budgets) - 1)
-        half = f" ± {one.utility.half:.3f}" if one.utility.half == one.utility.half else ""
-        cells[at] = f"{one.utility.mean:.3f}{half} ({one.seconds:,.0f} s)"
+        cells[at] = f"{plus_minus(one.utility)} ({one.seconds:,.0f} s)"
     return ["model", "method", *(f"{limit:,}" for limit in budgets)], [[*names, *row] for names, row in rows.items()]
 
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, Self
 
 from roletrust_env import Scenario
 from roletrust_env.benchmarking.cells import cell_kinds, task_arguments
-from roletrust_env.benchmarking.suite import Cell, Suite, attacked_scenario
+from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attackers import Attacker
@@ -69,15 +69,6 @@ class Condition(NamedTuple):
         """Return the condition in a few words."""
         return f"{self.suite.name}: {self.scenario}, {self.track} {self.share:.0%}"
 
-    def check(self, models: list[str]) -> None:
-        """Check that the tasks of all models can be made.
-
-        Raises:
-            ValueError: A model is unknown or does not fit, or too few agents stay honest.
-        """
-        for model in models:
-            exact_task(self.arguments(model))
-
     def arguments(self, model: str, method: str = "scripted") -> TaskArguments:
         """Return the arguments of the attack task against a trust model.
 
@@ -106,16 +97,7 @@ class Condition(NamedTuple):
 
     def describe(self) -> dict[str, Any]:
         """Return the condition as plain data."""
-        scenario, compromised = attacked_scenario(self.suite, self._cell(""))
-        return {
-            "suite": self.suite.name,
-            "scenario_name": self.scenario,
-            "track": self.track,
-            "share": self.share,
-            "attacks": self.suite.attacks if isinstance(self.suite.attacks, str) else list(self.suite.attacks),
-            "compromised": list(compromised),
-            "scenario": scenario.model_dump(mode="json"),
-        }
+        return {"condition": str(self), "suite": self.suite.model_dump(mode="json")}
 
     def _cell(self, model: str, method: str = "scripted") -> Cell:
         return Cell(model, self.scenario, self.track, self.share, method, 0)

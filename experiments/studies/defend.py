@@ -20,7 +20,7 @@ import numpy as np
 
 from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.saved_defence import DefenceCard, save_defence, weights_bytes
-from roletrust_agents.training.defence_learners import NetworkLearner, learner_of
+from roletrust_agents.training.defence_learners import NetworkLearner
 from roletrust_agents.training.runs import write_bytes
 from roletrust_env import __version__
 from roletrust_env.metrics.confidence import Interval, over_seeds
@@ -73,12 +73,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Play all games and comparisons, and write what they come to."""
     with Study(__name__, RECIPES, arguments) as study:
         asked = study.options
-        if both := {*asked.front} & {*asked.world}:
-            raise ValueError(f"{min(both)} is a condition of the training; --world is for others")
-        for name in asked.defence:
-            learner_of(name)
-        for name in (*asked.front, *asked.world):
-            Front.of(asked.suite, name).condition.check([*asked.model, *asked.beside])
         seeds = range(study.seed, study.seed + asked.runs)
         played = study.play(
             play_game, {f"seed-{seed}": (asked, seed) for seed in seeds}, {**asked._asdict(), "runs": None}
@@ -175,7 +169,7 @@ def _save(study: Study[Options], folder: str, run: Run) -> None:
         card = DefenceCard(
             package_version=__version__,
             parameters=learner.parameters(vector),
-            conditions=tuple(str(Front.of(asked.suite, front).condition) for front in asked.front),
+            conditions=tuple(str(Front.parse(asked.suite, front)) for front in asked.front),
             iteration=k + 1,
             seed=int(folder.removeprefix("seed-")),
             settings={"steps": asked.steps, "budget": asked.budget, "explored": asked.explored},

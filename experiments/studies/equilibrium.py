@@ -41,12 +41,10 @@ class Options(NamedTuple):
 
     Attributes:
         results: Its file.
-        model: Specs of the trust models; all of the suite if left out.
         resamples: Number of draws of games for the intervals.
     """
 
     results: Path = Path("results/standard/results.sqlite")
-    model: tuple[str, ...] = ()
     resamples: int = 200
 
 
@@ -84,75 +82,52 @@ class Solution(NamedTuple):
     attacks: tuple[Floats, ...]
 
 
-class Equilibrium(NamedTuple):
-    """Equilibrium of a run, with 95% intervals that resample games.
-
-    Mixtures and attacks are chosen in the games for choosing, and all scores are of the games for measuring.
-
-    Attributes:
-        names: Names of the models.
-        weights: Probability of each model in the equilibrium.
-        alone: Score of each model alone under the best response to it.
-        exploitability: What the mixture has over each model alone.
-        mixture: Score of the mixture under the best response to it.
-        gain: What the mixture has over the model that is the best one alone.
-        informed: Score of a defender that knows the condition, and takes the best model alone of each.
-        informed_mixture: Score of one that knows the condition, and has the mixture of each.
-        attacks: Probability of each attack in the equilibrium by condition, those above 0.
-        alpha_rank: Share of each model by `alpha_rank`, the mean over the conditions, without an interval.
-    """
-
-    names: tuple[str, ...]
-    weights: tuple[Interval, ...]
-    alone: tuple[Interval, ...]
-    exploitability: tuple[Interval, ...]
-    mixture: Interval
-    gain: Interval
-    informed: Interval
-    informed_mixture: Interval
-    attacks: dict[Condition, dict[str, float]]
-    alpha_rank: tuple[float, ...]
+FACTS = {
+    "mixture": "best mixture",
+    "gain": "what it has over the best model alone",
+    "informed": "best model alone in each condition, if the condition is known",
+    "informed_mixture": "best mixture in each condition, if the condition is known",
+}
+"""Scores of a defender, by name. One that knows the condition takes the best model, or the mixture, of each."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Solve the game of a results file, and write its equilibrium."""
     with Study(__name__, RECIPES, arguments) as study:
-        results, chosen, resamples = study.options
+        results, resamples = study.options
         suite, stored = read_run(results)
-        names = list(chosen or suite.model_names)
-        if unknown := [name for name in names if name not in suite.model_names]:
-            raise ValueError(f"{results} has no model {unknown[0]!r}; it has {', '.join(suite.model_names)}")
+        names = suite.model_names
         games = payoffs(attack_scores(suite, stored), names)
-        found = equilibrium(games, names, resamples, study.seed)
-        order = sorted(range(len(names)), key=lambda k: -found.alone[k].value)
-        columns = (found.weights, found.alone, found.exploitability)
-        rows = [(names[k], [column[k] for column in columns], found.alpha_rank[k]) for k in order]
+        found, attacks = equilibrium(games, resamples, study.seed), solve(_means(games, None)[0]).attacks
+        shares = np.mean([alpha_rank(game.chosen.mean(axis=2)) for game in games], axis=0)
+        order = sorted(range(len(names)), key=lambda k: -found["alone"][k].value)
+        rows = [(names[k], [found[column][k] for column in _COLUMNS], shares[k]) for k in order]
         header = ("model", *with_ends(_COLUMNS), "alpha_rank")
-        lines = [[name, *(x for part in parts for x in part), share] for name, parts, share in rows]
-        study.csv("equilibrium.csv", header, lines)
-        mixed = [(*where, name, weight) for where, of in found.attacks.items() for name, weight in of.items()]
-        study.csv("attacks.csv", ("scenario", "track", "share", "attack", "weight"), mixed)
-        facts = {
-            "best mixture": found.mixture,
-            "what it has over the best model alone": found.gain,
-            "best model alone in each condition, if the condition is known": found.informed,
-            "best mixture in each condition, if the condition is known": found.informed_mixture,
-        }
+        study.csv(
+            "equilibrium.csv", header, [[n, *(x for one in parts for x in one), share] for n, parts, share in rows]
+        )
+        mixed = [
+            (game.condition, {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST})
+            for game, weights in zip(games, attacks, strict=True)
+        ]
+        lines = [(*where, name, weight) for where, mixture in mixed for name, weight in mixture.items()]
+        study.csv("attacks.csv", ("scenario", "track", "share", "attack", "weight"), lines)
         mixtures = [
             [where.description, ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN)]
-            for where, of in found.attacks.items()
+            for where, of in mixed
         ]
         weights = [[f"`{name}`", *map(_text, parts), f"{share:.3f}"] for name, parts, share in rows]
+        facts = [[words, _text(found[name][0])] for name, words in FACTS.items()]
         note = f"suite {suite.name}, {len(games)} conditions, 95% intervals over games"
         study.page(
             "equilibrium.md",
             markdown_table(["model", *_COLUMNS, "alpha-rank"], weights, names=1),
-            markdown_table(["defender", suite.score], [[what, _text(value)] for what, value in facts.items()], names=1),
+            markdown_table(["defender", suite.score], facts, names=1),
             markdown_table(["condition", "the attacker's mixture"], mixtures, names=2),
             f"{note}. Made by `{study.command}`.",
         )
         at = [name for name, _, _ in rows]
-        alone, weight = ([parts[k] for _, parts, _ in rows] for k in (1, 0))
+        weight, alone = ([parts[k] for _, parts, _ in rows] for k in (0, 1))
         panels = [
             Panel("alone, under its worst attack", "", suite.score, [Series(suite.score, at, alone)]),
             Panel("in the equilibrium", "", "probability", [Series("probability", at, weight)]),
@@ -239,61 +214,57 @@ def responded(weights: Floats, chosen: Sequence[Floats], measured: Sequence[Floa
     return float(np.mean(worst))
 
 
-def equilibrium(games: Sequence[Payoffs], models: Sequence[str], resamples: int = 200, seed: int = 0) -> Equilibrium:
-    """Return the equilibrium with intervals: games are drawn anew, and everything is chosen and measured in the draw.
+def equilibrium(games: Sequence[Payoffs], resamples: int = 200, seed: int = 0) -> dict[str, list[Interval]]:
+    """Return the equilibrium with 95% intervals: games are drawn anew, and all is chosen and measured in the draw.
+
+    Mixtures and attacks are chosen in the games for choosing, and all scores are of the games for measuring.
 
     Args:
         games: Payoffs of each condition.
-        models: Names of the models.
         resamples: Number of draws.
         seed: Random seed of the draws.
+
+    Returns:
+        For each model `weight`, its probability in the equilibrium; `alone`, its score alone under the best response to
+        it; `exploitability`, what the mixture has over it. Single numbers are `mixture`, the score of the mixture under
+        the best response to it, `gain`, what it has over the model that is the best one alone, `informed` and
+        `informed_mixture`, see `FACTS`.
     """
     rng = np.random.default_rng(seed)
-    numbers, solution = _numbers(games, None)
-    draws = np.array([_numbers(games, rng)[0] for _ in range(resamples)])
-    low, high = np.percentile(draws, [2.5, 97.5], axis=0)
-    ends = [Interval(*map(float, ends)) for ends in zip(numbers, low, high, strict=True)]
-    m = len(models)
-    mixture, gain, informed, informed_mixture = ends[3 * m :]
-    return Equilibrium(
-        names=tuple(models),
-        weights=tuple(ends[:m]),
-        alone=tuple(ends[m : 2 * m]),
-        exploitability=tuple(ends[2 * m : 3 * m]),
-        mixture=mixture,
-        gain=gain,
-        informed=informed,
-        informed_mixture=informed_mixture,
-        attacks={
-            game.condition: {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST}
-            for game, weights in zip(games, solution.attacks, strict=True)
-        },
-        alpha_rank=tuple(np.mean([alpha_rank(game.chosen.mean(axis=2)) for game in games], axis=0).tolist()),
-    )
+    numbers = _numbers(*_means(games, None))
+    draws = [_numbers(*_means(games, rng)) for _ in range(resamples)]
+    found = {}
+    for name, value in numbers.items():
+        low, high = np.percentile([draw[name] for draw in draws], [2.5, 97.5], axis=0)
+        found[name] = [Interval(*map(float, ends)) for ends in zip(value, low, high, strict=True)]
+    return found
 
 
-def _numbers(games: Sequence[Payoffs], rng: np.random.Generator | None) -> tuple[Floats, Solution]:
-    """Return all numbers of an equilibrium in one row, of the games as they are or of a draw, and its solution."""
-    chosen, measured = (
-        [_means(part, rng) for part in parts] for parts in zip(*(game[2:] for game in games), strict=True)
-    )
+def _numbers(chosen: Sequence[Floats], measured: Sequence[Floats]) -> dict[str, Floats]:
+    """Return the numbers of an equilibrium from mean scores, see `equilibrium`."""
     pairs = [([c], [m]) for c, m in zip(chosen, measured, strict=True)]
-    found, single = solve(chosen), np.eye(len(chosen[0]))
+    weights, single = solve(chosen).models, np.eye(len(chosen[0]))
     alone = np.array([responded(row, chosen, measured) for row in single])
-    mixture = responded(found.models, chosen, measured)
+    mixture = responded(weights, chosen, measured)
     least = np.array([game.min(axis=1) for game in chosen])  # (C, M)
     best = alone[np.argmax(least.mean(axis=0))]
     informed = np.mean([responded(single[np.argmax(row)], *pair) for row, pair in zip(least, pairs, strict=True)])
     mixed = np.mean([responded(solve(pair[0]).models, *pair) for pair in pairs])
-    return np.r_[found.models, alone, mixture - alone, mixture, mixture - best, informed, mixed], found
+    singles = {"mixture": mixture, "gain": mixture - best, "informed": informed, "informed_mixture": mixed}
+    of_models = {"weight": weights, "alone": alone, "exploitability": mixture - alone}
+    return of_models | {name: np.array([value]) for name, value in singles.items()}
 
 
-def _means(scores: Floats, rng: np.random.Generator | None) -> Floats:
-    """Return the mean over the games, shape (M, A), or over as many games that are drawn from them."""
-    count = scores.shape[2]
-    drawn = np.arange(count) if rng is None else rng.integers(count, size=count)
-    means: Floats = scores @ np.bincount(drawn, minlength=count) / count
-    return means
+def _means(games: Sequence[Payoffs], rng: np.random.Generator | None) -> tuple[list[Floats], list[Floats]]:
+    """Return the mean scores of each condition for choosing and for measuring, (M, A), or those of a draw of games."""
+
+    def mean(scores: Floats) -> Floats:
+        count = scores.shape[2]
+        drawn = np.arange(count) if rng is None else rng.integers(count, size=count)
+        means: Floats = scores @ np.bincount(drawn, minlength=count) / count
+        return means
+
+    return [mean(game.chosen) for game in games], [mean(game.measured) for game in games]
 
 
 def alpha_rank(scores: Floats, intensity: float = 100.0) -> Floats:

@@ -70,7 +70,7 @@ class Options(NamedTuple):
         budget: Rounds x games that each search method and the planner may play.
         games: Number of held-out games that measure each attack.
         runs: Number of runs, with the seed of the study and those after it.
-        learned: Folders of trained attackers.
+        learned: Folder of trained attackers.
     """
 
     task: str = "CollusionAttack"
@@ -150,10 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)]
         searches = [HonestPlay(), *scripted, Universal(), EvolutionSearch(), Planner()]
         seeds = range(seed, seed + asked.runs)
-        trained = [
-            learned_methods(path, seeds, f"learned, {path.name}" if len(asked.learned) > 1 else "learned")
-            for path in asked.learned
-        ]
+        trained = [learned_methods(path, seeds, "learned") for path in asked.learned]
         ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(asked.runs)]
         found, missing = climb(ladders, task, asked.budget, seed, asked.games)
         rows = ranked(found)
@@ -182,11 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def climb(
-    ladders: Sequence[Sequence[SearchMethod]],
-    arguments: TaskArguments,
-    budget: int,
-    seed: int,
-    games: int,
+    ladders: Sequence[Sequence[SearchMethod]], arguments: TaskArguments, budget: int, seed: int, games: int
 ) -> tuple[list[list[MeasuredSearch]], dict[str, str]]:
     """Run every rung.
 

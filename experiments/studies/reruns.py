@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         other, theirs = _played(study, study.options.shuffled)
         rows = [
             [one.model, *(plus_minus(value, digits) for value, digits in zip(one[1:], (3, 5, 3, 5), strict=True))]
-            for one in place_effects(suite, stored, other, theirs)
+            for one in place_effects(stored, other, theirs)
         ]
         study.page(
             "places.md",
@@ -111,10 +111,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _played(study: Study[Options], suite: str) -> tuple[Suite, list[StoredCell]]:
-    """Play the cells of a suite that are not in its folder, and return all."""
+    """Play the cells of a suite that are not in its folder, and return all. A cell that fails is an error."""
     folder = study.out / Path(suite).stem
     benchmark(suite=suite_of(suite), out=folder, workers=study.workers)
-    return read_run(folder / "results.sqlite")
+    found, stored = read_run(folder / "results.sqlite")
+    if failed := [f"{one.cell.key}: {one.result.failed}" for one in stored if one.result.failed]:
+        raise ValueError(failed[0])
+    return found, stored
 
 
 def reruns(suite: Suite, stored: Sequence[StoredCell], seeds: int) -> list[list[LeaderboardRow]]:
@@ -124,21 +127,13 @@ def reruns(suite: Suite, stored: Sequence[StoredCell], seeds: int) -> list[list[
         suite: Suite of all seeds.
         stored: Cells of all seeds with their results.
         seeds: Number of seeds of a run. Seeds that are left over are not used.
-
-    Raises:
-        ValueError: There are fewer than two runs, or a cell is missing or failed.
     """
     runs = [suite.seeds[at : at + seeds] for at in range(0, len(suite.seeds) - seeds + 1, seeds)]
-    if len(runs) < 2:
-        raise ValueError(f"the suite has {len(suite.seeds)} seeds, too few for two runs of {seeds}")
     models, boards = suite.model_names, []
     for run in runs:
         part = [one for one in stored if one.cell.seed in run]
         cells_each = sum(cell.seed in run for cell in suite.cells()) // len(models)
-        board = leaderboard_rows(suite, part, models, cells_each)
-        if missing := [row.model for row in board if row.missing or np.isnan(row.worst.mean)]:
-            raise ValueError(f"cells of {missing[0]} with the seeds {', '.join(map(str, run))} are missing or failed")
-        boards.append(board)
+        boards.append(leaderboard_rows(suite, part, models, cells_each))
     return boards
 
 
@@ -172,29 +167,15 @@ def _cases(boards: Sequence[Sequence[LeaderboardRow]]) -> Iterator[tuple[Leaderb
 
 
 def place_effects(
-    suite: Suite, stored: Sequence[StoredCell], shuffled: Suite, stored_shuffled: Sequence[StoredCell]
+    stored: Sequence[StoredCell], shuffled: Suite, stored_shuffled: Sequence[StoredCell]
 ) -> list[PlaceEffect]:
     """Return how the scores of each model change if it sees the agents shuffled, with intervals over games and seeds.
 
     Args:
-        suite: Suite of a run in which models see the agents in order. It may have more seeds than the other one.
-        stored: Cells of that run with their results.
+        stored: Cells of a run in which models see the agents in order. It may have more seeds than the other one.
         shuffled: Suite of the other run, with `places = "shuffled"`.
-        stored_shuffled: Cells of the other run with their results.
-
-    Raises:
-        ValueError: The suites differ in more than places, or a cell is missing or failed.
+        stored_shuffled: Its cells.
     """
-    if suite.places == "shuffled" or shuffled.places != "shuffled":
-        raise ValueError(
-            f"places is {suite.places!r} in the suite {suite.name} and {shuffled.places!r} in {shuffled.name}; it must "
-            "be 'shuffled' in the second one only"
-        )
-    alike = suite.model_copy(update={"places": shuffled.places, "seeds": shuffled.seeds})
-    played = shuffled.cells()
-    differs = alike.score != shuffled.score or alike.cells() != played
-    if differs or any(alike.rules(cell) != shuffled.rules(cell) for cell in played):
-        raise ValueError(f"the suites {suite.name} and {shuffled.name} differ in more than places and seeds")
     one, other = (_scores(shuffled, own) for own in (stored, stored_shuffled))
     columns = [one[0], other[0] - one[0], one[1], other[1] - one[1]]
     models = shuffled.model_names
@@ -204,10 +185,8 @@ def place_effects(
 
 def _scores(suite: Suite, stored: Sequence[StoredCell]) -> tuple[Floats, Floats]:
     """Return the clean score and that of the worst case of each model, seed and game, shape (M, S, G) each."""
-    wanted = {cell.key: cell for cell in suite.cells()}
-    part = [one for one in stored if one.cell.key in wanted and not one.result.failed]
-    if missing := [wanted[key] for key in wanted.keys() - {one.cell.key for one in part}]:
-        raise ValueError(f"cell {min(missing).key} is missing or failed")
+    wanted = {cell.key for cell in suite.cells()}
+    part = [one for one in stored if one.cell.key in wanted]
     honest: dict[bool, list[WorstCase]] = {True: [], False: []}
     for one in worst_cases(attack_scores(suite, part)).values():
         honest[not suite.tracks[one.condition.track].roles].append(one)

@@ -106,7 +106,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         condition = Condition.of(asked.suite, asked.scenario, asked.track, asked.share)
         models = list(asked.model or trust_models())
         columns = list(dict.fromkeys([*models, *asked.on]))
-        condition.check(columns)
         rows, seeds = coalitions(models), range(study.seed, study.seed + asked.runs)
         effort = (columns, asked.budget, asked.games)
         jobs = {row.key(seed): (condition, row, seed, *effort) for row in rows for seed in seeds}

@@ -63,13 +63,11 @@ def test_its_files_say_the_same_and_several_runs_are_the_mean_of_single_ones(tmp
     assert SavedTrust(path=str(path)).power == card.parameters["power"]
 
 
-def test_what_does_not_fit_is_refused_before_the_work(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("studies.defend.play_game", None)
+def test_what_does_not_fit_is_refused(tmp_path, capsys):
     for arguments, message in (
         (["--defence", "constant"], "has no number that can be learned"),
         (["--defence", "netwrk"], "did you mean 'network'"),
-        (["--world", "small/raters/0.5"], "is a condition of the training"),
-        (["--front", "small/raters"], "a front is SCENARIO/TRACK/SHARE"),
+        (["--front", "small/raters"], "is no front such as"),
         (["--model", "bta"], "did you mean 'beta'"),
     ):
         with pytest.raises(SystemExit) as error:

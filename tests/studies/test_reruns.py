@@ -43,14 +43,6 @@ def test_a_run_is_what_it_is_alone(played, tmp_path):
     assert [str(row) for row in boards[1]] == [str(row) for row in alone.rows]
 
 
-def test_too_few_seeds_and_missing_cells_are_refused(played):
-    suite, found = played
-    with pytest.raises(ValueError, match="has 5 seeds, too few for two runs of 3"):
-        reruns(suite, found.cells, 3)
-    with pytest.raises(ValueError, match="with the seeds 6, 7 are missing"):
-        reruns(suite, [one for one in found.cells if one.cell[:1] != ("mean",) or one.cell.seed != 7], 2)
-
-
 def test_the_study_plays_both_suites_and_continues(tmp_path, monkeypatch, capsys):
     suites = {
         name: small(models=["mean", "median"], name=name, seeds=seeds, places=places)

@@ -1,7 +1,7 @@
 """The conditions of a game between defences and attackers: who attacks there, and what a trust model is worth."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -32,19 +32,11 @@ class Skills(NamedTuple):
     measured: Floats
 
 
-class Front(NamedTuple):
-    """A condition of a suite.
-
-    Attributes:
-        condition: The condition.
-        name: Its name, `SCENARIO/TRACK/SHARE`, with one spelling of each share.
-    """
-
-    condition: Condition
-    name: str
+class Front(Condition):
+    """A condition of a suite in which defences and attackers meet."""
 
     @classmethod
-    def of(cls, suite: str, name: str) -> Self:
+    def parse(cls, suite: str, name: str) -> Self:
         """Return a condition by its name.
 
         Args:
@@ -56,14 +48,9 @@ class Front(NamedTuple):
         """
         try:
             scenario, track, share = name.split("/")
-            number = float(share)
-        except ValueError:
-            raise ValueError(f"a front is SCENARIO/TRACK/SHARE, such as crowd/raters/0.3, not {name!r}") from None
-        return cls(Condition.of(suite, scenario, track, number), f"{scenario}/{track}/{number:g}")
-
-    def arguments(self, model: str) -> Mapping[str, Any]:
-        """Return the arguments of the attack task against a trust model, given by its spec."""
-        return self.condition.arguments(model)
+            return cls.of(suite, scenario, track, float(share))
+        except ValueError as error:
+            raise ValueError(f"{name} is no front such as crowd/raters/0.3: {error}") from None
 
     def known(self, name: str, attacker: Attacker) -> KnownAttack:
         """Return an attacker as data.
@@ -74,8 +61,7 @@ class Front(NamedTuple):
         record = record_of(attacker)
         if not record:
             raise ValueError(f"the attack {name!r} cannot be recorded; choose attacks of installed packages")
-        where = self.condition
-        return KnownAttack(name=name, scenario=where.scenario, track=where.track, share=where.share, record=record)
+        return KnownAttack(name=name, scenario=self.scenario, track=self.track, share=self.share, record=record)
 
     def beginners(self, models: Sequence[str], seed: int, games: int) -> list[KnownAttack]:
         """Return the attackers of the beginning: the worst script and the worst universal coalition of each model.
@@ -89,7 +75,7 @@ class Front(NamedTuple):
         scripts, found = self._scripts(), dict[str, KnownAttack]()
         for model in models:
             task, worth = exact_task(self.arguments(model)), dict[str, float]()
-            for batch in scripted_batches(task, self.condition.kinds(model), games):
+            for batch in scripted_batches(task, self.kinds(model), games):
                 seen = measure(task, batch.attacker, seed, (len(batch.names), games)).chosen
                 for k, name in enumerate(batch.names):
                     worth[name] = float(self._skill(seen["utility"][k], seen["blind"][k]).mean())
@@ -106,8 +92,7 @@ class Front(NamedTuple):
         Args:
             met: Attackers that a training has met; scripts of these names are left out.
         """
-        where = self.condition
-        known = where.suite.known_in((where.scenario, where.track, where.share))
+        known = self.suite.known_in((self.scenario, self.track, self.share))
         # Those of the evolution strategy are no strangers: some were found against `first-hand` and `leave-one-out`.
         if known := [one for one in known if not one.name.startswith("evolution strategy against ")]:
             return known
@@ -144,13 +129,11 @@ class Front(NamedTuple):
     def _scripts(self) -> list[KnownAttack]:
         """Return the scripted attacks of the suite at their defaults."""
         task = exact_task(self.arguments(_ANY))
-        batches = scripted_batches(task, self.condition.kinds(_ANY), 1)
+        batches = scripted_batches(task, self.kinds(_ANY), 1)
         return [self.known(name, Scripted(batch.scripts(k))) for batch in batches for k, name in enumerate(batch.names)]
 
     def _skill(self, utility: Floats, blind: Floats) -> Floats:
         found = np.round(skill(utility, blind), _DIGITS)
         if not np.isfinite(found).all():
-            raise ValueError(
-                f"the skill in {self.name} is undefined: in some game no choice is better than a blind one"
-            )
+            raise ValueError(f"the skill is undefined in {self}: in some game no choice is better than a blind one")
         return found

@@ -85,7 +85,7 @@ class Game:
 
     def __init__(self, asked: Options, seed: int) -> None:
         self.asked, self._seed = asked, seed
-        self.fronts = [Front.of(asked.suite, name) for name in asked.front]
+        self.fronts = [Front.parse(asked.suite, name) for name in asked.front]
         self.defences = {spec: spec for spec in asked.model}
         self.attackers = [front.beginners(asked.model, self.seed(_PAYOFF), asked.games) for front in self.fronts]
         self.trained: dict[str, Floats] = {}
@@ -100,9 +100,9 @@ class Game:
         """Return the matrix of each condition."""
         found = []
         for front, attackers, skills in zip(self.fronts, self.attackers, self._skills, strict=True):
-            names, where = tuple(one.name for one in attackers), front.condition
+            names = tuple(one.name for one in attackers)
             cells = np.array([[skills[one][name] for name in names] for one in self.defences])
-            condition = Condition(where.scenario, where.track, where.share)
+            condition = Condition(*front[1:])
             found.append(Payoffs(condition, names, *np.moveaxis(cells, 2, 0)))
         return found
 
@@ -142,7 +142,7 @@ class Game:
             for column, opponents in (("worst", met), ("strangers", front.strangers(attackers))):
                 found.setdefault(column, []).append(front.worst(spec, opponents, seed, asked.fresh))
             found.setdefault("clean", []).append(front.clean(spec, seed, asked.fresh))
-        for world in (Front.of(asked.suite, name) for name in asked.world):
+        for world in (Front.parse(asked.suite, name) for name in asked.world):
             found.setdefault("worlds", []).append(world.worst(spec, world.strangers(()), seed, asked.fresh))
         return {column: np.mean(skills, axis=0).tolist() for column, skills in found.items()}
 

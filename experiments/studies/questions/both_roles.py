@@ -1,6 +1,5 @@
 """ToA of agents with both roles."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -34,18 +33,6 @@ class Case(NamedTuple):
     turns: tuple[str, ...] = ()
 
 
-class Seen(NamedTuple):
-    """Separation of attackers and honest agents in each game, by kind of trust, (G,) each.
-
-    Attributes:
-        gap: Mean trust of the honest agents minus that of the attackers.
-        auc: Probability that trust ranks them correctly, see `metrics.auc`.
-    """
-
-    gap: Mapping[str, Floats]
-    auc: Mapping[str, Floats]
-
-
 _CASES = {
     "liars": Case("lie, serve well", BadMouthing()),
     "cheats": Case("rate truly, serve badly", OnOff()),
@@ -56,17 +43,15 @@ _CASES = {
 
 def answer(effort: Effort) -> Finding:
     """Play peers, a third of which attack in one role, in the other role, or in both."""
-    seen = {name: _play(effort, case) for name, case in _CASES.items()}
-    differences = {
-        f"{name}, {what}": estimate(getattr(seen[name], what)["ToA"] - getattr(seen[name], what)[trust])
-        for name, trust in _ROLES.items()
-        for what in Seen._fields
-    }
     found = {
-        (field, trust, _CASES[name].words): values
-        for name, one in seen.items()
-        for field in Seen._fields
-        for trust, values in getattr(one, field).items()
+        (what, trust, case.words): values
+        for case in _CASES.values()
+        for (what, trust), values in _play(effort, case).items()
+    }
+    differences = {
+        f"{name}, {what}": estimate(found[what, "ToA", _CASES[name].words] - found[what, trust, _CASES[name].words])
+        for name, trust in _ROLES.items()
+        for what in ("gap", "auc")
     }
     words = [case.words for case in _CASES.values()]
     panels = [
@@ -95,17 +80,21 @@ def sentence(differences: dict[str, Estimate]) -> str:
     )
 
 
-def _play(effort: Effort, case: Case) -> Seen:
-    """Play games in which the last peers attack, and compare trust once it has settled."""
+def _play(effort: Effort, case: Case) -> dict[tuple[str, str], Floats]:
+    """Play games in which the last peers attack, and compare trust once it has settled.
+
+    Returns:
+        By kind of trust, (G,) each: `gap`, the mean trust of the honest agents minus that of the attackers, and `auc`,
+        the probability that trust ranks them correctly, see `metrics.auc`.
+    """
     game = Game(_peers(effort, case.turns), "role-trust")
     history = record(JointPolicy(game, _attackers(case)), game.random(effort.seed), (effort.games,))
-    trusts = {"ToR": history.tor, "ToP": history.top, "ToA": history.trust}
-    mean = {name: mean_or_nan(np.asarray(trust)[SETTLED:], axis=0) for name, trust in trusts.items()}
-    bad = slice(_PEERS - _ATTACKERS, _PEERS)
-    return Seen(
-        {name: np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0) for name, trust in mean.items()},
-        {name: metrics.auc(trust, range(_PEERS)[bad]).value for name, trust in mean.items()},
-    )
+    bad, found = slice(_PEERS - _ATTACKERS, _PEERS), {}
+    for name, trusts in {"ToR": history.tor, "ToP": history.top, "ToA": history.trust}.items():
+        trust = mean_or_nan(np.asarray(trusts)[SETTLED:], axis=0)
+        found["gap", name] = np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0)
+        found["auc", name] = metrics.auc(trust, range(_PEERS)[bad]).value
+    return found
 
 
 def _attackers(case: Case) -> dict[str, Policy]:

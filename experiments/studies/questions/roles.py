@@ -1,7 +1,6 @@
 """The harm by raters against the harm by providers."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,43 +16,28 @@ QUESTION = "Do raters do more harm than providers?"
 _PLACES = {"the paper's team": "paper-3x3", "a market": "market"}
 _TRACKS = {"raters": "SR", "providers": "SP"}
 _SHARE = 1 / 3
-
-
-class Harm(NamedTuple):
-    """Harm of the worst scripted attack by some agents in each game, (G,).
-
-    Attributes:
-        trust: Trust that honest agents lose, see `metrics.damage`.
-        utility: Utility that consumers lose, see `metrics.utility`.
-    """
-
-    trust: Floats
-    utility: Floats
+_WHAT = {"trust": "trust of the honest", "utility": "utility of consumers"}
 
 
 def answer(effort: Effort) -> Finding:
     """Play all scripted attacks by a third of the raters, and by a third of the providers."""
     suite = _suite(effort)
     kept = play_suite(suite)
-    harms = {
-        (place, who): harm(_rows(kept, place, who), _rows(kept, place, "honest")[0])
-        for place in suite.scenarios
-        for who in _TRACKS
-    }
-    differences = {
-        f"{what}, {place}": estimate(getattr(harms[place, "raters"], what) - getattr(harms[place, "providers"], what))
-        for what in Harm._fields
-        for place in suite.scenarios
-    }
     found = {
         (what, f"{who} attack", place): values
-        for (place, who), one in harms.items()
-        for what, values in one._asdict().items()
+        for place in suite.scenarios
+        for who in _TRACKS
+        for what, values in harm(_rows(kept, place, who), _rows(kept, place, "honest")[0]).items()
     }
     labels = [f"{who} attack" for who in _TRACKS]
+    differences = {
+        f"{what}, {place}": estimate(found[what, labels[0], place] - found[what, labels[1], place])
+        for what in _WHAT
+        for place in suite.scenarios
+    }
     panels = [
         Panel(title, "", "less than without the attack", lines(found, what, labels, list(suite.scenarios)))
-        for what, title in zip(Harm._fields, ("trust of the honest", "utility of consumers"), strict=True)
+        for what, title in _WHAT.items()
     ]
     return Finding(QUESTION, sentence(differences), panels, effort.games)
 
@@ -72,17 +56,21 @@ def sentence(differences: dict[str, Estimate]) -> str:
     )
 
 
-def harm(attacks: Sequence[AttackResult], calm: AttackResult) -> Harm:
+def harm(attacks: Sequence[AttackResult], calm: AttackResult) -> dict[str, Floats]:
     """Return the harm of the worst attack, for each kind of harm the worst one in the games for choosing.
 
     Args:
         attacks: Results of the attacks.
         calm: Result of the same games with all agents honest.
+
+    Returns:
+        For each game, (G,): `trust`, what honest agents lose, see `metrics.damage`, and `utility`, what consumers lose,
+        see `metrics.utility`.
     """
     by_trust = max(attacks, key=lambda row: np.nanmean(_numbers(row.chosen["damage"])))
     by_utility = min(attacks, key=lambda row: np.nanmean(_numbers(row.chosen["utility"])))
     utility = _numbers(calm.measured["utility"]) - _numbers(by_utility.measured["utility"])
-    return Harm(_numbers(by_trust.measured["damage"]), utility)
+    return {"trust": _numbers(by_trust.measured["damage"]), "utility": utility}
 
 
 def _suite(effort: Effort) -> Suite:
