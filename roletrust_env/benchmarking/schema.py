@@ -45,15 +45,13 @@ class SuiteSchema(FrozenModel):
     """Purpose of the suite in one line."""
     games: Annotated[int, Field(ge=2, le=100_000)] = 64
     """Number of games that are measured. Equal seeds give equal games."""
-    seeds: tuple[Annotated[int, Field(ge=0)], ...] = (0,)
+    seeds: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0,)
     """Random seeds. Each seed searches, chooses and measures independently."""
     limit_s: PositiveFloat = 600.0
     """Time limit of a cell in seconds."""
 
     @model_validator(mode="after")
     def _check_seeds(self) -> Self:
-        if not self.seeds:
-            raise ValueError("seeds must not be empty")
         check_unique(seeds=self.seeds)
         return self
 

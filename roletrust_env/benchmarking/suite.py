@@ -139,11 +139,11 @@ class Suite(SuiteSchema):
     """Specs of trust models. `all` means all registered or installed ones."""
     attacks: tuple[Label, ...] | Literal["all"] = "all"
     """Specs of scripted attacks. `all` means all registered or installed ones."""
-    scenarios: dict[Label, Stage]
+    scenarios: Annotated[dict[Label, Stage], Field(min_length=1)]
     """Scenarios by their name in the suite."""
-    tracks: dict[Label, Track]
+    tracks: Annotated[dict[Label, Track], Field(min_length=1)]
     """Tracks by name. A track without roles measures a model while all agents are honest."""
-    methods: tuple[Label, ...] = ("scripted", "random search", "CMA-ES", "PPO", PLANNER)
+    methods: Annotated[tuple[Label, ...], Field(min_length=1)] = ("scripted", "random search", "CMA-ES", "PPO", PLANNER)
     """Methods that find attacks, each with the same budget: `scripted` plays scripted attacks with default parameters,
     `known` plays `known`, and both need no budget. Every other one is the spec of a search method: a registered name or
     `package.module:Class`, with parameters or without."""
@@ -168,8 +168,6 @@ class Suite(SuiteSchema):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if not self.scenarios or not self.tracks or not self.methods:
-            raise ValueError("scenarios, tracks and methods must not be empty")
         if not self.models or not self.attacks:
             raise ValueError("models and attacks must not be empty")
         if HONEST in self.methods:

@@ -1,5 +1,7 @@
 """The run of a team; `test_manager.py` has further cases."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,8 @@ from roletrust_env.live.team import Team
 from roletrust_env.live.team_run import TeamRun
 from roletrust_env.trust import agent_trust, make_trust_model, run
 from roletrust_env.trust.model_checks import watched_update
+from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.run import GridRun
 
 TEAM = Team(("sr_0", "srsp_0"), ("sp_0", "srsp_0"))
 
@@ -56,3 +60,44 @@ def test_a_team_with_newcomers_keeps_its_order():
     team = TEAM.with_newcomers(["sr_1", "sr_0"], ["sp_1"])
     assert team == Team(("sr_0", "srsp_0", "sr_1"), ("sp_0", "srsp_0", "sp_1"))
     assert team.dual_role == ("srsp_0",)
+
+
+class Counting(NamedTuple):
+    """A state with a flag and a number of Python beside its arrays."""
+
+    top: np.ndarray
+    begun: bool
+    rounds: int
+    nothing: None
+
+
+class Counts:
+    """A model that trusts providers less from round to round."""
+
+    rates_raters = False
+
+    def start(self, like):
+        return Counting(0 * like[0] + 1, False, 0, None)
+
+    def update(self, state, ratings):
+        return Counting(state.top / (1 + state.begun + state.rounds), True, state.rounds + 1, None)
+
+    def rater_trust(self, state):
+        return np.ones(2)
+
+    def provider_trust(self, state):
+        return state.top
+
+
+def test_a_saved_run_has_the_flags_and_numbers_of_python_too():
+    first = GridRun(Counts(), np.zeros((2, 2)), np.zeros((2, 2), bool))
+    for _ in range(3):
+        first.update(Ratings(np.zeros((2, 2))))
+    again = GridRun(Counts(), np.zeros((2, 2)), np.zeros((2, 2), bool))
+    again.load(first.save())
+    assert (again.rounds, again.state.begun, again.state.rounds, again.state.nothing) == (3, True, 3, None)
+    assert type(again.state.begun) is bool
+    assert type(again.state.rounds) is int
+    for one in (first, again):
+        one.update(Ratings(np.zeros((2, 2))))
+    np.testing.assert_array_equal(again.provider_trust, first.provider_trust)
