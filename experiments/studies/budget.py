@@ -257,13 +257,10 @@ def _panels(found: Sequence[Level]) -> list[Panel]:
     """Return a panel for each trust model with a line for each method."""
     panels = []
     for model in dict.fromkeys(one.model for one in found):
-        lines: dict[str, list[Level]] = {}
-        for one in found:
-            if one.model == model:
-                lines.setdefault(one.method, []).append(one)
-        series = [
-            Series(name, [one.at for one in at], [one.utility.interval for one in at]) for name, at in lines.items()
-        ]
+        series = []
+        for method in dict.fromkeys(one.method for one in found if one.model == model):
+            line = [one for one in found if (one.model, one.method) == (model, method)]
+            series.append(Series(method, [one.at for one in line], [one.utility.interval for one in line]))
         panels.append(Panel(model, "rounds of the search", "utility of the consumer", series, "log"))
     return panels
 

@@ -4,7 +4,6 @@ Beside the models stands a round of role-trust in plain NumPy, and the bandwidth
 quarter of an hour.
 """
 
-import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from roletrust_env.trust import Ratings, TrustModel, trust_models
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from roletrust_env.trust.run import edge_model, runs_on_edges, start_on_edges
 from studies.study import Recipe, Study
-from studies.timing import PLAIN, Contestant, Spread, Timing, machine, measure
+from studies.timing import PLAIN, Contestant, Spread, Timing, machine, measure, traced
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -156,13 +155,7 @@ def plain(edges: Edges) -> Callable[[], Any]:
 
 
 def _timed(name: str, edges: Edges, make: Callable[[], Callable[[], Any]]) -> tuple[Timing, int]:
-    tracemalloc.start()
-    try:
-        step = make()
-        step()
-        memory = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
+    step, memory = traced(make, 1)
     (taken,) = measure([Contestant(name, step, len(edges.raters))], _REPEATS, _SLICE_S)
     return taken, memory + edges.raters.nbytes + edges.providers.nbytes + edges.values.nbytes
 

@@ -8,7 +8,6 @@ be played. Some 20 minutes.
 
 import math
 import time
-import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from statistics import mean, median
@@ -26,7 +25,7 @@ from roletrust_env.metrics.consumers import share_of_best, skill
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.run import edge_model
 from studies.study import Recipe, Study, plus_minus
-from studies.timing import PLAIN, Spread, machine
+from studies.timing import PLAIN, Spread, machine, traced
 
 
 class Options(NamedTuple):
@@ -97,12 +96,8 @@ class Harm(NamedTuple):
     harm: Estimate
 
 
-class Parts(NamedTuple):
-    """Seconds of the parts of a round: noise and encounters drawn, policies asked, round played. Memory in bytes."""
-
-    noise: float
-    policies: float
-    step: float
+Parts = tuple[float, float, float]
+"""Seconds of the parts of a round: noise and encounters drawn, policies asked, round played."""
 
 
 class RoundCost(NamedTuple):
@@ -124,7 +119,7 @@ class RoundCost(NamedTuple):
     name: str
     seconds: tuple[float, ...]
     by_hand: tuple[float, ...]
-    parts: Parts | None
+    parts: tuple[float, ...] | None
     memory: int
 
 
@@ -139,8 +134,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         harms = measure_harm(sizes, models, SHARES, asked.rounds, seeds)
         costs = measure_rounds(cost_sizes, models, study.seed)
         study.csv("scale-harm.csv", _HARM_HEADER, [(*one[:4], *one.skill[:2], *one.harm[:2]) for one in harms])
-        study.csv("scale-costs.csv", _COST_HEADER, map(_cost_row, costs))
-        (harm_headings, *harm_lines), cost_lines = _harm_lines(harms), _cost_lines(costs)
+        rows = [_cost_row(one) for one in costs]
+        study.csv("scale-costs.csv", _COST_HEADER, rows)
+        harm_headings, *harm_lines = _harm_lines(harms)
         study.page(
             "scale.md",
             "# Cities of up to a million agents",
@@ -152,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"policies and step are its parts. {PLAIN}: a round of mean by hand, in turn with each of the others. "
             "Memory: the peak of three rounds, beyond the agents and their names; role-trust remembers every pair that "
             "ever met.",
-            markdown_table(_COST_HEADINGS, cost_lines, 1),
+            markdown_table(_COST_HEADINGS, [_cost_line(*row) for row in rows], 1),
             f"Made by `{study.command}` on {machine()}.",
         )
 
@@ -242,12 +238,12 @@ def measure_rounds(sizes: Sequence[int], models: Mapping[str, Any], seed: int = 
     found = []
     for agents in sizes:
         scenario, (raters, providers) = city(agents, _ROUNDS), city_sizes(agents)
-        by_hand, memory = _traced(partial(plain, raters, providers, seed))
+        by_hand, memory = traced(partial(plain, raters, providers, seed), 3)
         rows = []
         for name, model in models.items():
-            play, peak = _traced(_player(SparseGame(scenario, model), seed))
+            play, peak = traced(_player(SparseGame(scenario, model), seed), 3)
             turns = [(play(), sum(by_hand())) for _ in range(_REPEATS)]
-            parts = Parts(*(median(column) for column in zip(*(taken for taken, _ in turns), strict=True)))
+            parts = tuple(median(column) for column in zip(*(taken for taken, _ in turns), strict=True))
             seconds, hand = tuple(sum(taken) for taken, _ in turns), tuple(taken for _, taken in turns)
             rows.append(RoundCost(agents, MET * raters, name, seconds, hand, parts, peak))
             del play
@@ -273,7 +269,7 @@ def _player(game: SparseGame, seed: int) -> Callable[[], Callable[[], Parts]]:
             actions, memories = seats.act(state, memories, random)
             asked = time.process_time()
             state = game.step(state, actions, noise)[0]
-            return Parts(drawn - began, asked - drawn, time.process_time() - asked)
+            return drawn - began, asked - drawn, time.process_time() - asked
 
         return play
 
@@ -299,22 +295,9 @@ def plain(raters: int, providers: int, seed: int) -> Callable[[], Parts]:
         counts = np.bincount(whom, minlength=providers)
         average = np.bincount(whom, rated, providers) / np.maximum(counts, 1)
         top = np.where(counts > 0, top + 0.5 * (average - top), top)
-        return Parts(0.0, 0.0, time.process_time() - began)
+        return 0.0, 0.0, time.process_time() - began
 
     return play
-
-
-def _traced(start: Callable[[], Callable[[], Parts]]) -> tuple[Callable[[], Parts], int]:
-    """Return the function that plays the next round, after three rounds, and the peak of their memory in bytes."""
-    tracemalloc.start()
-    try:
-        play = start()
-        for _ in range(3):
-            play()
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    return play, peak
 
 
 def _harm_caption(found: Sequence[Harm], seeds: int, rounds: int) -> str:
@@ -352,16 +335,13 @@ def _harm_lines(found: Sequence[Harm]) -> list[list[str]]:
     return lines
 
 
-def _cost_lines(found: Sequence[RoundCost]) -> list[list[str]]:
-    """Return a row for each model and number of agents."""
-    lines = []
-    for one in found:
-        ms = Spread.of(1e3 * s for s in one.seconds)
-        parts = ["-"] * 3 if one.parts is None else [f"{1e3 * s:,.1f}" for s in one.parts]
-        ratio = Spread.of(one.seconds).median / Spread.of(one.by_hand).median
-        numbers = [f"{ms.median:,.1f}", f"{ms.low:,.1f} - {ms.high:,.1f}", *parts, f"{ratio:.1f}", in_bytes(one.memory)]
-        lines.append([one.name, f"{one.agents:,}", f"{one.services:,}", *numbers])
-    return lines
+def _cost_line(
+    agents: int, services: int, name: str, ms: float, low: float, high: float, plain_ms: float, *parts: Any
+) -> list[str]:
+    """Return a line of the page from a row of `_cost_row`."""
+    *times, memory = parts
+    cells = [f"{ms:,.1f}", f"{low:,.1f} - {high:,.1f}", *("-" if x is None else f"{x:,.1f}" for x in times)]
+    return [name, f"{agents:,}", f"{services:,}", *cells, f"{ms / plain_ms:.1f}", in_bytes(memory)]
 
 
 def _cost_row(one: RoundCost) -> tuple[Any, ...]:

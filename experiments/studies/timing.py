@@ -7,10 +7,11 @@ import math
 import os
 import platform
 import time
+import tracemalloc
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from roletrust_env import Random
 from roletrust_env.arrays import namespace
 from roletrust_env.trust import Ratings, Traits, TrustModel
 from roletrust_env.trust.model import start_model
+
+Step = TypeVar("Step")
 
 COMPILED = "compiled torch"
 """Name of the library in which a step is one graph."""
@@ -110,6 +113,18 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
     while (elapsed := _time(contestant, steps) * steps) < seconds / 4:
         steps *= 2
     return max(1, round(steps * seconds / elapsed))
+
+
+def traced(start: Callable[[], Callable[[], Step]], steps: int) -> tuple[Callable[[], Step], int]:
+    """Return the function that `start` returns, after some calls, and the peak of their memory in bytes."""
+    tracemalloc.start()
+    try:
+        step = start()
+        for _ in range(steps):
+            step()
+        return step, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
 
 
 @contextlib.contextmanager

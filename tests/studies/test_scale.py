@@ -13,7 +13,8 @@ from studies.scale import (
     PLAIN,
     Harm,
     RoundCost,
-    _cost_lines,
+    _cost_line,
+    _cost_row,
     _harm_caption,
     attackers,
     city,
@@ -109,7 +110,7 @@ def test_the_caption_says_how_harm_changes_with_size():
 
 def test_ratios_are_to_plain_numpy_in_the_same_turns():
     one = RoundCost(100, 400, "mean", (0.2, 0.3, 0.9), (0.1, 0.1, 0.2), None, 0)
-    assert _cost_lines([one])[0] == ["mean", "100", "400", "300.0", "200.0 - 900.0", "-", "-", "-", "3.0", "0 MB"]
+    assert _cost_line(*_cost_row(one)) == ["mean", "100", "400", "300.0", "200.0 - 900.0", "-", "-", "-", "3.0", "0 MB"]
 
 
 def test_plain_numpy_is_a_round_of_mean(monkeypatch):
