@@ -24,10 +24,9 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.storage.provenance import describe
-from roletrust_experiments.commands.console import plus_minus
 from studies.charts import Panel, Series, panels_figure
 from studies.condition import Condition
-from studies.study import Recipe, Run, Study, mean_of
+from studies.study import Recipe, Run, Study, mean_of, plus_minus
 
 SCRIPTS = "scripts"
 """Method: the best scripted attack at its defaults."""
