@@ -55,7 +55,7 @@ def benchmark(
     suite: Annotated[
         str,
         typer.Option(
-            help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file.",
+            help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file."
         ),
     ] = "quick",
     model: Annotated[
@@ -64,7 +64,6 @@ def benchmark(
             metavar=NAMED,
             help="Trust model to play instead of those of the suite; repeat for more; `all` means all installed ones. "
             f"{OWN} A program is exec:COMMAND, a service its URL.",
-            show_default=False,
         ),
     ] = None,
     attack: Annotated[
@@ -73,7 +72,6 @@ def benchmark(
             metavar=NAMED,
             help="Scripted attack to play instead of those of the suite; repeat for more; `all` means all installed "
             f"ones. {OWN}",
-            show_default=False,
         ),
     ] = None,
     known: Annotated[
@@ -82,7 +80,6 @@ def benchmark(
             metavar="FILE.json",
             help="File of attacks that `roletrust submit --attacks` has written; they play besides those of the suite; "
             "repeat for more.",
-            show_default=False,
         ),
     ] = None,
     learner: Annotated[
@@ -91,7 +88,6 @@ def benchmark(
             metavar=NAMED,
             help="Learner to play instead of those of the suite, in a suite for learners; repeat for more; `all` means "
             f"those of the suite. {OWN}",
-            show_default=False,
         ),
     ] = None,
     workers: Workers = None,
@@ -101,7 +97,6 @@ def benchmark(
             metavar="ADDRESS",
             help="Address of the Ray cluster to play on, such as 10.0.0.1:6379, or auto for one on this machine; the "
             "results are the same.",
-            show_default=False,
         ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,

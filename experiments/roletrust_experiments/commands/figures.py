@@ -45,7 +45,6 @@ def figures(
             metavar="PATH_OR_NUMBER",
             help="Video file, image folder or camera number to use instead of the rendered scene: 120 s of video, or "
             "240 images, one for each round; fewer with --loop. All three cameras see the same picture.",
-            show_default=False,
         ),
     ] = None,
     loop: Annotated[
@@ -58,16 +57,11 @@ def figures(
     recording: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR",
-            help="Recording of `roletrust live record` or `live demo` to draw; nothing is played.",
-            show_default=False,
+            metavar="DIR", help="Recording of `roletrust live record` or `live demo` to draw; nothing is played."
         ),
     ] = None,
     keys: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder with keys: the manager must have signed the --recording's trust.", show_default=False
-        ),
+        Path | None, typer.Option(help="Folder with keys: the manager must have signed the --recording's trust.")
     ] = None,
 ) -> None:
     """Reproduce [bold]Figures 3 and 4[/] of the paper, and compare the measurements with its claims.

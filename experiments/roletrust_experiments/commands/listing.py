@@ -37,18 +37,13 @@ class Kind(StrEnum):
 
 
 def list_command(
-    kind: Annotated[
-        Kind | None, typer.Argument(help="Kind of things to list; all kinds if left out.", show_default=False)
-    ] = None,
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Names of trained attackers; all if left out.", show_default=False)
-    ] = None,
+    kind: Annotated[Kind | None, typer.Argument(help="Kind of things to list; all kinds if left out.")] = None,
+    names: Annotated[list[str] | None, typer.Argument(help="Names of trained attackers; all if left out.")] = None,
     folder: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
             help="Folder of trained attackers, each a .json and a .safetensors file; the project's own if left out.",
-            show_default=False,
         ),
     ] = None,
     games: Annotated[
@@ -57,7 +52,6 @@ def list_command(
             min=2,
             help="Number of games in which the score of each trained attacker is measured again; none if left out. "
             "The exit code is 1 if a score differs from the saved one, or a file is refused.",
-            show_default=False,
         ),
     ] = None,
     as_json: Annotated[

@@ -12,15 +12,10 @@ OWN = "NAME may be your own class, package.module:Class, whose module is then im
 
 SettingsOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set", metavar="FIELD=VALUE", help="Field of the scenario to change; repeat for more.", show_default=False
-    ),
+    typer.Option("--set", metavar="FIELD=VALUE", help="Field of the scenario to change; repeat for more."),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Random seed; the same seed gives the same results.")]
-Workers = Annotated[
-    int | None,
-    typer.Option(min=1, help="Number of processes; by default one for each core.", show_default=False),
-]
+Workers = Annotated[int | None, typer.Option(min=1, help="Number of processes; by default one for each core.")]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; it is created if it is missing.")]
 
 

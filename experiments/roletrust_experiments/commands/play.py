@@ -46,15 +46,10 @@ _LONG_S = 60.0
 
 def play(
     scenario: Annotated[
-        str,
-        typer.Argument(help="Name of a scenario, or path of a .toml or .yaml file."),
+        str, typer.Argument(help="Name of a scenario, or path of a .toml or .yaml file.")
     ] = "paper-3x3",
     model: Annotated[
-        list[str],
-        typer.Option(
-            metavar=NAMED,
-            help="Trust model; repeat to compare several under one attack. " + OWN,
-        ),
+        list[str], typer.Option(metavar=NAMED, help="Trust model; repeat to compare several under one attack. " + OWN)
     ] = ["role-trust"],  # noqa: B006 (typer copies it)
     attack: Annotated[
         list[str] | None,
@@ -62,7 +57,6 @@ def play(
             metavar="AGENT=NAME[:key=value,...]",
             help="Attack by an agent; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. "
             + OWN,
-            show_default=False,
         ),
     ] = None,
     settings: SettingsOption = None,
@@ -73,7 +67,6 @@ def play(
         typer.Option(
             metavar="DIR",
             help="Folder for the results; by default one in results/play, named after scenario, models and attacks.",
-            show_default=False,
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite results of another configuration.")] = False,

@@ -34,37 +34,30 @@ def rate(
             metavar=NAMED,
             help="Trust model, role-trust if left out; with --compare, repeat for more, all central ones if left out. "
             + OWN,
-            show_default=False,
         ),
     ] = None,
     rater: Annotated[str, typer.Option(help="Column of the rater: a name, or a number from 1.")] = "rater",
     ratee: Annotated[str, typer.Option(help="Column of the rated agent.")] = "ratee",
     rating: Annotated[str, typer.Option(help="Column of the rating.")] = "rating",
-    time: Annotated[
-        str | None, typer.Option(help="Column of the time: numbers, or dates of ISO 8601.", show_default=False)
-    ] = None,
+    time: Annotated[str | None, typer.Option(help="Column of the time: numbers, or dates of ISO 8601.")] = None,
     scale: Annotated[
         tuple[float, float] | None,
         typer.Option(
-            metavar="WORST BEST",
-            help="Worst and best rating: 0 and 1 if left out, with --compare -10 and 10.",
-            show_default=False,
+            metavar="WORST BEST", help="Worst and best rating: 0 and 1 if left out, with --compare -10 and 10."
         ),
     ] = None,
     every: Annotated[
         float | None,
         typer.Option(
-            help="Length of a round, in the unit of the time; seconds for dates. With --compare, 30 days if left out.",
-            show_default=False,
+            help="Length of a round, in the unit of the time; seconds for dates. With --compare, 30 days if left out."
         ),
     ] = None,
-    count: Annotated[int | None, typer.Option(min=1, help="Number of ratings of a round.", show_default=False)] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="Number of ratings of a round.")] = None,
     same_agents: Annotated[
         bool | None,
         typer.Option(
             "--same-agents/--two-roles",
             help="Whether a rater and a ratee of one name are one agent: with --compare they are, if left out.",
-            show_default=False,
         ),
     ] = None,
     repeats: Annotated[
@@ -81,8 +74,7 @@ def rate(
         ),
     ] = 0,
     synthetic: Annotated[
-        bool,
-        typer.Option("--synthetic", help="With --compare: first write a small synthetic log of either kind."),
+        bool, typer.Option("--synthetic", help="With --compare: first write a small synthetic log of either kind.")
     ] = False,
     seed: Seed = 0,
     out: Out = Path("results/rate"),

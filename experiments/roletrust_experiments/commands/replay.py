@@ -26,23 +26,20 @@ _SAME = 1e-6
 
 
 def replay(
-    results: Annotated[
-        Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.", show_default=False)
-    ] = Path("results/benchmark/results.sqlite"),
+    results: Annotated[Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.")] = Path(
+        "results/benchmark/results.sqlite"
+    ),
     model: Annotated[
         str | None,
         typer.Option(
             metavar=NAMED,
             help="Trust model of the run; its worst case of all conditions is played. By default that of the best one.",
-            show_default=False,
         ),
     ] = None,
     cell: Annotated[
         str | None,
         typer.Option(
-            metavar="KEY",
-            help="Cell of the run, MODEL|SCENARIO|TRACK|SHARE|RUNG|SEED; its worst attack is played.",
-            show_default=False,
+            metavar="KEY", help="Cell of the run, MODEL|SCENARIO|TRACK|SHARE|RUNG|SEED; its worst attack is played."
         ),
     ] = None,
     attack: Annotated[

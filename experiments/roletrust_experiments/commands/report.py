@@ -18,8 +18,7 @@ def report(
         list[Path] | None,
         typer.Argument(
             help="Results of `roletrust benchmark`: one file for trust models, one for learners, or both; by default "
-            "results/benchmark/results.sqlite.",
-            show_default=False,
+            "results/benchmark/results.sqlite."
         ),
     ] = None,
     pages: Annotated[
@@ -27,7 +26,6 @@ def report(
         typer.Option(
             metavar="ADDRESS",
             help="Address of the folder with the pages of the trust models, to which the report then links.",
-            show_default=False,
         ),
     ] = "",
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,

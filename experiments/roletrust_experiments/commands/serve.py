@@ -13,13 +13,7 @@ from roletrust_experiments.commands.options import NAMED, OWN
 
 
 def serve(
-    model: Annotated[
-        str,
-        typer.Argument(
-            metavar=NAMED,
-            help="Trust model. " + OWN,
-        ),
-    ],
+    model: Annotated[str, typer.Argument(metavar=NAMED, help="Trust model. " + OWN)],
     port: Annotated[
         int | None,
         typer.Option(

@@ -46,11 +46,7 @@ def submit(
     out: Annotated[Path, typer.Option(help="File to write.", metavar="FILE.json")],
     model: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help="Trust model of the run to submit; repeat for more; all if left out.",
-            show_default=False,
-        ),
+        typer.Option(metavar=NAMED, help="Trust model of the run to submit; repeat for more; all if left out."),
     ] = None,
     attacks: Annotated[
         bool,
@@ -59,8 +55,7 @@ def submit(
         ),
     ] = False,
     finder: Annotated[
-        str,
-        typer.Option(help="Name of the finder of the attacks, for tables; only with --attacks.", show_default=False),
+        str, typer.Option(help="Name of the finder of the attacks, for tables; only with --attacks.")
     ] = "",
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
@@ -125,9 +120,7 @@ def verify(
     seed: Annotated[
         int | None,
         typer.Option(
-            min=0,
-            help="Random seed of the choice of cells; by default a new one each time, which nobody can predict.",
-            show_default=False,
+            min=0, help="Random seed of the choice of cells; by default a new one each time, which nobody can predict."
         ),
     ] = None,
     fresh: Annotated[

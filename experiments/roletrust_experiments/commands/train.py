@@ -48,16 +48,12 @@ def train(
     context: typer.Context,
     task: Annotated[
         str | None,
-        typer.Argument(
-            help=f"Attack task: {', '.join(task_names())}.",
-            show_default=False,
-        ),
+        typer.Argument(help=f"Attack task: {', '.join(task_names())}."),
     ] = None,
     learner: Annotated[
         str,
         typer.Option(
-            metavar=NAMED,
-            help=f"Learning algorithm, one of {', '.join(_ALGORITHMS)}, with settings such as gamma=0.9.",
+            metavar=NAMED, help=f"Learning algorithm, one of {', '.join(_ALGORITHMS)}, with settings such as gamma=0.9."
         ),
     ] = "PPO",
     steps: Annotated[
@@ -71,10 +67,7 @@ def train(
     out: Out = Path("results/train"),
     scenario: Annotated[
         str | None,
-        typer.Option(
-            help="Scenario to play instead of the task's own: a name, or the path of a .toml or .yaml file.",
-            show_default=False,
-        ),
+        typer.Option(help="Scenario to play instead of the task's own: a name, or the path of a .toml or .yaml file."),
     ] = None,
     settings: SettingsOption = None,
     model: Annotated[
@@ -83,25 +76,20 @@ def train(
             metavar=NAMED,
             help="Trust model, role-trust if left out; a class of your own needs an entry point. "
             "Learners of coalitions take several, and train against them in turn: " + ", ".join(_COALITIONS) + ".",
-            show_default=False,
         ),
     ] = None,
     compromised: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="AGENT",
-            help="Agent that the attacker controls; repeat for more; the task's own if left out.",
-            show_default=False,
+            metavar="AGENT", help="Agent that the attacker controls; repeat for more; the task's own if left out."
         ),
     ] = None,
     objective: Annotated[
-        Objective | None, typer.Option(help="Aim of the attacker; the task's own if left out.", show_default=False)
+        Objective | None, typer.Option(help="Aim of the attacker; the task's own if left out.")
     ] = None,
     accomplice: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="AGENT", help="Provider that the objective promote is about; repeat for more.", show_default=False
-        ),
+        typer.Option(metavar="AGENT", help="Provider that the objective promote is about; repeat for more."),
     ] = None,
     stealth_weight: Annotated[
         float, typer.Option(min=0, help="Price of a trust gap that gives the attacker away.")

@@ -26,15 +26,11 @@ Role = Literal["rater", "provider"]
 def agent(
     name: Annotated[str, typer.Argument(help="Name of an agent of the scenario, such as sp_0 or sr_0.")],
     scenario: Scenario = _PAPER,
-    role: Annotated[
-        Role | None, typer.Option(help="Role to play; needed for an agent that has both.", show_default=False)
-    ] = None,
+    role: Annotated[Role | None, typer.Option(help="Role to play; needed for an agent that has both.")] = None,
     attack: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME[:key=value,...]",
-            help="Attack to play instead of honest play; see `roletrust list`.",
-            show_default=False,
+            metavar="NAME[:key=value,...]", help="Attack to play instead of honest play; see `roletrust list`."
         ),
     ] = None,
     frames: Annotated[
@@ -51,8 +47,7 @@ def agent(
     start: Annotated[
         int | None,
         typer.Option(
-            help="Start of round 0, from which attacks count, ns since 1970; the next whole period by default.",
-            show_default=False,
+            help="Start of round 0, from which attacks count, ns since 1970; the next whole period by default."
         ),
     ] = None,
     seed: Annotated[
@@ -125,9 +120,7 @@ def manager(
     recording: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR",
-            help="Recording to play through the manager in place of the network, into a new journal.",
-            show_default=False,
+            metavar="DIR", help="Recording to play through the manager in place of the network, into a new journal."
         ),
     ] = None,
 ) -> None:

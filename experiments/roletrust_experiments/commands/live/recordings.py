@@ -22,7 +22,6 @@ def record(
         typer.Option(
             metavar="PATH",
             help="Folder or file of a damaged recording, whose readable messages are saved; nothing new is recorded.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:
