@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from roletrust_env.benchmarking.cost import RemainingTime, estimate_cost
 from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
@@ -30,14 +29,12 @@ from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite, with_known
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite, reproduction_command
+from roletrust_env.benchmarking.verification import check_installed_names
 from roletrust_env.evaluation.resources import in_time
-from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
@@ -144,7 +141,11 @@ def benchmark(
     if known:
         if isinstance(asked, LearnersSuite):
             raise ValueError(f"--known is not for the suite {asked.name}, which is one for {asked.kind}")
-        asked = _with_known(asked, known)
+        attacks = [one for file in known for one in read_known_attacks(file)]
+        check_records(attacks)
+        if lacking := sum(one.condition not in asked.conditions for one in attacks):
+            console.print(f"[yellow]{lacking} known attacks are for conditions that {escape(asked.name)} lacks.[/]")
+        asked = with_known(asked, attacks)
     if dry_run:
         _show_cost(asked, workers)
         return
@@ -233,21 +234,9 @@ def _asked(
     if isinstance(suite, LearnersSuite):
         return _asked_learners(suite, learner, allow_code)
     if not allow_code:
-        check_installed(trust_models, suite.models)
-        check_installed(attackers, suite.attacks)
-        check_installed(search_methods, suite.searches)
+        check_installed_names(suite)
     everything = suite.model_copy(update={"models": "all", "attacks": "all"})
     return with_names(suite, _expanded(model, everything.model_names), _expanded(attack, everything.attack_names))
-
-
-def _with_known(suite: Suite, files: Sequence[Path]) -> Suite:
-    """Return the suite with the known attacks of files, and say how many do not fit."""
-    attacks = [attack for file in files for attack in read_known_attacks(file)]
-    check_records(attacks)
-    found = with_known(suite, attacks)
-    if lacking := sum(one.condition not in suite.conditions for one in attacks):
-        console.print(f"[yellow]{lacking} known attacks are for conditions that {escape(suite.name)} lacks.[/]")
-    return found
 
 
 def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[str]:
@@ -255,8 +244,15 @@ def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[st
 
 
 def _show_cost(suite: AnySuite, workers: int | None) -> None:
+    """Print the number of rounds, and the time of a suite for trust models; that of a learner is unknown."""
     if isinstance(suite, LearnersSuite):
-        _show_learners_cost(suite)
+        table = number_table(f"{suite.name}, at the most", "rounds of each learner, over all games", "trials", "rounds")
+        cycles = [task.arguments()["scenario"].max_cycles for task in suite.tasks.values()]
+        trials, tests = len(cycles) * len(suite.seeds), len(suite.budgets) * suite.games
+        rounds = trials * sum(suite.budgets) + tests * sum(cycles) * len(suite.seeds)
+        for name in suite.learners:
+            table.add_row(escape(name), f"{trials * len(suite.budgets):,}", f"{rounds:,}")
+        console.print(table)
         return
     found = estimate_cost(suite, suite.cells())
     caption = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
@@ -295,15 +291,25 @@ def _asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_cod
 
 
 def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path) -> None:
-    """Write the tables and the picture of a run, and print its ranking."""
+    """Write the picture of a run and its shares with each budget, and print those with the largest one."""
     from roletrust_experiments.plots.learners import learners_figure
 
     scales, found = learner_results(suite, stored)
     write_csv(out / "learners.csv", HEADER, table_rows(found))
     write_figure(out / "learners.png", learners_figure(suite.title, found, scales))
+    names, largest = ranking(found), suite.budgets[-1]
+    rows = {(budget, name): _row(name, budget, found, scales) for budget in suite.budgets for name in names}
+    tops = [f"{task}: {scale.description}, {scale.top_score:.3f}" for task, scale in scales.items()]
+    caption = f"Share by the rounds of play: 0 is honest play; {_INTERVALS}. Share 1 is, on {'; '.join(tops)}."
+    lines = [[f"{budget:,}", f"`{name}`", *shares] for (budget, name), shares in rows.items()]
+    table = markdown_table(["rounds", "learner", ALL_TASKS, *scales], lines, names=2)
     command = reproduction_command(suite, out / "results.sqlite")
-    write_text(out / "learners.md", _markdown(suite, found, scales, command))
-    console.print(_learners_table(suite, found, scales))
+    write_text(out / "learners.md", f"{table}\n\n{caption} Made by `{command}`.\n")
+    caption = f"share with {largest:,} rounds: 0 is honest play; {_INTERVALS}"
+    shown = number_table(f"Learners, suite {suite.name}", caption, *map(escape, (ALL_TASKS, *scales)))
+    for name in names:
+        shown.add_row(*map(escape, (name, *rows[largest, name])))
+    console.print(shown)
     for task, scale in scales.items():
         console.print(
             f"[dim]{escape(task)}: 1 is {escape(scale.description)}, {scale.top_score:.4f}[/]", soft_wrap=True
@@ -314,43 +320,10 @@ def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path
     console.print(f"Written to {out}: results.sqlite, learners.csv, learners.md, learners.png", soft_wrap=True)
 
 
-def _show_learners_cost(suite: LearnersSuite) -> None:
-    """Print the maximum number of rounds; the time of a learner is unknown."""
-    table = number_table(f"{suite.name}, at the most", "rounds of each learner, over all games", "trials", "rounds")
-    times, tests = len(suite.tasks) * len(suite.seeds), len(suite.budgets) * suite.games
-    measured = sum(tests * task.arguments()["scenario"].max_cycles for task in suite.tasks.values()) * len(suite.seeds)
-    for name in suite.learners:
-        table.add_row(escape(name), f"{times * len(suite.budgets):,}", f"{times * sum(suite.budgets) + measured:,}")
-    console.print(table)
-
-
-def _learners_table(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, TaskScale]) -> Table:
-    largest = suite.budgets[-1]
-    caption = f"share with {largest:,} rounds: 0 is honest play; {_INTERVALS}"
-    table = number_table(f"Learners, suite {suite.name}", caption, *map(escape, (ALL_TASKS, *scales)))
-    for name in ranking(found):
-        table.add_row(*map(escape, _row(name, largest, found, scales)))
-    return table
-
-
-def _markdown(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, TaskScale], command: str) -> str:
-    """Return the shares with each budget in Markdown, with what they mean and the command that made them."""
-    names = ranking(found)
-    rows = []
-    for budget in suite.budgets:
-        for name in names:
-            learner, *shares = _row(name, budget, found, scales)
-            rows.append([f"{budget:,}", f"`{learner}`", *shares])
-    tops = [f"{task}: {scale.description}, {scale.top_score:.3f}" for task, scale in scales.items()]
-    caption = f"Share by the rounds of play: 0 is honest play; {_INTERVALS}. Share 1 is, on {'; '.join(tops)}."
-    table = markdown_table(["rounds", "learner", ALL_TASKS, *scales], rows, names=2)
-    return f"{table}\n\n{caption} Made by `{command}`.\n"
-
-
 def _row(name: str, budget: int, found: Sequence[LearnerResult], scales: dict[str, TaskScale]) -> list[str]:
-    """Return the name of a learner and its shares with a budget."""
+    """Return the shares of a learner with a budget, over all tasks and on each."""
     shares = {one.task: one.share for one in found if (one.learner, one.budget) == (name, budget)}
-    return [name, *(_words(shares.get(task)) for task in (ALL_TASKS, *scales))]
+    return [_words(shares.get(task)) for task in (ALL_TASKS, *scales)]
 
 
 def _words(share: Interval | None) -> str:

@@ -104,18 +104,10 @@ class CommandGroup(TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help, with a line on each command."""
-        self._summarize()
-        super().format_help(ctx, formatter)
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
-        """Return the commands and options that complete a word."""
-        self._summarize()
-        return super().shell_complete(ctx, incomplete)
-
-    def _summarize(self) -> None:
         for command in self.commands.values():
             if isinstance(command, LateCommand):
                 command.summarize()
+        super().format_help(ctx, formatter)
 
 
 def command_group(places: Mapping[str, str], **options: Any) -> Callable[[Callable[..., None]], typer.Typer]:

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.markup import escape
-from rich.progress import Progress
 from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, Policy, make_scenario
@@ -154,7 +153,12 @@ def play(
         results = {**config, "measured": _as_data(played)}
         written = [] if out is None else _write(out, results, played, attackers)
         if out is not None and video:
-            written += _film(out, played, attackers, seed, progress)
+            from roletrust_experiments.plots.video import write_video
+
+            for each in played:
+                name = _file("play", each.model, played)
+                write_video(out / f"{name}.mp4", JointPolicy(each.game, attackers), seed, progress)
+                written += [f"{name}.mp4", f"{name}.png"]
     if as_json:
         print_json(results)
     else:
@@ -217,18 +221,6 @@ def _write(
         written.append(name)
     write_json(out / "results.json", results)
     return [*written, "results.json"]
-
-
-def _film(
-    out: Path, played: Sequence[Played], attackers: Mapping[str, Policy], seed: int, progress: Progress
-) -> list[str]:
-    """Write a video of one game of each model and its last frame, and return the names of the files."""
-    from roletrust_experiments.plots.video import write_video
-
-    names = [_file("play", one.model, played) for one in played]
-    for name, one in zip(names, played, strict=True):
-        write_video(out / f"{name}.mp4", JointPolicy(one.game, attackers), seed, progress)
-    return [f"{name}.{kind}" for name in names for kind in ("mp4", "png")]
 
 
 def _file(stem: str, model: str, played: Sequence[Played]) -> str:

@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.schema import AnyCell
@@ -18,7 +17,6 @@ from roletrust_env.benchmarking.submission import CellClaim, make_entries, make_
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.verification import (
     LONGEST_S,
-    Check,
     check_bias,
     check_cell,
     check_claims,
@@ -34,6 +32,7 @@ from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
     number_table,
+    plain_table,
     progress_bar,
 )
 from roletrust_experiments.commands.extras import require
@@ -169,20 +168,21 @@ def verify(
     if replayed:
         checks += check_bias(asked, [again.result for again in replayed])
     if fresh and claims:
-        checks += _fresh(suite, claims, seed, workers)
+        above = max(suite.seeds) + 1 + Random(seed).getrandbits(31)  # seeds that are none of the suite
+        done = list(_played(suite, claims, workers, above))
+        checks += check_fresh([claim for claim, _ in done], [again.result for _, again in done])
     if len(replayed) == len(found.cells) and not any(again.result.failed for again in replayed):
         checks += check_scores(found, suite, replayed, same)
-    console.print(_table(file, checks))
+    table = plain_table(f"Is {escape(str(file))} true?")
+    for heading in ("", "what", "found"):
+        table.add_column(heading, overflow="fold")
+    for check in checks:
+        verdict = "[green]ok[/]" if check.ok else "[bold red]not ok[/]"
+        table.add_row(verdict, escape(check.subject), escape(check.message))
+    console.print(table)
     console.print(f"{len(replayed)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
     if not all(check.ok for check in checks):
         raise typer.Exit(1)
-
-
-def _fresh(suite: Suite, claims: Sequence[CellClaim], seed: int, workers: int | None) -> list[Check]:
-    """Play the cells of claims with seeds that are none of the suite, and compare."""
-    above = max(suite.seeds) + 1 + Random(seed).getrandbits(31)
-    done = list(_played(suite, claims, workers, above))
-    return check_fresh([claim for claim, _ in done], [again.result for _, again in done])
 
 
 def _played(
@@ -209,14 +209,3 @@ def _played(
         for cell, done in playing:
             progress.advance(job)
             yield of_cell[cell], StoredCell(cell, done)
-
-
-def _table(file: Path, checks: Sequence[Check]) -> Table:
-    table = Table(title=f"Is {escape(str(file))} true?", title_justify="left", box=None, pad_edge=False)
-    for heading in ("", "what", "found"):
-        table.add_column(heading, overflow="fold")
-    for check in checks:
-        table.add_row(
-            "[green]ok[/]" if check.ok else "[bold red]not ok[/]", escape(check.subject), escape(check.message)
-        )
-    return table
