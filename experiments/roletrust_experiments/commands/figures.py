@@ -1,9 +1,6 @@
 """`roletrust figures`: Figures 3 and 4 of Su and Saint-Jore (EWSN 2023), from real ratings."""
 
-import statistics
 from collections.abc import Sequence
-from contextlib import suppress
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -13,11 +10,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, State, make_scenario
-from roletrust_env.live.validation import MANAGER, is_genuine
-from roletrust_env.storage.files import prepare_folder, write_csv, write_json
+from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe_policies, provenance
 from roletrust_experiments.commands.console import console, plain_table, progress_bar
-from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.options import Out
 from roletrust_experiments.paper import claims
 from roletrust_experiments.paper.figures import (
@@ -27,7 +22,6 @@ from roletrust_experiments.paper.figures import (
     loop_note,
     papers,
 )
-from roletrust_experiments.paper.live_curves import curves_from_rounds
 from roletrust_experiments.playing.games import track_curves
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -54,15 +48,6 @@ def figures(
         int,
         typer.Option(min=0, help="Random seed; the same seed gives the same results. The scene does not depend on it."),
     ] = 0,
-    recording: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Recording of `roletrust live record` or `live demo` to draw; nothing is played."
-        ),
-    ] = None,
-    keys: Annotated[
-        Path | None, typer.Option(help="Folder with keys: the manager must have signed the --recording's trust.")
-    ] = None,
 ) -> None:
     """Reproduce [bold]Figures 3 and 4[/] of the paper, and compare the measurements with its claims.
 
@@ -90,19 +75,9 @@ def figures(
     [dim]# for fewer rounds: 40 rounds need 20 s of video, or 40 images[/]
     [cyan]roletrust play paper-3x3-hog --set frames=walk.mp4 --set max_cycles=40[/]
 
-    [dim]# the curves of a live team[/]
-    [cyan]roletrust figures --recording bag[/]
-
     [dim]# without a camera, in a second[/]
     [cyan]roletrust figures --service synthetic --seed 7[/]
     """
-    if recording is not None:
-        if frames is not None:
-            raise ValueError("--recording plays nothing, so --frames has no effect")
-        _draw_recording(recording, keys, out)
-        return
-    if keys is not None:
-        raise ValueError("--keys checks a --recording; without a recording, nothing is signed")
     from roletrust_experiments.plots.paper import montage_figure, write_paper
 
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
@@ -204,51 +179,6 @@ class _Sight:
         if time_s in _MOMENTS_S:
             perceived = state.service[..., 0].mean(axis=0)
             self.taken.append(Still(_MOMENTS_S[time_s], time_s, self._camera.latest.copy(), perceived))
-
-
-def _draw_recording(recording: Path, keys: Path | None, out: Path) -> None:
-    """Draw and write the published trust of all agents of a team against time.
-
-    Args:
-        recording: Folder of the recording.
-        keys: Folder with the manager's public key; None draws unsigned trust, too.
-        out: Folder for the results.
-
-    Raises:
-        ValueError: The folder is no recording, or has fewer than two rounds.
-    """
-    require_live()
-    from roletrust_env.live.wire import messages
-    from roletrust_env.live.wire.keys import PublicKeys
-    from roletrust_env.live.wire.recording import read_recording
-    from roletrust_experiments.plots.curves import Panel, trust_figure
-
-    rounds, keyring = [], None if keys is None else PublicKeys(keys, [MANAGER])
-    for one in read_recording(recording):
-        if one.kind == messages.TRUST:
-            with suppress(ValueError):  # an unreadable message is not from the manager
-                trust, envelope = messages.read_trust(one.raw)
-                if is_genuine(envelope, keyring):
-                    rounds.append(trust)
-    gaps = [(b.stamp - a.stamp) / (b.round - a.round) for a, b in pairwise(rounds) if b.round > a.round]
-    period = round(statistics.median(gaps)) if gaps else 0
-    if period <= 0 or not (rounds[-1].tor and rounds[-1].top):
-        raise ValueError(
-            f"{recording} holds {len(rounds)} rounds of trust; it must hold two consecutive ones, with agents"
-        )
-    prepare_folder(out)
-    curves = curves_from_rounds(rounds, rounds[0].stamp - rounds[0].round * period, period, period / 1e9)
-    raters, providers = tuple(rounds[-1].tor), tuple(rounds[-1].top)
-    header = ["time_s", *(f"ToR {name}" for name in raters), *(f"ToP {name}" for name in providers)]
-    rows = zip(curves.time_s.tolist(), *curves.trust[..., 0].T.tolist(), strict=True)
-    write_csv(out / "figure.csv", header, rows)
-    panels = [
-        Panel("trust of raters, ToR", raters, curves.tor, curves.time_s),
-        Panel("trust of providers, ToP", providers, curves.top, curves.time_s),
-    ]
-    title = f"{recording.name}: {len(raters)} raters, {len(providers)} providers, {len(rounds)} rounds"
-    write_figure(out / "figure.png", trust_figure(title, panels, float(curves.time_s[-1])))
-    console.print(f"Written to {out}: figure.csv, figure.png", soft_wrap=True)
 
 
 def claims_table(title: str, found: Sequence[claims.Claim]) -> Table:

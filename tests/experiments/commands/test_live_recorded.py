@@ -1,10 +1,8 @@
-"""What a recording becomes: figures, and a scenario."""
+"""What a recording becomes: a scenario."""
 
 import tomllib
 from pathlib import Path
 
-import imageio.v2 as imageio
-import numpy as np
 import pytest
 from command_line import run
 from manager_cases import TEAM, manager
@@ -40,15 +38,6 @@ def bag(tmp_path_factory):
     return folder / "bag"
 
 
-def test_the_curves_of_any_team(bag, tmp_path):
-    done = run("figures", "--recording", str(bag), "--out", str(tmp_path))
-    assert done.exit_code == 0, done.output
-    rows = np.genfromtxt(tmp_path / "figure.csv", delimiter=",", names=True)
-    assert rows.dtype.names == ("time_s", "ToR_sr_0", "ToR_sr_1", "ToR_sr_2", "ToP_sp_0", "ToP_sp_1", "ToP_sp_2")
-    assert len(rows) == 239
-    assert imageio.imread(tmp_path / "figure.png").shape[0] > 500
-
-
 def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     made = run("live", "scenario", str(bag), "--out", str(tmp_path / "team.toml"))
     assert made.exit_code == 0, made.output
@@ -68,8 +57,6 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["figures", "--recording", "nowhere"], "nowhere cannot be read"),
-        (["figures", "--recording", "nowhere", "--frames", "walk.mp4"], "--recording plays nothing"),
         (["live", "scenario", "nowhere"], "nowhere cannot be read"),
         (["live", "scenario", "nowhere", "--out", "team.txt"], "must end in .toml"),
         (["live", "scenario", "nowhere", "--out", "there.toml"], "there.toml exists already"),
@@ -98,15 +85,6 @@ def said(rater, round, row, stamp=None):
     moment = PERIOD * (1000 + round)
     raw = messages.encode(messages.ratings_message(rater, moment if stamp is None else stamp, row))
     return RecordedMessage(moment + 5, f"/{rater}/ratings", messages.RATINGS, raw)
-
-
-def published(round, tor, top, stamp=None):
-    moment = PERIOD * (1000 + round) if stamp is None else stamp
-    numbers = {"tor": np.array([*tor.values()], float), "top": np.array([*top.values()], float), "toa": np.empty(0)}
-    names = {"raters": [*tor], "providers": [*top], "both": [], "missing": []}
-    head, none = messages.header(moment), np.empty(0, np.uint8)
-    made = messages.make(messages.TRUST, header=head, round=round, signature=none, **names, **numbers)
-    return RecordedMessage(moment + 9, "/trust", messages.TRUST, messages.encode(made))
 
 
 def recorded(path, said):
@@ -145,40 +123,12 @@ def test_who_has_no_key_is_in_no_scenario_of_a_team_with_keys(tmp_path):
     assert "less than two rounds of ratings" in done.stderr
 
 
-A, B = {"sr_0": 0.5}, {"sp_0": 0.5}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "messages", "reason"),
-    [
-        (["live", "scenario"], [said("sr_0", r, {}) for r in range(5)], "no rating whose stamp is near"),
-        (
-            ["figures", "--recording"],
-            [published(0, A, B), published(0, A, B)],
-            "2 rounds of trust; it must hold two consecutive",
-        ),
-        (
-            ["figures", "--recording"],
-            [published(0, A, B), published(1, A, B, PERIOD * 1000)],
-            "holds 2 rounds of trust; it",
-        ),
-        (["figures", "--recording"], [published(r, {}, {}) for r in range(3)], "3 rounds of trust; it must hold two"),
-    ],
-)
-def test_recordings_of_too_little_are_refused_in_one_line(arguments, messages, reason, tmp_path, monkeypatch):
+def test_a_recording_of_too_little_is_refused_in_one_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = run(*arguments, recorded(tmp_path / "bag", messages))
+    done = run("live", "scenario", recorded(tmp_path / "bag", [said("sr_0", r, {}) for r in range(5)]))
     assert done.exit_code == 2, done.output
-    assert reason in " ".join(done.stderr.split())
+    assert "no rating whose stamp is near" in " ".join(done.stderr.split())
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-
-
-def test_trust_that_cannot_be_read_is_in_no_figure(tmp_path):
-    broken = published(2, A, B)._replace(raw=b"\0\1\0\0")
-    bag = recorded(tmp_path / "bag", [published(0, A, B), published(1, A, B), broken, published(3, A, B)])
-    done = run("figures", "--recording", bag, "--out", str(tmp_path / "out"))
-    assert done.exit_code == 0, done.output
-    assert len((tmp_path / "out" / "figure.csv").read_text().splitlines()) == 4
 
 
 def test_a_replay_of_nothing_leaves_nothing(tmp_path):
@@ -201,12 +151,9 @@ def test_a_recorded_team_is_a_scenario_of_the_benchmark(source, bag, tmp_path, m
     assert len(Path("out/leaderboard.csv").read_text().splitlines()) == 3
 
 
-def test_unsigned_trust_and_pictures_of_a_team_with_keys_are_ignored(bag, tmp_path):
+def test_unsigned_ratings_and_pictures_of_a_team_with_keys_are_ignored(tmp_path):
     make_keys(tmp_path / "keys", [MANAGER, "sr_0", "sr_1", "sp_0"])
     keys = ["--keys", str(tmp_path / "keys")]
-    done = run("figures", "--recording", str(bag), *keys, "--out", str(tmp_path / "figures"))
-    assert done.exit_code == 2
-    assert "holds 0 rounds of trust" in " ".join(done.stderr.split())
     signed, shade = [], b"no picture is looked at"
     for r in range(12):
         moment = PERIOD * (1000 + r)
