@@ -127,8 +127,7 @@ def _attackers(names: Sequence[str], prefix: str = "") -> dict[str, str]:
 
 
 FILES = {
-    "pictures": {f"{name}.png": f"{name}.png" for name in ("figure3", "figure4", "montage")}
-    | {"play/play.png": "render.png"},
+    "pictures": {f"{name}.png": f"{name}.png" for name in ("figure3", "figure4")} | {"play/play.png": "render.png"},
     "better-model": {"leaderboard.csv": "better-model.csv"},
     "leave-one-out": {"leaderboard.csv": "leave-one-out.csv"},
     "first-hand": {

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import typer
@@ -23,9 +23,6 @@ from roletrust_experiments.paper.figures import (
     papers,
 )
 from roletrust_experiments.playing.games import track_curves
-from roletrust_experiments.plots.figure_files import write_figure
-
-_MOMENTS_S = {15.0: "calm", 19.0: "fast target", 60.0: "SP_3 attacks"}  # of Figure 3, for the montage
 
 
 def figures(
@@ -55,8 +52,8 @@ def figures(
     alternates between bad and good service (on-off, 50-90 s). In Figure 4, rater 3 rates 0.5 whatever it sees
     (bad-mouthing, 20-45 s).
 
-    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/], and [green]montage.png[/] with the
-    frames of the cameras. The state after round r, counted from 0, is at time (r + 1) x 0.5 s.
+    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/]. The state after round r, counted from
+    0, is at time (r + 1) x 0.5 s.
 
     With --frames, rows whose bounds only hold for the rendered scene say n/a. If the frames never show a person
     clearly, the table is left out.
@@ -78,17 +75,22 @@ def figures(
     [dim]# without a camera, in a second[/]
     [cyan]roletrust figures --service synthetic --seed 7[/]
     """
-    from roletrust_experiments.plots.paper import montage_figure, write_paper
+    from roletrust_experiments.plots.paper import write_paper
 
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
     game = Game(scenario.change(frames=frames, playback="loop" if loop else "once"))
     prepare_folder(out)
-    played, sight, rounds = papers(game.scenario.period_s), _Sight(game), []
+    played, rounds = papers(game.scenario.period_s), []
+    probabilities: list[float] = []  # of a person, in each round of one figure after the other
+
+    def watch(state: State) -> None:
+        probabilities.append(float(state.service.mean()))
+
     with progress_bar() as progress:
         for paper in played:
-            watch = sight.watch if service == "hog" and paper.number == 3 else lambda state: None
             joint_policy = JointPolicy(game, paper.policies)
-            rounds.append(track_curves(joint_policy, seed, progress, f"Figure {paper.number}", on_round=watch))
+            label = f"Figure {paper.number}"
+            rounds.append(track_curves(joint_policy, seed, progress, label, on_round=watch))
     found = [
         claim
         for paper, curves in zip(played, rounds, strict=True)
@@ -97,15 +99,13 @@ def figures(
     seen = None
     if frames is not None:
         calm = claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
-        seen = _Footage(loop_length_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
+        probability = float(np.mean(probabilities[: len(calm)], where=calm))
+        seen = _Footage(loop_length_s(game), probability, claims.in_clear_view(found))
         found = claims.for_given_frames(found)
     written: list[str] = []
     note = loop_note(game)
     for paper, curves in zip(played, rounds, strict=True):
         written += write_paper(out, f"figure{paper.number}", paper, {"": curves}, game.scenario, note)
-    if sight.taken:
-        write_figure(out / "montage.png", montage_figure(sight.taken))
-        written.append("montage.png")
     written.append("results.json")
     results = {
         "command": "roletrust figures",
@@ -159,26 +159,6 @@ class _Footage(NamedTuple):
             f"OpenCV's people detector {seen}: the mean probability of a person was {self.probability:.2f} before the "
             "attack. The paper's levels assume a person in clear view, so they do not apply."
         )
-
-
-class _Sight:
-    """Record of the frames at the moments of the montage, and of the detection probability in each round."""
-
-    def __init__(self, game: Game) -> None:
-        self.taken: list[Any] = []
-        self.sure: list[float] = []
-        self._camera: Any = game.service
-        self._period_s = game.scenario.period_s
-
-    def watch(self, state: State) -> None:
-        """Store the probability of a person in the last round, and its frames if the montage shows it."""
-        from roletrust_experiments.plots.paper import Still
-
-        self.sure.append(float(state.service.mean()))
-        time_s = (int(state.round[0]) - 1) * self._period_s
-        if time_s in _MOMENTS_S:
-            perceived = state.service[..., 0].mean(axis=0)
-            self.taken.append(Still(_MOMENTS_S[time_s], time_s, self._camera.latest.copy(), perceived))
 
 
 def claims_table(title: str, found: Sequence[claims.Claim]) -> Table:

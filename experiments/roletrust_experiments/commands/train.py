@@ -231,7 +231,7 @@ def _train(run: "Run", folder: RunFolder) -> None:
     from roletrust_agents.learned.saved import task_from_card
     from roletrust_agents.training import coalition_loop, loop
     from roletrust_agents.training.runs import versions
-    from roletrust_experiments.plots.learning import learning_figure
+    from roletrust_experiments.plots.learners import learning_figure
 
     coalition, games = run.algo in _COALITIONS.values(), run.settings["games"]
     learn = coalition_loop.train if coalition else loop.train

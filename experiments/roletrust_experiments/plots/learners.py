@@ -1,4 +1,4 @@
-"""The figure of a suite for learners: the share of each learner over all tasks, and by budget on each task."""
+"""Figures of learners: a training run, and a suite with the share of each learner over all tasks and on each task."""
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
@@ -8,14 +8,31 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from roletrust_agents.learned import SavedAttacker
 from roletrust_env.benchmarking.learners.results import ALL_TASKS, LearnerResult, TaskScale, ranking
-from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET, quiet
+from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, DASHES, HONEST, INK, QUIET, quiet
 
 _COLUMNS = 4
 """Number of tasks side by side."""
 
 _LOWEST = -0.5
 """Lowest share to draw; lower shares, far below honest play, are drawn here."""
+
+
+def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence[float]]) -> Figure:
+    """Return the figure of a learning curve, between honest play and the best score."""
+    figure = Figure(figsize=(7, 3.6), layout="constrained")
+    axes, card = figure.subplots(), attacker.card
+    steps, _, score, half = np.asarray(curve, float).T
+    axes.fill_between(steps, score - np.nan_to_num(half), score + np.nan_to_num(half), color=ATTACKER, alpha=0.2, lw=0)
+    axes.plot(steps, score, color=ATTACKER, marker="o", markersize=3, label=f"{algo}, held-out games")
+    axes.axhline(card.score.honest, color=HONEST[0], linestyle="--", label="honest play")
+    axes.set_title(f"{card.task.id}, {card.scenario.name}, {card.task.objective}", loc="left", color=INK)
+    axes.set_xlabel("rounds of all games", color=INK)
+    axes.set_ylabel("mean reward per round", color=INK)
+    quiet(axes, "y")
+    axes.legend(frameon=False, loc="best")
+    return figure
 
 
 def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[str, TaskScale]) -> Figure:

@@ -1,13 +1,9 @@
-"""The paper's Figures 3 and 4, and what the cameras saw, as pictures."""
+"""The paper's Figures 3 and 4 as files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.storage.files import write_csv
@@ -15,23 +11,7 @@ from roletrust_env.world.scenario import Scenario
 from roletrust_experiments.paper.figures import COLUMNS, Paper
 from roletrust_experiments.plots.curves import Panel, trust_figure
 from roletrust_experiments.plots.figure_files import write_figure
-from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, QUIET
-
-
-class Still(NamedTuple):
-    """The images of the cameras in one round.
-
-    Attributes:
-        what: Event in the round.
-        time_s: Start of the round in seconds.
-        frames: Images of all cameras, (P, height, width, 3), RGB.
-        perceived: Probability that the person is there, mean over the raters, (P,).
-    """
-
-    what: str
-    time_s: float
-    frames: npt.NDArray[np.uint8]
-    perceived: npt.NDArray[np.float64]
+from roletrust_experiments.plots.style import INK
 
 
 def write_paper(
@@ -78,36 +58,4 @@ def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, n
         for level in paper.levels:
             axes.hlines(level, *paper.attack, color=INK, linewidth=1, linestyle=":", zorder=5)
             axes.text(paper.attack.stop_s + 0.8, level, f"paper: {level:g}", fontsize=9, va="center", color=INK)
-    return figure
-
-
-def montage_figure(stills: Sequence[Still]) -> Figure:
-    """Return the images of each camera (column) at some times (row), with the probability of a person."""
-    columns = len(stills[0].frames)
-    layout = ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03, wspace=0.01, hspace=0.01)
-    figure = Figure(figsize=(3.1 * columns + 0.4, 2.45 * len(stills) + 0.3), layout=layout)
-    grid = figure.subplots(len(stills), columns, squeeze=False)
-    for k, (row, still) in enumerate(zip(grid, stills, strict=True)):
-        for j, axes in enumerate(row):
-            axes.imshow(still.frames[j])
-            axes.set_xticks([])
-            axes.set_yticks([])
-            sure = float(still.perceived[j])
-            for spine in axes.spines.values():
-                spine.set(color=HONEST[1] if sure > 0.5 else ATTACKER, linewidth=2.2)
-            axes.text(
-                0.97,
-                0.05,
-                f"P(person) = {sure:.2f}",
-                transform=axes.transAxes,
-                ha="right",
-                va="bottom",
-                fontsize=9.5,
-                color="white",
-                bbox={"facecolor": "black", "alpha": 0.65, "linewidth": 0, "boxstyle": "round,pad=0.3"},
-            )
-            if k == 0:
-                axes.set_title(f"camera of SP_{j + 1}", fontsize=10.5, color=INK)
-        row[0].set_ylabel(f"{still.what}\n{still.time_s:g} s", fontsize=10.5, color=INK)
-    figure.supxlabel("green frame: a person is seen; orange: none", fontsize=9, color=QUIET)
     return figure

@@ -11,7 +11,7 @@ from roletrust_env.live.journal import read_journal
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_experiments.cli import app
-from roletrust_experiments.paper.live_curves import curves_from_rounds, latencies_ms
+from roletrust_experiments.commands.live.demo import _latencies_ms, curves_from_rounds
 
 
 def run(*arguments):
@@ -105,4 +105,4 @@ def test_the_curves_of_a_journal(tmp_path):
     curves = curves_from_rounds([entry.published for entry in entries], PERIOD, PERIOD, 0.5)
     assert curves.time_s.tolist() == [0.5, 1.0, 2.0]
     assert curves.tor[:, 0, 0].tolist() == [entry.trust.tor[0] for entry in entries]
-    assert latencies_ms(entries) == [30.0] * 3
+    assert _latencies_ms(entries) == [30.0] * 3

@@ -6,17 +6,19 @@ import shutil
 import statistics
 import time
 import webbrowser
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.progress import Progress
 
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.live.journal import JournalEntry, read_journal
-from roletrust_env.live.team import Team
+from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_env.trust import TrustModel, make_trust_model
@@ -27,7 +29,6 @@ from roletrust_experiments.commands.live.options import Browser, Port, Speed, pe
 from roletrust_experiments.commands.live.processes import NodeProcesses
 from roletrust_experiments.commands.live.view import address, require_view
 from roletrust_experiments.paper.figures import Attack, Paper, paper_of
-from roletrust_experiments.paper.live_curves import curves_from_rounds, latencies_ms
 from roletrust_experiments.playing.games import track_curves
 
 _NICENESS = 19  # the simulation gives way to the robots
@@ -152,7 +153,7 @@ def _report(plan: _Plan, entries: list[JournalEntry], start: int, simulated: Cur
     paper, scenario = plan.paper, plan.scenario
     curves = curves_from_rounds([entry.published for entry in entries], start, plan.period, scenario.period_s)
     measured, expected = (paper.check(one, scenario, paper.attack) for one in (curves, simulated))
-    partial, delays = sum(bool(entry.missing) for entry in entries), latencies_ms(entries)
+    partial, delays = sum(bool(entry.missing) for entry in entries), _latencies_ms(entries)
     delay = statistics.median(delays) if delays else None
     caption = f"measured on DDS: {len(entries)} rounds, {partial} of them with a rater missing"
     written = write_paper(out, "figure", paper, {"measured": curves, "simulated": simulated}, scenario, caption)
@@ -174,6 +175,29 @@ def _report(plan: _Plan, entries: list[JournalEntry], start: int, simulated: Cur
     console.print("[dim]simulated: " + "; ".join(f"{claim.what} {claim.measured}" for claim in expected) + "[/]")
     console.print(f"[dim]{caption}; image to trust {delay or float('nan'):.0f} ms at the median[/]", soft_wrap=True)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+
+
+def curves_from_rounds(rounds: Sequence[PublishedTrust], start: int, period: int, period_s: float) -> Curves:
+    """Return the curves of a team. Unknown values are NaN: rewards, delivered quality, and trust before an agent joins.
+
+    Args:
+        rounds: One or more rounds.
+        start: Start of round 0, nanoseconds.
+        period: Time between rounds, nanoseconds.
+        period_s: Time between rounds by the scenario's clock, seconds. The trust after the services of round r is at
+            (r + 1) * period_s.
+    """
+    number = np.array([round((one.stamp - start) / period) for one in rounds])
+    raters, providers, nan = rounds[-1].tor, rounds[-1].top, float("nan")
+    tor = np.array([[one.tor.get(name, nan) for name in raters] for one in rounds])[..., None]
+    top = np.array([[one.top.get(name, nan) for name in providers] for one in rounds])[..., None]
+    trust = np.concatenate([tor, top], axis=1)
+    return Curves((number + 1) * period_s, tor, top, trust, np.full_like(trust, nan), np.full_like(top, nan))
+
+
+def _latencies_ms(entries: Sequence[JournalEntry]) -> list[float]:
+    """Return the times from the services' stamp to the resulting trust, for complete rounds, milliseconds."""
+    return [(entry.closed - entry.stamp) / 1e6 for entry in entries if not entry.missing]
 
 
 def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> tuple[list[JournalEntry], int]:
