@@ -52,8 +52,8 @@ def figures(
     alternates between bad and good service (on-off, 50-90 s). In Figure 4, rater 3 rates 0.5 whatever it sees
     (bad-mouthing, 20-45 s).
 
-    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/]. The state after round r, counted from
-    0, is at time (r + 1) x 0.5 s.
+    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/]. The state after round r, counted
+    from 0, is at time (r + 1) x 0.5 s.
 
     With --frames, rows whose bounds only hold for the rendered scene say n/a. If the frames never show a person
     clearly, the table is left out.
