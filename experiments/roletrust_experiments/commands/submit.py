@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
+from rich.table import Table
 
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.schema import AnyCell
@@ -32,7 +33,6 @@ from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
     number_table,
-    plain_table,
     progress_bar,
 )
 from roletrust_experiments.commands.extras import require
@@ -173,7 +173,7 @@ def verify(
         checks += check_fresh([claim for claim, _ in done], [again.result for _, again in done])
     if len(replayed) == len(found.cells) and not any(again.result.failed for again in replayed):
         checks += check_scores(found, suite, replayed, same)
-    table = plain_table(f"Is {escape(str(file))} true?")
+    table = Table(title=f"Is {escape(str(file))} true?", title_justify="left", box=None, pad_edge=False)
     for heading in ("", "what", "found"):
         table.add_column(heading, overflow="fold")
     for check in checks:
