@@ -1,7 +1,7 @@
 """`roletrust benchmark`: how robust trust models are, by the worst of all attacks; and which learner attacks best."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any
@@ -149,7 +149,12 @@ def benchmark(
     if dry_run:
         _show_cost(asked, workers)
         return
-    with _pool(workers, ray) as pool:
+    with ExitStack() as stack:
+        pool: Pool = LocalPool(workers)
+        if ray is not None:
+            from roletrust_env.benchmarking.cluster import Cluster
+
+            pool = stack.enter_context(closing(Cluster(ray)))
         try:
             stored = _play(asked, pool, force, out)
         except KeyboardInterrupt:
@@ -200,18 +205,6 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
     for line in leaderboard.caveats:
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md", soft_wrap=True)
-
-
-@contextmanager
-def _pool(workers: int | None, ray: str | None) -> Iterator[Pool]:
-    """Yield the pool that plays the cells; a cluster is left at the end."""
-    if ray is None:
-        yield LocalPool(workers)
-        return
-    from roletrust_env.benchmarking.cluster import Cluster
-
-    with closing(Cluster(ray)) as cluster:
-        yield cluster
 
 
 def _asked(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -96,11 +96,13 @@ def figures(
         for paper, curves in zip(played, rounds, strict=True)
         for claim in paper.check(curves, game.scenario, paper.attack)
     ]
-    seen = None
+    seen: dict[str, Any] | None = None
     if frames is not None:
         calm = claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
         probability = float(np.mean(probabilities[: len(calm)], where=calm))
-        seen = _Footage(loop_length_s(game), probability, claims.in_clear_view(found))
+        # Repeated frames have a length; the paper's levels apply if the person is clearly visible.
+        visible = claims.in_clear_view(found)
+        seen = {"loop_length_s": loop_length_s(game), "probability": probability, "in_clear_view": visible}
         found = claims.for_given_frames(found)
     written: list[str] = []
     note = loop_note(game)
@@ -113,12 +115,12 @@ def figures(
         **provenance(game, seed),
         "attackers": {f"figure {paper.number}": describe_policies(paper.policies) for paper in played},
         "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
-        **({"footage": seen._asdict()} if seen else {}),
+        **({"footage": seen} if seen else {}),
         "claims": [claim._asdict() for claim in found],
         "files": written,
     }
     write_json(out / "results.json", results)
-    if seen is None or seen.in_clear_view:
+    if seen is None or seen["in_clear_view"]:
         seen_through = "OpenCV's HOG people detector" if service == "hog" else "a synthetic service"
         console.print(claims_table(f"Su and Saint-Jore (2023), seen through {seen_through}", found))
         calm_s = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF))
@@ -133,32 +135,15 @@ def figures(
                 "person when the picture is blurred[/]"
             )
     else:
-        console.print(seen.in_words(), soft_wrap=True)
+        who = "saw nobody in these frames" if seen["probability"] < 0.5 else "did not see a person in every frame"
+        console.print(
+            f"OpenCV's people detector {who}: the mean probability of a person was {seen['probability']:.2f} before "
+            "the attack. The paper's levels assume a person in clear view, so they do not apply.",
+            soft_wrap=True,
+        )
     if note:
         console.print(f"[dim]{escape(note)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
-
-
-class _Footage(NamedTuple):
-    """Properties of given frames.
-
-    Attributes:
-        loop_length_s: Length of repeated frames in seconds; None if they were not repeated.
-        probability: Mean probability of a person in the calm rounds of Figure 3.
-        in_clear_view: True if the person is clearly visible, so that the paper's levels apply.
-    """
-
-    loop_length_s: float | None
-    probability: float
-    in_clear_view: bool
-
-    def in_words(self) -> str:
-        """Return the reason why the paper's levels do not apply."""
-        seen = "saw nobody in these frames" if self.probability < 0.5 else "did not see a person in every frame"
-        return (
-            f"OpenCV's people detector {seen}: the mean probability of a person was {self.probability:.2f} before the "
-            "attack. The paper's levels assume a person in clear view, so they do not apply."
-        )
 
 
 def claims_table(title: str, found: Sequence[claims.Claim]) -> Table:

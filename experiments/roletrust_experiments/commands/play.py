@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, Policy, make_scenario
-from roletrust_env.evaluation.resources import check_memory, in_bytes, in_time
+from roletrust_env.evaluation.resources import check_memory, in_time
 from roletrust_env.evaluation.specs import parse_attacks, parse_settings, parse_trust_model, with_settings
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
@@ -38,9 +38,6 @@ from roletrust_experiments.playing.games import (
 )
 from roletrust_experiments.playing.group_measures import AUC_FINALLY, AUC_MEANWHILE, MEASURES, measured_since
 from roletrust_experiments.plots.figure_files import write_figure
-
-_LONG_S = 60.0
-"""Seconds from which the command announces how long it will take."""
 
 
 def play(
@@ -143,8 +140,7 @@ def play(
             _check_folder(out, config)
         prepare_folder(out)
     aside = errors if as_json else console
-    if forecast := _forecast(list(joint_policies.values()), attackers, games):
-        aside.print(f"[dim]{forecast}[/]")
+    _check_memory(list(joint_policies.values()), attackers, games)
     with progress_bar(aside) as progress:
         played = [
             play_games(text, joint_policy, attackers, games=games, seed=seed, progress=progress)
@@ -169,21 +165,17 @@ def play(
         aside.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
 
-def _forecast(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int) -> str:
-    """Refuse more games or rounds than the memory can hold, and return how long many games will take."""
+def _check_memory(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int) -> None:
+    """Refuse more games or rounds than the memory can hold."""
     rules = joint_policies[0].game.scenario
     if games == 1 or isinstance(
         rules.frames, int
     ):  # one game needs memory for its curves only, and a live camera allows no trial
         each_round = games * all_curve_bytes(joint_policies, attackers) / rules.max_cycles
         check_memory("max_cycles", rules.max_cycles, each_round)
-        return ""
+        return
     each = foresee(joint_policies, attackers)
-    time = in_time(games * each.seconds)
-    check_memory("--games", games, each.memory, f" and {time}")
-    if games * each.seconds <= _LONG_S:
-        return ""
-    return f"This takes about {time} and {in_bytes(games * each.memory)} of memory."
+    check_memory("--games", games, each.memory, f" and {in_time(games * each.seconds)}")
 
 
 def _check_folder(out: Path, config: Mapping[str, Any]) -> None:

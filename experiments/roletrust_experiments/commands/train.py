@@ -145,7 +145,13 @@ def train(
     torch.set_num_threads(1)  # networks of this size gain little from two
     run = None
     if task is None:
-        _refuse_options(context)
+        allowed = ("--out", "--resume", "--runs")  # a run that is continued has its own options
+        sources = {one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params}
+        given = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+        if wrong := [name for name in given if name not in allowed]:
+            raise ValueError(
+                f"{', '.join(wrong)}: a run that is continued keeps its options; name a task to begin another"
+            )
     if task is not None:
         task_id = find_task(task)
         name, changes = parse_parameters(learner)
@@ -191,15 +197,6 @@ def train(
                 f"Stopped. The training so far is kept; continue with: roletrust train {again}", soft_wrap=True
             )
             raise typer.Exit(130) from None
-
-
-def _refuse_options(context: typer.Context) -> None:
-    """Refuse the options of a new run beside a run that is continued, which has its own."""
-    allowed = ("--out", "--resume", "--runs")
-    sources = {one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params}
-    given = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
-    if wrong := [name for name in given if name not in allowed]:
-        raise ValueError(f"{', '.join(wrong)}: a run that is continued keeps its options; name a task to begin another")
 
 
 def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
