@@ -22,8 +22,6 @@ from roletrust_experiments.commands.options import NAMED, Out
 from roletrust_experiments.playing.replay import Replay
 from roletrust_experiments.plots.figure_files import write_figure
 
-_SAME = 1e-6
-
 
 def replay(
     results: Annotated[Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.")] = Path(
@@ -89,7 +87,7 @@ def replay(
     for side in found.sides:
         table.add_row(f"trust in {side.label}", f"{np.nanmean(side.trust):.3f}", "")
     console.print(table)
-    if abs(utility.mean - stored) > _SAME:
+    if abs(utility.mean - stored) > 1e-6:
         console.print(
             f"[yellow]The file has a utility of {stored:.3f}: another processor or other software computes other "
             "numbers, and may find another attack where the file has no record of the attacker.[/]",

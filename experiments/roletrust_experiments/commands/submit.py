@@ -82,7 +82,14 @@ def submit(
     if finder and not attacks:
         raise ValueError("--finder is for --attacks")
     if attacks:
-        _submit_attacks(results, out, model or (), finder, allow_code)
+        suite, stored = read_run(results)
+        if not allow_code:
+            check_installed_names(suite)
+        entries, lost = make_entries(suite, stored, model or (), finder)
+        write_json(out, entries.model_dump(mode="json"))
+        for line in lost:
+            console.print(f"[yellow]{escape(line)} cannot be recorded, and is left out.[/]", soft_wrap=True)
+        console.print(f"Written: {out}, {len(entries.attacks):,} attacks", soft_wrap=True)
         return
     with Store(results) as store:
         found = make_submission(store, model or (), allow_code=allow_code)
@@ -92,18 +99,6 @@ def submit(
         table.add_row(escape(name), standing.worst.text)
     console.print(table)
     console.print(f"Written: {out}, {len(found.cells):,} cells", soft_wrap=True)
-
-
-def _submit_attacks(results: Path, out: Path, models: Sequence[str], finder: str, allow_code: bool) -> None:
-    """Write the worst attacks of a run as known attacks."""
-    suite, stored = read_run(results)
-    if not allow_code:
-        check_installed_names(suite)
-    found, lost = make_entries(suite, stored, models, finder)
-    write_json(out, found.model_dump(mode="json"))
-    for line in lost:
-        console.print(f"[yellow]{escape(line)} cannot be recorded, and is left out.[/]", soft_wrap=True)
-    console.print(f"Written: {out}, {len(found.attacks):,} attacks", soft_wrap=True)
 
 
 def verify(

@@ -70,11 +70,6 @@ def papers(period_s: float) -> tuple[Paper, Paper]:
     )
 
 
-def paper_of(attack: Attack, period_s: float) -> Paper:
-    """Return the figure of an attack for rounds of a given length in seconds."""
-    return papers(period_s)[0 if attack == "on-off" else 1]
-
-
 def loop_length_s(game: Game) -> float | None:
     """Return the length of repeated footage in seconds; None if the footage was not repeated."""
     if game.scenario.playback == "once":

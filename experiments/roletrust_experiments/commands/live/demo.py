@@ -28,7 +28,7 @@ from roletrust_experiments.commands.figures import claims_table
 from roletrust_experiments.commands.live.options import Browser, Port, Speed, period_ns
 from roletrust_experiments.commands.live.processes import NodeProcesses
 from roletrust_experiments.commands.live.view import address, require_view
-from roletrust_experiments.paper.figures import Attack, Paper, paper_of
+from roletrust_experiments.paper.figures import Attack, Paper, papers
 from roletrust_experiments.playing.games import track_curves
 
 _NICENESS = 19  # the simulation gives way to the robots
@@ -73,7 +73,7 @@ class _Plan:
     @property
     def paper(self) -> Paper:
         """Attack and claims of the paper."""
-        return paper_of(self.attack, _PAPER.period_s)
+        return papers(_PAPER.period_s)[0 if self.attack == "on-off" else 1]
 
     @property
     def model(self) -> TrustModel[Any]:
@@ -250,7 +250,8 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> t
         progress.update(task, description="Rounds", total=scenario.max_cycles)
         while nodes.running(*team.providers):
             nodes.check()
-            progress.update(task, completed=_rounds(journal))
+            if journal.exists() and journal.stat().st_size:
+                progress.update(task, completed=sum(1 for _ in read_journal(journal)))
             time.sleep(_POLL_S)
         time.sleep(_LAST_PERIODS * period / SECOND)
         nodes.check()
@@ -260,8 +261,3 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> t
             f"no round was completed: this machine is too slow for --speed {plan.speed:g}; use a lower speed"
         )
     return entries, start
-
-
-def _rounds(journal: Path) -> int:
-    """Return the number of rounds so far."""
-    return sum(1 for _ in read_journal(journal)) if journal.exists() and journal.stat().st_size else 0
