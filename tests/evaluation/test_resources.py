@@ -74,7 +74,7 @@ def test_measured_attackers_take_what_was_foreseen():
             "--games",
             "roletrust_experiments.commands.play.play_games",
         ),
-        (["list", "zoo", "provider-3x3"], "--games ", "--games", "roletrust_experiments.commands.listing.measure"),
+        (["list", "zoo", "provider-3x3"], "--games ", "--games", "roletrust_agents.learned.policy.play_task"),
         (
             ["train", "RaterAttack", "--set", "max_cycles=10"],
             "--learner PPO:games=",
@@ -125,13 +125,6 @@ def test_one_game_that_is_too_long_is_refused(tmp_path, monkeypatch):
     assert result.exit_code == 2
     pattern = r"Error: max_cycles 1,000,000 would take about 5\d\d MB .*400 MB can be had, enough for about [\d,]+"
     assert re.match(pattern, " ".join(result.stderr.split())), result.stderr
-
-
-def test_what_takes_long_says_how_long(tmp_path, monkeypatch):
-    arguments = ["play", "--set", "max_cycles=5", "--games", 2, "--out", tmp_path]
-    assert "This takes" not in run(*arguments).output
-    monkeypatch.setattr(play, "_LONG_S", 0.0)
-    assert re.search(r"This takes about [\d.]+ seconds and [\d.]+ MB of memory", run(*arguments).output)
 
 
 def test_memory_is_that_of_the_kernel_and_of_the_container(monkeypatch):
