@@ -55,3 +55,22 @@ def test_dir_shows_the_public_names_and_no_others() -> None:
     assert sorted(dir(roletrust_env)) == sorted([*roletrust_env.__all__, "__version__"])
     assert {"TrustModel", "History", "AttackTask", "WindowedAttack", "metrics"} <= set(dir(roletrust_env))
     assert all(hasattr(roletrust_env, name) for name in dir(roletrust_env))
+
+
+def test_a_package_of_the_command_line_that_is_missing_is_named_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import roletrust_experiments
+    from roletrust_experiments import cli
+
+    def run(missing: str) -> None:
+        raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
+
+    for missing in ("matplotlib.figure", "jinja2", "yaml"):  # commands import them when they are called
+        monkeypatch.setattr(cli, "main", lambda missing=missing: run(missing))
+        with pytest.raises(SystemExit, match="2"):
+            roletrust_experiments.main()
+        assert capsys.readouterr().err == f"roletrust needs {missing}: pip install 'roletrust-env[cli]'\n"
+    monkeypatch.setattr(cli, "main", lambda: run("elsewhere"))
+    with pytest.raises(ModuleNotFoundError):
+        roletrust_experiments.main()

@@ -2,14 +2,19 @@
 
 import sys
 
+_PACKAGES = ("typer", "filelock", "rich", "jinja2", "matplotlib", "yaml")  # of the extra `cli`
+
 
 def main() -> None:
     """Run `roletrust`; without the extra `cli`, leave with 2 and one line that says what is needed."""
     try:
         from roletrust_experiments.cli import main as run
+
+        run()
     except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in _PACKAGES:
+            raise
         print(f"roletrust needs {error.name}: pip install 'roletrust-env[cli]'", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         raise SystemExit(130) from None
-    run()
