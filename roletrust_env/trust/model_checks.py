@@ -69,7 +69,7 @@ def watched_update(
     Args:
         model: Trust model, see `TrustModel`.
         state: State of the model before the round.
-        ratings: Ratings on a grid, see `TrustModel.update`.
+        ratings: Ratings, on a grid or on edges, see `TrustModel.update`.
         round: Number of rounds played so far, (...), for the error.
 
     Raises:
@@ -111,9 +111,9 @@ def _updated(
         of_raters, of_providers = model.rater_trust(after), model.provider_trust(after)
     except Exception as error:  # a model of another package may raise anything
         raise ValueError(f"{where}: {type(error).__name__}: {error}{advice}") from error
-    values = ratings.values
-    _check("rater_trust", of_raters, (len(values), *values.shape[2:]), values, where)
-    _check("provider_trust", of_providers, tuple(values.shape[1:]), values, where)
+    values, (raters, providers) = ratings.values, ratings.shape
+    _check("rater_trust", of_raters, (raters, *values.shape[2:]), values, where)
+    _check("provider_trust", of_providers, (providers, *values.shape[2:]), values, where)
     return after, of_raters, of_providers
 
 

@@ -16,7 +16,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.trees import Kind, arrays, kinds, leaves, map_kinds, map_leaves
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 from roletrust_env.trust.model import Traits, TrustModel, start_model
-from roletrust_env.trust.model_checks import watched_update
+from roletrust_env.trust.model_checks import needs_watching, watched_update
 from roletrust_env.trust.ratings import Ratings, merge_repeats
 
 MEMORY = 2e9
@@ -323,7 +323,7 @@ class EdgeRun(TrustRun):
         Raises:
             ValueError: The model does not run on edges.
         """
-        self.model, self.rounds = edge_model(model), 0
+        self.model, self.rounds, self._watched = edge_model(model), 0, needs_watching(model)
         self._local = Traits.of(model).local
         self._one_role = one_role
         self._sizes: dict[str, int] = {"rater": 0, "provider": 0}
@@ -354,7 +354,11 @@ class EdgeRun(TrustRun):
         return np.array(self.model.provider_trust(self._view(ages=False)))
 
     def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
-        """Play one round. See `TrustRun.play`."""
+        """Play one round. See `TrustRun.play`.
+
+        Raises:
+            ValueError: A model of another package fails, see `watched_update`.
+        """
         self.join(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
         keys = (raters << _PROVIDER_BITS) | providers
         pair = self._index.places(keys) if self._remembers else keys
@@ -461,8 +465,14 @@ class EdgeRun(TrustRun):
             return leaf
 
         ratings = Ratings(values, raters=one.places, providers=other.places, shape=(one.size, other.size))
-        after = self.model.update(map_kinds(taken, self._state), ratings)
+        after = self._updated(map_kinds(taken, self._state), ratings)
         self._state = map_kinds(put, self._state, after)
+
+    def _updated(self, state: Any, ratings: Ratings) -> Any:
+        """Return the state after a round; a model of another package is watched."""
+        if self._watched:
+            return watched_update(self.model, state, ratings, np.asarray(self.rounds))[0]
+        return self.model.update(state, ratings)
 
     def _touched(self, kind: str, places: Ints) -> _Touched:
         """Return the agents of a role at some places, which may repeat."""
@@ -496,7 +506,7 @@ class EdgeRun(TrustRun):
             ),
             slots=pair if self._remembers else None,
         )
-        after = self.model.update(self._view(), ratings)
+        after = self._updated(self._view(), ratings)
         sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
 
         def put(kind: Kind, leaf: Floats, new: Floats) -> Floats:
@@ -519,11 +529,18 @@ def new_places(stay: npt.NDArray[np.bool_]) -> Ints:
 
 
 def runs_on_edges(model: Any) -> bool:
-    """Return whether a model is central, and its state says of every array which agents or pairs it is about."""
+    """Return whether a model is central, and its state says of every array which agents or pairs it is about.
+
+    Raises:
+        ValueError: The model cannot start.
+    """
     if Traits.of(model).family != "central":
         return False
     grid = np.zeros((1, 1))
-    state = start_model(model, grid, grid > 0)
+    try:
+        state = start_model(model, grid, grid > 0)
+    except Exception as error:  # a model of another package may raise anything
+        raise ValueError(f"trust model {model!r} cannot start: {type(error).__name__}: {error}") from error
     try:
         return hasattr(state, "_fields") and len(list(kinds(state))) == len(arrays(state))
     except NameError:  # an annotation that is known to type checkers alone

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 import roletrust_env
-from roletrust_env import Game, JointPolicy, make_scenario, record
-from roletrust_env.trust import Ratings
+from roletrust_env import Game, JointPolicy, TrustStream, make_scenario, record
+from roletrust_env.trust import PerProvider, PerRater, Ratings
 from roletrust_env.trust.model_checks import needs_watching
 
 
@@ -86,6 +86,47 @@ def test_an_environment_stays_as_it_was(what: Any, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
         env.step(actions)
     assert np.array_equal(env.state(), before)
+
+
+class EdgeState(NamedTuple):
+    raters: PerRater
+    providers: PerProvider
+
+
+@pytest.mark.parametrize("local", [False, True])
+def test_a_stream_names_it_with_the_round(local: bool) -> None:
+    class Edges(Turncoat):
+        def start(self, like: Any) -> Any:
+            return EdgeState(*super().start(like)[:2])
+
+        def update(self, state: Any, ratings: Ratings) -> Any:
+            return self.what(state)
+
+        provider_trust = lambda self, state: state.providers  # noqa: E731
+        rater_trust = lambda self, state: state.raters  # noqa: E731
+
+    Edges.local = local  # type: ignore[attr-defined]
+    for what, complaint in (
+        (fail, "KeyError: 'lost'"),
+        (lambda state: None, "AttributeError: 'NoneType'"),
+        (lambda state: EdgeState(state.raters * np.nan, state.providers), "rater_trust holds nan"),
+        (
+            lambda state: EdgeState(state.raters, state.providers[1:]),
+            r"provider_trust has shape \(0,\); it must be \(1,",
+        ),
+    ):
+        stream = TrustStream(Edges(what))
+        with pytest.raises(ValueError, match=rf"trust model Turncoat\(\), round 0: {complaint}"):
+            stream.update(["ann", "bob"], ["shop", "shop"], [0.2, 0.4])
+
+
+def test_a_model_that_cannot_start_is_named() -> None:
+    class Stuck(Turncoat):
+        def start(self, like: Any) -> Any:
+            raise IndexError("lost")
+
+    with pytest.raises(ValueError, match=r"trust model Turncoat\(\) cannot start: IndexError: lost"):
+        TrustStream(Stuck(None), agents=(["ann"], ["shop"]))
 
 
 def test_a_model_that_cannot_play_at_all_is_refused_at_once() -> None:
