@@ -96,5 +96,5 @@ def check_rounds(every: Any, count: int | None, *, has_times: bool = True) -> No
         if not isinstance(every, Real) or isinstance(every, bool | np.bool_ | np.timedelta64):
             raise ValueError(f"the length of a round is {every!r}; it must be a number, for dates one of seconds")
         round_numbers(np.zeros(0), float(every), 0.0)
-    if count is not None and count < 1:
-        raise ValueError(f"the number of ratings of a round is {count}; it must be at least 1")
+    if count is not None and not 1 <= count < 2**63:
+        raise ValueError(f"the number of ratings of a round is {count}; it must be at least 1 and below 2 ** 63")

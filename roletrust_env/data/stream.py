@@ -68,8 +68,8 @@ class TrustStream:
                 needs them, since it keeps numbers for all pairs.
 
         Raises:
-            ValueError: The model does not run on edges, and no agents are given; the scale is empty; or a round has no
-                length.
+            ValueError: The model does not run on edges, and agents of a role are missing; the scale is empty; or a
+                round has no length.
             MemoryError: The model does not fit, see `make_run`.
         """
         check_scale(scale)
@@ -79,12 +79,12 @@ class TrustStream:
         self._raters = NameIndex("raters")
         self._providers = self._raters if same_agents else NameIndex("providers")
         shape = 0, 0
-        if agents is None:
-            edge_model(model)
-        else:
+        if agents is not None:
             for index, names in zip((self._raters, self._providers), agents, strict=True):
                 index.places(index.check(names))
             shape = len(self._raters), len(self._providers)
+        if not all(shape):
+            edge_model(model)
         self._run = make_run(model, shape, one_role=not same_agents)
         self._start: float | None = None
         self._waiting: list[Columns] = []  # the ratings of the round that has begun, whose newcomers have no place yet

@@ -97,3 +97,19 @@ def test_a_length_of_numpy_can_be_saved(every: Any, tmp_path: Path) -> None:
     again = TrustStream.load(str(tmp_path / "stream.npz"), one.model, every=7)
     again.finish()
     assert again.rounds == 1
+
+
+def test_a_model_on_a_grid_needs_agents_of_both_roles() -> None:
+    model = make_trust_model("travos")
+    for agents in (None, ([], []), (["ann"], []), ([], ["shop"])):
+        with pytest.raises(ValueError, match="does not run on edges"):
+            TrustStream(model, agents=agents)
+    members = TrustStream(model, same_agents=True, agents=(["ann"], []))
+    members.update(["ann"], ["bob"], [0.9])
+    assert list(members.provider_trust()) == ["ann", "bob"]
+
+
+def test_rounds_have_a_number_of_ratings_that_can_be_counted() -> None:
+    for count in (0, 2**63, 10**30):
+        with pytest.raises(ValueError, match="the number of ratings of a round is"):
+            stream(count=count)
