@@ -74,3 +74,14 @@ def test_a_package_of_the_command_line_that_is_missing_is_named_in_one_line(
     monkeypatch.setattr(cli, "main", lambda: run("elsewhere"))
     with pytest.raises(ModuleNotFoundError):
         roletrust_experiments.main()
+
+
+def test_help_needs_the_command_line_alone() -> None:
+    others = ("torch", "stable_baselines3", "sb3_contrib", "safetensors", "scipy", "cma", "pyarrow", "pandas", "cv2")
+    code = f"""import sys, typer
+for name in {(*others, "cyclonedds", "rosbags", "cryptography", "bokeh", "imageio", "ray")}: sys.modules[name] = None
+from roletrust_experiments.cli import app
+for name, command in typer.main.get_command(app).commands.items(): command.loaded; print(name)"""
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert shown.returncode == 0, shown.stderr
+    assert len(shown.stdout.split()) == 12

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from roletrust_agents.training.runs import RunFolder, write_bytes
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.errors import suggest
@@ -29,7 +28,7 @@ from roletrust_experiments.plots.figure_files import write_figure
 
 if TYPE_CHECKING:
     from roletrust_agents.learned.cards import ModelCard
-    from roletrust_agents.training.runs import Run, TrainingReport
+    from roletrust_agents.training.runs import Run, RunFolder, TrainingReport
 
 _SINGLE = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
 _COALITIONS = {
@@ -139,7 +138,7 @@ def train(
     import torch
 
     from roletrust_agents.learned.cards import Price, TaskCard
-    from roletrust_agents.training.runs import Run
+    from roletrust_agents.training.runs import Run, RunFolder
     from roletrust_agents.training.settings import make_settings
 
     torch.set_num_threads(1)  # networks of this size gain little from two
@@ -199,7 +198,7 @@ def train(
             raise typer.Exit(130) from None
 
 
-def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
+def _run_in(folder: "RunFolder", planned: "Run | None", resume: bool) -> "Run":
     """Return the run to train in a folder: the planned one, or the one that the folder holds.
 
     Raises:
@@ -222,12 +221,12 @@ def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
     return run
 
 
-def _train(run: "Run", folder: RunFolder) -> None:
+def _train(run: "Run", folder: "RunFolder") -> None:
     """Train a run from its last checkpoint or from the beginning."""
     from roletrust_agents.learned import save_attacker
     from roletrust_agents.learned.saved import task_from_card
     from roletrust_agents.training import coalition_loop, loop
-    from roletrust_agents.training.runs import versions
+    from roletrust_agents.training.runs import versions, write_bytes
     from roletrust_experiments.plots.learners import learning_figure
 
     coalition, games = run.algo in _COALITIONS.values(), run.settings["games"]
