@@ -49,6 +49,15 @@ except SystemExit: print(*sys.modules)"""
     assert len(modules) < 450
 
 
+@pytest.mark.parametrize(("arguments", "status"), [(["list"], 0), (["list", "zoo"], 2), (["train", "RaterAttack"], 2)])
+def test_without_the_extra_train_a_line_says_what_is_needed(arguments: list[str], status: int) -> None:
+    code = f"""import sys; sys.modules["safetensors"] = None; sys.argv = ["roletrust", *{arguments}]
+from roletrust_experiments import main; main()"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == status
+    assert "safetensors: pip install 'roletrust-env[train]'" in " ".join((done.stdout + done.stderr).split())
+
+
 def test_dir_shows_the_public_names_and_no_others() -> None:
     import roletrust_env
 

@@ -245,8 +245,12 @@ class Leaderboard:
     @property
     def caption(self) -> str:
         """Explanation of the columns."""
+        return self.explain(self.columns)
+
+    def explain(self, columns: Sequence[str]) -> str:
+        """Return an explanation of the score and of some columns."""
         runs = "games and seeds" if len(self.suite.seeds) > 1 else "games"
-        meanings = [f"{name}: {_MEANINGS[name]}" for name in self.columns if _MEANINGS[name]]
+        meanings = [f"{name}: {_MEANINGS[name]}" for name in columns if _MEANINGS[name]]
         text = f"{{score}} of choosing by trust, ± half the 95% interval over the {{runs}}; {'; '.join(meanings)}"
         return text.format(score=self.suite.score, runs=runs)
 

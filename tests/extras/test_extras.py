@@ -61,6 +61,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     cli = fresh("cli")
     for needed, arguments in (
         ("train", ["train", "ProviderAttack"]),
+        ("train", ["list", "zoo"]),
         ("train", ["play", "--attack", f"sp_2=learned:path={ZOO}"]),
         ("vision", ["play", "paper-3x3-hog"]),
         ("vision", ["figures"]),

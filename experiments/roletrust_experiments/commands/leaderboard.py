@@ -29,7 +29,7 @@ def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
     """Return the leaderboard for a terminal of 80 columns; the worst attack of each model stands in the file."""
     title = escape(f"Leaderboard, suite {leaderboard.suite.name}")
-    table = number_table(title, leaderboard.caption, *_SHOWN, name="tier, rank, model")
+    table = number_table(title, leaderboard.explain(("tier", *_SHOWN)), *_SHOWN, name="tier, rank, model")
     for row in leaderboard.rows:
         texts = row_texts(row, "±")
         numbers = (short(texts[name]) for name in _SHOWN)

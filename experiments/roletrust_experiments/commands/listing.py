@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -83,7 +84,9 @@ def list_command(
         raise ValueError("names, --folder and --games are for trained attackers: roletrust list zoo")
     asked = [one for one in Kind if kind in (None, one) and one is not Kind.ZOO]
     found: dict[Kind, dict[str, Entry]] = {one: _KINDS[one][0]() for one in asked}
-    if kind in (None, Kind.ZOO):
+    if kind is Kind.ZOO:
+        require("a trained attacker", "train", "safetensors")
+    if kind is Kind.ZOO or (kind is None and find_spec("safetensors")):
         found[Kind.ZOO] = _trained(folder, names or [])
     holds = games is None or _measure_again(found[Kind.ZOO], folder, games)
     if as_json:
@@ -115,7 +118,6 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
     Returns:
         Whether each attacker was read, and has the score that was saved.
     """
-    require("a trained attacker", "train", "safetensors")
     from roletrust_agents.learned.coalition_attacker import attacker_for
     from roletrust_agents.learned.policy import play_task
     from roletrust_agents.learned.saved import ZOO, load_attacker
@@ -144,6 +146,8 @@ def _print(found: Mapping[Kind, dict[str, Entry]], kind: Kind | None) -> None:
             "[dim]victims: some of the honest providers; identities: from 1 to all identities in reserve; "
             "given: set by the command, from the game[/]"
         )
+    if kind is None and Kind.ZOO not in found:
+        console.print("[dim]Trained attackers need safetensors: pip install 'roletrust-env\\[train]'[/]")
     if kind not in (Kind.SCENARIOS, Kind.ZOO):
         console.print(
             "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"
