@@ -48,8 +48,9 @@ test-thorough: setup
 test-studies: setup
 	$(BIN)/pytest -n 2 tests/studies
 
-# The whole site, in a browser.
+# The whole site, in a browser, and the types of what makes it.
 test-site: docs
+	$(BIN)/mypy -p site_pages
 	$(BIN)/pytest -m site tests/docs
 
 # The wheel with each extra alone, in fresh environments.

@@ -5,11 +5,12 @@ import pytest
 import torch
 from small_market import TASK
 
+from roletrust_agents import smooth
 from roletrust_agents.planning.planner import Planner
 from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.search_method import ppo
-from roletrust_env.evaluation import measurement, resources, smooth
+from roletrust_env.evaluation import measurement, resources
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.search import Budget, find

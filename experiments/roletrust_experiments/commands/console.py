@@ -50,11 +50,11 @@ def plain_table(title: str, caption: str = "") -> Table:
 
 
 def number_table(title: str, caption: str, *headings: str, name: str = "") -> Table:
-    """Return a table of numbers, with a name at the start of each row, under the heading `name`; no cell is cut."""
+    """Return a table of numbers with names of rows under the heading `name`. No number is wrapped."""
     table = plain_table(title, caption)
     table.add_column(name, overflow="fold")
     for heading in headings:
-        table.add_column(heading, justify="right", overflow="fold")
+        table.add_column(heading, justify="right", no_wrap=True)
     return table
 
 

@@ -155,7 +155,7 @@ def _print(found: Mapping[Kind, dict[str, Entry]], kind: Kind | None) -> None:
 
 
 def _scenario_table(entries: Mapping[str, Entry]) -> Table:
-    table = _table("Scenarios", "agents", "rounds")
+    table = _table("Scenarios", "description", "agents", "rounds")
     for name, entry in _readable(entries, table):
         count: dict[str, int] = {}
         for group in entry["agents"]:
@@ -167,7 +167,7 @@ def _scenario_table(entries: Mapping[str, Entry]) -> Table:
 
 
 def _model_table(entries: Mapping[str, Entry]) -> Table:
-    table = _table("Trust models", "parameters = defaults, allowed values")
+    table = _table("Trust models", "description", "parameters = defaults, allowed values")
     for name, entry in _readable(entries, table):
         origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
         lacks = [f"unfit: {'; '.join(unfit(entry))}"] if unfit(entry) else []
@@ -180,7 +180,7 @@ def _model_table(entries: Mapping[str, Entry]) -> Table:
 
 
 def _attacker_table(entries: Mapping[str, Entry]) -> Table:
-    table = _table("Attackers", "parameters = defaults, where searched")
+    table = _table("Attackers", "description", "parameters = defaults, where searched")
     for name, entry in _readable(entries, table):
         channels = [f"by {' and '.join(entry['channels'])}"] if entry["channels"] else []
         where = {key: where_searched(parameter) for key, parameter in entry["parameters"].items()}
@@ -192,7 +192,7 @@ def _attacker_table(entries: Mapping[str, Entry]) -> Table:
 
 
 def _learner_table(entries: Mapping[str, Entry]) -> Table:
-    table = _table("Learners", "parameters = defaults")
+    table = _table("Learners", "description", "parameters = defaults")
     for name, entry in _readable(entries, table):
         lines = [_given(key, parameter) for key, parameter in entry["parameters"].items()]
         table.add_row(name, _described(entry), "\n".join(lines))
@@ -201,12 +201,13 @@ def _learner_table(entries: Mapping[str, Entry]) -> Table:
 
 def _zoo_table(entries: Mapping[str, Entry]) -> Table:
     again = any("measured" in entry for entry in entries.values())
-    table = _table("Trained attackers", "score", "honest", *(("measured", "holds") if again else ()))
+    table = _table("Trained attackers", *(("score", "honest", "measured", "holds") if again else _SAVED_SCORE))
     for name, entry in _readable(entries, table):
         texts = [_score(entry["score"]), short(f"{entry['score']['honest']:.4f}")]
         if measured := entry.get("measured"):
-            texts += [_score(measured), "yes" if measured["holds"] else "[red]no[/]"]
-        table.add_row(name, _described(entry), *texts)
+            table.add_row(name, *texts, _score(measured), "yes" if measured["holds"] else "[red]no[/]")
+        else:
+            table.add_row(name, _described(entry), *texts)
     return table
 
 
@@ -235,12 +236,14 @@ def _given(name: str, parameter: Mapping[str, Any]) -> str:
 def _table(title: str, *columns: str) -> Table:
     table = plain_table(title)
     table.show_lines = True
-    table.add_column("name", style="cyan", overflow="fold")
-    for column in ("description", *columns):
-        table.add_column(column, justify="right" if column in _NUMBERS else "left", overflow="fold")
+    table.add_column("name", style="cyan", no_wrap=True)
+    for column in columns:
+        number = column in _NUMBERS
+        table.add_column(column, justify="right" if number else "left", no_wrap=number, overflow="fold")
     return table
 
 
+_SAVED_SCORE = ("description", "score", "honest")
 _NUMBERS = ("rounds", "honest", "score", "measured")
 
 _KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], Callable[[Mapping[str, Entry]], Table]]] = {

@@ -11,7 +11,6 @@ from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSe
 from roletrust_env import JointPolicy, record
 from roletrust_env.evaluation.attackers import Both, OpenLoop, Scripted, side_by_side
 from roletrust_env.evaluation.measurement import (
-    HELD_OUT,
     SEARCHED,
     exact_task,
     judged_rollout,
@@ -19,9 +18,8 @@ from roletrust_env.evaluation.measurement import (
     random_sources,
 )
 from roletrust_env.evaluation.scripts import Scripts
-from roletrust_env.evaluation.search import MeasuredSearch, find
+from roletrust_env.evaluation.search import find
 from roletrust_env.world.presence import LEFT, PRESENT
-from studies.ladder import watch
 
 AGENTS = [{"role": "SR", "count": 4}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 3}]
 SELLER: dict[str, Any] = {
@@ -121,29 +119,3 @@ def test_an_action_has_no_say_over_them() -> None:
     assert [one.reward.item() for one in ours] == [one.reward.item() for one in theirs]
     assert theirs[-1].caught.all()
     assert not ours[-1].caught.any()
-
-
-@pytest.mark.parametrize("attacker", [OpenLoop(np.zeros((20, 1))), Scripted({"sp_2": Whitewashing()})], ids=str)
-def test_a_trajectory_shows_the_identities_that_the_attacker_can_call(attacker: Any) -> None:
-    finding = MeasuredSearch("some", attacker, "", *[np.zeros(1)] * 3, 0, 0.0, None)
-    trajectory = watch(SELLER, finding, 0)
-    shown = ["sp_2", "sp_3", "sp_4", "sp_5"] if isinstance(attacker, Scripted) else ["sp_2"]
-    assert list(trajectory.quality) == shown
-    assert list(trajectory.own) == [f"ToP of {name}" for name in shown]
-    task = exact_task(SELLER)
-    top = np.stack(
-        [
-            task.game.published(m.round.state)[1][:, 0, 0]
-            for m in judged_rollout(task, attacker, (1, 1), *random_sources(task, 0, HELD_OUT))
-        ]
-    )
-    assert np.array_equal(trajectory.honest["ToP"], top[:, :2].mean(axis=1))  # none of them is honest
-
-
-def test_a_reserve_that_is_too_small_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"whitewashing:reserve=4,.* needs a reserve of 4, and of sp_2 one has 3"):
-        Scripts.of(exact_task(SELLER), (partial(Whitewashing, reserve=4),))
-    with pytest.raises(ValueError, match=r"sybil:.* needs a reserve of 1, and of sp_0, sp_2 one has 0"):
-        Scripts.of(exact_task(SELLER | {"compromised": ("sp_0", "sp_2")}), (Sybil,))
-    with pytest.raises(ValueError, match=r"compromised: there is no 'sp_3'; did you mean"):
-        exact_task(SELLER | {"compromised": ("sp_3",)})

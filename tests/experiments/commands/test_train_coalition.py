@@ -15,6 +15,7 @@ from roletrust_agents.learned import learned, load_attacker
 from roletrust_agents.learned.cards import Card
 from roletrust_agents.learned.methods import Learned
 from roletrust_agents.learned.saved import parse_attacker
+from roletrust_agents.training import coalition_loop
 from roletrust_env.evaluation.search import Budget
 from roletrust_experiments.cli import app
 
@@ -60,7 +61,7 @@ def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
     assert result.rounds == card.training.rounds
     with pytest.raises(ValueError, match="coalition"):
         learned(str(tmp_path / "one"))
-    checked = CliRunner().invoke(app, ["list", "zoo", "--folder", str(tmp_path / "one"), "--games", "8"])
+    checked = CliRunner().invoke(app, ["list", "zoo", "--folder", str(tmp_path / "one"), "--games", "8", "--json"])
     assert "beta" in json.dumps(card.model_dump(mode="json"))
     assert name in checked.output
 
@@ -76,7 +77,8 @@ def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch, learn
         if len(saved) == 11:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("roletrust_experiments.commands.train._show", lambda progress, job, report: stop(report))
+    learn = coalition_loop.train
+    monkeypatch.setattr(coalition_loop, "train", lambda run, folder, _: learn(run, folder, stop))
     assert "--resume" in train(tmp_path / "part", *arguments, code=130)
     monkeypatch.undo()
     train(tmp_path / "part", "--resume")
