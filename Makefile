@@ -46,7 +46,7 @@ test-thorough: setup
 
 # The pages of results.
 test-studies: setup
-	$(BIN)/pytest -n 2 tests/studies
+	$(BIN)/pytest -n 2 -m "" tests/studies
 
 # The whole site, in a browser, and the types of what makes it.
 test-site: docs
