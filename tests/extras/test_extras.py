@@ -129,7 +129,7 @@ from roletrust_env.data import read_ratings
 arrow.parquet.write_table(arrow.table({"rater": ["a"], "ratee": ["x"], "rating": [1]}), "log.parquet")
 print(read_ratings(Path("log.parquet")).shape)
 """
-    assert fresh("cli").python(lines) == "(1, 1)\n"
+    assert fresh("data").python(lines) == "(1, 1)\n"
 
 
 def test_train(fresh: Callable[..., Environment]) -> None:
