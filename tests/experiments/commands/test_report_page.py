@@ -20,7 +20,7 @@ def test_the_page_is_complete_and_its_leaderboard_is_filtered_and_sorted(
     page.goto((folder / "out" / "report.html").as_uri())
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 300)")
-    assert page.locator("img").count() == 6
+    assert page.locator("img").count() == 5
     page.fill("#filter", "role")
     assert page.locator("#board tbody tr:visible").count() == 1
     page.fill("#filter", "")
