@@ -19,16 +19,14 @@ test: $(VENV)/.ready-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy & types=$$!; $(BIN)/pytest -n 2; tests=$$?; wait $$types && exit $$tests
 
-# All that `make test` leaves out, about half an hour; every marker has a target of its own.
+# What `make test` leaves out, about half an hour; test-thorough and test-soak are for before a release.
 test-all: setup
 	$(MAKE) test-slow
 	$(MAKE) test-doctests
-	$(MAKE) test-thorough
 	$(MAKE) test-studies
 	$(MAKE) test-site
 	$(MAKE) test-extras
 	$(MAKE) test-live
-	$(MAKE) test-soak
 	$(MAKE) test-ros2
 
 # Compilation, kill and resume, long trainings, and the site built quickly.
