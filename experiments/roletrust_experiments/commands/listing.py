@@ -238,8 +238,7 @@ def _table(title: str, *columns: str) -> Table:
     table.show_lines = True
     table.add_column("name", style="cyan", no_wrap=True)
     for column in columns:
-        number = column in _NUMBERS
-        table.add_column(column, justify="right" if number else "left", no_wrap=number, overflow="fold")
+        table.add_column(column, justify="right" if column in _NUMBERS else "left", overflow="fold")
     return table
 
 
