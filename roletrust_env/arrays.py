@@ -35,6 +35,11 @@ def namespace(array: Array) -> ModuleType:
     return _NAMESPACES[array_type]
 
 
+def device_of(array: Array) -> Any:
+    """Return the device of an array; None, the default device, while JAX traces, where an array has none."""
+    return getattr(array, "device", None)
+
+
 def library_of(like: Array) -> str:
     """Return the array library and the dtype of an array, such as `torch float32`."""
     return f"{type(like).__module__.partition('.')[0]} {str(like.dtype).rpartition('.')[2]}"

@@ -14,7 +14,7 @@ from itertools import islice
 
 import numpy as np
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, cast, namespace
 
 Words = Sequence[Array]
 """Four arrays of words whose shapes can be broadcast. NumPy scalars are not allowed: on overflow they warn."""
@@ -107,7 +107,7 @@ def _normals(words: Words, like: Array) -> Iterable[Array]:
 def _fraction(word: Array, like: Array) -> Array:
     """Return the upper 24 bits of a word as a float: the bits of higher quality, as many as float32 holds exactly."""
     bits = _shifted(word, 8)
-    return bits.view(np.int32).astype(like.dtype) if isinstance(bits, np.ndarray) else bits.to(like.dtype)
+    return cast(bits.view(np.int32) if isinstance(bits, np.ndarray) else bits, like.dtype)
 
 
 def _shifted(word: Array, bits: int) -> Array:

@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeInt
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, device_of, namespace
 from roletrust_env.game.views import RaterView
 
 AgentIndices = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
@@ -30,7 +30,7 @@ def index_mask(indices: tuple[int, ...], rows: Array, parameter: str, axis: str 
     count = rows.shape[0]
     if max(indices, default=0) >= count:
         raise ValueError(f"{parameter} is {indices}; the last {axis} is {count - 1}")
-    mask = namespace(rows).asarray([index in indices for index in range(count)], device=rows.device)
+    mask = namespace(rows).asarray([index in indices for index in range(count)], device=device_of(rows))
     return mask.reshape(-1, *[1] * (rows.ndim - 1))
 
 

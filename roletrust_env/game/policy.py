@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import NonNegativeInt, PositiveInt, model_validator
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, device_of, namespace
 from roletrust_env.game.views import AgentView, IdentityView, ProviderView, RaterView
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
@@ -193,7 +193,7 @@ class WindowedAttack(Policy):
 def asleep(random: Random, shape: tuple[int, ...]) -> Array:
     """Return the memory of sleepers before the first round, boolean, see `wake` and `Policy.begin`."""
     like = random.like
-    return namespace(like).zeros(shape, dtype=like.dtype, device=like.device) > 0
+    return namespace(like).zeros(shape, dtype=like.dtype, device=device_of(like)) > 0
 
 
 def wake(now: Array, memory: Array) -> tuple[Array, Array]:

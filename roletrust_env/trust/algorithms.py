@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import reduce
 from typing import NamedTuple
 
-from roletrust_env.arrays import Array, is_compiling, namespace
+from roletrust_env.arrays import Array, device_of, is_compiling, namespace
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerProvider, PerRater, Ratings, smooth
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
@@ -220,7 +220,7 @@ def upper_median(values: Array, there: Array) -> Array:
     xp = namespace(values)
     count = xp.sum(there, axis=0)
     ordered = xp.sort(xp.where(there, values, float("inf")), axis=0)
-    place = xp.arange(len(values), device=values.device).reshape(-1, *[1] * (values.ndim - 1))
+    place = xp.arange(len(values), device=device_of(values)).reshape(-1, *[1] * (values.ndim - 1))
     return xp.where(count > 1, xp.where(place == count // 2, ordered, 0.0).sum(axis=0), 0.0)
 
 

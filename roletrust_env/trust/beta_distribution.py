@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, device_of, namespace
 
 _NODES, _WEIGHTS = ((np.polynomial.legendre.leggauss(24) + np.array([[1.0], [0.0]])) / 2).tolist()
 """The Gauss-Legendre rule with 24 nodes on [0, 1]."""
@@ -202,7 +202,7 @@ def _tail(offset: Array, a: Array, b: Array) -> Array:
         return np.concatenate([_tail(offset[block], a[block], b[block]) for block in blocks])
     xp = namespace(a)
     nodes, weights = (
-        xp.reshape(xp.asarray(rule, dtype=a.dtype, device=a.device), (-1, *[1] * offset.ndim))
+        xp.reshape(xp.asarray(rule, dtype=a.dtype, device=device_of(a)), (-1, *[1] * offset.ndim))
         for rule in (_NODES, _WEIGHTS)
     )
     length = xp.sqrt(2 * _LOST / _precision(a, b)) + _LOST / a

@@ -40,8 +40,7 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
     xp, where = namespace(like), f"trust model {model!r} cannot play one round"
     _check_update(model)
     values = xp.zeros((*peers.shape, 1), dtype=like.dtype, device=like.device) + 0.25
-    mask = values > 0
-    mask[0, 0] = False
+    mask = xp.asarray(np.arange(peers.shape[0] * peers.shape[1]).reshape(*peers.shape, 1) > 0, device=like.device)
     ratings = Ratings(values, mask)
     given = copy(ratings.values)
     try:

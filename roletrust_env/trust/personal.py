@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from roletrust_env.arrays import Array, is_compiling, namespace, total
+from roletrust_env.arrays import Array, device_of, is_compiling, namespace, total
 from roletrust_env.trust.ratings import Ratings
 
 
@@ -51,7 +51,7 @@ def others(like: Array) -> Array:
         like: Array of shape (S, P, ...) that shows S, the number of axes, the dtype and the array library.
     """
     xp, s = namespace(like), like.shape[0]
-    return (1 - xp.eye(s, dtype=like.dtype, device=like.device)).reshape(s, s, *[1] * (like.ndim - 2))
+    return (1 - xp.eye(s, dtype=like.dtype, device=device_of(like))).reshape(s, s, *[1] * (like.ndim - 2))
 
 
 # --- a round ----------------------------------------------------------------------------------------
@@ -129,12 +129,12 @@ def weighted_advice(credence: Array, sums: Array, counts: Array) -> tuple[Array,
 def credences(like: Array, value: float) -> Array:
     """Return equal credence of all judges in all advisers, shape (S, S, ...), for an array of shape (S, P, ...)."""
     s, shape = like.shape[0], like.shape[2:]
-    return namespace(like).zeros((s, s, *shape), dtype=like.dtype, device=like.device) + value
+    return namespace(like).zeros((s, s, *shape), dtype=like.dtype, device=device_of(like)) + value
 
 
 def nothing_yet(like: Array, length: int) -> Array:
     """Return the memory of each judge of each provider before any rating: zeros of shape (length, S, P, ...)."""
-    return namespace(like).zeros((length, *like.shape), dtype=like.dtype, device=like.device)
+    return namespace(like).zeros((length, *like.shape), dtype=like.dtype, device=device_of(like))
 
 
 def push(memory: Array, newest: Array, ratings: Ratings) -> Array:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from roletrust_env.arrays import Array, largest, namespace, ones, total
+from roletrust_env.arrays import Array, device_of, largest, namespace, ones, total
 
 PerRater: TypeAlias = Annotated[Any, "rater"]
 """Array with an entry for each rater, shape (S, ...)."""
@@ -191,7 +191,7 @@ class Ratings:
         if self.raters is None or self.providers is None:
             if self.mask is not None:
                 values = xp.where(self.mask, values, float("inf"))
-            place = xp.arange(len(values), dtype=values.dtype, device=values.device)
+            place = xp.arange(len(values), dtype=values.dtype, device=device_of(values))
             return self, xp.sort(values, axis=0), place.reshape(-1, *[1] * (values.ndim - 1))
         order = xp.argsort(values, stable=True)
         order = order[xp.argsort(self.providers[order], stable=True)]

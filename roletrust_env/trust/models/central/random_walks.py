@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from pydantic import PositiveInt
 
-from roletrust_env.arrays import Array, largest, namespace, total
+from roletrust_env.arrays import Array, device_of, largest, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.model import Published
@@ -54,7 +54,7 @@ def own_role(pairs: Ratings, values: PerProvider, peers: PerPair) -> Array:
     if pairs.raters is None:
         return total(peers * values, 1)
     xp = namespace(values)
-    own = xp.zeros(pairs.shape[0], dtype=values.dtype, device=values.device)
+    own = xp.zeros(pairs.shape[0], dtype=values.dtype, device=device_of(values))
     if pairs.twins is not None:
         own[pairs.twins[pairs.twins >= 0]] = values[pairs.twins >= 0]
     return own
@@ -130,7 +130,7 @@ def _from_both(one: Array, other: Array, links: Array, peers: Array, on: float) 
     here, there = (0, 1), (-2, -1)
     back = xp.moveaxis(peers, here, there) @ xp.moveaxis(links, (0, 1), (-1, -2))
     sources = xp.moveaxis(xp.stack([one, other], axis=1), here, there)
-    matrix = xp.eye(len(links), dtype=links.dtype, device=links.device) - on * back
+    matrix = xp.eye(len(links), dtype=links.dtype, device=device_of(links)) - on * back
     found = xp.moveaxis(xp.linalg.solve(matrix, sources), there, here)
     return found[:, 0, ...], found[:, 1, ...]
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from pydantic import PositiveInt
 
-from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.arrays import Array, cast, device_of, namespace
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.beta_distribution import mass_below, mass_between, reputation
 from roletrust_env.trust.personal import Personal, others
@@ -81,7 +81,7 @@ class Travos(Personal):
         """Return the state without experience. See `TrustModel.start`."""
         xp, raters = namespace(like), like.shape[0]
         nothing = xp.zeros_like(like)
-        untried = xp.zeros((raters, raters, self.bins, *like.shape[2:]), dtype=like.dtype, device=like.device)
+        untried = xp.zeros((raters, raters, self.bins, *like.shape[2:]), dtype=like.dtype, device=device_of(like))
         accuracy = untried + self._accuracy(untried[:1, :1, ...], untried[:1, :1, ...], untried[:1, :1, ...] + 1)
         confidence = nothing + self._confidence(nothing[:1, :1, ...], nothing[:1, :1, ...], nothing[:1, :1, ...] + 1)
         credence = untried[:, :, 0, ...] + 1 / self.bins
@@ -117,7 +117,7 @@ class Travos(Personal):
     def _edges(self, like: Array) -> tuple[Array, Array]:
         """Return the lower and the upper edges of the bins, shape (bins, 1, ...), with an axis for each batch axis."""
         xp, batch = namespace(like), [1] * (like.ndim - 2)
-        edges = xp.asarray([b / self.bins for b in range(self.bins + 1)], dtype=like.dtype, device=like.device)
+        edges = xp.asarray([b / self.bins for b in range(self.bins + 1)], dtype=like.dtype, device=device_of(like))
         edges = xp.reshape(edges, (self.bins + 1, *batch))
         return edges[:-1], edges[1:]
 
