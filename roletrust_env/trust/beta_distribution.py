@@ -24,6 +24,7 @@ _NODES, _WEIGHTS = ((np.polynomial.legendre.leggauss(24) + np.array([[1.0], [0.0
 _LOST = 16.0  # a density is neglected where it is exp(-16), about 1e-7, of that at the start of the tail
 _SHIFTS = 3  # shifts the argument of Stirling's series to at least 4
 _TINY = 1e-30  # replaces 0 in logarithms
+_UNSURE = 1e-3  # a logarithm of a density in float32 is accurate to this
 
 _BLOCK = 1_000
 """Number of masses that NumPy computes at a time: the values at all nodes fit into a processor's cache."""
@@ -100,8 +101,10 @@ def quantile(q: float, a: Array, b: Array) -> Array:
 def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
     """Return a function that says whether x lies between the q and the 1 - q quantile of Beta(a, b), boolean.
 
-    On NumPy it compares the mass below x with q and 1 - q, which takes few integrals. Elsewhere the quantiles are
-    computed, once for all x, since a compiler has to unroll the calls.
+    On NumPy it compares the mass beyond x, seen from the mean, with q, which takes few integrals: by Chernoff's bound
+    the mass is at most the density relative to its peak. And it is above q if the logarithm of that density is above
+    1 + ln(y) - y, y = -ln(q) > 1, which holds in the limit a = 1, b without end, and by a margin elsewhere; this was
+    checked on a grid. Elsewhere the quantiles are computed, once for all x, since a compiler has to unroll the calls.
 
     Args:
         q: Mass, in [1e-6, 0.5).
@@ -114,11 +117,19 @@ def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
         array([False,  True, False])
     """
     if isinstance(a, np.ndarray):
-        enough = q if q < 1 / math.e else 1.0  # no mass beyond the mean is above 1 - 1/e
+        total, most = a + b, -math.log(q)
+        peak = a * np.log(a / total) + b * np.log(b / total)
+        least = 1 + math.log(most) - most if most > 1 else math.inf
 
         def is_between(x: Array) -> Array:
-            beyond, _ = _beyond(np.asarray(x), a, b, enough)
-            return (q <= beyond) & (beyond <= 1.0 - q)
+            x = np.clip(x, _TINY, 1 - np.finfo(a.dtype).epsneg)
+            fall = a * np.log(x) + b * np.log1p(-x) - peak
+            between = np.asarray(fall > least)
+            unclear = (fall > -most - _UNSURE) & ~between
+            if unclear.any():
+                beyond, _ = _beyond(*(array[unclear] for array in np.broadcast_arrays(x, a, b)))
+                between[unclear] = (q <= beyond) & (beyond <= 1.0 - q)
+            return between
 
         return is_between
     xp = namespace(a)
@@ -126,23 +137,17 @@ def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
     return lambda x: (low <= x) & (x <= 1 - below_one)
 
 
-def _beyond(x: Array, a: Array, b: Array, enough: float = 1.0) -> tuple[Array, Array]:
+def _beyond(x: Array, a: Array, b: Array) -> tuple[Array, Array]:
     """Return the mass beyond x, seen from the mean, and whether x is above the mean.
 
     NumPy leaves out integrals. Beyond 0 and 1 the mass is 0. By Chernoff's bound, it is at most the density relative
     to its peak; where that is lost in the rounding of 1, it is 0 as well.
-
-    Args:
-        x: See `mass_below`.
-        a: First parameter.
-        b: Second parameter.
-        enough: Mass from which on a lower bound, which is at least as large, may be returned in place of the mass.
     """
     xp = namespace(a)
     if isinstance(a, np.ndarray) and ((x <= 0) | (x >= 1)).any():
         x, a, b = np.broadcast_arrays(x, a, b)
         beyond, above, inside = np.zeros_like(a), x >= 1, ~((x <= 0) | (x >= 1))
-        beyond[inside], above[inside] = _beyond(x[inside], a[inside], b[inside], enough)
+        beyond[inside], above[inside] = _beyond(x[inside], a[inside], b[inside])
         return beyond, above
     offset = xp.log(xp.clip(x, _TINY, 1.0)) - xp.log(xp.clip(1.0 - x, _TINY, 1.0)) - xp.log(a / b)
     above = offset > 0
@@ -153,26 +158,8 @@ def _beyond(x: Array, a: Array, b: Array, enough: float = 1.0) -> tuple[Array, A
         return xp.exp(_log_height(a, b) + fall) * _tail(offset, a, b), above
     beyond, tails = xp.zeros_like(fall), fall > math.log(xp.finfo(fall.dtype).eps)
     offset, a, b = offset[tails], a[tails], b[tails]
-    density = xp.exp(_log_height(a, b) + fall[tails])
-    if enough < 1:
-        beyond[tails] = least = density * _least_tail(offset, a, b)
-        few = least < enough
-        tails[tails] = few
-        offset, a, b, density = offset[few], a[few], b[few], density[few]
-    beyond[tails] = density * _tail(offset, a, b)
+    beyond[tails] = xp.exp(_log_height(a, b) + fall[tails]) * _tail(offset, a, b)
     return beyond, above
-
-
-def _least_tail(offset: Array, a: Array, b: Array) -> Array:
-    """Return a lower bound of `_tail` without an integral: the tail of a bell, by a lower bound of Mills' ratio.
-
-    In the tail, the log density is nowhere more curved than at x, or at 1/2 if x is above it, so that it falls no
-    faster than that of the bell with this curvature.
-    """
-    xp, odds = namespace(a), a / b * namespace(a).exp(offset)
-    x = odds / (1.0 + odds)
-    slope, most = a - (a + b) * x, xp.clip(x, None, 0.5)
-    return 2 / (slope + xp.sqrt(slope * slope + 4 * (a + b) * most * (1 - most)))
 
 
 def _precision(a: Array, b: Array) -> Array:

@@ -104,10 +104,10 @@ def test_twelve_passes_are_enough_for_thirty_raters(monkeypatch: pytest.MonkeyPa
     evidence = rng.uniform(0, 10, (30, 2_000))
     model = beta_reputation.BetaFiltered()
     pairs = Ratings(rates)
-    kept = model._filter(pairs, rates * evidence, (1 - rates) * evidence)
+    kept, _ = model._filter(pairs, rates * evidence, (1 - rates) * evidence)
     for passes, same in ((29, True), (5, False)):
         monkeypatch.setattr(beta_reputation, "_PASSES", passes)
-        assert np.array_equal(model._filter(pairs, rates * evidence, (1 - rates) * evidence), kept) == same
+        assert np.array_equal(model._filter(pairs, rates * evidence, (1 - rates) * evidence)[0], kept) == same
 
 
 def test_the_tail_must_be_one() -> None:

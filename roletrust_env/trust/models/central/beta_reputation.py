@@ -134,8 +134,7 @@ class BetaFiltered(Published):
         count, values = ratings.write(none, 1.0), ratings.write(none, ratings.values)
         successes = remains * state.successes + values
         failures = remains * state.failures + (count - values)
-        heard = self._filter(pairs, successes, failures)
-        top = self._reputation(pairs, heard, successes, failures)
+        heard, top = self._filter(pairs, successes, failures)
         return BetaFilteredState(successes, failures, top, self._share_heard(pairs, heard, successes + failures))
 
     def _reputation(self, pairs: Ratings, heard: Array, successes: Array, failures: Array) -> Array:
@@ -144,21 +143,21 @@ class BetaFiltered(Published):
             pairs.reduce(heard * successes, PROVIDER), pairs.reduce(heard * failures, PROVIDER), self.initial
         )
 
-    def _filter(self, pairs: Ratings, successes: Array, failures: Array) -> Array:
-        """Return 1 for each pair whose rater counts for the provider, and 0 for each whose rater is dropped."""
+    def _filter(self, pairs: Ratings, successes: Array, failures: Array) -> tuple[Array, Array]:
+        """Return 1 for each pair whose rater counts for the provider, 0 for the others; and the providers' trust."""
         xp = namespace(successes)
         is_likely = between_quantiles(self.q, 1 + successes, 1 + failures)
         evident = cast(successes + failures > 0, successes.dtype)
         heard = xp.ones_like(successes)
+        mean = self._reputation(pairs, heard, successes, failures)
         for _ in range(min(pairs.shape[0] - 1, _PASSES)):
-            before = heard
-            mean = self._reputation(pairs, heard, successes, failures)
-            still = heard * cast(is_likely(pairs.gather(mean, PROVIDER)), heard.dtype)
+            before, still = heard, heard * cast(is_likely(pairs.gather(mean, PROVIDER)), heard.dtype)
             anyone = pairs.reduce(still * evident, PROVIDER) > 0
             heard = xp.where(pairs.gather(anyone, PROVIDER), still, heard)
             if not is_compiling(heard) and bool(xp.all(heard == before)):
                 break  # all other passes would do the same
-        return heard
+            mean = self._reputation(pairs, heard, successes, failures)
+        return heard, mean
 
     def _share_heard(self, pairs: Ratings, heard: Array, evidence: Array) -> Array:
         """Return the share of the providers rated by each rater for which it was not dropped, shape (S, ...)."""
