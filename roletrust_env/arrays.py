@@ -10,6 +10,10 @@ from array_api_compat import array_namespace
 Array: TypeAlias = Any
 """A NumPy array or a torch tensor. Axis 0 is the rater, axis 1 the provider, every further axis is batch."""
 
+# The C library of Linux gives freed arrays above 128 KiB back to the system, and fetches the pages of the next one
+# anew, which may cost more than the arithmetic. Once an array of 32 MB has been made and freed, the limit is its size.
+np.empty(4_000_000)
+
 _NUMPY = (np.ndarray, np.generic)
 _NAMESPACES: dict[type, ModuleType] = {}
 """Array namespace of each type of array seen so far. A compiler can trace a look-up in a dict, but not a cache."""

@@ -7,7 +7,7 @@ import numpy as np
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.model import Published
-from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings, weighted_mean
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
 STEPS = 80
 """Number of iterations. With these weightings the result is within 1e-6 of the fixed point."""
@@ -78,14 +78,17 @@ class IterativeFiltering(Published):
         means = state.means + weight * (ratings.write(state.means, ratings.values) - state.means)
         rated = ratings.write(state.rated, 1.0)
         given, received = pairs.reduce(rated, RATER), pairs.reduce(rated, PROVIDER)
-        weights, worth = given, weighted_mean(pairs, means, rated, PROVIDER)
+        everyone = isinstance(means, np.ndarray) and bool(rated.all() and given.all())  # so no flag counts
+        rest = _ROUNDING * float(xp.finfo(means.dtype).eps)
+        weights, worth = given, pairs.reduce(rated * means, PROVIDER) / (received + TINY)
         for _ in range(STEPS):
             before = worth
-            distance = weighted_mean(pairs, (means - pairs.gather(worth, PROVIDER)) ** 2, rated, RATER)
-            least = xp.min(xp.where(given > 0, distance, 1.0), axis=0)
-            weights = self._weights(xp.where(given > 0, distance, least), least)
+            apart = (means - pairs.gather(worth, PROVIDER)) ** 2
+            distance = pairs.reduce(apart if everyone else rated * apart, RATER) / (given + TINY)
+            least = xp.min(distance if everyone else xp.where(given > 0, distance, 1.0), axis=0)
+            weights = self._weights(distance if everyone else xp.where(given > 0, distance, least), least)
             worth = weighted_mean(pairs, means, rated * pairs.gather(weights, RATER), PROVIDER)
-            if isinstance(worth, np.ndarray) and np.max(abs(worth - before)) <= _ROUNDING * np.finfo(worth.dtype).eps:
+            if isinstance(worth, np.ndarray) and abs(worth - before).max() <= rest:
                 break
         return FilteringState(
             xp.where(given > 0, weights, self.initial), xp.where(received > 0, worth, self.initial), means, rated
