@@ -92,5 +92,6 @@ def _add_report(app: Sphinx, error: Exception | None) -> None:
         shutil.copytree(Path(app.srcdir) / folder, app.outdir / folder, dirs_exist_ok=True)
         return
     (app.outdir / folder).mkdir(parents=True, exist_ok=True)
-    (app.outdir / folder / "report.html").write_text(f"<!doctype html><title>No report</title><p>{_NO_REPORT}", "utf-8")
+    head = '<!doctype html><title>No report</title><link rel="icon" href="data:,">'  # no browser asks for an icon
+    (app.outdir / folder / "report.html").write_text(f"{head}<p>{_NO_REPORT}", "utf-8")
     logging.getLogger(__name__).info(_NO_REPORT)
