@@ -105,19 +105,14 @@ def read_ratings(
         OSError: The file cannot be read.
     """
     check_scale(scale)
-    raters: dict[str, int] = {}
-    ratees = raters if same_agents else {}
-    parts: list[tuple[Ints, Ints, Floats, Floats]] = []
+    people, parts = list[Any](), list[tuple[Floats, Floats]]()  # raters and ratees take turns
     read, first, zoned = 0, first_row(path, columns), None
     row = f"{path}, row"
     for block in _read_blocks(path, columns):
         ratings, stamps = block[2], block[3:]
         if not read and stamps and _is_text(stamps[0]) and is_date(start := _text(stamps[0], 0)):
             zoned = has_zone(start)
-        who, whom = (
-            _places(column, index, f"column {name!r}", row, first + read)
-            for column, index, name in zip(block, (raters, ratees), columns[:2])  # noqa: B905
-        )
+        people += [_coded(block[side], f"column {columns[side]!r}", row, first + read) for side in (0, 1)]
         what = "the rating" if columns.by_number or columns.rating == Columns().rating else f"column {columns.rating!r}"
         numbers = _numbers(ratings, what, row, first + read)
         values = unit_ratings(numbers, scale, _rating_in(row, first + read))
@@ -126,23 +121,27 @@ def read_ratings(
         elif zoned is None:
             times = _numbers(stamps[0], "the time", row, first + read)
         else:
-            times = text_seconds(stamps[0].fill_null("").to_pylist(), row, first + read, zoned=zoned)
-        parts.append((who, whom, values, times))
+            times = text_seconds([text or "" for text in stamps[0].to_pylist()], row, first + read, zoned=zoned)
+        parts.append((values, times))
         read += len(values)
         advance(read)
     if not read:
         raise ValueError(f"{path} has no ratings")
-    who, whom, values, times = (np.concatenate(column) for column in zip(*parts, strict=True))
+    if same_agents:
+        raters, (who, whom) = _places(people, 2)
+        ratees = raters
+    else:
+        (raters, (who,)), (ratees, (whom,)) = _places(people[::2], 1), _places(people[1::2], 1)
+    values, times = (np.concatenate(column) for column in zip(*parts, strict=True))
     if same_agents and (own := np.flatnonzero(who == whom)).size:
-        raise ValueError(f"{row} {first + own[0]}: {list(raters)[who[own[0]]]!r} rates itself")
+        raise ValueError(f"{row} {first + own[0]}: {raters[who[own[0]]]!r} rates itself")
     if not repeats and columns.time is not None:
         _refuse_repeats(row, first, (who, whom, values, times))
     order, was_sorted = slice(None), bool((np.diff(times) >= 0).all())
     if not was_sorted:
         order = np.argsort(times, kind="stable")  # type: ignore[assignment]
-    names = list(raters), list(ratees)
     ordered = None if columns.time is None else times[order]
-    return RatingLog(who[order], whom[order], values[order], ordered, *names, was_sorted)
+    return RatingLog(who[order], whom[order], values[order], ordered, raters, ratees, was_sorted)
 
 
 def _rating_in(row: str, first: int) -> Callable[[int], str]:
@@ -170,24 +169,38 @@ def _refuse_repeats(row: str, first: int, columns: tuple[Ints, Ints, Floats, Flo
 # --- columns of pyarrow -------------------------------------------------------------------------------
 
 
-def _places(column: Any, index: dict[str, int], what: str, row: str, first: int) -> Ints:
-    """Return the place of each name of a column, shape (n,). New names get the next places.
+def _coded(column: Any, what: str, row: str, first: int) -> Any:
+    """Return a column of names as a dictionary of pyarrow and places in it.
 
     Raises:
         ValueError: The column has no names, or one is missing.
     """
     import pyarrow as arrow
+    from pyarrow import compute
 
     if not (_is_text(column) or arrow.types.is_integer(column.type)):
         raise ValueError(
             f"{row.removesuffix(', row')}, {what} is of type {column.type}; names must be texts or whole numbers"
         )
-    coded = column.cast(arrow.string()).fill_null("").dictionary_encode()
-    names, codes = coded.dictionary.to_pylist(), coded.indices.to_numpy()
-    if "" in names:
-        raise ValueError(f"{row} {first + np.flatnonzero(codes == names.index(''))[0]} has no name in {what}")
-    places: Ints = np.array([index.setdefault(name, len(index)) for name in names], np.int64)[codes]
-    return places
+    names = column.cast(arrow.string())
+    if (missing := np.flatnonzero(_numpy(compute.binary_length(names), 0) == 0)).size:
+        raise ValueError(f"{row} {first + missing[0]} has no name in {what}")
+    return names.dictionary_encode()
+
+
+def _places(columns: list[Any], sides: int) -> tuple[list[str], list[Ints]]:
+    """Return the names of coded columns, in the order in which they first occur, and the place of each name.
+
+    Args:
+        columns: Columns, see `_coded`; those of several sides take turns.
+        sides: Number of sides, each of which gets an array of places.
+    """
+    import pyarrow as arrow
+
+    parts = arrow.chunked_array(columns).unify_dictionaries().chunks
+    names: list[str] = parts[0].dictionary.to_pylist()
+    indices = [_numpy(part.indices) for part in parts]
+    return names, [np.concatenate(indices[side::sides], dtype=np.int64) for side in range(sides)]
 
 
 def _numbers(column: Any, what: str, row: str, first: int) -> Floats:
@@ -202,7 +215,7 @@ def _numbers(column: Any, what: str, row: str, first: int) -> Floats:
         values = date_seconds(column.to_numpy(zero_copy_only=False))
     else:
         try:
-            values = np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), np.float64)
+            values = _numpy(column.cast(arrow.float64(), safe=False), np.nan)
         except arrow.ArrowException:
             if not _is_text(column):
                 raise ValueError(
@@ -214,6 +227,11 @@ def _numbers(column: Any, what: str, row: str, first: int) -> Floats:
         shown = _text(column, at) if _is_text(column) else str(values[at])
         raise ValueError(f"{row} {first + at}: {what} is {shown!r}; it must be a number")
     return values
+
+
+def _numpy(column: Any, missing: float = 0) -> Any:
+    """Return numbers of pyarrow as an array; its own `to_numpy` imports pandas, which takes a quarter of a second."""
+    return np.from_dlpack(column.fill_null(missing) if column.null_count else column)
 
 
 def _number(text: str | None) -> float:
