@@ -348,7 +348,7 @@ class NameIndex:
             raise ValueError(f"{self.role} have shape {array.shape}; they must be one column")
         if not len(array):
             return np.zeros(0, np.int64)
-        if array.dtype.kind in "iu" and array.max() < 2**63:
+        if array.dtype.kind == "i" or (array.dtype.kind == "u" and array.max() < 2**63):
             kind, array = "whole numbers", array.astype(np.int64, copy=False)
         elif array.dtype.kind in "OUT" and all(isinstance(name, str) for name in array.tolist()):
             kind, array = "texts", array.astype(object, copy=False)
@@ -430,8 +430,8 @@ def _numbers(column: str, values: Any, length: int, *, dates: bool = False) -> F
         raise ValueError(f"{column} must be numbers") from None
     if array.shape != (length,):
         raise ValueError(f"{column} have shape {array.shape}; there are {length} raters")
-    if (wrong := np.flatnonzero(~np.isfinite(array))).size:
-        raise ValueError(f"{column} hold {array[wrong[0]]} at position {wrong[0] + 1}; all must be numbers")
+    if not (known := np.isfinite(array)).all():
+        raise ValueError(f"{column} hold {array[~known][0]} at position {known.argmin() + 1}; all must be numbers")
     return array
 
 

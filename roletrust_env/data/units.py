@@ -42,8 +42,8 @@ def unit_ratings(
         ValueError: A rating is not a number or is off the scale. The message names the first one.
     """
     worst, best = scale
-    if (wrong := np.flatnonzero(~((ratings >= worst) & (ratings <= best)))).size:
-        at = int(wrong[0])
+    if not (right := (ratings >= worst) & (ratings <= best)).all():
+        at = int(right.argmin())
         raise ValueError(f"{name(at)} {ratings[at]:g}, off the scale from {worst:g} to {best:g}")
     return (ratings - worst) / (best - worst)
 

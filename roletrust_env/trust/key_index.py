@@ -73,15 +73,10 @@ class KeyIndex:
         if add:
             self._make_room(keys)
         found, where = self._find(keys, self._first_entries(keys))
-        waiting = np.flatnonzero(found < 0) if add else np.empty(0, np.int64)
-        where = where.take(waiting)
-        while len(waiting):
-            rest = keys.take(waiting)
-            self._add(rest, where)
-            there, where = self._find(rest, where)
-            found[waiting] = there
-            on = np.flatnonzero(there < 0)  # another key took the entry
-            waiting, where = waiting.take(on), where.take(on)
+        while add and len(waiting := (found < 0).nonzero()[0]):  # again where another key took the entry
+            rest, vacant = keys.take(waiting), where.take(waiting)
+            self._add(rest, vacant)
+            found[waiting], where[waiting] = self._find(rest, vacant)
         return found
 
     def _find(self, keys: Ints, where: Ints) -> tuple[Ints, Ints]:
@@ -94,13 +89,13 @@ class KeyIndex:
         found = self._entries.take(where).astype(np.int64)
         if self._direct:
             return found, where
-        on = np.flatnonzero((self._keys.take(found) != keys) & (found >= 0))
+        on = ((self._keys.take(found) != keys) & (found >= 0)).nonzero()[0]
         keys, where, at = keys.take(on), where.copy(), where.take(on)
         while len(on):
             at = (at + 1) & (self._size - 1)
             there = self._entries.take(at)
             found[on], where[on] = there, at
-            more = np.flatnonzero((self._keys.take(there) != keys) & (there >= 0))
+            more = ((self._keys.take(there) != keys) & (there >= 0)).nonzero()[0]
             on, keys, at = on.take(more), keys.take(more), at.take(more)
         return found, where
 
@@ -108,7 +103,7 @@ class KeyIndex:
         """Put keys into vacant entries; of several keys for one entry, the first."""
         turn = np.arange(len(keys), dtype=np.int32)
         self._entries[where[::-1]] = turn[::-1]  # the last assignment to an entry stays
-        chosen = np.flatnonzero(self._entries.take(where) == turn)  # every entry once
+        chosen = (self._entries.take(where) == turn).nonzero()[0]  # every entry once
         before, after = self._count, self._count + len(chosen)
         self._entries[where.take(chosen)] = np.arange(before, after)
         if after > len(self._keys):
@@ -143,9 +138,9 @@ class KeyIndex:
         """Put the keys into an empty table that has room."""
         waiting, where = np.arange(self._count, dtype=np.int32), self._first_entries(self.keys)
         while len(waiting):
-            free = np.flatnonzero(self._entries.take(where) < 0)
+            free = (self._entries.take(where) < 0).nonzero()[0]
             self._entries[where.take(free)] = waiting.take(free)
-            lost = np.flatnonzero(self._entries.take(where) != waiting)
+            lost = (self._entries.take(where) != waiting).nonzero()[0]
             waiting, where = waiting.take(lost), (where.take(lost) + 1) & (self._size - 1)
 
     def _first_entries(self, keys: Ints) -> Ints:

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 import numpy as np
 
 from roletrust_env.arrays import Array, device_of, largest, namespace, ones, total
+from roletrust_env.trust.key_index import Floats, Ints
 
 PerRater: TypeAlias = Annotated[Any, "rater"]
 """Array with an entry for each rater, shape (S, ...)."""
@@ -35,6 +36,8 @@ PROVIDER: Final = 1
 
 TINY = 1e-30
 """Number that replaces a branch at 0; elsewhere it is lost in rounding."""
+
+_SPARE = 4  # numbers for each rating up to which repeats are counted, not sorted
 
 _LARGE, _BLOCK = 1_000_000, 100_000
 """Number of ratings above which NumPy works in blocks, and the size of a block: about 30 raters of 3,000 providers."""
@@ -271,7 +274,7 @@ def aged(ratings: Ratings, ages: PairAge) -> PairAge:
     return ratings.write(ages if only_these else ages + ages / (ages + TINY), 1.0)
 
 
-def merge_repeats(raters: Array, providers: Array, values: Array, pair: Array) -> tuple[Array, Array, Array, Array]:
+def merge_repeats(raters: Ints, providers: Ints, values: Floats, pair: Ints) -> tuple[Ints, Ints, Floats, Ints]:
     """Return the ratings of a round as edges with one rating for each pair: the mean of its ratings.
 
     A rater has one voice about a provider in a round. Otherwise it could outvote others by repeating itself, and the
@@ -281,7 +284,7 @@ def merge_repeats(raters: Array, providers: Array, values: Array, pair: Array) -
         raters: Place of the rater of each rating, shape (E,).
         providers: Place of the provider of each rating, shape (E,).
         values: Ratings, shape (E,).
-        pair: Number that tells pairs apart, whole, shape (E,).
+        pair: Number that tells pairs apart, whole, at least 0, shape (E,).
 
     Returns:
         The raters, the providers, the values and the pairs; the arguments themselves if no pair repeats.
@@ -291,15 +294,20 @@ def merge_repeats(raters: Array, providers: Array, values: Array, pair: Array) -
         >>> values, pair
         (array([0.4, 1. ]), array([1, 2]))
     """
-    xp = namespace(values)
-    ordered = xp.sort(pair)
-    if not bool((ordered[1:] == ordered[:-1]).any()):
+    numbers = pair
+    if pair.max(initial=0) > _SPARE * len(pair):  # they are too far apart to be counted
+        ordered = np.sort(pair)
+        if (ordered[1:] != ordered[:-1]).all():
+            return raters, providers, values, pair
+        numbers = np.unique(pair, return_inverse=True)[1]
+    counts = np.bincount(numbers)
+    if counts.max(initial=0) <= 1:
         return raters, providers, values, pair
-    distinct, which = xp.unique_inverse(pair)
-    one = xp.zeros_like(distinct)
-    one[which] = xp.arange(len(pair), dtype=distinct.dtype, device=distinct.device)
-    average = sum_at(which, values, len(distinct)) / sum_at(which, xp.ones_like(values), len(distinct))
-    return raters[one], providers[one], average, distinct
+    there = counts.nonzero()[0]
+    last = np.empty_like(counts)
+    last[numbers] = np.arange(len(numbers))
+    last = last[there]
+    return raters[last], providers[last], np.bincount(numbers, values)[there] / counts[there], pair[last]
 
 
 def sum_at(places: Array, values: Array, length: int) -> Array:

@@ -308,9 +308,6 @@ class EdgeRun(TrustRun):
     A model whose formula is local (`local = True`: trust of an agent follows from its own ratings and the trust of
     their raters alone) takes time in proportion to the ratings of a round. Other models take time in proportion to all
     pairs that ever met.
-
-    Attributes:
-        n_pairs: Number of pairs that have a memory; 0 for a model without one.
     """
 
     def __init__(self, model: TrustModel[Any], *, one_role: bool = True) -> None:
@@ -326,7 +323,7 @@ class EdgeRun(TrustRun):
         self.model, self.rounds, self._watched = edge_model(model), 0, needs_watching(model)
         self._local = Traits.of(model).local
         self._one_role = one_role
-        self._sizes: dict[str, int] = {"rater": 0, "provider": 0}
+        self._sizes: dict[Kind, int] = {"rater": 0, "provider": 0, "pair": 0, "age": 0}
         self._start = start_on_edges(model, (1, 1))
         self._state = map_kinds(lambda kind, leaf: leaf[:0], self._start)
         self._remembers = any(kind in ("pair", "age") for kind, _ in kinds(self._start))
@@ -337,11 +334,6 @@ class EdgeRun(TrustRun):
     def shape(self) -> tuple[int, int]:
         """The number of raters and of providers."""
         return self._sizes["rater"], self._sizes["provider"]
-
-    @property
-    def n_pairs(self) -> int:
-        """The number of pairs that have a memory; 0 for a model without one."""
-        return len(self._index)
 
     @property
     def rater_trust(self) -> Floats:
@@ -362,7 +354,7 @@ class EdgeRun(TrustRun):
         self.join(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
         keys = (raters << _PROVIDER_BITS) | providers
         pair = self._index.places(keys) if self._remembers else keys
-        self._grow("pair", self.n_pairs)
+        self._grow({"pair": len(self._index), "age": len(self._index)})
         raters, providers, values, pair = merge_repeats(raters, providers, values, pair)
         if self._local:
             self._play_touched(raters, providers, values, pair)
@@ -387,57 +379,59 @@ class EdgeRun(TrustRun):
         """Go on from what another run has kept. See `TrustRun.load`."""
         raters, providers, rounds = (int(count) for count in arrays["counts"])
         keys, place = arrays["pairs"], iter(range(100))
-        sizes = {"rater": raters, "provider": providers, "pair": len(keys), "age": len(keys)}
+        sizes: dict[Kind, int] = {"rater": raters, "provider": providers, "pair": len(keys), "age": len(keys)}
 
         def restored(kind: Kind, leaf: Floats) -> Floats:
             return _checked(arrays[f"state_{next(place)}"], (sizes[kind],), leaf.dtype)
 
         state, index = map_kinds(restored, self._start), KeyIndex.of(keys)
-        self._state, self._index, self.rounds = state, index, rounds
-        self._sizes = {"rater": raters, "provider": providers}
+        self._state, self._index, self.rounds, self._sizes = state, index, rounds, sizes
 
     def join(self, raters: int, providers: int) -> None:
         """Make room for so many raters and providers. See `TrustRun.join`."""
         if not self._one_role:
             raters = providers = max(raters, providers)
-        for kind, size in (("rater", raters), ("provider", providers)):
-            if size > self._sizes[kind]:
-                self._grow(kind, size)
-                self._sizes[kind] = size
+        self._grow({"rater": raters, "provider": providers})
 
     def remove(self, raters: Ints, providers: Ints) -> None:
         """Let agents leave. See `TrustRun.remove`."""
         if not self._one_role:
             raters = providers = np.union1d(raters, providers)
-        stay = {"rater": staying(self.shape[0], raters), "provider": staying(self.shape[1], providers)}
-        keys = self._index.keys
-        rater, provider = keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1)
-        pairs = np.flatnonzero(stay["rater"][rater] & stay["provider"][provider])
-        chosen = {**{kind: np.flatnonzero(flags) for kind, flags in stay.items()}, "pair": pairs, "age": pairs}
+        stay = staying(self.shape[0], raters), staying(self.shape[1], providers)
+        ends = _ends(self._index.keys)
+        pairs = np.flatnonzero(stay[0][ends[0]] & stay[1][ends[1]])
+        chosen: dict[Kind, Ints] = {
+            "rater": np.flatnonzero(stay[0]),
+            "provider": np.flatnonzero(stay[1]),
+            "pair": pairs,
+            "age": pairs,
+        }
         self._state = map_kinds(lambda kind, leaf: leaf[chosen[kind]], self._state)
-        self._sizes = {kind: len(chosen[kind]) for kind in stay}
-        rater, provider = (
-            new_places(flags)[places[pairs]] for flags, places in zip(stay.values(), (rater, provider), strict=True)
-        )
+        self._sizes = {kind: len(places) for kind, places in chosen.items()}
+        rater, provider = (new_places(flags)[places[pairs]] for flags, places in zip(stay, ends, strict=True))
         self._index = KeyIndex.of((rater << _PROVIDER_BITS) | provider)
 
-    def _grow(self, kind: str, size: int) -> None:
-        """Give the arrays of a kind room for so many entries, at the values of the start."""
+    def _grow(self, sizes: Mapping[Kind, int]) -> None:
+        """Make room for so many entries of each kind, at the values of the start."""
+        larger = {kind: size for kind, size in sizes.items() if size > self._sizes[kind]}
 
-        def grown(which: Kind, leaf: Floats, start: Floats) -> Floats:
-            if ("pair" if which == "age" else which) != kind or size <= len(leaf):
+        def grown(kind: Kind, leaf: Floats, start: Floats) -> Floats:
+            missing = larger.get(kind, 0) - len(leaf)
+            if missing <= 0:
                 return leaf
-            more = np.full(max(size, 2 * len(leaf)) - len(leaf), start[0] if kind != "pair" else 0.0, start.dtype)
-            return np.concatenate([leaf, more])
+            new = np.full(max(missing, len(leaf)), 0.0 if kind in ("pair", "age") else start[0], start.dtype)
+            return np.concatenate([leaf, new])
 
-        self._state = map_kinds(grown, self._state, self._start)
+        if larger:
+            self._state = map_kinds(grown, self._state, self._start)
+            self._sizes.update(larger)
 
     def _view(self, *, ages: bool = True) -> Any:
         """Return the state without spare room, with ages as of now; without `ages`, for a read-out, with stamps."""
-        sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
 
         def cut(kind: Kind, leaf: Floats) -> Floats:
-            return self._ages(leaf[: sizes[kind]]) if kind == "age" and ages else leaf[: sizes[kind]]
+            there = leaf[: self._sizes[kind]]
+            return self._ages(there) if kind == "age" and ages else there
 
         return map_kinds(cut, self._state)
 
@@ -474,7 +468,7 @@ class EdgeRun(TrustRun):
             return watched_update(self.model, state, ratings, np.asarray(self.rounds))[0]
         return self.model.update(state, ratings)
 
-    def _touched(self, kind: str, places: Ints) -> _Touched:
+    def _touched(self, kind: Kind, places: Ints) -> _Touched:
         """Return the agents of a role at some places, which may repeat."""
         size = self._sizes[kind]
         if len(places) * _NEARLY_ALL >= size:
@@ -483,37 +477,35 @@ class EdgeRun(TrustRun):
             self._marks = np.zeros(2 * size, np.int32)
         turn = np.arange(len(places), dtype=np.int32)
         self._marks[places] = turn
-        agents = places.take(np.flatnonzero(self._marks.take(places) == turn))  # every agent once; no sort is needed
+        agents = places.compress(self._marks.take(places) == turn)  # every agent once; no sort is needed
         self._marks[agents] = turn[: len(agents)]
         return _Touched(agents, len(agents), self._marks.take(places).astype(np.int64))
 
     def _play_all(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
         """Update all agents and all known pairs."""
         twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
-        keys = self._index.keys
+        ends = _ends(self._index.keys)
         ratings = Ratings(
             values,
             raters=raters,
             providers=providers,
             shape=self.shape,
             twins=twins,
-            pairs=Ratings(
-                None,
-                raters=keys >> _PROVIDER_BITS,
-                providers=keys & ((1 << _PROVIDER_BITS) - 1),
-                shape=self.shape,
-                twins=twins,
-            ),
+            pairs=Ratings(None, raters=ends[0], providers=ends[1], shape=self.shape, twins=twins),
             slots=pair if self._remembers else None,
         )
         after = self._updated(self._view(), ratings)
-        sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
 
         def put(kind: Kind, leaf: Floats, new: Floats) -> Floats:
-            leaf[: sizes[kind]] = np.where(new > 0, self.rounds + 2 - new, 0.0) if kind == "age" else new
+            leaf[: self._sizes[kind]] = np.where(new > 0, self.rounds + 2 - new, 0.0) if kind == "age" else new
             return leaf
 
         self._state = map_kinds(put, self._state, after)
+
+
+def _ends(keys: Ints) -> tuple[Ints, Ints]:
+    """Return the rater and the provider of each pair, from their keys."""
+    return keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1)
 
 
 def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:

@@ -14,7 +14,6 @@ from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import registry
-from roletrust_experiments.commands import comparison
 from roletrust_experiments.commands.console import console, number_table, progress_bar
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
@@ -112,6 +111,8 @@ def rate(
     if compare:
         if columns != Columns() or count is not None or repeats:
             raise ValueError("--rater, --ratee, --rating, --time, --count and --repeats are not for --compare")
+        from roletrust_experiments.commands import comparison
+
         comparison.compare(
             ratings,
             model,
