@@ -1,5 +1,4 @@
 import csv
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,36 +8,19 @@ from roletrust_env import JointPolicy, SparseGame, make_trust_model
 from roletrust_env.game.rollout import rollout
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.metrics.consumers import skill
-from studies.scale import (
-    PLAIN,
-    Harm,
-    RoundCost,
-    _cost_line,
-    _cost_row,
-    _harm_caption,
-    attackers,
-    city,
-    main,
-    measure_harm,
-    measure_rounds,
-    plain,
-)
+from studies.scale import Harm, _caption, attackers, city, main, measure_harm
 
 pytestmark = pytest.mark.slow
 
 
 def test_the_page_and_the_tables(tmp_path):
-    small = ["--agents", "25", "--agents", "60", "--cost", "100", "--seeds", "2", "--rounds", "4", "--model", "mean"]
+    small = ["--agents", "25", "--agents", "60", "--seeds", "2", "--rounds", "4", "--model", "mean"]
     main([*small, "--out", str(tmp_path)])
     with (tmp_path / "scale-harm.csv").open() as file:
         harms = list(csv.DictReader(file))
     assert len(harms) == 2 * 7
     for row in harms:
         assert float(row["harm"]) == 0 or row["attack"] != "honest"
-    with (tmp_path / "scale-costs.csv").open() as file:
-        costs = list(csv.DictReader(file))
-    assert {"mean", PLAIN} <= {row["name"] for row in costs}
-    assert all(row["services"] == "400" for row in costs)
     assert f"| mean | on-off | 40% | {float(harms[4]['harm']):.3f} ± " in (tmp_path / "scale.md").read_text()
 
 
@@ -86,42 +68,12 @@ def test_harm_is_the_skill_that_is_lost_in_the_same_luck():
     assert ring.harm.mean > 0.1
 
 
-def test_costs_are_those_of_the_same_city():
-    found = measure_rounds([100, 200], {"mean": make_trust_model("mean")})
-    assert [(one.agents, one.name) for one in found] == [(n, name) for n in (100, 200) for name in ("mean", PLAIN)]
-    for one in found:
-        assert one.services == 4 * one.agents
-        assert len(one.seconds) == len(one.by_hand) == 5
-        assert min(one.seconds) > 0
-        assert one.memory > 8 * one.services
-        assert one.parts is None or sum(one.parts) == pytest.approx(np.median(one.seconds), rel=0.5)
-
-
 def test_the_caption_says_how_harm_changes_with_size():
     def harm(agents, attack, value, half):
         return Harm(agents, "mean", attack, 0.2, Estimate(0.5, 0.1), Estimate(value, half))
 
     rows = [harm(25, "a", 9.0, 0.1), harm(25, "b", 9.0, 0.1), harm(100, "a", 0.3, 0.03), harm(100, "b", 0.1, 0.03)]
-    assert "From" not in _harm_caption(rows, 3, 5)
-    caption = _harm_caption([*rows, harm(1000, "a", 0.34, 0.04), harm(1000, "b", 0.16, 0.04)], 3, 5)
+    assert "From" not in _caption(rows, 3, 5)
+    caption = _caption([*rows, harm(1000, "a", 0.34, 0.04), harm(1000, "b", 0.16, 0.04)], 3, 5)
     assert "From 100 to 1,000 agents the harm of a condition changes by +0.050 on average" in caption
     assert "from +0.040 to +0.060; in 1 of 2 conditions" in caption
-
-
-def test_ratios_are_to_plain_numpy_in_the_same_turns():
-    one = RoundCost(100, 400, "mean", (0.2, 0.3, 0.9), (0.1, 0.1, 0.2), None, 0)
-    assert _cost_line(*_cost_row(one)) == ["mean", "100", "400", "300.0", "200.0 - 900.0", "-", "-", "-", "3.0", "0 MB"]
-
-
-def test_plain_numpy_is_a_round_of_mean(monkeypatch):
-    """It forgets nobody: with one provider its trust is the mean of what all raters rate."""
-    rng = SimpleNamespace(
-        uniform=lambda low, high, n: np.full(n, 0.8),
-        integers=lambda low, high, shape: np.zeros(shape, int),
-        standard_normal=np.zeros,
-    )
-    monkeypatch.setattr(np.random, "default_rng", lambda seed: rng)
-    play = plain(10, 1, 0)
-    play()
-    (top,) = play.__closure__[list(play.__code__.co_freevars).index("top")].cell_contents
-    assert top == pytest.approx(0.5 + 0.5 * (0.8 * 0.8 - 0.5))
