@@ -7,7 +7,7 @@ models of the training.
 
 The universal coalitions that come with the project are further rows. They are not trained here, and were trained in
 turn against the marked trust models. `--on` adds columns without training on them, such as a model of another package
-or, as a URL, a service. Hours for all models; the recipe `outside` is some minutes.
+or, as a URL, a service. Hours for all models.
 """
 
 from collections.abc import Mapping, Sequence
@@ -63,12 +63,8 @@ class Options(NamedTuple):
     runs: int = 3
 
 
-_OUTSIDE = Options(("beta",), ("studies.robustrep:RobustRep",), games=40)
 _FILES = ("transfer.png", "transfer.md", "transfer.csv")
-RECIPES = {
-    "transfer": Recipe(Options(), {name: f"attackers/{name}" for name in _FILES}),
-    "outside": Recipe(_OUTSIDE, {"transfer.md": "attackers/outside.md"}),
-}
+RECIPES = {"transfer": Recipe(Options(), {name: f"attackers/{name}" for name in _FILES})}
 
 
 class Coalition(NamedTuple):
