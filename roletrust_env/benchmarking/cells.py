@@ -192,7 +192,7 @@ def task_arguments(suite: Suite, cell: Cell, *, isolated: bool = False) -> TaskA
     scenario, compromised = attacked_scenario(suite, cell)
     make: Any = IsolatedModel if isolated and not is_own_model(cell.model) else parse_trust_model
     model = make(cell.model, scenario)
-    if suite.places == "shuffled" or (suite.places == "random" and needs_watching(model)):
+    if suite.places == "random" and needs_watching(model):
         model = RandomOrder(model, cell.seed)
     return {
         "scenario": scenario,

@@ -160,9 +160,9 @@ class Suite(SuiteSchema):
     score: Scale = "utility"
     """Scale on which attacks are compared and worst cases count: utility, never below a blind choice, or skill, 1 for
     the best choice, 0 for a blind one, and below 0 where attackers steer consumers."""
-    places: Literal["last", "random", "shuffled"] = "last"
+    places: Literal["last", "random"] = "last"
     """Places of the compromised agents as a trust model sees them: the last of their role, or random in each game. The
-    models of this project, which treat all agents alike, see random places only if it is `shuffled`."""
+    models of this project treat all agents alike, and always see the last ones."""
     consumers: Consumers = "public"
     """Who consumes: the public, which goes by published trust, or the honest raters, each by what it knows."""
 

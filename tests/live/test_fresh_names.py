@@ -5,13 +5,13 @@ from collections import deque
 
 import pytest
 from loopback import PERIOD, TEAM, Raters, keys, managed, own_domain, process, until
+from process_load import cpu_s
 
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.run_loop import run_until_signal
 from roletrust_env.live.validation import MAX_STRANGERS
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
-from studies.live_load import cpu_s
 
 __all__ = ["keys", "own_domain"]
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from loopback import Listener, managed, own_domain, process, until
+from process_load import cpu_s
 from test_strange_cameras import strange_cameras
 
 from roletrust_env import make_scenario
@@ -12,7 +13,6 @@ from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MAX_STRANGERS
 from roletrust_env.world.roster import Roster
-from studies.live_load import cpu_s
 
 pytestmark = pytest.mark.soak
 __all__ = ["own_domain"]

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from loopback import keys, own_domain, process, until
+from process_load import cpu_s
 
 from roletrust_env import make_scenario
 from roletrust_env.live.nodes.agent_nodes import run_rater_node
@@ -13,7 +14,6 @@ from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer
-from studies.live_load import cpu_s
 
 pytestmark = pytest.mark.live
 __all__ = ["keys", "own_domain"]

@@ -12,6 +12,7 @@ import pytest
 from domains import own_dds_domain
 from light_team import run_robots
 from loopback import NODES
+from process_load import cpu_s
 
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.manager_node import run_manager_node
@@ -23,7 +24,6 @@ from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
 from roletrust_experiments.view.page import run_view_server
-from studies.live_load import cpu_s
 
 pytestmark = pytest.mark.live
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from roletrust_env.trust import Mean, Ratings, RoleTrust, make_trust_model
-from studies import costs, edge_costs, live_load, speed
+from studies import costs, edge_costs, speed
 from studies.costs import Cell, Found, compile_ahead, growth, measure_models, sizes
 from studies.edge_costs import Edges, on_edges, plain
 from studies.timing import COMPILED, PLAIN, Contestant, Size, Spread, Timing, measure, one_thread, trust_update
@@ -50,22 +50,6 @@ def test_lists_have_a_row_for_each_model(tmp_path: Path) -> None:
         assert 0.5 * int(row["ratings_asked"]) < int(row["ratings"]) <= int(row["ratings_asked"])
         assert float(row["ns_per_rating_least"]) <= float(row["ns_per_rating"])
     assert "## 2,000 ratings" in (tmp_path / "edge-costs.md").read_text()
-
-
-def test_the_load_by_trust_model_names_what_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def measured(model: str, side: int, seconds: float, rate: float, folder: Path) -> live_load.Load | None:
-        if (model, side) == ("mean", 100):
-            return None
-        return live_load.Load(model, side, 20, 1.0, 0.1, side / 8, 1.0, 2.0, 80.0, 0.0)
-
-    monkeypatch.setattr(live_load, "measure_load", measured)
-    live_load.main(["live-load-models", "--model", "mean", "--model", "median", "--out", str(tmp_path)])
-    table = [line for line in (tmp_path / "live-load.md").read_text().splitlines() if line.startswith("|")]
-    assert table[0] == "| trust model | 10x10 | 100x100 |"
-    assert table[2:] == ["| mean | 1.2 | - |", "| median | 1.2 | 12.5 |"]
-    assert len(rows(tmp_path / "live-load.csv")) == 3
-    live_load.main(["--side", "10", "--out", str(tmp_path / "one")])
-    assert "| role-trust | 10x10 | 100% of 20 | 10.0% |" in (tmp_path / "one" / "live-load.md").read_text()
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, B
 from cyclonedds.sub import DataReader
 from domains import own_dds_domain
 from fake_wire import FixedSigner
+from process_load import memory_mb
 
 from roletrust_env.live.wire import dds, messages
 from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Quota, Reader, make_endpoint
-from studies.live_load import memory_mb
 
 PATIENCE_S = 120.0  # far more than a busy machine takes
 
