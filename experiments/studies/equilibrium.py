@@ -5,9 +5,8 @@ one set of probabilities for all conditions, since it does not know who attacks.
 and the condition, but not the model that was drawn. Only attacks that were played on every model are its strategies: a
 search that was trained on one model has no payoff against the others. Each condition counts alike.
 
-Mixtures and attacks are chosen in one set of games, and scored in another. Intervals resample games. Alpha-rank is the
-share of the time in which a model is in use where both sides copy what does better, the mean over the conditions. A
-minute, once `make benchmark` has run.
+Mixtures and attacks are chosen in one set of games, and scored in another. Intervals resample games. A minute, once
+`make benchmark` has run.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,9 +26,6 @@ from studies.study import Recipe, Study, with_ends
 
 SHARED = WITHOUT_SEARCH | {"universal"}
 """Methods that play the same attacks on every model."""
-
-_POPULATION = 50
-"""Number of individuals in either population of `alpha_rank`."""
 
 _LEAST = 1e-6  # a probability that is smaller is rounding
 _SHOWN = 0.005  # least probability of an attack in the text
@@ -99,13 +95,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = suite.model_names
         games = payoffs(attack_scores(suite, stored), names)
         found, attacks = equilibrium(games, resamples, study.seed), solve(_means(games, None)[0]).attacks
-        shares = np.mean([alpha_rank(game.chosen.mean(axis=2)) for game in games], axis=0)
         order = sorted(range(len(names)), key=lambda k: -found["alone"][k].value)
-        rows = [(names[k], [found[column][k] for column in _COLUMNS], shares[k]) for k in order]
-        header = ("model", *with_ends(_COLUMNS), "alpha_rank")
-        study.csv(
-            "equilibrium.csv", header, [[n, *(x for one in parts for x in one), share] for n, parts, share in rows]
-        )
+        rows = [(names[k], [found[column][k] for column in _COLUMNS]) for k in order]
+        header = ("model", *with_ends(_COLUMNS))
+        study.csv("equilibrium.csv", header, [[name, *(x for one in parts for x in one)] for name, parts in rows])
         mixed = [
             (game.condition, {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST})
             for game, weights in zip(games, attacks, strict=True)
@@ -116,18 +109,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
             [where.description, ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN)]
             for where, of in mixed
         ]
-        weights = [[f"`{name}`", *map(_text, parts), f"{share:.3f}"] for name, parts, share in rows]
+        weights = [[f"`{name}`", *map(_text, parts)] for name, parts in rows]
         facts = [[words, _text(found[name][0])] for name, words in FACTS.items()]
         note = f"suite {suite.name}, {len(games)} conditions, 95% intervals over games"
         study.page(
             "equilibrium.md",
-            markdown_table(["model", *_COLUMNS, "alpha-rank"], weights, names=1),
+            markdown_table(["model", *_COLUMNS], weights, names=1),
             markdown_table(["defender", suite.score], facts, names=1),
             markdown_table(["condition", "the attacker's mixture"], mixtures, names=2),
             f"{note}. Made by `{study.command}`.",
         )
-        at = [name for name, _, _ in rows]
-        weight, alone = ([parts[k] for _, parts, _ in rows] for k in (0, 1))
+        at = [name for name, _ in rows]
+        weight, alone = ([parts[k] for _, parts in rows] for k in (0, 1))
         panels = [
             Panel("alone, under its worst attack", "", suite.score, [Series(suite.score, at, alone)]),
             Panel("in the equilibrium", "", "probability", [Series("probability", at, weight)]),
@@ -265,54 +258,6 @@ def _means(games: Sequence[Payoffs], rng: np.random.Generator | None) -> tuple[l
         return means
 
     return [mean(game.chosen) for game in games], [mean(game.measured) for game in games]
-
-
-def alpha_rank(scores: Floats, intensity: float = 100.0) -> Floats:
-    """Return the share of the time in which each model is in use, shape (M,), in a zero-sum game.
-
-    Omidshafiei et al. (2019): a population of defenders has one model, and one of attackers has one attack. Now and
-    then an individual tries something else. It takes over its population with the probability
-
-        rho(d) = (1 - exp(-a d)) / (1 - exp(-n a d)),   1 / n where d = 0
-
-    where d is what it gains, a the `intensity`, and n = 50 the size of the population. Each model and each attack is
-    tried as often. The result is the stationary distribution of this chain, summed over the attacks.
-
-    Args:
-        scores: Scores of M models under A attacks, shape (M, A).
-        intensity: Intensity of selection, above 0. The larger, the more surely what is better takes over.
-
-    Example:
-        >>> alpha_rank(np.array([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]])).round(3).tolist()
-        [0.333, 0.333, 0.333]
-    """
-    models, attacks = scores.shape
-    chain = np.zeros((models, attacks, models, attacks))
-    each = 1 / max(models + attacks - 2, 1)
-    for attack in range(attacks):
-        of = scores[:, attack]
-        chain[:, attack, :, attack] += each * _takes_over(intensity * (of[None] - of[:, None]))
-    for model in range(models):
-        of = scores[model]
-        chain[model, :, model, :] += each * _takes_over(intensity * (of[:, None] - of[None]))
-    flow = chain.reshape(models * attacks, -1)
-    np.fill_diagonal(flow, 0.0)
-    np.fill_diagonal(flow, 1 - flow.sum(axis=1))
-    # The distribution p has p = p flow and the sum 1; one of the equations follows from the others.
-    system, right = flow.T - np.eye(len(flow)), np.zeros(len(flow))
-    system[-1], right[-1] = 1.0, 1.0
-    share: Floats = np.linalg.solve(system, right).reshape(models, attacks).sum(axis=1).clip(0.0, None)
-    shares: Floats = share / share.sum()
-    return shares
-
-
-def _takes_over(gain: Floats) -> Floats:
-    """Return the probability rho, of gains times the intensity, in a form that does not overflow."""
-    size = abs(gain)
-    with np.errstate(invalid="ignore"):
-        rising = np.where(size > 0, np.expm1(-size) / np.expm1(-_POPULATION * size), 1 / _POPULATION)
-    found: Floats = np.where(gain < 0, rising * np.exp(-(_POPULATION - 1) * size), rising)
-    return found
 
 
 def _text(value: Interval) -> str:

@@ -18,15 +18,12 @@ The recipe `ladder` has three colluders in a crowd, whose trainings are those of
 `pages`; half an hour on two cores for both.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
 
 from roletrust_agents.learned.methods import learned_methods
 from roletrust_agents.planning.optimum import BestKnown, Exact
@@ -36,24 +33,15 @@ from roletrust_agents.training.universal import Universal
 from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
 from roletrust_env import make_scenario
 from roletrust_env.envs.attack_env import TASKS
-from roletrust_env.evaluation.measurement import (
-    HELD_OUT,
-    TaskArguments,
-    exact_task,
-    judged_rollout,
-    random_sources,
-)
+from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import Budget, HonestPlay, MeasuredSearch, SearchMethod, UnsuitableError, find
 from roletrust_env.evaluation.specs import parse_kinds, parse_settings, parse_trust_model
 from roletrust_env.metrics.confidence import Interval, over_games
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.options import find_task
-from roletrust_experiments.plots.style import ATTACKER, INK
 from studies.charts import Panel, Series, panels_figure
 from studies.study import Recipe, Study
-
-Floats = npt.NDArray[np.float64]
 
 
 class Options(NamedTuple):
@@ -88,14 +76,12 @@ class Options(NamedTuple):
 
 _COLLUDERS = Options(stealth_weight=2.0, runs=5, learned=(Path("results/colluders/runs"),))
 RECIPES = {
-    "ladder": Recipe(_COLLUDERS, {name: name for name in ("ladder.png", "ladder-actions.png")}),
+    "ladder": Recipe(_COLLUDERS, {"ladder.png": "ladder.png"}),
     "task": Recipe(Options()),
 }
 
 
 _TOLERANCE = 0.1  # trust gap that costs nothing
-_SHOWN = 40  # rounds to draw; more would be too dense
-
 
 HEADER = ("rung", "run", "score", "half_95", "objective", "cost", "rounds", "seconds", "attack")
 """Header of a table with a line for every run of every rung."""
@@ -154,7 +140,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(asked.runs)]
         found, missing = climb(ladders, task, asked.budget, seed, asked.games)
         rows = ranked(found)
-        best = max(rows, key=lambda row: row.score)
         about = f"{task_id.removeprefix('RoleTrust/')}, {rules.name}, {defaults['objective']}"
         if asked.stealth_weight:
             about += f" less {asked.stealth_weight:g} x gap over {_TOLERANCE:g}"
@@ -165,8 +150,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         series = Series("score", [row.name for row in rows], intervals)
         panel = Panel("score: mean reward per round", "", "score", [series])
         study.figure("ladder.png", panels_figure(about, [panel], f"95% intervals {over}"))
-        acts = watch(task, best.runs[best.best], seed + best.best)
-        study.figure("ladder-actions.png", actions_figure(_run_name(best, seed), acts))
         study.page(
             "ladder.md",
             f"# {about}",
@@ -255,50 +238,6 @@ def _cells(row: Row) -> list[str]:
 def _score(row: Row) -> str:
     """Return the score and half its interval, rounded up."""
     return f"{row.score:.4f}" + (f" ± {ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
-
-
-def watch(arguments: TaskArguments, finding: MeasuredSearch, seed: int) -> dict[str, Floats]:
-    """Return what compromised agents do in one held-out game of a run, by name.
-
-    Args:
-        arguments: Arguments of the task.
-        finding: What a rung has found in the run.
-        seed: Seed of the run.
-
-    Returns:
-        Ratings that a rater gives the H honest providers, shape (H, T), NaN in the first round, in which nothing
-        has been served; the quality that a provider chooses, shape (1, T).
-    """
-    task = exact_task(arguments)
-    roster, sources = task.game.roster, random_sources(task, seed, HELD_OUT)
-    actions = [played.round.actions for played in judged_rollout(task, finding.attacker, (1, 1), *sources)]
-    quality = np.stack([np.asarray(one.quality)[:, 0, 0] for one in actions], axis=-1)
-    ratings = np.stack([np.asarray(one.ratings)[:, :, 0, 0] for one in actions], axis=-1)
-    ratings[..., 0] = np.nan
-    honest = [j for j, name in enumerate(roster.provider_names) if name not in task.identities]
-    found = {}
-    for name in task.compromised:
-        if name in roster.rater_names:
-            found[f"ratings by {name}, a row for each honest provider"] = ratings[
-                roster.rater_names.index(name), honest
-            ]
-        if name in roster.provider_names:
-            found[f"quality of {name}"] = quality[[roster.provider_names.index(name)]]
-    return found
-
-
-def actions_figure(title: str, acts: Mapping[str, Floats]) -> Figure:
-    """Return a map of the actions of each agent by round, see `watch`; dark is 0, and light is 1."""
-    figure = Figure(figsize=(6.2, 0.9 + 1.3 * len(acts)), layout="constrained")
-    colours = LinearSegmentedColormap.from_list("actions", [ATTACKER, "#FDF3EC"])
-    grid: Any = figure.subplots(len(acts), 1, sharex=True, squeeze=False)
-    for axes, (name, values) in zip(grid.flat, acts.items(), strict=True):
-        axes.imshow(np.ma.masked_invalid(values[:, :_SHOWN]), cmap=colours, vmin=0, vmax=1, aspect="auto")
-        axes.set_title(f"{name}; dark is 0, light is 1", loc="left", fontsize=9, color=INK)
-        axes.set_yticks([])
-    grid[-1, 0].set_xlabel("round", color=INK)
-    figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
-    return figure
 
 
 if __name__ == "__main__":

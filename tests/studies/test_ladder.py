@@ -3,17 +3,15 @@
 import csv
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from roletrust_agents.learned.methods import Learned
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
 from roletrust_agents.training.runs import write_bytes
-from roletrust_baselines.search import PaperAttacks
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.trust import Traits, make_trust_model
-from studies.ladder import main, watch
+from studies.ladder import main
 
 pytestmark = pytest.mark.slow
 
@@ -82,16 +80,6 @@ def test_a_trained_attacker():
     four = make_scenario("paper-3x3").change(agents=[{"role": "SR", "count": 4}, {"role": "SP", "count": 3}])
     with pytest.raises(UnsuitableError, match="this task has 12 and 1"):
         find(zoo, {**arguments, "compromised": ("sp_2",), "scenario": four}, **measured)
-
-
-def test_what_an_attack_does_is_what_was_played():
-    arguments = {"scenario": "paper-3x3", "max_cycles": 12, "compromised": ("sr_2", "sp_0"), "objective": "damage"}
-    finding = find(PaperAttacks(), arguments, budget=0, seed=0, games=2)
-    ratings, quality = watch(arguments, finding, 0).values()
-    assert quality.tolist() == [[0, 1] * 6]
-    assert ratings.shape == (2, 12)
-    assert np.isnan(ratings[:, 0]).all()
-    assert (ratings[:, 1:] == 0.5).all()
 
 
 @pytest.mark.parametrize("name", ["eigentrust", "huber-mean", "peer-trust"])
