@@ -1,8 +1,6 @@
 """Timing: contestants that take turns, in this process, so that other work on the machine affects all alike."""
 
 import contextlib
-import importlib.util
-import inspect
 import math
 import os
 import platform
@@ -10,13 +8,13 @@ import time
 import tracemalloc
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from roletrust_env import Random
 from roletrust_env.arrays import namespace
+from roletrust_env.storage.provenance import software
 from roletrust_env.trust import Ratings, Traits, TrustModel
 from roletrust_env.trust.model import start_model
 
@@ -129,10 +127,7 @@ def traced(start: Callable[[], Callable[[], Step]], steps: int) -> tuple[Callabl
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch have a single thread in a context; do nothing without torch."""
-    if importlib.util.find_spec("torch") is None:
-        yield
-        return
+    """Let torch have a single thread in a context."""
     import torch
 
     before = torch.get_num_threads()
@@ -145,25 +140,24 @@ def one_thread() -> Iterator[None]:
 
 def machine() -> str:
     """Return the machine and the software that timings are of, in words."""
-    packages = [f"Python {platform.python_version()}"]
-    for name in ("numpy", "torch"):
-        try:
-            packages.append(f"{name} {version(name)}")
-        except PackageNotFoundError:
-            continue
-    return f"{os.cpu_count()} cores of {platform.machine()}, {', '.join(packages)}, torch on 1 of them"
+    packages = software()["packages"]
+    return (
+        f"{os.cpu_count()} cores of {platform.machine()}, Python {platform.python_version()}, "
+        f"numpy {packages['numpy']}, torch {packages['torch']} on 1 of them"
+    )
 
 
 def compiled(step: Callable[..., Any]) -> Callable[..., Any]:
     """Return a step on tensors, compiled by torch into one graph."""
     import torch
 
-    # Steps of several sizes share their code, and torch limits the compilations of a code by default.
-    known = inspect.signature(torch.compile).parameters
-    apart: Any = {"isolate_recompiles": True} if "isolate_recompiles" in known else {}
-    # The library does not change during the timing; guards on the arguments stay.
-    unguarded: dict[str, Any] = {"guard_filter_fn": torch.compiler.skip_guard_on_globals_unsafe}
-    made: Any = torch.compile(step, dynamic=False, fullgraph=True, options=unguarded, **apart)
+    settings: dict[str, Any] = {
+        # Steps of several sizes share their code, and torch limits the compilations of a code by default.
+        "isolate_recompiles": True,
+        # The library does not change during the timing; guards on the arguments stay.
+        "options": {"guard_filter_fn": torch.compiler.skip_guard_on_globals_unsafe},
+    }
+    made: Any = torch.compile(step, dynamic=False, fullgraph=True, **settings)
     in_inference: Callable[..., Any] = torch.inference_mode()(made)
     return in_inference
 

@@ -10,17 +10,12 @@ from math import ceil
 from typing import NamedTuple, TypeVar
 
 from roletrust_env import Policy, Scenario, metrics
-from roletrust_env.benchmarking.pool import LocalPool
-from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import Suite
-from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import Floats, GameRecord, exact_task, watch
 from roletrust_env.game.consumer import Bought
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_env.world.group import Role
 from roletrust_env.world.roster import Roster
-from studies import SUITES
 from studies.charts import Panel, Series
 
 T = TypeVar("T")
@@ -57,16 +52,6 @@ class Effort(NamedTuple):
         return min(many, _QUICK_ROUNDS) if self.quick else many
 
 
-def scripts() -> tuple[str, ...]:
-    """Return the attacks of questions about the worst script: those of the suite `attackers`.
-
-    They are frozen, so that published answers stay comparable.
-    """
-    suite = load_suite(SUITES / "attackers.toml")
-    assert isinstance(suite, Suite)
-    return tuple(suite.attacks)
-
-
 def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | None = None) -> GameRecord:
     """Play a scenario under the paper's model, with the same random numbers for all attacks.
 
@@ -84,17 +69,6 @@ def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | N
     seen = watch(exact_task(arguments), Scripted(attackers or {}), effort.seed, (1, effort.games))
     rounds = (Bought(*(part[:, 0] for part in bought)) for bought in (seen.bought, seen.published))
     return GameRecord(seen.trust[:, :, 0], *rounds)
-
-
-def play_suite(suite: Suite) -> list[StoredCell]:
-    """Play all cells of a suite, on all cores.
-
-    Returns:
-        The cells in their order, including failed ones.
-    """
-    every = suite.cells()
-    done = dict(LocalPool().play(suite, every))
-    return [StoredCell(cell, done[cell]) for cell in every]
 
 
 def lost(seen: GameRecord, twin: GameRecord, agents: Iterable[int]) -> Floats:

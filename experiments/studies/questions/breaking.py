@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.benchmarking.suite import Stage, Suite, Track
-from roletrust_env.benchmarking.suite_files import load_suite
-from roletrust_env.benchmarking.worst_case import WorstCase, attack_scores, worst_cases
+from roletrust_env.benchmarking import Suite, benchmark
+from roletrust_env.benchmarking.suite import Stage, Track
+from roletrust_env.benchmarking.worst_case import WorstCase, worst_cases
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from studies.charts import Panel, Series
-from studies.questions.answers import PATIENCE_S, Effort, Finding, play_suite, scripts, sign
+from studies.condition import suite_of
+from studies.questions.answers import PATIENCE_S, Effort, Finding, sign
 
 QUESTION = "Which share of liars breaks each trust model?"
 _SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6
@@ -47,14 +48,14 @@ class Break(NamedTuple):
 def answer(effort: Effort) -> Finding:
     """Play all models against all scripts, with a growing share of liars, in the benchmark's small market."""
     suite = _suite(effort)
-    kept = play_suite(suite)
-    cases = worst_cases(attack_scores(suite, kept))
+    played = benchmark(suite=suite, progress=False)
+    cases = worst_cases(played.attacks)
     left: dict[str, dict[float, Estimate]] = {}
     for model in suite.model_names:
         by_share = {where.share: case for (name, where), case in cases.items() if name == model}
         if set(by_share) == {0.0, *suite.tracks["liars"].shares}:
             left[model] = {share: _over_half(case, by_share[0.0]) for share, case in sorted(by_share.items())}
-    failed = {cell.model: done.failed for cell, done in kept if done.failed}
+    failed = {cell.model: done.failed for cell, done in played.cells if done.failed}
     breaks = {model: breaking(found) for model, found in left.items() if sign(found[0.0]) > 0}
     order = sorted(breaks, key=lambda model: (-breaks[model].share, -breaks[model].whole, model))
     panel = Panel(
@@ -114,16 +115,14 @@ def _over_half(case: WorstCase, calm: WorstCase) -> Estimate:
 
 
 def _suite(effort: Effort) -> Suite:
-    quick = load_suite("quick")
-    assert isinstance(quick, Suite)
-    market = quick.scenarios["market"]
+    market = suite_of("quick").scenarios["market"]
     rounds = effort.rounds(_ROUNDS)
     suite = Suite(
         name="liars",
         scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},
         tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=effort.some(_SHARES))},
         methods=("scripted",),
-        attacks=scripts(),
+        attacks=suite_of("attackers").attacks,
         games=max(_LEAST, effort.games // _FEWER),
         seeds=(effort.seed,),
         limit_s=PATIENCE_S,

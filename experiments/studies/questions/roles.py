@@ -5,12 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from roletrust_env import make_scenario
+from roletrust_env.benchmarking import Suite, benchmark
 from roletrust_env.benchmarking.schema import AttackResult
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import Stage, Suite, Track
+from roletrust_env.benchmarking.suite import Stage, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from studies.charts import Panel
-from studies.questions.answers import PATIENCE_S, Effort, Finding, lines, listed, play_suite, scripts, verdict
+from studies.condition import suite_of
+from studies.questions.answers import PATIENCE_S, Effort, Finding, lines, listed, verdict
 
 QUESTION = "Do raters do more harm than providers?"
 _PLACES = {"the paper's team": "paper-3x3", "a market": "market"}
@@ -22,7 +24,7 @@ _WHAT = {"trust": "trust of the honest", "utility": "utility of consumers"}
 def answer(effort: Effort) -> Finding:
     """Play all scripted attacks by a third of the raters, and by a third of the providers."""
     suite = _suite(effort)
-    kept = play_suite(suite)
+    kept = benchmark(suite=suite, progress=False).cells
     found = {
         (what, f"{who} attack", place): values
         for place in suite.scenarios
@@ -84,7 +86,7 @@ def _suite(effort: Effort) -> Suite:
         scenarios=stages,
         tracks={"honest": Track()} | {who: Track(roles=(role,), shares=(_SHARE,)) for who, role in _TRACKS.items()},  # type: ignore[arg-type]
         methods=("scripted",),
-        attacks=scripts(),
+        attacks=suite_of("attackers").attacks,
         games=effort.games,
         seeds=(effort.seed,),
         limit_s=PATIENCE_S,
