@@ -4,6 +4,7 @@ Beside the models stands a round of role-trust in plain NumPy, and the bandwidth
 quarter of an hour.
 """
 
+import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from roletrust_env.trust import Ratings, TrustModel, trust_models
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from roletrust_env.trust.run import edge_model, runs_on_edges, start_on_edges
 from studies.study import Recipe, Study
-from studies.timing import PLAIN, Contestant, Spread, Timing, machine, measure, traced
+from studies.timing import Contestant, Spread, Timing, machine, measure
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -34,6 +35,9 @@ class Options(NamedTuple):
 
 
 RECIPES = {"edge-costs": Recipe(Options(), {name: name for name in ("edge-costs.md", "edge-costs.csv")})}
+
+PLAIN = "plain NumPy"
+"""Name of the round of role-trust that is written by hand."""
 
 EACH = 10
 """Ratings of each rater, and of each provider, on average."""
@@ -155,7 +159,11 @@ def plain(edges: Edges) -> Callable[[], Any]:
 
 
 def _timed(name: str, edges: Edges, make: Callable[[], Callable[[], Any]]) -> tuple[Timing, int]:
-    step, memory = traced(make, 1)
+    tracemalloc.start()
+    step = make()
+    step()
+    memory = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
     (taken,) = measure([Contestant(name, step, len(edges.raters))], _REPEATS, _SLICE_S)
     return taken, memory + edges.raters.nbytes + edges.providers.nbytes + edges.values.nbytes
 

@@ -149,7 +149,12 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
         raise ValueError("the results have no condition with an attack")
     found = []
     for condition, group in groups.items():
-        common = {name: rows for (_, name), rows in group.items() if _complete(rows, models)}
+        common = {
+            name: rows
+            for (_, name), rows in group.items()
+            if len(rows) == len(models)
+            and not any(np.isnan(one.chosen).any() or np.isnan(one.score).any() for one in rows.values())
+        }
         if not common:
             raise ValueError(f"no attack was played on all {len(models)} models in {condition.description}")
         chosen, measured = (
@@ -158,12 +163,6 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
         )
         found.append(Payoffs(condition, tuple(common), chosen, measured))
     return found
-
-
-def _complete(rows: dict[str, AttackScores], models: Sequence[str]) -> bool:
-    return len(rows) == len(models) and not any(
-        np.isnan(x).any() for one in rows.values() for x in (one.chosen, one.score)
-    )
 
 
 def solve(games: Sequence[Floats]) -> Solution:

@@ -230,14 +230,11 @@ def _run_name(row: Row, seed: int) -> str:
 
 
 def _cells(row: Row) -> list[str]:
+    """Return a row of the table; half an interval is rounded up."""
+    score = f"{row.score:.4f}" + (f" ± {ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
     rounds, seconds = max(run.rounds for run in row.runs), float(np.mean([run.seconds for run in row.runs]))
     share = "" if np.isnan(row.share) else f"{row.share:.3f}"
-    return [row.name, _score(row), share, f"{rounds:,}" if rounds else "-", f"{seconds:.1f}"]
-
-
-def _score(row: Row) -> str:
-    """Return the score and half its interval, rounded up."""
-    return f"{row.score:.4f}" + (f" ± {ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
+    return [row.name, score, share, f"{rounds:,}" if rounds else "-", f"{seconds:.1f}"]
 
 
 if __name__ == "__main__":

@@ -50,32 +50,22 @@ _EVOLVE = (
 )
 _ABLE = 'role="SP",ability=[0.3,1.0]'
 _RATERS = '{role="SR",count=10,noise=0.05}'
-_RATERS_WITH_RESERVE = '{role="SR",count=7,noise=0.05},{role="SR",count=3,noise=0.05,reserve=3}'
-_LIARS, _CHEATS, _CHEATS_OF_6 = ["sr_7", "sr_8", "sr_9"], ["sp_7", "sp_8", "sp_9"], ["sp_4", "sp_5"]
+_SPARE = '{role="SR",count=7,noise=0.05},{role="SR",count=3,noise=0.05,reserve=3}'
+_LIARS, _CHEATS, _OF_6 = ["sr_7", "sr_8", "sr_9"], ["sp_7", "sp_8", "sp_9"], ["sp_4", "sp_5"]
 UNIVERSAL = {
     "raters": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", ["sr_5", "sr_6", *_LIARS]),
     "providers": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", _CHEATS),
     "coalition": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", [*_LIARS, *_CHEATS]),
-    "identities": (
-        *("crowd-10x10", f"{_RATERS_WITH_RESERVE},{{{_ABLE},count=7}},{{{_ABLE},count=3,reserve=3}}"),
-        [*_LIARS, *_CHEATS],
-    ),
+    "identities": ("crowd-10x10", f"{_SPARE},{{{_ABLE},count=7}},{{{_ABLE},count=3,reserve=3}}", [*_LIARS, *_CHEATS]),
     "raters-market": ("market", f"{_RATERS},{{{_ABLE},count=6}}", _LIARS),
-    "coalition-market": ("market", f"{_RATERS},{{{_ABLE},count=6}}", [*_LIARS, *_CHEATS_OF_6]),
-    "identities-market": (
-        *("market", f"{_RATERS_WITH_RESERVE},{{{_ABLE},count=4}},{{{_ABLE},count=2,reserve=3}}"),
-        [*_LIARS, *_CHEATS_OF_6],
-    ),
+    "coalition-market": ("market", f"{_RATERS},{{{_ABLE},count=6}}", [*_LIARS, *_OF_6]),
+    "identities-market": ("market", f"{_SPARE},{{{_ABLE},count=4}},{{{_ABLE},count=2,reserve=3}}", [*_LIARS, *_OF_6]),
 }
 """Universal coalitions: one network each for liars, cheats, both, and both with identities in reserve.
 
 They are trained in the crowd and in the market of the suite two-worlds, against five trust models in turn. Each has its
 scenario, its agents and the compromised ones.
 """
-
-
-def _compromised(names: Sequence[str]) -> str:
-    return " ".join(f"--compromised {name}" for name in names)
 
 
 COMMANDS = {
@@ -109,7 +99,9 @@ COMMANDS = {
     ],
     "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
     "universal": [
-        f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}] {_compromised(names)} --out {{out}}/{name}"
+        f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}]"
+        + "".join(f" --compromised {agent}" for agent in names)
+        + f" --out {{out}}/{name}"
         for name, (scenario, agents, names) in UNIVERSAL.items()
     ],
     "zoo": [

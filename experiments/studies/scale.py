@@ -41,10 +41,6 @@ class Options(NamedTuple):
 MET = 5
 """Number of providers that a rater meets in a round of the preset `city`."""
 
-LEAST = 5 * MET
-"""Least number of agents of a city: a rater meets all of its providers."""
-
-_GROUP = 100_000  # agents of a group, at most
 _PERIOD = 10  # of the on-off providers, in rounds
 
 ATTACKS = "bad-mouthing", "on-off", "collusion"
@@ -100,9 +96,7 @@ def city(agents: int, rounds: int) -> Scenario:
     """Return the preset `city` with another number of agents, four raters to each provider, and of rounds."""
     preset = make_scenario("city")
     groups = [
-        group.model_copy(update={"count": min(_GROUP, count - begun)}).model_dump()
-        for group, count in zip(preset.agents, city_sizes(agents), strict=True)
-        for begun in range(0, count, _GROUP)
+        {**group.model_dump(), "count": count} for group, count in zip(preset.agents, city_sizes(agents), strict=True)
     ]
     return preset.change(agents=groups, max_cycles=rounds)
 
@@ -175,7 +169,7 @@ def _caption(found: Sequence[Harm], seeds: int, rounds: int) -> str:
     text = (
         "Skill is 1 for the best of the five providers in every round, and 0 for a blind choice. Shown is the skill "
         "that honest agents bring, and the skill that is lost to each attack in the same luck: means of "
-        f"{seeds} seeds with 95% intervals, games of {rounds} rounds. With {LEAST} agents, all raters meet all "
+        f"{seeds} seeds with 95% intervals, games of {rounds} rounds. With {5 * MET} agents, all raters meet all "
         "providers, so that whoever rates all alike changes no order."
     )
     sizes = sorted({one.agents for one in found if city_sizes(one.agents)[1] > MET})

@@ -5,10 +5,9 @@ import math
 import os
 import platform
 import time
-import tracemalloc
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,13 +17,8 @@ from roletrust_env.storage.provenance import software
 from roletrust_env.trust import Ratings, Traits, TrustModel
 from roletrust_env.trust.model import start_model
 
-Step = TypeVar("Step")
-
 COMPILED = "compiled torch"
 """Name of the library in which a step is one graph."""
-
-PLAIN = "plain NumPy"
-"""Name of what is written by hand for one case."""
 
 
 class Contestant(NamedTuple):
@@ -111,18 +105,6 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
     while (elapsed := _time(contestant, steps) * steps) < seconds / 4:
         steps *= 2
     return max(1, round(steps * seconds / elapsed))
-
-
-def traced(start: Callable[[], Callable[[], Step]], steps: int) -> tuple[Callable[[], Step], int]:
-    """Return the function that `start` returns, after some calls, and the peak of their memory in bytes."""
-    tracemalloc.start()
-    try:
-        step = start()
-        for _ in range(steps):
-            step()
-        return step, tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 @contextlib.contextmanager

@@ -202,4 +202,4 @@ def skill_by_seed(by_trust: Floats, blind: Floats) -> Floats:
 
 def as_array(values: Sequence[float | None]) -> Floats:
     """Return stored numbers as an array. None becomes NaN."""
-    return np.array([np.nan if x is None else x for x in values], np.float64)
+    return np.array(values, np.float64)

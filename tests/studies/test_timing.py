@@ -11,8 +11,8 @@ import pytest
 from roletrust_env.trust import Mean, Ratings, RoleTrust, make_trust_model
 from studies import costs, edge_costs, speed
 from studies.costs import Cell, Found, compile_ahead, growth, measure_models, sizes
-from studies.edge_costs import Edges, on_edges, plain
-from studies.timing import COMPILED, PLAIN, Contestant, Size, Spread, Timing, measure, one_thread, trust_update
+from studies.edge_costs import PLAIN, Edges, on_edges, plain
+from studies.timing import COMPILED, Contestant, Size, Spread, Timing, measure, one_thread, trust_update
 
 pytestmark = pytest.mark.slow
 

@@ -43,18 +43,6 @@ class World(NamedTuple):
     honest: int
 
 
-class Trusted(NamedTuple):
-    """Trust after the last round.
-
-    Attributes:
-        published: Published trust in the providers, shape (P, E).
-        own: Trust of the honest raters, each its own where the model has it, shape (H, P, E).
-    """
-
-    published: Floats
-    own: Floats
-
-
 def answer(effort: Effort) -> Finding:
     """Play every model where half of the raters lie, and some with other shares, without and with more identities."""
     rng = np.random.default_rng(effort.seed)
@@ -125,17 +113,21 @@ def worlds(honest: int, liars: int, rounds: int, games: int, rng: np.random.Gene
     )
 
 
-def trust_in(name: str, world: World) -> Trusted:
-    """Return the trust of a model after all rounds of a world."""
+def trust_in(name: str, world: World) -> tuple[Floats, Floats]:
+    """Return the trust in the providers after all rounds of a world.
+
+    Returns:
+        The published trust, shape (P, E); that of the honest raters, each its own where the model has it, (H, P, E).
+    """
     model = make_trust_model(name)
     state = start_model(model, np.zeros(world.ratings.shape[1:]), np.zeros(world.ratings.shape[1:3], bool))
     for ratings, mask in zip(world.ratings, world.mask, strict=True):
         state = model.update(state, Ratings(ratings, mask))
     published = np.asarray(model.provider_trust(state))
     if Traits.of(model).family != "personal":
-        return Trusted(published, published[None])
+        return published, published[None]
     own: Any = model.judge_trust(state)  # type: ignore[attr-defined]
-    return Trusted(published, np.asarray(own)[: world.honest])
+    return published, np.asarray(own)[: world.honest]
 
 
 def played(name: str, pair: tuple[World, World]) -> tuple[Estimate, Estimate]:

@@ -9,6 +9,7 @@ from roletrust_env.benchmarking import Suite, benchmark
 from roletrust_env.benchmarking.schema import AttackResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Stage, Track
+from roletrust_env.benchmarking.worst_case import as_array
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from studies.charts import Panel
 from studies.condition import suite_of
@@ -69,10 +70,10 @@ def harm(attacks: Sequence[AttackResult], calm: AttackResult) -> dict[str, Float
         For each game, (G,): `trust`, what honest agents lose, see `metrics.damage`, and `utility`, what consumers lose,
         see `metrics.utility`.
     """
-    by_trust = max(attacks, key=lambda row: np.nanmean(_numbers(row.chosen["damage"])))
-    by_utility = min(attacks, key=lambda row: np.nanmean(_numbers(row.chosen["utility"])))
-    utility = _numbers(calm.measured["utility"]) - _numbers(by_utility.measured["utility"])
-    return {"trust": _numbers(by_trust.measured["damage"]), "utility": utility}
+    by_trust = max(attacks, key=lambda row: np.nanmean(as_array(row.chosen["damage"])))
+    by_utility = min(attacks, key=lambda row: np.nanmean(as_array(row.chosen["utility"])))
+    utility = as_array(calm.measured["utility"]) - as_array(by_utility.measured["utility"])
+    return {"trust": as_array(by_trust.measured["damage"]), "utility": utility}
 
 
 def _suite(effort: Effort) -> Suite:
@@ -96,7 +97,3 @@ def _suite(effort: Effort) -> Suite:
 def _rows(kept: Sequence[StoredCell], place: str, track: str) -> tuple[AttackResult, ...]:
     """Return the results on a track."""
     return next(done.rows for cell, done in kept if (cell.scenario, cell.track) == (place, track))
-
-
-def _numbers(values: Sequence[float | None]) -> Floats:
-    return np.array(values, np.float64)  # None becomes NaN
