@@ -2,6 +2,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := results
+# Tests start hundreds of processes: each takes twice as long where Python may not keep what it compiles.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: run docs test test-all test-slow test-doctests test-thorough test-studies test-site test-extras test-live test-soak \
 	test-ros2 test-clients setup format study studies benchmark report archive clean

@@ -30,8 +30,7 @@ myst_heading_anchors = 3
 myst_fence_as_directive = ["mermaid"]
 
 # Tutorials run when their text changes; `-D nb_execution_mode=off` shows them without what they print.
-nb_execution_mode = "cache"
-nb_execution_cache_path = str(Path(__file__).parent.parent / "build" / "notebooks")
+nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600

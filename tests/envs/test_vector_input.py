@@ -59,28 +59,16 @@ def spoilt(value: Any) -> np.ndarray:
     return actions
 
 
-@pytest.mark.parametrize(
-    "actions",
-    [
-        pytest.param(spoilt(np.nan), id="NaN"),
-        pytest.param(spoilt(np.inf), id="inf"),
-        pytest.param(spoilt(1.25), id="too large"),
-        pytest.param(spoilt(-0.25), id="too small"),
-        pytest.param(np.zeros((4, GAMES)), id="transposed"),
-        pytest.param(np.zeros((GAMES + 1, 4)), id="too many"),
-        pytest.param(np.zeros(4), id="of one game"),
-        pytest.param(0.5, id="a number"),
-        pytest.param(None, id="None"),
-        pytest.param("worst", id="a word"),
-    ],
-)
 @pytest.mark.parametrize("tensors", [False, True], ids=["numpy", "torch"])
-def test_bad_actions_are_refused_and_change_nothing(actions: Any, tensors: bool) -> None:
+def test_bad_actions_are_refused_and_change_nothing(tensors: bool) -> None:
     like = torch.zeros(()) if tensors else None
     batch, twin = at_the_boundary(like), at_the_boundary(like)
-    with pytest.raises(ValueError, match="action") as error:
-        batch.step(actions)
-    assert "\n" not in str(error.value)
+    off = [spoilt(value) for value in (np.nan, np.inf, 1.25, -0.25)]
+    misshapen = [np.zeros((4, GAMES)), np.zeros((GAMES + 1, 4)), np.zeros(4), 0.5, None, "worst"]
+    for actions in (*off, *misshapen):
+        with pytest.raises(ValueError, match="action") as error:
+            batch.step(actions)
+        assert "\n" not in str(error.value)
     for good in lies(GAMES, 5, 4, 9):
         for part, value in zip(batch.step(good)[:4], twin.step(good)[:4], strict=True):
             assert np.array_equal(part, value)

@@ -58,6 +58,12 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Any:
         yield "unruly_models"
 
 
+@pytest.fixture(scope="module")
+def mean() -> IsolatedModel:
+    """A process starts in a second, so tests that need no fresh one share it."""
+    return IsolatedModel("mean", SCENARIO)
+
+
 def scores(model: Any) -> Scores:
     policies = parse_attacks(["sr_0=rank-lies", "sr_1=rank-lies"], SCENARIO)
     task = exact_task(
@@ -82,15 +88,14 @@ def test_a_model_scores_the_same_in_a_process_of_its_own(text: str, seated: bool
         np.testing.assert_array_equal(values, found[1][name])
 
 
-def test_it_learns_the_settings_of_the_scenario() -> None:
-    model = IsolatedModel("mean", SCENARIO)
+def test_it_learns_the_settings_of_the_scenario(mean: IsolatedModel) -> None:
     like, peers = np.zeros((2, 1, 1)), np.zeros((2, 1), bool)
-    state = model.update(model.start(like, peers), Ratings(like, like == 0))
-    assert model.provider_trust(state) == pytest.approx(0.125)  # a quarter of the initial 0.5
+    state = mean.update(mean.start(like, peers), Ratings(like, like == 0))
+    assert mean.provider_trust(state) == pytest.approx(0.125)  # a quarter of the initial 0.5
 
 
-def test_games_go_on_from_the_latest_states_only() -> None:
-    model, like = IsolatedModel("mean", SCENARIO), np.zeros((2, 1, 2))
+def test_games_go_on_from_the_latest_states_only(mean: IsolatedModel) -> None:
+    model, like = mean, np.zeros((2, 1, 2))
     first = state = model.start(like, like[..., 0] > 0)
     for _ in range(7):
         state = model.update(state, Ratings(like, like == 0))
@@ -136,14 +141,14 @@ def test_the_process_ends_with_the_model() -> None:
     assert not process.exists()
 
 
-def test_torch_is_refused() -> None:
+def test_torch_is_refused(mean: IsolatedModel) -> None:
     torch = pytest.importorskip("torch")
     with pytest.raises(ValueError, match="works on NumPy arrays"):
-        IsolatedModel("mean", SCENARIO).start(torch.zeros(2, 1), None)
+        mean.start(torch.zeros(2, 1), None)
 
 
-def test_models_of_the_project_are_known_without_an_import(models: str) -> None:
+def test_models_of_the_project_are_known_without_an_import(models: str, mean: IsolatedModel) -> None:
     assert is_own_model("role-trust:lam=0.7")
     assert not is_own_model(f"{models}:Talking")
     assert not is_own_model("no-such-model")
-    assert needs_watching(IsolatedModel("mean", SCENARIO))
+    assert needs_watching(mean)

@@ -17,9 +17,9 @@ PLAIN = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
     ("backend", "scenario"),
     [
         pytest.param("inductor", PLAIN, id="inductor", marks=pytest.mark.slow),
+        pytest.param("eager", busy(access=ACCESS["softmax"], max_cycles=3), id="eager-softmax"),
         *(
-            pytest.param(backend, busy(access=access, max_cycles=3), id=f"{backend}-{name}", marks=marks)
-            for backend, marks in (("eager", ()), ("aot_eager", pytest.mark.slow))
+            pytest.param("aot_eager", busy(access=access, max_cycles=3), id=f"aot_eager-{name}", marks=pytest.mark.slow)
             for name, access in ACCESS.items()
         ),
     ],

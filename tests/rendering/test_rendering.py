@@ -90,7 +90,7 @@ def vermilion(frame):
     return int((frame == (0xD5, 0x5E, 0x00)).all(-1).sum())
 
 
-@pytest.mark.parametrize("name", ["paper-3x3", "crowd-10x10", "crowd-100x100"])
+@pytest.mark.parametrize("name", ["paper-3x3", "crowd-100x100"])
 def test_attackers_are_marked(name):
     game = play(name, 2)
     honest = game.render()

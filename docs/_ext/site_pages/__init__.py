@@ -14,12 +14,15 @@ from myst_nb.core import render
 from nbformat import NotebookNode
 from sphinx.application import Sphinx
 from sphinx.config import Config
+from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 from site_pages import docstrings
 from site_pages.pages import write_pages
 
+_GROUPS = 6
+"""Number of groups into which the pages are dealt out, about as many as Sphinx makes for two processes."""
 _NO_REPORT = (
     "The report of the leaderboard is missing: make benchmark writes it, and roletrust-results.tar.gz of a release, "
     "unpacked in the checkout, has it."
@@ -38,6 +41,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     render.coalesce_streams = whole_streams
     app.add_config_value("site_quick", False, "env", (bool,))
     app.connect("config-inited", _begin, priority=700)  # before Sphinx checks that the static folders exist
+    app.connect("env-before-read-docs", _deal_out)
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # before napoleon
     app.connect("autodoc-process-signature", docstrings.as_written)
     app.connect("autodoc-skip-member", docstrings.skipped)
@@ -82,7 +86,13 @@ def _begin(app: Sphinx, config: Config) -> None:
     # Tutorials call `roletrust` of the environment that builds the site, also if it is not activated.
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # wide tables without colours
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # two tutorials run at once
     write_pages(Path(app.srcdir) / "reference", quick=config.site_quick)
+
+
+def _deal_out(app: Sphinx, env: BuildEnvironment, docnames: list[str]) -> None:
+    # Tutorials take minutes, and a process reads pages that follow each other: in this order, each process has some.
+    docnames[:] = [name for first in range(_GROUPS) for name in docnames[first::_GROUPS]]
 
 
 def _add_report(app: Sphinx, error: Exception | None) -> None:

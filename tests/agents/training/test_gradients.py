@@ -101,11 +101,10 @@ def test_all_rounds_are_counted():
 
 def test_a_search_stays_in_its_budget():
     spent = []
-    budget = Budget(5_000, spent.append)
+    budget = Budget(3_220, spent.append)
     result = GradientSearch().search({**TASK, "trust_model": "beta"}, budget, 0)
-    assert sum(spent) == budget.spent == result.rounds <= 5_000
-    assert budget.spent > 4_000
+    assert sum(spent) == budget.spent == result.rounds <= 3_220
+    assert budget.spent > 2_500
     assert isinstance(GradientSearch(), SearchMethod)
     with pytest.raises(UnsuitableError, match="too small for gradients; give 3220 or more"):
         GradientSearch().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
-    assert GradientSearch().search({**TASK, "trust_model": "beta"}, Budget(3220), 0).rounds <= 3220

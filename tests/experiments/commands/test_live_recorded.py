@@ -138,7 +138,7 @@ def test_a_replay_of_nothing_leaves_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("source", ["game", "robots"])
-def test_a_recorded_team_is_a_scenario_of_the_benchmark(source, bag, tmp_path, monkeypatch):
+def test_a_recorded_team_is_a_scenario_of_the_benchmark(source, bag, tmp_path, monkeypatch, in_process):
     """The suite is that of the guide; the recording of robots is that of the tutorial, of a live run."""
     recording = bag if source == "game" else HOUSE / "docs" / "tutorials" / "recording"
     monkeypatch.chdir(tmp_path)

@@ -24,10 +24,10 @@ shares = [0.5]
 """
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def folder(in_process: None, tmp_path: Path) -> Path:
     """Folder with a suite, its results and its attacks."""
-    folder = tmp_path_factory.mktemp("attacks")
+    folder = tmp_path
     (folder / "tiny.toml").write_text(SUITE)
     tell("benchmark", "--suite", folder / "tiny.toml", "--workers", "1", "--out", folder / "run")
     told = tell(

@@ -16,6 +16,8 @@ from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.resources import processor
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 
 @pytest.fixture(scope="module")
 def found_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> str:

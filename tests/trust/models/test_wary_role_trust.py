@@ -1,6 +1,7 @@
 """Wary role-trust, against its formulas loop by loop, and what each of its parts is for."""
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from math import sqrt
 from typing import Any
 
@@ -141,12 +142,14 @@ def test_a_rater_has_its_say_where_it_was_and_is_not() -> None:
 
 
 @pytest.mark.parametrize("notes", [(0, 1), (0.2, 0.8), (0.1, 0.7), (0, 0.3)], ids=str)
-@pytest.mark.parametrize("each", [1, 2, 3, 4, 5, 6, 15, 250])
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
-def test_no_half_of_the_raters_wins(notes: Vector, each: int, dtype: type, asarray: Callable[..., Any]) -> None:
+@pytest.mark.parametrize(
+    ("dtype", "asarray"),
+    [(np.float32, np.asarray), (np.float64, np.asarray), (np.float32, torch.asarray)],
+    ids=["numpy", "numpy64", "torch"],
+)
+def test_no_half_of_the_raters_wins(notes: Vector, dtype: type, asarray: Callable[..., Any]) -> None:
     """Whatever their order, and however much their trust counts."""
-    for power in (2.0, 8.0):
+    for each, power in product((1, 2, 3, 5, 15, 250), (2.0, 8.0)):
         ratings = np.random.default_rng(each).permutation(np.array([notes] * each, dtype).reshape(-1, 1))
         ratings = asarray(np.concatenate([ratings, 1 - ratings], axis=1))  # a provider of each half
         raters, providers = after([ratings] * 50, power=power)
