@@ -21,7 +21,8 @@ class Registry(Generic[T]):
 
     A name is looked up among the registered factories, and then among the entry points that installed packages declare
     under `group`. A package with many objects can instead declare a module in the group `roletrust_env.plugins`. That
-    module is imported before the first look-up in any registry, and registers the objects.
+    module is imported before the first look-up in any registry of a name that is not registered, and registers the
+    objects.
 
     An entry point is loaded only when its name is looked up, so a broken package affects only its own names. A
     registered or installed factory can be a function; the objects that it makes are checked. A class given by module
@@ -57,12 +58,12 @@ class Registry(Generic[T]):
 
     def __contains__(self, name: str) -> bool:
         """Return whether a name is known. Installed packages are searched only if it is not registered here."""
-        load_plugins()
-        return name in self._factories or name in self._plugins()
+        return self.registered(name) is not None or name in self._plugins()
 
     def registered(self, name: str) -> Callable[..., T] | None:
         """Return the factory that is registered under a name here, or None. Entry points of the group do not count."""
-        load_plugins()
+        if name not in self._factories:
+            load_plugins()
         return self._factories.get(name)
 
     def names(self) -> list[str]:
@@ -76,9 +77,8 @@ class Registry(Generic[T]):
         Raises:
             ValueError: The name is unknown (the message lists the known names), or its plug-in cannot be loaded.
         """
-        load_plugins()
-        if name in self._factories:
-            return self._factories[name]
+        if registered := self.registered(name):
+            return registered
         plugins = self._plugins()
         if name not in plugins:
             raise ValueError(f"unknown {self.kind} {name!r}{suggest(name, self.names())}")

@@ -186,4 +186,5 @@ def _ranked(names: list[str], trusts: dict[int, float], places: Any) -> list[tup
     trust: Floats = np.array(list(trusts.values()))
     ratings = np.bincount(places, minlength=len(names))
     order = np.lexsort((-ratings, -trust))
-    return [(names[at], float(trust[at]), int(ratings[at])) for at in order.tolist() if ratings[at]]
+    order = order[ratings[order] > 0]
+    return list(zip([names[at] for at in order.tolist()], trust[order].tolist(), ratings[order].tolist(), strict=True))
