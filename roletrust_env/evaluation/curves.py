@@ -45,11 +45,7 @@ def curve_bytes(joint_policy: JointPolicy) -> int:
 
 
 def record_curves(
-    joint_policy: JointPolicy,
-    seed: int,
-    *,
-    games: int = 1,
-    on_round: Callable[[State], None] = lambda state: None,
+    joint_policy: JointPolicy, seed: int, *, games: int = 1, on_round: Callable[[State], None] = lambda state: None
 ) -> Curves:
     """Play games to the end of the scenario as one batch, and return their curves.
 

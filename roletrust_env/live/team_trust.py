@@ -164,11 +164,7 @@ class TeamTrust:
 
 
 def replay_rounds(
-    model: TrustModel[Any],
-    entries: Iterable[JournalEntry],
-    team: Team | None,
-    path: Path,
-    run: TeamRun | None = None,
+    model: TrustModel[Any], entries: Iterable[JournalEntry], team: Team | None, path: Path, run: TeamRun | None = None
 ) -> TeamRun | None:
     """Replay some rounds and check their trust; return None if there are none and no run.
 

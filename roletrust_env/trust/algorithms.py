@@ -52,14 +52,7 @@ def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> 
 
 
 def provider_trust(
-    ratings: Array,
-    mask: Array,
-    *,
-    tor: Array,
-    previous: Array,
-    lam: float,
-    last_ratings: Array,
-    elapsed: Array,
+    ratings: Array, mask: Array, *, tor: Array, previous: Array, lam: float, last_ratings: Array, elapsed: Array
 ) -> Array:
     """Return the trust of each provider, ToP (Algorithm 2): its ratings' level, their steadiness, their raters' trust.
 

@@ -43,6 +43,5 @@ def move(rule: InRange, motion: Motion, goal: Array) -> Motion:
     arrives = distance <= rule.speed
     stride = way * (rule.speed / xp.where(arrives, 1.0, distance))
     return Motion(
-        xp.where(arrives, motion.goal, motion.position + stride),
-        xp.where(arrives, goal * rule.arena, motion.goal),
+        xp.where(arrives, motion.goal, motion.position + stride), xp.where(arrives, goal * rule.arena, motion.goal)
     )

@@ -26,12 +26,7 @@ def start(rule: RatingDelivery, like: Array) -> InTransit:
 
 
 def deliver(
-    rule: RatingDelivery,
-    transit: InTransit | None,
-    ratings: Array,
-    sent: Array,
-    lost: Array | None,
-    late: Array | None,
+    rule: RatingDelivery, transit: InTransit | None, ratings: Array, sent: Array, lost: Array | None, late: Array | None
 ) -> tuple[Array, Array, InTransit | None]:
     """Deliver the ratings of one round.
 
@@ -54,11 +49,6 @@ def deliver(
     delayed = sent & (late < rule.late)
     on_time = sent & ~delayed
     waiting = InTransit(
-        xp.concat([transit.ratings[1:], ratings[None, ...]]),
-        xp.concat([transit.sent[1:], delayed[None, ...]]),
+        xp.concat([transit.ratings[1:], ratings[None, ...]]), xp.concat([transit.sent[1:], delayed[None, ...]])
     )
-    return (
-        xp.where(on_time, ratings, transit.ratings[0]),
-        on_time | transit.sent[0],
-        waiting,
-    )
+    return (xp.where(on_time, ratings, transit.ratings[0]), on_time | transit.sent[0], waiting)

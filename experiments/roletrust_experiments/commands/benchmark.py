@@ -35,13 +35,7 @@ from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import (
-    ALLOW_CODE,
-    console,
-    errors,
-    number_table,
-    progress_bar,
-)
+from roletrust_experiments.commands.console import ALLOW_CODE, console, errors, number_table, progress_bar
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Workers

@@ -15,13 +15,7 @@ from roletrust_env.storage.provenance import describe_policies, provenance
 from roletrust_experiments.commands.console import console, plain_table, progress_bar
 from roletrust_experiments.commands.options import Out
 from roletrust_experiments.paper import claims
-from roletrust_experiments.paper.figures import (
-    BAD_MOUTHING,
-    ON_OFF,
-    loop_length_s,
-    loop_note,
-    papers,
-)
+from roletrust_experiments.paper.figures import BAD_MOUTHING, ON_OFF, loop_length_s, loop_note, papers
 from roletrust_experiments.playing.games import track_curves
 
 

@@ -18,13 +18,7 @@ from roletrust_env.evaluation.specs import parse_attacks, parse_settings, parse_
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
-from roletrust_experiments.commands.console import (
-    console,
-    errors,
-    number_table,
-    print_json,
-    progress_bar,
-)
+from roletrust_experiments.commands.console import console, errors, number_table, print_json, progress_bar
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, Seed, SettingsOption
 from roletrust_experiments.playing.games import (

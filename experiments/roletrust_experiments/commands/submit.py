@@ -29,12 +29,7 @@ from roletrust_env.benchmarking.verification import (
     sample_claims,
 )
 from roletrust_env.storage.files import write_json
-from roletrust_experiments.commands.console import (
-    ALLOW_CODE,
-    console,
-    number_table,
-    progress_bar,
-)
+from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import read_run
 from roletrust_experiments.commands.options import NAMED, Workers

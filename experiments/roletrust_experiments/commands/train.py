@@ -16,14 +16,7 @@ from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands.console import console, errors, progress_bar
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import (
-    NAMED,
-    Out,
-    Seed,
-    SettingsOption,
-    find_task,
-    task_names,
-)
+from roletrust_experiments.commands.options import NAMED, Out, Seed, SettingsOption, find_task, task_names
 from roletrust_experiments.plots.figure_files import write_figure
 
 if TYPE_CHECKING:
@@ -45,10 +38,7 @@ _ALGORITHMS = _SINGLE | _COALITIONS
 
 def train(
     context: typer.Context,
-    task: Annotated[
-        str | None,
-        typer.Argument(help=f"Attack task: {', '.join(task_names())}."),
-    ] = None,
+    task: Annotated[str | None, typer.Argument(help=f"Attack task: {', '.join(task_names())}.")] = None,
     learner: Annotated[
         str,
         typer.Option(

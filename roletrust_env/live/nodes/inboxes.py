@@ -347,14 +347,7 @@ def camera_inbox(
     _, serving = keys_by_role(keyring, team)
     known, validator = team.providers if serving is None else serving, MessageValidator(timing.limits, serving)
     return AgentInbox(
-        node,
-        IMAGES,
-        messages.IMAGE,
-        messages.read_picture,
-        validator,
-        known,
-        strangers=serving is None,
-        timing=timing,
+        node, IMAGES, messages.IMAGE, messages.read_picture, validator, known, strangers=serving is None, timing=timing
     )
 
 

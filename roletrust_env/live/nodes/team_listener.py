@@ -39,12 +39,7 @@ class TeamListener:
     """
 
     def __init__(
-        self,
-        team: Team,
-        timing: RoundTiming,
-        *,
-        keyring: Keyring | None = None,
-        network: bool = False,
+        self, team: Team, timing: RoundTiming, *, keyring: Keyring | None = None, network: bool = False
     ) -> None:
         self.rounds: deque[PublishedTrust] = deque(maxlen=_ROUNDS)
         self.pictures: dict[str, bytes] = {}

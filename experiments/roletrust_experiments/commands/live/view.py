@@ -42,13 +42,7 @@ def view(
     if keys is None:
         errors.print("view: WITHOUT KEYS: everybody on this network can forge what the page shows", soft_wrap=True)
     run_view_server(
-        port,
-        rules.period_s / speed,
-        team=Team.of(rules),
-        keys=keys,
-        speed=speed,
-        network=network,
-        ready=ready,
+        port, rules.period_s / speed, team=Team.of(rules), keys=keys, speed=speed, network=network, ready=ready
     )
 
 
