@@ -1,4 +1,4 @@
-"""The rounds of a log of ratings: by time, or by number of ratings."""
+"""The rounds of ratings: by time, or by number."""
 
 import math
 from collections.abc import Iterator
@@ -7,18 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.data.log import RatingLog
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.run import TrustRun
 
 MOST = 1_000_000
 """Maximum number of rounds of a log; more is taken for a wrong unit of time."""
 
 _NEAR = 4  # times that differ by so many units in the last place are the same
-
-
-class TooSmallError(ValueError):
-    """A log is too small for a protocol."""
 
 
 def round_numbers(times: Floats, every: float, start: float) -> Ints:
@@ -57,24 +51,6 @@ def spans(numbers: Ints) -> Iterator[tuple[int, slice]]:
     starts = np.flatnonzero(np.diff(numbers, prepend=-1))
     for start, stop in zip(starts, [*starts, len(numbers)][1:], strict=True):
         yield int(numbers[start]), slice(int(start), int(stop))
-
-
-def play_round(run: TrustRun, number: int, raters: Ints, providers: Ints, values: Floats) -> None:
-    """Play the round of a number; rounds without ratings that lie before it are played first."""
-    if number > run.rounds:
-        run.skip(number - run.rounds)
-    run.play(raters, providers, values)
-
-
-def log_rounds(log: RatingLog, every: float) -> Ints:
-    """Return the number of the round of each rating of a log with times, shape (n,), ascending.
-
-    Raises:
-        ValueError: The length is not above 0, or the log has no times.
-    """
-    if log.times is None:
-        raise ValueError("rounds go by time, and the log has no times; name the column of the time")
-    return round_numbers(log.times, every, float(log.times[0]))
 
 
 def check_rounds(every: Any, count: int | None, *, has_times: bool = True) -> None:

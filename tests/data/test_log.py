@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from log_cases import BAD, GOOD, HEADER
 
+from roletrust_baselines.logs.rounds import log_rounds
 from roletrust_env.data.log import Columns, read_ratings
-from roletrust_env.data.rounds import log_rounds
 
 TIMED = Columns(time="time")
 

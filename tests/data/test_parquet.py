@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from log_cases import BAD, GOOD
 
-from roletrust_env.data.crowd import read_crowd, write_crowd
-from roletrust_env.data.folders import find_logs
+from roletrust_baselines.logs.crowd import read_crowd, write_crowd
+from roletrust_baselines.logs.folders import find_logs
 from roletrust_env.data.log import Columns, read_ratings
 
 arrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'roletrust-env[data]'")

@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 
+from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.data import TrustStream
 from roletrust_env.storage.arrays import save_arrays
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from roletrust_env.trust.models.log_models import LOG_MODELS
 
 MODELS = pytest.mark.parametrize("name", ["role-trust", "median", "beta-filtered", "wary-role-trust", "eigentrust"])
 

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from roletrust_baselines.logs.models import LOG_MODELS
+from roletrust_baselines.logs.rounds import log_rounds, play_round
 from roletrust_env.data import TrustStream, read_ratings
 from roletrust_env.data.log import Columns
-from roletrust_env.data.rounds import log_rounds, play_round, round_numbers, spans
+from roletrust_env.data.rounds import round_numbers, spans
 from roletrust_env.testing.trust_models import play_rounds
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
-from roletrust_env.trust.models.log_models import LOG_MODELS
 from roletrust_env.trust.run import make_run
 
 CENTRAL = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]

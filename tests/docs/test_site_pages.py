@@ -11,12 +11,12 @@ from pages import refused
 from pybtex.database import parse_file
 
 import roletrust_env
+from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env import Game
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics import damage
 from roletrust_env.trust.model import registry as models
-from roletrust_env.trust.models.log_models import LOG_MODELS
 from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_experiments.commands.catalogue import all_attackers, all_models
 from site_pages import pictures, whole_streams

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from roletrust_env.data.folders import KNOWN
-from roletrust_env.trust.models.log_models import LOG_MODELS
+from roletrust_baselines.logs.folders import KNOWN
+from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_experiments.commands.comparison import HEADER, Row, markdown, measure_tables
 
 HOUSE = Path(__file__).parents[2]

@@ -21,9 +21,9 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.util.nodes import make_refnode
 
+from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as models
-from roletrust_env.trust.models.log_models import LOG_MODELS
 
 MARKDOWN = "## "
 """First characters of a heading in a docstring in Markdown, as in Gymnasium; such a docstring is a page of its own."""

@@ -10,19 +10,19 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.data.crowd import CROWD_METHODS, CrowdMethod, crowd_work, read_crowd, write_crowd
-from roletrust_env.data.folders import Folder, find_logs, write_log
-from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
+from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, crowd_work, read_crowd, write_crowd
+from roletrust_baselines.logs.folders import Folder, find_logs, write_log
+from roletrust_baselines.logs.forecasts import forecasts, next_rating, rater_forward
+from roletrust_baselines.logs.models import LOG_MODELS
+from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
+from roletrust_baselines.logs.rounds import TooSmallError
 from roletrust_env.data.log import Columns, read_ratings
-from roletrust_env.data.replay import ATTACKS, Replay, replay_attacks, search_attack
-from roletrust_env.data.rounds import TooSmallError
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
-from roletrust_env.trust.models.log_models import LOG_MODELS
 from roletrust_experiments.commands.console import console, number_table, progress_bar, short
 
 MONTH = 2_592_000.0

@@ -9,8 +9,8 @@ import pytest
 from command_line import run
 from log_cases import BAD, GOOD
 
+from roletrust_baselines.logs.folders import KNOWN
 from roletrust_env.data import TrustStream
-from roletrust_env.data.folders import KNOWN
 from roletrust_env.trust import make_trust_model
 
 SHARED = Path(__file__).parents[3].parent / "shared" / "data"

@@ -10,6 +10,7 @@ from hypothesis import given
 from model_cases import Matrix, Vector, assert_close, assert_matches
 from test_edges import Edges, grid_trust, logs, run_trust
 
+from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.testing.trust_models import (
     check_batch,
     check_kinds,
@@ -19,7 +20,6 @@ from roletrust_env.testing.trust_models import (
     check_torch,
 )
 from roletrust_env.trust import Ratings, trust_models
-from roletrust_env.trust.models.log_models import LOG_MODELS
 
 EVERY = pytest.mark.parametrize("name", LOG_MODELS)
 Pairs = list[tuple[int, int, float]]

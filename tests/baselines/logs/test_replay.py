@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from roletrust_env.data.folders import write_log
-from roletrust_env.data.log import Columns, RatingLog, read_ratings
-from roletrust_env.data.replay import (
+from roletrust_baselines.logs.folders import write_log
+from roletrust_baselines.logs.replay import (
     ROUNDS,
     TARGETS,
     Attack,
@@ -18,6 +17,7 @@ from roletrust_env.data.replay import (
     replay_attacks,
     search_attack,
 )
+from roletrust_env.data.log import Columns, RatingLog, read_ratings
 from roletrust_env.trust import make_trust_model
 
 MONTH = 2_592_000

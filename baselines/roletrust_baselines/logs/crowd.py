@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from roletrust_baselines.logs.resampling import correlation, interval, mean, ranks
 from roletrust_env.data.log import Columns, RatingLog, first_row, read_ratings
-from roletrust_env.data.resampling import correlation, interval, mean, ranks
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.run import make_run

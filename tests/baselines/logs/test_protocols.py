@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roletrust_env.data.crowd import CrowdTask, crowd_work, read_crowd, write_crowd
-from roletrust_env.data.folders import find_logs, write_log
-from roletrust_env.data.forecasts import earlier_activity, forecasts, next_rating, rater_forward
+from roletrust_baselines.logs.crowd import CrowdTask, crowd_work, read_crowd, write_crowd
+from roletrust_baselines.logs.folders import find_logs, write_log
+from roletrust_baselines.logs.forecasts import earlier_activity, forecasts, next_rating, rater_forward
+from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
+from roletrust_baselines.logs.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.data.log import Columns, RatingLog, read_ratings
-from roletrust_env.data.replay import Attack, Replay, Shift, replay_attacks
-from roletrust_env.data.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.models.central.means import Constant
 

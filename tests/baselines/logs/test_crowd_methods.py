@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from roletrust_env.data.crowd import CROWD_METHODS, CrowdMethod, CrowdTask, crowd_work, read_crowd, write_crowd
+from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, CrowdTask, crowd_work, read_crowd, write_crowd
 from roletrust_env.data.log import RatingLog
 
 
 def test_names_and_the_library_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="unknown method 'dawid'; known: dawid-skene, one-coin"):
         CrowdMethod("dawid")
-    monkeypatch.setattr("roletrust_env.data.crowd.find_spec", lambda name: None)
+    monkeypatch.setattr("roletrust_baselines.logs.crowd.find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"mace needs crowd-kit: pip install 'roletrust-env\[crowd\]'"):
         CrowdMethod("mace")
 

@@ -388,4 +388,4 @@ LOG_MODELS: dict[str, Any] = {
     "geometric-median": GeometricMedian,
     "centred-clipping": CentredClipping,
 }
-"""Classes by name. Elsewhere they are written `roletrust_env.trust.models.log_models:FairnessGoodness`."""
+"""Classes by name. Elsewhere they are written `roletrust_baselines.logs.models:FairnessGoodness`."""
