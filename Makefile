@@ -31,7 +31,7 @@ test-all: setup
 	$(MAKE) test-live
 	$(MAKE) test-ros2
 
-# Compilation, kill and resume, long trainings, and the site built quickly.
+# Compilation, kill and resume, long trainings, and what makes the site.
 test-slow: setup
 	$(BIN)/pytest -n 2 -m slow tests
 
@@ -51,7 +51,7 @@ test-studies: setup
 # The whole site, in a browser, and the types of what makes it.
 test-site: docs
 	$(BIN)/mypy -p site_pages
-	$(BIN)/pytest -m site tests/docs
+	$(BIN)/pytest -n 2 -m site tests/docs
 
 # The wheel with each extra alone, in fresh environments.
 test-extras: setup

@@ -49,7 +49,7 @@ except SystemExit: print(*sys.modules)"""
     assert len(modules) < 450
 
 
-@pytest.mark.parametrize(("arguments", "status"), [(["list"], 0), (["list", "zoo"], 2), (["train", "RaterAttack"], 2)])
+@pytest.mark.parametrize(("arguments", "status"), [(["list"], 0), (["train", "RaterAttack"], 2)])
 def test_without_the_extra_train_a_line_says_what_is_needed(arguments: list[str], status: int) -> None:
     code = f"""import sys; sys.modules["safetensors"] = None; sys.argv = ["roletrust", *{arguments}]
 from roletrust_experiments import main; main()"""

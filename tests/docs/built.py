@@ -1,9 +1,5 @@
 """The site as Sphinx has built it, and what is to be found on its pages."""
 
-import os
-import shutil
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -11,31 +7,8 @@ from urllib.parse import unquote, urlsplit
 from bs4 import BeautifulSoup
 
 HOUSE = Path(__file__).parents[2]
-ROOTS = ("", "agents", "baselines", "experiments")
-"""Folders that hold packages."""
-
 WHOLE = HOUSE / "build" / "site"
 """Site of `make docs`."""
-
-
-def build_quickly(folder: Path) -> Path:
-    """Build all pages in a folder, with few pictures, and without running the tutorials; a warning is an error."""
-    shutil.copytree(HOUSE / "docs", folder / "docs", ignore=shutil.ignore_patterns("reference"))
-    for outside in HOUSE.glob("*.md"):  # of which pages show parts
-        shutil.copy(outside, folder)
-    for shown in ("experiments", "tests"):  # of which pages show files
-        (folder / shown).symlink_to(HOUSE / shown)
-    quick = ["-D", "site_quick=1", "-D", "nb_execution_mode=off"]
-    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", *quick, "-d", str(folder / "doctrees")]
-    done = subprocess.run(
-        [*command, str(folder / "docs"), str(folder / "site")],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(str(HOUSE / root) for root in ROOTS)},
-        cwd=HOUSE,
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    return folder / "site"
 
 
 def pages(site: Path) -> list[Path]:

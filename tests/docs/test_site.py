@@ -1,4 +1,4 @@
-"""The site, built quickly: all that is registered has its page, links land, pictures are described."""
+"""The site as `make docs` has built it: all that is registered has its page, links land, pictures are described."""
 
 import importlib
 import runpy
@@ -7,18 +7,19 @@ from fnmatch import fnmatch
 import gymnasium
 import pytest
 import typer
-from built import HOUSE, broken, build_quickly, fetched, pages, parsed, text
+from built import HOUSE, WHOLE, broken, fetched, pages, parsed, text
 from sphinx.util.inventory import InventoryFile
 
 import roletrust_env
 from roletrust_experiments.cli import app
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.site
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    return build_quickly(tmp_path_factory.mktemp("site"))
+def site():
+    assert (WHOLE / "index.html").is_file(), "there is no site; make docs builds it"
+    return WHOLE
 
 
 @pytest.mark.parametrize(

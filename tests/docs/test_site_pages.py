@@ -23,7 +23,7 @@ from site_pages import pictures, whole_streams
 from site_pages.commands import everything, markdown, roletrust
 from site_pages.docstrings import as_written, formula_of, formulas, readable, typeset
 from site_pages.pages import cited
-from site_pages.pictures import draw, how_shown
+from site_pages.pictures import ATTACKS, CARD, draw, how_shown
 
 pytestmark = pytest.mark.slow
 
@@ -117,11 +117,12 @@ def test_sources_are_found_by_name_and_year():
 
 
 def test_pictures_are_kept_until_their_source_changes_and_say_what_is_seen(tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures, "films", lambda folder, quick: {})
+    monkeypatch.setattr(pictures, "films", lambda folder: {})
+    monkeypatch.setattr(pictures, "ATTACKS", {CARD: ATTACKS[CARD]})
     entries, attacks = all_models(), {name: all_attackers()[name] for name in ("bad-mouthing", "whitewashing")}
 
     def drawn(*names):
-        return draw(tmp_path, {name: entries[name] for name in names}, attacks, quick=True)
+        return draw(tmp_path, {name: entries[name] for name in names}, attacks)
 
     first = drawn("mean")
     path = tmp_path / "models" / first.models["mean"][0].file

@@ -30,16 +30,12 @@ _NO_REPORT = (
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register all parts of the extension; Sphinx calls this.
-
-    The setting `site_quick` makes the same pages with pictures of shorter games, for tests.
-    """
+    """Register all parts of the extension; Sphinx calls this."""
     app.add_directive("mermaid", Arrows)
     app.add_html_math_renderer(
         "mathml", inline_renderers=(docstrings.inline, None), block_renderers=(docstrings.block, None)
     )
     render.coalesce_streams = whole_streams
-    app.add_config_value("site_quick", False, "env", (bool,))
     app.connect("config-inited", _begin, priority=700)  # before Sphinx checks that the static folders exist
     app.connect("env-before-read-docs", _deal_out)
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # before napoleon
@@ -87,7 +83,7 @@ def _begin(app: Sphinx, config: Config) -> None:
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # wide tables without colours
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # two tutorials run at once
-    write_pages(Path(app.srcdir) / "reference", quick=config.site_quick)
+    write_pages(Path(app.srcdir) / "reference")
 
 
 def _deal_out(app: Sphinx, env: BuildEnvironment, docnames: list[str]) -> None:

@@ -46,15 +46,14 @@ _CHANNELS = {
 }
 
 
-def write_pages(folder: Path, *, quick: bool) -> None:
+def write_pages(folder: Path) -> None:
     """Write all pages and pictures. A page without changes is left alone, a page of a former name is removed.
 
     Args:
         folder: Folder of the pages, with nothing else in it; its parent has the bibliography.
-        quick: Whether to draw fewer pictures and shorter films.
     """
     trust_models, attacks = _readable(all_models()), _readable(all_attackers())
-    drawn = draw(folder, trust_models, attacks, quick=quick)
+    drawn = draw(folder, trust_models, attacks)
     bibliography = folder.parent / "references.bib"
     pages = {
         **_environments(drawn),

@@ -122,16 +122,15 @@ class Drawn(NamedTuple):
     films: dict[str, Film]
 
 
-def draw(folder: Path, models: Mapping[str, Entry], attacks: Mapping[str, Entry], *, quick: bool) -> Drawn:
+def draw(folder: Path, models: Mapping[str, Entry], attacks: Mapping[str, Entry]) -> Drawn:
     """Return all pictures; draw those that are missing or out of date.
 
     Args:
         folder: Parent of the folders of pictures.
         models: Trust models of the catalogue.
         attacks: Attacks of the catalogue.
-        quick: Whether to draw fewer pictures and shorter films.
     """
-    kept, reader, source = folder / "drawn.json", TypeAdapter(Drawn), _source(*models, *attacks, str(quick))
+    kept, reader, source = folder / "drawn.json", TypeAdapter(Drawn), _source(*models, *attacks)
     try:
         found = reader.validate_json(kept.read_bytes())
     except (OSError, ValidationError):
@@ -142,9 +141,9 @@ def draw(folder: Path, models: Mapping[str, Entry], attacks: Mapping[str, Entry]
         prepare_folder(folder / part)
     drawn = Drawn(
         source,
-        model_pictures(folder / "models", models, quick=quick),
+        model_pictures(folder / "models", models),
         attack_pictures(folder / "attacks", attacks),
-        films(folder / "films", quick=quick),
+        films(folder / "films"),
     )
     write_text(kept, reader.dump_json(drawn, indent=1).decode())
     return drawn
@@ -158,20 +157,18 @@ def _source(*names: str) -> str:
     return digest.hexdigest()
 
 
-def model_pictures(folder: Path, names: Iterable[str], *, quick: bool) -> dict[str, list[Picture]]:
+def model_pictures(folder: Path, names: Iterable[str]) -> dict[str, list[Picture]]:
     """Draw every trust model under the attacks of `python -m studies.models`.
 
     Args:
         folder: Folder of the pictures.
         names: Names of the models.
-        quick: Whether to draw one attack only.
 
     Returns:
         Pictures by model, the same attacks for each.
     """
     rules = make_scenario(SCENARIO).change(max_cycles=ROUNDS)
-    titles = [CARD] if quick else list(ATTACKS)
-    attacks = {title: parse_attacks(ATTACKS[title], rules) for title in titles}
+    attacks = {title: parse_attacks(texts, rules) for title, texts in ATTACKS.items()}
     found: dict[str, list[Picture]] = {}
     for name in names:
         found[name] = []
@@ -243,12 +240,11 @@ def _in_words(panel: Panel) -> str:
     return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
 
 
-def films(folder: Path, *, quick: bool) -> dict[str, Film]:
+def films(folder: Path) -> dict[str, Film]:
     """Film a game of each environment.
 
     Args:
         folder: Folder of the films.
-        quick: Whether to film two rounds only.
 
     Returns:
         Films by the id of the environment.
@@ -256,7 +252,7 @@ def films(folder: Path, *, quick: bool) -> dict[str, Film]:
     found = {}
     with progress_bar(errors) as progress:
         for identity, (preset, attacks) in STAGED.items():
-            rules = make_scenario(preset).change(max_cycles=2 if quick else _FILM_ROUNDS)
+            rules = make_scenario(preset).change(max_cycles=_FILM_ROUNDS)
             policies, name = parse_attacks(attacks, rules), file_name(identity)
             write_video(folder / f"{name}.mp4", JointPolicy(Game(rules), policies), 0, progress)
             attack = f"{attacks_in_words(policies)} by {', '.join(policies)}, marked"

@@ -51,6 +51,9 @@ def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
     for name in ("leaderboard", *SHOWN):
         assert lines(folder, name)
         assert (folder / "out" / f"{name}.png").stat().st_size > 5000
+        document = (folder / "out" / f"{name}.pdf").read_bytes()
+        assert b"/Type3" not in document
+        assert b"/FontFile2" in document  # the font itself, as TrueType
     for line in lines(folder, "heatmap"):
         if line["condition"] == "market, raters 50%":
             expected = mean(folder, line["model"], line["attack"], "raters", 0.5)
