@@ -123,6 +123,10 @@ class Ratings:
         """All pairs that have a memory. On a grid these are the pairs of the round, on edges the pairs known so far."""
         return self if self._pairs is None else self._pairs
 
+    def _places(self, side: Side) -> Any:
+        """Return the place of the rater or of the provider of each rating; None on a grid."""
+        return self.raters if side == RATER else self.providers
+
     def gather(self, agents: Array, side: Side) -> Array:
         """Return the agent's value for each rating, in a shape that broadcasts with the ratings.
 
@@ -134,7 +138,8 @@ class Ratings:
         """
         if self.raters is None:
             return agents[:, None, ...] if side == RATER else agents
-        return agents[self.raters if side == RATER else self.providers]
+        places = self._places(side)
+        return agents.take(places) if isinstance(agents, np.ndarray) else agents[places]
 
     def reduce(self, values: Array, side: Side, op: Literal["sum", "max"] = "sum") -> Array:
         """Return the sum, or the largest, of the values of each agent's ratings, shape (S, ...) or (P, ...).
@@ -148,18 +153,22 @@ class Ratings:
         if self.raters is None:
             return total(values, 1 - side) if op == "sum" else largest(values, 1 - side)
         at = sum_at if op == "sum" else largest_at
-        return at(self.raters if side == RATER else self.providers, values, self.shape[side])
+        return at(self._places(side), values, self.shape[side])
 
     def count(self, side: Side) -> Array:
         """Return the number of ratings of each agent, shape (S, ...) or (P, ...); one number if this is full."""
         known = self._counts[side]
         if known is None:
-            known = self._counts[side] = self.reduce(self.weights, side)
+            if isinstance(self.raters, np.ndarray):
+                known = np.bincount(self._places(side), minlength=self.shape[side]).astype(self.values.dtype)
+            else:
+                known = self.reduce(self.weights, side)
+            self._counts[side] = known
         return known
 
     def rated(self, side: Side) -> Array:
         """Return whether each agent has a rating, boolean, shape (S, ...) or (P, ...)."""
-        return self.reduce(self.weights, side) > 0
+        return (self.reduce(self.weights, side) if self.full else self.count(side)) > 0
 
     def weigh(self, values: Array) -> Array:
         """Return the values with a rating, and 0 for those without."""

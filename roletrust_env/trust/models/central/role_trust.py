@@ -55,6 +55,8 @@ class RoleTrust(Published):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         tor = smooth(self._rater_quality(ratings), state.tor, self.lam, ratings.count(RATER))
         elapsed = None if state.full else ratings.read(state.elapsed)
+        if elapsed is not None and ratings.raters is not None and (elapsed == 1).all():
+            elapsed = None  # to look takes less time than powers
         quality = provider_quality(ratings, tor, ratings.read(state.last), elapsed)
         top = smooth(quality, state.top, self.lam, ratings.count(PROVIDER))
         if ratings.full:
