@@ -32,7 +32,7 @@ class RoleTrustAECEnv(OrderEnforcingWrapper[str, Vector, Vector]):
         return repr(self.env.env).replace("Parallel", "AEC", 1)
 
     def _repr_html_(self) -> str:
-        return str(self.env.env._spectator.html(repr(self)))
+        return str(self.env.env._spectator.html(repr(self), self.env.env._state))
 
 
 class _AgentsInTurn(parallel_to_aec_wrapper[str, Vector, Vector]):

@@ -1,6 +1,6 @@
 """Checks of the arguments of environments."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from inspect import Parameter, signature
 from typing import Any, TypeVar
 
@@ -43,6 +43,12 @@ def check_number(name: str, value: object) -> None:
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ValueError(f"{name} is {value!r}; it must be a whole number, 1 or more")
+
+
+def all_within(numbers: Sequence[float], low: float = 0.0) -> bool:
+    """Return whether all numbers lie in [low, 1]; of few numbers this takes less time than of an array."""
+    total = sum(numbers)  # NaN if a number is
+    return total == total and min(numbers) >= low and max(numbers) <= 1
 
 
 def space_of(agent: str, spaces: Mapping[str, Space]) -> Space:

@@ -11,15 +11,19 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.arguments import refuse_unknown
+from roletrust_env.envs.arguments import all_within, refuse_unknown
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.make_task import make_task
-from roletrust_env.game.state import State
+from roletrust_env.game.state import Noise, State
+from roletrust_env.game.traced.rounds import Rounds
 from roletrust_env.randomness import Random
 from roletrust_env.trees import is_array, map_leaves
 
 Vector = npt.NDArray[np.float32]
+
+_FEW = 200
+"""Number of entries up to which numbers of Python are checked faster than an array."""
 
 
 def task_spaces(task: AttackTask) -> tuple[Box, Box]:
@@ -151,7 +155,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     ## Arguments
 
-    See `make_task`. In addition `render_mode`: `"human"`, `"rgb_array"` or `"ansi"`; the learner's agents are marked.
+    See `make_task`; the default of `like` is NumPy's float64, in which small games are traced. In addition
+    `render_mode`: `"human"`, `"rgb_array"` or `"ansi"`; the learner's agents are marked.
 
     ## Version History
 
@@ -167,10 +172,11 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         refuse_unknown(type(self), arguments, make_task)
         if not isinstance(arguments.get("like"), np.ndarray | None):
             raise ValueError("like is no array of NumPy, which this environment needs; make_vec plays tensors")
+        arguments["like"] = np.zeros(()) if arguments.get("like") is None else arguments["like"]
         self.task = make_task(**{**self.defaults, **arguments})
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
-        self._batch = TaskBatch(self.task)
+        self.rounds = Rounds(self.task.game, self._play, self.task.key)
         self._random: Random | None = None
         self._playing = False
         self._spectator = Spectator(self.task.game, render_mode)
@@ -178,10 +184,11 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self._spec: EnvSpec | None = None
 
     def __repr__(self) -> str:
-        return repr(self.task).replace(type(self.task).__name__, type(self).__name__, 1)
+        task = repr(self.task).removesuffix(")").replace(type(self.task).__name__, type(self).__name__, 1)
+        return f"{task}, {self.rounds})"
 
     def _repr_html_(self) -> str:
-        return self._spectator.html(repr(self))
+        return self._spectator.html(repr(self), self._games)
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -191,17 +198,19 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         # The registry cannot know the length, and Gymnasium would cut longer games off at the one it knew.
-        self._spec = spec and replace(spec, max_episode_steps=self._batch.rounds)
+        self._spec = spec and replace(spec, max_episode_steps=self.task.game.scenario.max_cycles)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
         """Begin a new episode; see `gymnasium.Env.reset`."""
         super().reset(seed=seed)
         if seed is not None or self._random is None:
             self._random = Random(self.np_random, self.task.game.like)
-        self._batch.restart(self._random)
+        state = self.task.start(self.task.game.draw(self._random, start=True), self._random)
+        self.rounds.begin(state)
         self._playing = True
-        self._spectator.follow(self._batch.games)
-        return self._observe(), {"objective": 0.0, "cost": 0.0}
+        if self.render_mode is not None:
+            self._spectator.follow(state.game)
+        return self.task.observe(state).astype(np.float32), {"objective": 0.0, "cost": 0.0}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
         """Play one round; see `gymnasium.Env.step`.
@@ -214,12 +223,13 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         action = check_action(action, self.action_space.shape or ())
         if not self._playing or self._random is None:
             raise RuntimeError("call reset() before step(): the episode has not begun or is over")
-        outcome = self._batch.step(action, self._random)
-        self._playing = not (bool(outcome.caught) or bool(outcome.over))
-        self._spectator.follow(self._batch.games)
-        info = {"objective": float(outcome.objective), "cost": float(outcome.cost)}
-        caught = bool(outcome.caught)
-        return self._observe(), float(outcome.reward), caught, bool(outcome.over) and not caught, info
+        outcome, seen = self.rounds.play(action, self.task.game.draw(self._random), self._random)
+        reward, objective, cost, caught, over = map(float, outcome)
+        self._playing = not (caught or over)
+        if self.render_mode is not None:
+            self._spectator.follow(self.rounds.state.game)
+        info = {"objective": objective, "cost": cost}
+        return np.array(seen, np.float32), reward, bool(caught), bool(over and not caught), info
 
     def render(self) -> Any:
         """Show the state of the game by `render_mode`."""
@@ -229,9 +239,17 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         """Close the window, if there is one."""
         self._spectator.close()
 
-    def _observe(self) -> Vector:
-        observation: Vector = self._batch.observe().astype(np.float32)
-        return observation
+    @property
+    def _games(self) -> State | None:
+        state: TaskState | None = self.rounds.state
+        return state and state.game
+
+    def _play(
+        self, state: TaskState, action: Array, noise: Noise, random: Random
+    ) -> tuple[TaskState, tuple[Array, Array]]:
+        """Return the state after a round; and the parts of its outcome, and what is observed then."""
+        after, outcome = self.task.step(state, action, noise, random)
+        return after, (np.stack(outcome), self.task.observe(after))
 
 
 def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vector:
@@ -251,7 +269,8 @@ def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vecto
         raise ValueError(f"the action is no array: {error}; it must be numbers, of shape {shape}") from None
     if action.shape != shape or action.dtype.kind not in "fiu":
         raise ValueError(f"the action has shape {action.shape} and dtype {action.dtype}; it must have shape {shape}")
-    if not (action.min() >= low and action.max() <= 1):
+    few = action.ndim == 1 and action.size <= _FEW
+    if not (all_within(action.tolist(), low) if few else action.min() >= low and action.max() <= 1):
         wrong = action[~((action >= low) & (action <= 1))]
         raise ValueError(f"the action holds {wrong[0]}; no entry may be NaN or outside [{low:g}, 1]")
     checked: Vector = action.astype(np.float32, copy=False)

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.arrays import Array
+from roletrust_env.envs.arguments import all_within
 from roletrust_env.game.state import Actions
 from roletrust_env.world.roster import Roster, shown
 
@@ -13,6 +15,11 @@ _NUMBERS = "fiub"
 """Kinds of dtype that an action may have: floats, integers and booleans."""
 
 _least, _greatest = np.minimum.reduce, np.maximum.reduce  # the methods take longer
+
+_FLOATS = np.dtype(np.float32), np.dtype(np.float64)
+
+_FEW = 400
+"""Number of entries up to which numbers of Python are checked faster than an array."""
 
 
 class JointAction:
@@ -32,9 +39,10 @@ class JointAction:
             self._slots[agent] = ((size,), slice(self._size, self._size + size))
             self._size += size
         self._sizes = [shape[0] for shape, _ in self._slots.values()]
+        self._shapes = [(agent, shape) for agent, (shape, _) in self._slots.items()]
 
-    def read(self, actions: Mapping[str, Any], agents: Sequence[str]) -> Actions:
-        """Return the joint action, in which the actions of absent agents are 0.
+    def read(self, actions: Mapping[str, Any], agents: Sequence[str]) -> list[float] | npt.NDArray[np.float64]:
+        """Return the actions in one vector, in the order of the agents; those of absent agents are 0.
 
         Args:
             actions: An action for each of the agents, and for no other agent.
@@ -44,6 +52,10 @@ class JointAction:
             ValueError: An action is missing, belongs to an absent agent, has the wrong size, or holds NaN or a value
                 outside [0, 1].
         """
+        if self._size <= _FEW and len(agents) == len(self._shapes):
+            numbers = self._numbers(actions)
+            if numbers is not None:
+                return numbers
         try:
             joint = self._joined(actions, agents)
         except (LookupError, AttributeError, ValueError, TypeError, RuntimeError):
@@ -52,7 +64,22 @@ class JointAction:
             joint = self._placed({agent: np.asarray(actions[agent]).reshape(-1) for agent in agents})
         if len(actions) != len(agents) or not (_least(joint) >= 0 and _greatest(joint) <= 1):
             raise ValueError(self._complaint(actions, agents))
-        return self._split(joint)
+        return joint
+
+    def _numbers(self, actions: Mapping[str, Any]) -> list[float] | None:
+        """Return the actions of all agents as numbers; None if they are not valid arrays of floats."""
+        numbers: list[float] = []
+        try:
+            if len(actions) != len(self._shapes):
+                return None
+            for agent, shape in self._shapes:
+                action = actions[agent]
+                if action.shape != shape or action.dtype not in _FLOATS:
+                    return None
+                numbers += action.tolist()
+            return numbers if all_within(numbers) else None
+        except (LookupError, AttributeError, TypeError, RuntimeError):
+            return None
 
     def _joined(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64]:
         """Return the actions in one vector; a quick path without a check of single actions."""
@@ -106,8 +133,8 @@ class JointAction:
         wrong = action[~((action >= 0) & (action <= 1))]
         return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
 
-    def _split(self, joint: npt.NDArray[np.float64]) -> Actions:
-        """Return the qualities and the ratings in the vector of all actions."""
+    def split(self, joint: Array) -> Actions:
+        """Return the qualities and the ratings in the vector of all actions, see `read`."""
         roster, p = self._roster, self._roster.n_providers
         n_sr, n_sp = roster.n_raters - roster.n_both, roster.n_providers - roster.n_both
         ratings, quality = joint[: n_sr * p].reshape(n_sr, p), joint[n_sr * p : n_sr * p + n_sp]

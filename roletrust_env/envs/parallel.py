@@ -10,18 +10,20 @@ from gymnasium.spaces import Box
 from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
+from roletrust_env.arrays import Array
 from roletrust_env.envs.arguments import refuse_unknown, space_of
 from roletrust_env.envs.joint_action import JointAction
 from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
-from roletrust_env.game.state import State
+from roletrust_env.game.state import Noise, State
 from roletrust_env.game.summary import summarise, summary_size
+from roletrust_env.game.traced.rounds import Rounds
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
-from roletrust_env.world.presence import CUT_OFF, LEFT
+from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT
 
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
 
@@ -147,13 +149,13 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.state_space = Box(0.0, 1.0, (summary_size(self.game),), np.float32)
         self.np_random: np.random.Generator | None = None
         self._random: Random | None = None
-        self._state: State | None = None
+        self.rounds = Rounds(self.game, self._play, "parallel")
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({game_facts(self.game)})"
+        return f"{type(self).__name__}({game_facts(self.game)}, {self.rounds})"
 
     def _repr_html_(self) -> str:
-        return self._spectator.html(repr(self))
+        return self._spectator.html(repr(self), self._state)
 
     def observation_space(self, agent: str) -> Box:
         """Return the observation space of an agent, the same object at each call.
@@ -199,11 +201,14 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             for i, space in enumerate(self.action_spaces.values()):
                 space.seed(seed + i)
         self.attackers = self._spectator.attackers = tuple(attackers)
-        self._state = self.game.start(self.game.draw(self._random, start=True))
-        present = self.game.present(self._state)
+        state = self.game.start(self.game.draw(self._random, start=True))
+        self.rounds.begin(state)
+        present = self.game.present(state)
         self.agents = [a for i, a in enumerate(self.possible_agents) if present is None or present[i]]
-        self._spectator.follow(self._state)
-        return self._observer.observe(self._state, self.agents), self._inform(self._state, self.agents)
+        if self.render_mode is not None:
+            self._spectator.follow(state)
+        everything, received, phase = self._shown(state)
+        return self._observer.observe(everything, self.agents), self._inform(everything, received, phase, self.agents)
 
     def step(
         self, actions: Mapping[str, Vector]
@@ -222,39 +227,39 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
                 outside [0, 1]. Nothing has changed then.
             RuntimeError: `reset` was not called, or the episode is over.
         """
-        if self._state is None or self._random is None or not self.agents:
-            if self._state is not None and actions == {}:
+        if self._random is None or not self.agents:
+            if self._random is not None and actions == {}:
                 return {}, {}, {}, {}, {}
             raise RuntimeError("call reset() before step(): there is no episode, or it is over")
         joint = self._joint.read(actions, self.agents)
-        state, rewards = self.game.step(self._state, joint, self.game.draw(self._random))
-        self._state = state
-        over = int(state.round) >= self.game.scenario.max_cycles
+        rewards, everything, received, phase = self.rounds.play(joint, self.game.draw(self._random))
+        over = everything[0] >= 1
         agents = self.agents
-        present = self.game.present(state)
-        if present is None:
-            reward = dict(zip(agents, rewards.tolist(), strict=True))
+        if phase is None:
+            reward = dict(zip(agents, _numbers(rewards), strict=True))
             terminations = dict.fromkeys(agents, False)
             staying = agents
         else:
-            there = dict(zip(self.possible_agents, present.tolist(), strict=True))
+            there = {agent: one == PRESENT for agent, one in zip(self.possible_agents, _numbers(phase), strict=True)}
             acted = set(agents)
             agents = [a for a in self.possible_agents if a in acted or (there[a] and not over)]
-            earned = dict(zip(self.possible_agents, rewards.tolist(), strict=True))
+            earned = dict(zip(self.possible_agents, _numbers(rewards), strict=True))
             reward = {a: earned[a] if a in acted else 0.0 for a in agents}
             terminations = {a: not there[a] for a in agents}
             staying = [a for a in agents if there[a]]
         truncations = {a: not gone for a, gone in terminations.items()} if over else dict.fromkeys(agents, False)
         self.agents = [] if over else list(staying)
-        self._spectator.follow(state)
-        observations, infos = self._observer.observe(state, agents), self._inform(state, agents)
-        return observations, reward, terminations, truncations, infos
+        if self.render_mode is not None:
+            self._spectator.follow(self.rounds.state)
+        observations = self._observer.observe(everything, agents)
+        return observations, reward, terminations, truncations, self._inform(everything, received, phase, agents)
 
     def state(self) -> Vector:
         """Return the whole state as a vector in `state_space`, for centralised critics; see `Game.summary`."""
-        if self._state is None:
+        state = self._state
+        if state is None:
             raise RuntimeError("call reset() before state(): there is no episode")
-        summary: Vector = summarise(self.game, self._state).astype(np.float32)
+        summary: Vector = summarise(self.game, state).astype(np.float32)
         return summary
 
     def render(self) -> npt.NDArray[np.uint8] | str | None:
@@ -269,32 +274,51 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Close the window, if there is one."""
         self._spectator.close()
 
-    def _inform(self, state: State, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
-        roster, game = self.game.roster, self.game
-        tor, top = game.published(state)
-        if state.full:
-            received = [state.quality.copy() for _ in roster.rater_names]
-        else:
-            received = list(state.quality * state.awaiting)
+    @property
+    def _state(self) -> State | None:
+        state: State | None = self.rounds.state
+        return state
+
+    def _play(self, state: State, joint: Array, noise: Noise) -> tuple[State, tuple[Array | None, ...]]:
+        """Return the state after a round; and the rewards, and what is shown of that state."""
+        after, rewards = self.game.step(state, self._joint.split(joint), noise)
+        return after, (rewards, *self._shown(after))
+
+    def _shown(self, state: State) -> tuple[Array, Array, Array | None]:
+        """Return all that is observed, see `Observer`, the true quality that raters received, and the phases."""
+        received = state.quality * state.awaiting
+        return self._observer.everything(state), received.ravel(), state.population and state.population.phase
+
+    def _inform(self, everything: Any, received: Any, phase: Any, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
+        roster, places = self.game.roster, self._observer
+        tor, top, quality = (_numbers(everything[at]) for at in (places.tor, places.top, places.quality))
+        of_raters = np.array(received).reshape(roster.n_raters, roster.n_providers)
         infos: dict[str, dict[str, Any]] = {
             rater: {"trust": trust, "received": true}
-            for rater, trust, true in zip(roster.rater_names, tor.tolist(), received, strict=True)
+            for rater, trust, true in zip(roster.rater_names, tor, of_raters, strict=True)
         }
-        for provider, trust, quality in zip(roster.provider_names, top.tolist(), state.quality.tolist(), strict=True):
+        for provider, trust, delivered in zip(roster.provider_names, top, quality, strict=True):
             if provider in infos:
                 infos[provider]["rater_trust"] = infos[provider]["trust"]
-                infos[provider].update(provider_trust=trust, quality=quality)
+                infos[provider].update(provider_trust=trust, quality=delivered)
             else:
-                infos[provider] = {"trust": trust, "quality": quality}
+                infos[provider] = {"trust": trust, "quality": delivered}
         if roster.n_both:
-            for agent, trust in zip(self.possible_agents, game.agent_trust(state).tolist(), strict=True):
+            toa = _numbers(everything[places.toa])
+            for agent, trust in zip(self.possible_agents[-roster.n_both :], toa, strict=True):
                 infos[agent]["trust"] = trust
-        if state.population is None:
+        if phase is None:
             return infos
-        for agent, phase in zip(self.possible_agents, state.population.phase.tolist(), strict=True):
-            if phase in _FATES:
-                infos[agent]["fate"] = _FATES[phase]
+        for agent, one in zip(self.possible_agents, _numbers(phase), strict=True):
+            if one in _FATES:
+                infos[agent]["fate"] = _FATES[one]
         return {agent: infos[agent] for agent in agents}
+
+
+def _numbers(vector: Any) -> Sequence[Any]:
+    """Return the entries of a vector as numbers of Python."""
+    numbers: Sequence[Any] = vector if type(vector) is tuple else vector.tolist()
+    return numbers
 
 
 def parallel_env(

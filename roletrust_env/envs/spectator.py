@@ -72,16 +72,18 @@ class Spectator:
             self._renderer = Renderer(self._game, self._mode)
         return self._renderer.render(self._state, self.curves, self.attackers)
 
-    def html(self, title: str) -> str:
+    def html(self, title: str, state: State | None = None) -> str:
         """Return the state of the game for a notebook: a picture, or text where matplotlib is missing.
 
         Args:
             title: Line above the picture.
+            state: State of the games; None for that which was followed last.
         """
         heading = f"<code>{escape(title)}</code>"
-        if self._state is None:
+        state = self._state if state is None else state
+        if state is None:
             return heading
-        state = first_game(self._state)
+        state = first_game(state)
         tor, top = (np.asarray(trust) for trust in self._game.published(state))
         before = np.full_like(tor, np.nan), np.full_like(top, np.nan)
         # Without a render mode there is no record of the rounds before.

@@ -1,6 +1,6 @@
 """The attacker's side of a game: the compromised agents with their identities, and the attack task."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from functools import reduce
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -290,6 +290,13 @@ class AttackTask:
     def __repr__(self) -> str:
         aim = f"compromised: {' '.join(self.compromised)}, objective: {self.objective}, knowledge: {self.knowledge}"
         return f"{type(self).__name__}({game_facts(self.game)}; {aim})"
+
+    @property
+    def key(self) -> Hashable:
+        """All that the rounds of the task depend on beside the game."""
+        policies = tuple(self.joint_policy.policies.items())
+        aim = self.compromised, self.objective, self.stealth, self.knowledge, self.accomplices, self.consumers
+        return type(self), policies, aim
 
     @property
     def bounds(self) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace
+from roletrust_env.arrays import Array, cast, copy, entries, mean_or_zero, namespace
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.cells import Cells, for_batch
 from roletrust_env.game.noise import NoiseSource
@@ -189,7 +189,7 @@ class Game:
         if full:
             ratings = copy(ratings)  # whoever sent them may write to theirs again
         trust, tor, top = cells.update(state.trust, state.met, ratings, None if full else rated, state.round)
-        if self._on_numpy:
+        if type(top) is np.ndarray:  # of a game on NumPy that is not traced
             self._published = trust, (tor, top)
 
         counts = state.counts
@@ -310,7 +310,7 @@ class Game:
         """Yield which raters and which providers act in this round, once for each reason not to act."""
         xp, roster = namespace(self.like), self.roster
         if self._duty is not None:
-            rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
+            rating, providing = (xp.moveaxis(entries(duty, state.round), -1, 0) for duty in self._duty)
             yield rating, providing
         if population is not None and state.population is not None:
             # A newcomer acts from its first full round on, and who leaves in this round serves nobody any more.

@@ -1,0 +1,396 @@
+"""The rounds of one small game: traced when first played, and from then on played as straight-line Python."""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from roletrust_env.arrays import Array
+from roletrust_env.game.game import Game
+from roletrust_env.game.traced.symbols import Symbols
+from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable, Written
+from roletrust_env.trees import leaves, map_leaves
+
+MOST_PAIRS = 100
+"""Number of pairs of a rater and a provider up to which a game is traced."""
+
+MOST_OPERATIONS = 6000
+"""Number of operations in a round up to which straight-line Python is faster than NumPy."""
+
+_MOST_FORMS = 16
+_CHECKED = 4
+
+SWITCH = "ROLETRUST_TRACED"
+"""Variable of the environment that switches tracing off where it is 0."""
+
+Play = Callable[..., tuple[Any, tuple[Array | None, ...]]]
+"""A round: a pure function from a state, the actions and the noise to the next state and to what is read off it."""
+
+
+def reason_against(game: Game) -> str | None:
+    """Return why the rounds of a game are not traced; None if they are, as far as their size and library go."""
+    if os.environ.get(SWITCH) == "0":
+        return f"{SWITCH} is 0"
+    if type(game) is not Game or game.like.dtype != np.float64 or not isinstance(game.like, np.ndarray):
+        return "it is no game on a grid in NumPy's float64"
+    pairs = game.roster.n_raters * game.roster.n_providers
+    return f"{pairs:,} pairs are more than {MOST_PAIRS}" if pairs > MOST_PAIRS else None
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """An array of a state as numbers.
+
+    Attributes:
+        name: Name of its fields, such as `trust_tor`.
+        mold: Array of the same shape, dtype and layout in memory; a number, where the leaf is one.
+        elements: Constants, row by row; None where the numbers of a state have one.
+    """
+
+    name: str
+    mold: Array
+    elements: tuple[Element, ...]
+
+
+class Layout:
+    """What all states at one point of a game have in common: the structure, flags and constants.
+
+    Args:
+        tree: State with a `Leaf` in place of each array.
+
+    Attributes:
+        key: Hashable value that tells layouts apart.
+    """
+
+    def __init__(self, tree: Any) -> None:
+        self._tree = tree
+        self._leaves = [leaf for leaf in leaves(tree) if isinstance(leaf, Leaf)]
+        self.key = tuple(
+            (str(leaf.mold.dtype), leaf.mold.shape, repr(leaf.elements))
+            if isinstance(leaf, Leaf)
+            else (type(leaf), leaf)
+            for leaf in leaves(tree)
+        )
+
+    @classmethod
+    def of(cls, state: Any, constant_flags: bool) -> "Layout":
+        """Return the layout of a state, in which every number may change."""
+
+        def leaf(name: str, part: Any) -> Any:
+            if not isinstance(part, np.ndarray | np.generic):
+                return part
+            numbers = part.ravel().tolist()
+            fixed = constant_flags and part.dtype.kind == "b"
+            return Leaf(name, part, tuple(numbers) if fixed else (None,) * len(numbers))
+
+        return cls(_map_named(leaf, state))
+
+    def numbers(self, state: Any) -> list[Any]:
+        """Return the numbers of a state that are no constants."""
+        arrays = [part for part in leaves(state) if isinstance(part, np.ndarray | np.generic)]
+        return [
+            number
+            for leaf, array in zip(self._leaves, arrays, strict=True)
+            for number, element in zip(array.ravel().tolist(), leaf.elements, strict=True)
+            if element is None
+        ]
+
+    def state(self, numbers: Sequence[Any]) -> Any:
+        """Return the state of these numbers."""
+        rest = iter(numbers)
+
+        def array(part: Any) -> Any:
+            if not isinstance(part, Leaf):
+                return part
+            filled = np.empty_like(part.mold)
+            filled[...] = np.reshape([next(rest) if e is None else e for e in part.elements], part.mold.shape)
+            return filled[()] if isinstance(part.mold, np.generic) else filled
+
+        return map_leaves(array, self._tree)
+
+    def symbols(self, state: Any, tape: Tape) -> tuple[Any, list[Symbol]]:
+        """Return a state with symbols for its numbers, and these symbols in order."""
+        inputs: list[Symbol] = []
+
+        def array(part: Any, example: Any) -> Any:
+            if not isinstance(part, Leaf):
+                return part
+            symbols = np.empty(example.shape, object)
+            for place, element in zip(np.ndindex(example.shape), part.elements, strict=True):
+                symbol = Symbol(example.dtype.kind, "_".join([part.name, *map(str, place)]))
+                symbols[place] = symbol if element is None else element
+                inputs.extend([symbol] if element is None else [])
+            return Symbols.of(symbols, example, tape)
+
+        return map_leaves(array, self._tree, state), inputs
+
+    def following(self, after: Any) -> tuple["Layout", list[Element]]:
+        """Return the layout after a traced round, and the elements that are its numbers.
+
+        Flags that are the same in every round are constants, and so are arrays of which all numbers are. A number that
+        was constant and has another value now may change in every round, so it is none.
+        """
+        before = list(leaves(self._tree))
+        place, numbers = iter(range(len(before) + 1)), []
+
+        def leaf(name: str, part: Any) -> Any:
+            was = before[min(next(place), len(before) - 1)]
+            if not isinstance(part, np.ndarray | np.generic):
+                return part
+            example = part.example if isinstance(part, Symbols) else part
+            elements = _elements(part)
+            old = was.elements if isinstance(was, Leaf) and len(was.elements) == len(elements) else ()
+            fixed = example.dtype.kind == "b" or not isinstance(part, Symbols)
+            for k, element in enumerate(elements):
+                changed = old and old[k] is not None and repr(old[k]) != repr(element)
+                if not fixed or changed or isinstance(element, Symbol):
+                    numbers.append(element)
+                    elements[k] = None
+            return Leaf(name, np.empty_like(example) if isinstance(example, np.ndarray) else example, tuple(elements))
+
+        return Layout(_map_named(leaf, after)), numbers
+
+
+class Form:
+    """A written round, for the states of one layout.
+
+    Attributes:
+        written: The round.
+        after: Layout of the state after it.
+        assumed: Numbers that some of a state's numbers must be equal to: the place of each, and for all its values
+            whether they are.
+        following: Forms for the layout after it; None if there was no such round yet.
+        unchecked: Number of rounds for which it is still to be compared with the rules.
+    """
+
+    def __init__(self, written: Written, after: Layout, assumed: list[tuple[int, list[bool]]]) -> None:
+        self.written, self.after, self.assumed = written, after, assumed
+        self.following: list[Form] | None = None
+        self.unchecked = _CHECKED
+
+
+class Known:
+    """What is known of the rounds of equal games: their forms by layout, and why they are not traced, if so."""
+
+    def __init__(self, reason: str | None) -> None:
+        self.forms: dict[Any, list[Form]] = {}
+        self.reason = reason
+
+    def of(self, layout: Layout) -> list[Form]:
+        """Return the forms for the states of a layout, to which more may be added."""
+        return self.forms.setdefault(layout.key, [])
+
+
+def _fitting(forms: list[Form], numbers: Sequence[Any]) -> Form | None:
+    """Return the form whose assumptions hold for the numbers of a state."""
+    for form in forms:
+        if not form.assumed or all(holds[numbers[place]] for place, holds in form.assumed):
+            return form
+    return None
+
+
+_KNOWN: dict[Any, Known] = {}
+_MOST_KNOWN = 64
+
+
+class Rounds:
+    """The rounds of one game in progress. They are equal to the bit to those of the rules, traced or not.
+
+    Args:
+        game: Game that is played.
+        play: Its round. The actions are a vector; what is read off a state are vectors, or None.
+        key: What else than the scenario and the trust model the round depends on, hashable.
+    """
+
+    def __init__(self, game: Game, play: Play, key: Any) -> None:
+        self._play, self._key = play, (key, game.scenario, type(game.model), repr(game.model))
+        self._reason = reason_against(game)
+        self._known = self._look_up()
+        self._layout: Layout | None = None
+        self._form: Form | None = None
+        self._numbers: Sequence[Any] = ()
+        self._state: Any = None
+
+    def _look_up(self) -> Known:
+        if self._reason is not None:
+            return Known(self._reason)
+        if self._key not in _KNOWN:
+            if len(_KNOWN) >= _MOST_KNOWN:
+                del _KNOWN[next(iter(_KNOWN))]
+            _KNOWN[self._key] = Known(None)
+        return _KNOWN[self._key]
+
+    def __repr__(self) -> str:
+        return f"untraced: {self._known.reason}" if self._known.reason else "traced"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_state": self.state, "_known": None, "_layout": None, "_form": None, "_numbers": ()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._known = self._look_up()
+        if self._state is not None:
+            self._take(self._state, constant_flags=False)
+
+    @property
+    def state(self) -> Any:
+        """The state of the game; None before `begin`."""
+        if self._state is None and self._layout is not None:
+            self._state = self._layout.state(self._numbers)
+        return self._state
+
+    @property
+    def forms(self) -> list[Form]:
+        """The forms of the written round."""
+        return [form for forms in self._known.forms.values() for form in forms]
+
+    def begin(self, state: Any) -> None:
+        """Take the state before the first round."""
+        self._take(state, constant_flags=True)
+
+    def play(self, actions: Any, noise: Any, *further: Any) -> Sequence[Any]:
+        """Play one round.
+
+        Args:
+            actions: Actions, a list of floats or a vector.
+            noise: Noise of the round.
+            *further: Further arguments of the round, which a traced one must not use, such as random numbers.
+
+        Returns:
+            What is read off the state: tuples of numbers, or vectors; None as the round has it.
+        """
+        form = self._form
+        if form is None or form.unchecked:
+            return self._play_anew(actions, noise, *further)
+        try:
+            numbers, *results = form.written.play(self._numbers, *_given(actions, noise))
+        except (ArithmeticError, ValueError):  # such as a division by 0, at which NumPy goes on
+            return self._play_plainly(actions, noise, *further)
+        self._advance(form, numbers)
+        read: Sequence[Any] = results
+        return read
+
+    def _advance(self, form: Form, numbers: Sequence[Any]) -> None:
+        self._state, self._layout, self._numbers = None, form.after, numbers
+        if form.following is None:
+            form.following = self._known.of(form.after)
+        self._form = _fitting(form.following, numbers)
+
+    def _take(self, state: Any, constant_flags: bool) -> None:
+        self._state, self._layout, self._form = state, None, None
+        if self._known.reason is None and (strange := _strange(state)):
+            self._known.reason = f"a state holds {strange}"
+        if self._known.reason is None:
+            self._layout = Layout.of(state, constant_flags)
+            self._numbers = self._layout.numbers(state)
+            self._form = _fitting(self._known.of(self._layout), self._numbers)
+
+    def _play_plainly(self, actions: Any, noise: Any, *further: Any) -> Sequence[Any]:
+        """Play a round by the rules."""
+        after, results = self._play(self.state, np.asarray(actions), noise, *further)
+        self._take(after, constant_flags=False)
+        return results
+
+    def _play_anew(self, actions: Any, noise: Any, *further: Any) -> Sequence[Any]:
+        """Play a round that is not traced, or is to be traced, or to be compared with the rules."""
+        known, form = self._known, self._form
+        if known.reason is None and form is None:
+            try:
+                form = self._trace(np.asarray(actions), noise, len(further))
+            except Untraceable as error:
+                known.reason = str(error)
+            except Exception as error:  # whatever NumPy says of an array of symbols
+                known.reason = f"{type(error).__name__}: {error}"
+        if form is None or known.reason is not None:
+            return self._play_plainly(actions, noise, *further)
+        before = self._numbers
+        try:
+            numbers, *found = form.written.play(before, *_given(actions, noise))
+        except (ArithmeticError, ValueError):
+            return self._play_plainly(actions, noise, *further)
+        results = self._play_plainly(actions, noise, *further)
+        if not _same(form.after.state(numbers), self.state) or not all(map(_alike, found, results)):
+            known.reason = "a written round differs from the rules by rounding"
+            return results
+        form.unchecked -= 1
+        self._advance(form, numbers)
+        return results
+
+    def _trace(self, actions: Array, noise: Any, n_further: int) -> Form:
+        """Return the form of the round for states like this one.
+
+        Raises:
+            Untraceable: The round cannot be written.
+        """
+        layout, known, state = self._layout, self._known, self.state
+        assert layout is not None  # it is None for games that are not traced
+        if len(self.forms) >= _MOST_FORMS:
+            raise Untraceable(f"its rounds have more than {_MOST_FORMS} forms")
+        tape = Tape(MOST_OPERATIONS)
+        symbols, numbers = layout.symbols(state, tape)
+        inputs = {"state": numbers}
+        given = []
+        names = ["actions", *(f"noise_{field}" for field in noise._fields)]
+        for name, part in zip(names, (actions, *noise), strict=True):
+            if part is not None:
+                whole = Layout(Leaf(name, part, (None,) * part.size))
+                part, inputs[name] = whole.symbols(part, tape)
+            given.append(part)
+        after, results = self._play(symbols, given[0], type(noise)(*given[1:]), *[_Unknown()] * n_further)
+        following, outputs = layout.following(after)
+        read = [None if one is None else _elements(one) for one in results]
+        assumed = [
+            (numbers.index(place), [*(table == table[self._numbers[numbers.index(place)]]).all(axis=1).tolist(), False])
+            for place, table in tape.assumed
+        ]
+        form = Form(tape.written(inputs, [outputs, *read]), following, assumed)
+        known.of(layout).append(form)
+        return form
+
+
+class _Unknown:
+    """Stands for what a traced round must not use."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise Untraceable("a policy draws random numbers")
+
+
+def _strange(state: Any) -> str | None:
+    """Return the type of a leaf that is no array, number, flag or text; None without any."""
+    known = np.ndarray | np.generic | int | float | str | None
+    return next((type(leaf).__name__ for leaf in leaves(state) if not isinstance(leaf, known)), None)
+
+
+def _given(actions: Any, noise: Any) -> Iterator[list[Any]]:
+    """Return the arguments of a written round beside the state."""
+    yield actions if isinstance(actions, list) else actions.tolist()
+    for part in noise:
+        if part is not None:
+            yield part.ravel().tolist()
+
+
+def _elements(array: Any) -> list[Element]:
+    return list(array.elements.ravel()) if isinstance(array, Symbols) else np.asarray(array).ravel().tolist()
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return whether two trees hold the same bits."""
+    pairs = zip(leaves(one), leaves(other), strict=True)
+    return all(np.asarray(a).tobytes() == np.asarray(b).tobytes() for a, b in pairs)
+
+
+def _alike(found: Any, result: Any) -> bool:
+    return (found is None) == (result is None) and (
+        result is None or np.asarray(found, result.dtype).tobytes() == result.tobytes()
+    )
+
+
+def _map_named(change: Callable[[str, Any], Any], tree: Any, name: str = "") -> Any:
+    """Return a tree with other leaves, by the name of a leaf and the leaf."""
+    if not isinstance(tree, tuple):
+        return change(name, tree)
+    names = getattr(tree, "_fields", range(len(tree)))
+    parts = [_map_named(change, part, f"{name}_{key}".strip("_")) for key, part in zip(names, tree, strict=True)]
+    return type(tree)(*parts) if hasattr(tree, "_fields") else tuple(parts)
