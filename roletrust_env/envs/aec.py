@@ -28,8 +28,22 @@ def env(
 class RoleTrustAECEnv(OrderEnforcingWrapper[str, Vector, Vector]):
     """The game with agents in turn. It refuses `step` before `reset`."""
 
+    # The wrapper looks attributes up by name, which takes longer than the game. Before `reset` there are none.
+    agents = property(lambda self: self.env.agents)
+    agent_selection = property(lambda self: self.env.agent_selection)
+    terminations = property(lambda self: self.env.terminations)
+    truncations = property(lambda self: self.env.truncations)
+    rewards = property(lambda self: self.env.rewards)
+    infos = property(lambda self: self.env.infos)
+
     def __repr__(self) -> str:
         return repr(self.env.env).replace("Parallel", "AEC", 1)
+
+    def last(self, observe: bool = True) -> tuple[Vector | None, float, bool, bool, dict[str, Any]]:
+        """See `pettingzoo.AECEnv.last`."""
+        found: tuple[Vector | None, float, bool, bool, dict[str, Any]]
+        found = self.env.last(observe) if self._has_reset else super().last(observe)
+        return found
 
     def _repr_html_(self) -> str:
         return str(self.env.env._spectator.html(repr(self), self.env.env._state))

@@ -122,6 +122,9 @@ class JointAction:
         if agent not in self._slots:
             return f"there is no agent {agent!r}; there are {shown(list(self._slots))}"
         shape = self._slots[agent][0]
+        few = shape[0] <= _FEW and isinstance(action, np.ndarray) and action.shape == shape and action.dtype in _FLOATS
+        if few and all_within(action.tolist()):
+            return None
         try:
             action = np.asarray(action)
         except (ValueError, TypeError, RuntimeError) as error:  # rows of unequal lengths, or a tensor on a device
