@@ -12,6 +12,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from roletrust_env.arrays import Array, device_of, is_compiling, namespace, total
 from roletrust_env.trust.ratings import Ratings
 
@@ -70,24 +72,45 @@ def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
     return parts[0] if len(parts) == 1 else namespace(like).concat(parts)
 
 
-def compare_opinions(outcomes: Array, met: Array, worth: Callable[[Array], Array]) -> Array:
+def by_pairs(of: Callable[[slice, slice], Array], like: Array) -> Array:
+    """Return a function's results for all pairs of a judge and an adviser; see `by_judges`. NumPy takes each pair once.
+
+    Args:
+        of: Symmetric function of a slice of judges and one of advisers, whose axes 0 and 1 are these.
+        like: Array of shape (S, P, ...).
+    """
+    many, rows = like.shape[0], max(1, _BLOCK // max(1, math.prod(like.shape)))
+    if rows >= many or not isinstance(like, np.ndarray):
+        return by_judges(lambda judges: of(judges, slice(None)), like)
+    found = np.empty((many, many, *like.shape[2:]), like.dtype)
+    for at in range(0, many, rows):
+        some, rest = slice(at, at + rows), slice(at, None)
+        found[some, rest] = part = of(some, rest)
+        found[rest, some] = part.swapaxes(0, 1)
+    return found
+
+
+def compare_opinions(ratings: Ratings, worth: Callable[[Array], Array]) -> Array:
     """Return the value of a round's opinions to each judge, summed over common providers, shape (S, S, ...).
 
     Args:
-        outcomes: Ratings f, shape (S, P, ...), 0 outside the mask.
-        met: Flag, 1 where i rated j, 0 elsewhere, shape (S, P, ...).
+        ratings: Ratings f of the round, on a grid.
         worth: Function from an opinion's distance to the outcome to its value: |f[i, j] - f[k, j]| in [0, 1].
     """
+    said, met = ratings.values, ratings.weights
 
-    def of(judges: slice) -> Array:
-        apart = abs(outcomes[judges, None] - outcomes[None])
-        return total(met[judges, None] * met[None] * worth(apart), 2)
+    def of(judges: slice, advisers: slice) -> Array:
+        value = worth(abs(said[judges, None] - said[None, advisers]))
+        return total(value if ratings.full else met[judges, None] * met[None, advisers] * value, 2)
 
-    return by_judges(of, outcomes)
+    return by_pairs(of, said)
 
 
-def in_common(met: Array) -> Array:
+def in_common(ratings: Ratings) -> Array:
     """Return the number of providers that judge and adviser both rated in the round, shape (S, S, ...)."""
+    met = ratings.weights
+    if ratings.full and isinstance(met, np.ndarray):
+        return credences(met, ratings.shape[1])
     return product(met, met.swapaxes(0, 1))
 
 

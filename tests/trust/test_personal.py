@@ -26,10 +26,21 @@ def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) ->
 def test_what_opinions_were_worth_is_summed_over_what_both_rated() -> None:
     f, m = np.array([[1.0, 0.5, 9], [0.25, 0.5, 0.75]]), np.array([[True, True, False], [True, True, True]])
     ratings = Ratings(f, m)
-    outcomes, met = ratings.values, ratings.weights
-    assert personal.compare_opinions(outcomes, met, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
-    assert personal.in_common(met).tolist() == [[2, 2], [2, 3]]
+    assert personal.compare_opinions(ratings, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
+    assert personal.in_common(ratings).tolist() == [[2, 2], [2, 3]]
     assert ratings.rated(PROVIDER).tolist() == [True, True, True]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 9])
+def test_each_pair_is_compared_once_and_a_full_round_needs_no_flags(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    f = np.random.default_rng(0).random((7, 3, 2))
+    monkeypatch.setattr(personal, "_BLOCK", rows * f.size)
+    for ratings in (Ratings(f), Ratings(f, np.ones(f.shape, bool)), Ratings(f, f > 0.3)):
+        met = ratings.weights
+        apart = abs(ratings.values[:, None] - ratings.values[None])
+        wanted = (met[:, None] * met[None] * (1 - apart)).sum(axis=2)
+        assert np.array_equal(personal.compare_opinions(ratings, lambda apart: 1 - apart), wanted)
+        assert np.array_equal(personal.in_common(ratings), (met[:, None] * met[None]).sum(axis=2))
 
 
 def test_a_memory_keeps_the_last_ratings_of_each_pair() -> None:

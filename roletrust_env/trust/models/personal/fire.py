@@ -90,8 +90,8 @@ class Fire(Personal):
     def update(self, state: FireState, ratings: Ratings) -> FireState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         outcomes, met = ratings.values, ratings.weights
-        judged, count = _FADE * state.judged, in_common(met)
-        credibility = absorb(state.credibility, judged, compare_opinions(outcomes, met, self._credible), count)
+        judged, count = _FADE * state.judged, in_common(ratings)
+        credibility = absorb(state.credibility, judged, compare_opinions(ratings, self._credible), count)
         values = push(state.values, 2 * outcomes - 1, ratings)
         weights = push(_FADE * state.weights, met, ratings)
         own, own_weight = _interaction(values, weights)

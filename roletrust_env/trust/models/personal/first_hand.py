@@ -7,7 +7,7 @@ from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power
 from roletrust_env.trust.personal import (
     Personal,
-    by_judges,
+    by_pairs,
     credence_sum,
     credences,
     mean,
@@ -81,12 +81,12 @@ class FirstHand(Personal):
         sums, counts = kept * state.sums + rated, kept * state.counts + met
         means, voice = mean(sums, counts), counts / (1 + self.limit * counts)
 
-        def agree(judges: slice) -> Array:
-            apart = abs(means[judges, None] - means[None])
-            return total(voice[judges, None] * voice[None] * (1 - apart), 2)
+        def agree(judges: slice, advisers: slice) -> Array:
+            apart = abs(means[judges, None] - means[None, advisers])
+            return total(voice[judges, None] * voice[None, advisers] * (1 - apart), 2)
 
         compared = product(voice, voice.swapaxes(0, 1))
-        agreement = xp.clip((self.doubt + by_judges(agree, voice)) / (1 + compared), 0.0, 1.0)
+        agreement = xp.clip((self.doubt + by_pairs(agree, voice)) / (1 + compared), 0.0, 1.0)
         credence = safe_power(agreement, self.power)
         heard, own = others(voice) * credence, self.own * counts
         said = self.prior * self.initial + own * means + credence_sum(heard, voice * means)

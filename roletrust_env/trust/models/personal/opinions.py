@@ -138,8 +138,8 @@ class SubjectiveLogic(Personal):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         outcomes, met = ratings.values, ratings.weights
         two = others(ratings.values)
-        agreed = state.agreed + two * compare_opinions(outcomes, met, lambda apart: 1 - apart)
-        differed = state.differed + compare_opinions(outcomes, met, lambda apart: apart)
+        agreed = state.agreed + two * compare_opinions(ratings, lambda apart: 1 - apart)
+        differed = state.differed + compare_opinions(ratings, lambda apart: apart)
         successes, failures = state.successes + outcomes, state.failures + (met - outcomes)
         own, adviser = Opinion.of(successes, failures), Opinion.of(agreed, differed)
 

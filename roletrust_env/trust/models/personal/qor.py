@@ -82,8 +82,8 @@ class QualityOfRecommendation(Personal):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
         outcomes, met = ratings.values, ratings.weights
-        common = in_common(met)
-        right = mean(compare_opinions(outcomes, met, lambda apart: 1 - 2 * apart), common)
+        common = in_common(ratings)
+        right = mean(compare_opinions(ratings, lambda apart: 1 - 2 * apart), common)
         new, weight = occurred(common), self.theta * state.weight
         quality = xp.where(common > 0, absorb(state.past, weight, right, new), state.quality)
         past = absorb(state.past, weight, new * quality, new)

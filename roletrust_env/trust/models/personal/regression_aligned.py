@@ -29,7 +29,7 @@ class Moments(NamedTuple):
         values: Array = ratings.values
         weights: Array = ratings.weights
         theirs = values.swapaxes(0, 1)
-        count = in_common(weights)
+        count = in_common(ratings)
         mean = product(weights, theirs) / _at_least_1(count)
         spread = product(weights, theirs * theirs) - count * mean * mean
         return cls(count, mean, spread, product(values, theirs) - count * mean * mean.swapaxes(0, 1))

@@ -6,9 +6,8 @@ from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.personal import (
     Personal,
-    by_judges,
+    by_pairs,
     credences,
-    in_common,
     mean,
     product,
     weighted_advice,
@@ -67,12 +66,12 @@ def disagreement(known: Experience) -> tuple[Array, Array]:
     rated = occurred(known.counts)
     means = known.sums / xp.where(known.counts > 0, known.counts, 1.0)
 
-    def squares(judges: slice) -> Array:
-        apart = rated[judges, None, ...] * rated[None, ...] * (means[judges, None, ...] - means[None, ...])
+    def squares(judges: slice, advisers: slice) -> Array:
+        apart = rated[judges, None] * rated[None, advisers] * (means[judges, None] - means[None, advisers])
         return (apart * apart).sum(axis=2)
 
-    common = in_common(rated)
-    return by_judges(squares, rated) / xp.where(common > 0, common, 1.0), common
+    common = product(rated, rated.swapaxes(0, 1))
+    return by_pairs(squares, rated) / xp.where(common > 0, common, 1.0), common
 
 
 class OwnState(NamedTuple):

@@ -77,10 +77,9 @@ class YuSingh(Personal):
     def update(self, state: YuSinghState, ratings: Ratings) -> YuSinghState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
-        outcomes, met = ratings.values, ratings.weights
-        lost = compare_opinions(outcomes, met, lambda apart: xp.log(1 - (1 - self.beta) * apart))
+        lost = compare_opinions(ratings, lambda apart: xp.log(1 - (1 - self.beta) * apart))
         log_credence = state.log_credence + lost
-        recent, known = push(state.recent, outcomes, ratings), push(state.known, met, ratings)
+        recent, known = push(state.recent, ratings.values, ratings), push(state.known, ratings.weights, ratings)
         experiences = total(known, 0)
         local, h = mean(total(recent, 0), experiences), experiences / self.memory
         credence = _relative(log_credence)

@@ -84,8 +84,8 @@ class ZhangCohen(Personal):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         checked, consistent = self._consistency(ratings)
         evidence = (
-            state.common + in_common(ratings.weights),
-            state.agreeing + compare_opinions(ratings.values, ratings.weights, lambda apart: 1 - apart),
+            state.common + in_common(ratings),
+            state.agreeing + compare_opinions(ratings, lambda apart: 1 - apart),
             state.checked + checked,
             state.consistent + consistent,
         )
