@@ -6,8 +6,9 @@ returns the attacker.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -87,7 +88,7 @@ class SideBySide(Policy):
 
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """See `Policy.treats`."""
-        return _stack_unusual(self._rows("treats", view, memory, random), 0 * view.ratings[..., 0, :] + 1)
+        return self._unusual("treats", view, memory, random, lambda: 0 * view.ratings[..., 0, :] + 1)
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.ratings`."""
@@ -95,11 +96,22 @@ class SideBySide(Policy):
 
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """See `Policy.withholds`."""
-        return _stack_unusual(self._rows("withholds", view, memory, random), view.awaiting[..., 0, :] & False)
+        return self._unusual("withholds", view, memory, random, lambda: view.awaiting[..., 0, :] & False)
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.presence`."""
         return _stack(self._rows("presence", view, memory, random))
+
+    def _unusual(
+        self, channel: str, view: Any, memory: Any, random: Random, usual: Callable[[], Array]
+    ) -> tuple[Array | None, Any]:
+        """Stack actions on a channel that few policies use. None stands for the usual action; all None stay None."""
+        if all(getattr(type(policy), channel) is getattr(Policy, channel) for policy in self.policies):
+            return None, memory
+        rows = self._rows(channel, view, memory, random)
+        if all(done is None for done, _ in rows):
+            return None, tuple(after for _, after in rows)
+        return _stack([(usual() if done is None else done, after) for done, after in rows])
 
     def _rows(self, channel: str, view: Any, memory: Any, random: Random) -> list[tuple[Any, Any]]:
         """Return what each policy does on a channel in its row of games, shape (K, G), and its memory."""
@@ -113,13 +125,6 @@ class SideBySide(Policy):
 def side_by_side(attacks: Sequence[Mapping[str, Policy]]) -> dict[str, Policy]:
     """Return K attacks as one attack, for a batch of games of shape (K, G)."""
     return {name: SideBySide(tuple(attack[name] for attack in attacks)) for name in attacks[0]}
-
-
-def _stack_unusual(rows: Sequence[tuple[Array | None, Any]], usual: Array) -> tuple[Array | None, Any]:
-    """Stack actions on a channel that few policies use. None stands for the usual action; all None stay None."""
-    if all(done is None for done, _ in rows):
-        return None, tuple(memory for _, memory in rows)
-    return _stack([(usual if done is None else done, memory) for done, memory in rows])
 
 
 def _stack(rows: Sequence[tuple[Array, Any]]) -> tuple[Array, Any]:
@@ -238,8 +243,17 @@ class AttackedPlayers:
         scripted, own, before = memory
         task_state = self.task.follow(state, scripted, before)
         action, own = self.attacker.act(self.task, task_state, own, random)
+        if self._plays_all:
+            return action, (scripted, own, task_state)
         actions, scripted = self.task.joint(task_state, action, random)
         return actions, (scripted, own, task_state)
+
+    @cached_property
+    def _plays_all(self) -> bool:
+        """Whether the attacker's actions are those of all agents: scripts of its own, where nobody else has one."""
+        if not isinstance(self.attacker, Scripted) or self.task.joint_policy.policies:
+            return False
+        return set(self.attacker.policies) <= set(self.task.compromised)
 
 
 MAX_RECORD = 200_000

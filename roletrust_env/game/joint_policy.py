@@ -18,7 +18,7 @@ from roletrust_env.world.presence import PRESENT
 from roletrust_env.world.roster import role_in_name, shown
 
 Memory = TypeVar("Memory")
-Places = Any  # indices of agents: an array on NumPy, which is quicker with many, and a list on torch
+Places = Any  # indices of agents: a slice, which copies nothing; else an array on NumPy and a list on torch
 
 _CHANNELS: dict[Role, frozenset[Channel]] = {
     "SR": frozenset({"ratings"}),
@@ -79,8 +79,9 @@ class _Group(NamedTuple):
     """Agents that share a policy and a role, by their indices on the provider, the rater and the agent axis."""
 
     policy: Policy
-    provider: Places
-    rater: Places
+    size: int
+    provider: Places | None
+    rater: Places | None
     agent: Places
 
 
@@ -116,20 +117,20 @@ class JointPolicy:
         for name, policy in policies.items():
             _check_seat(game, name, policy, identities[name] - 1)
         seated = roster.with_reserves(policies)
-        groups: dict[tuple[Role, Policy], _Group] = {}
+        groups: dict[tuple[Role, Policy], tuple[list[int], list[int], list[int]]] = {}
         for place, name in enumerate(roster.names):
             policy = seated.get(name, honest)
-            group = groups.setdefault((roster.roles[name], policy), _Group(policy, [], [], []))
-            group.agent.append(place)
+            providers, raters, agents = groups.setdefault((roster.roles[name], policy), ([], [], []))
+            agents.append(place)
             if name in roster.provider_places:
-                group.provider.append(roster.provider_places[name])
+                providers.append(roster.provider_places[name])
             if name in roster.rater_places:
-                group.rater.append(roster.rater_places[name])
-        indices = np.asarray if isinstance(game.like, np.ndarray) else list
-        self._groups = tuple(_Group(group.policy, *map(indices, group[1:])) for group in groups.values())
-        self._orders = tuple(
-            _order(list(places)) for places in zip(*(group[1:] for group in groups.values()), strict=True)
+                raters.append(roster.rater_places[name])
+        self._groups = tuple(
+            _Group(policy, len(axes[2]), *(_places(axis, game.like) for axis in axes))
+            for (_, policy), axes in groups.items()
         )
+        self._orders = tuple(_order(list(axis)) for axis in zip(*groups.values(), strict=True))
         self._has_reserve = any(roster.identity_index)
         self._before = list(roster.previous_identity)
         self._turn = namespace(game.like).asarray(roster.identity_index, dtype=game.like.dtype, device=game.like.device)
@@ -150,9 +151,9 @@ class JointPolicy:
         Raises:
             ValueError: The game cannot seat a policy, see `Game.check_policy`.
         """
-        memories = tuple(group.policy.begin(random, (len(group.agent), *batch)) for group in self._groups)
+        memories = tuple(group.policy.begin(random, (group.size, *batch)) for group in self._groups)
         for group, memory in zip(self._groups, memories, strict=True):
-            self.game.check_policy(group.policy, memory if len(group.rater) else None)
+            self.game.check_policy(group.policy, None if group.rater is None else memory)
         return memories
 
     def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
@@ -162,8 +163,8 @@ class JointPolicy:
         providing, rating, wanted, after = [], [], [], []
         for group, memory in zip(self._groups, memories, strict=True):
             chosen, remembered = self._ask(group, state, *views, memory, random)
-            providing += [chosen] if len(group.provider) else []
-            rating += [chosen] if len(group.rater) else []
+            providing += [] if group.provider is None else [chosen]
+            rating += [] if group.rater is None else [chosen]
             if identities is not None:
                 mine = IdentityView(*(field[group.agent, ...] for field in identities))
                 there, remembered = group.policy.presence(mine, remembered, random)
@@ -209,8 +210,8 @@ class JointPolicy:
         self, group: _Group, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
     ) -> tuple[_GroupActions, Any]:
         """Return the actions of agents that share a policy, and their new memory."""
-        provider = ProviderView(*_take(providers, group.provider)) if len(group.provider) else None
-        rater = type(raters)(*_take(raters, group.rater)) if len(group.rater) else None
+        provider = None if group.provider is None else ProviderView(*_take(providers, group.provider))
+        rater = None if group.rater is None else type(raters)(*_take(raters, group.rater))
         quality = treatment = given = withheld = None
         if provider is not None and rater is not None:
             trust = self.game.agent_trust(state)[group.agent, ...]
@@ -320,10 +321,19 @@ def _words(channels: frozenset[Channel]) -> str:
     return " and ".join(sorted(channels))
 
 
+def _places(indices: list[int], like: Array) -> Places | None:
+    """Return ascending indices of agents as they are looked up fastest; None of nobody."""
+    if not indices:
+        return None
+    if indices[-1] - indices[0] == len(indices) - 1:
+        return slice(indices[0], indices[-1] + 1)
+    return np.asarray(indices) if isinstance(like, np.ndarray) else indices
+
+
 def _take(view: ProviderView | RaterView, places: Places) -> list[Array]:
     """Return the fields of a view of all agents for some of them."""
-    _xp, one = namespace(view.trust), view.trust.ndim
-    return [field[..., places, *[slice(None)] * (one - 1)] for field in view]
+    at = (..., places, *[slice(None)] * (view.trust.ndim - 1))
+    return [field[at] for field in view]
 
 
 def _own_axis_first(of_others: Array | None) -> Array | None:
