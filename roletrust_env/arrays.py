@@ -54,6 +54,11 @@ def largest(array: Array, axis: int = 0) -> Array:
     return np.maximum.reduce(array, axis) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=axis)
 
 
+def smallest(array: Array, axis: int = 0) -> Array:
+    """Return the minimum along an axis, see `total`."""
+    return np.minimum.reduce(array, axis) if isinstance(array, np.ndarray) else namespace(array).min(array, axis=axis)
+
+
 def total(array: Array, axis: int) -> Array:
     """Return the sum along an axis.
 

@@ -4,7 +4,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, largest, namespace, smallest
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
@@ -85,7 +85,7 @@ class IterativeFiltering(Published):
             before = worth
             apart = (means - pairs.gather(worth, PROVIDER)) ** 2
             distance = pairs.reduce(apart if everyone else rated * apart, RATER) / (given + TINY)
-            least = xp.min(distance if everyone else xp.where(given > 0, distance, 1.0), axis=0)
+            least = smallest(distance if everyone else xp.where(given > 0, distance, 1.0))
             weights = self._weights(distance if everyone else xp.where(given > 0, distance, least), least)
             worth = weighted_mean(pairs, means, rated * pairs.gather(weights, RATER), PROVIDER)
             if isinstance(worth, np.ndarray) and abs(worth - before).max() <= rest:
@@ -98,7 +98,7 @@ class IterativeFiltering(Published):
         """Return the weights u of the raters, divided by that of the least distance, which is the largest."""
         xp = namespace(distance)
         if self.weighting == "linear":
-            most = xp.max(distance, axis=0) + _LINEAR
+            most = largest(distance) + _LINEAR
             return (most - distance) / (most - least)
         if self.weighting == "exponential":
             return xp.exp(_EXPONENTIAL * (least - distance))
