@@ -238,7 +238,6 @@ class Pool(Protocol):
             suite: Suite of the cells.
             cells: Cells to play.
         """
-        ...
 
 
 class LocalPool:

@@ -24,7 +24,6 @@ class AnyCell(Hashable, Protocol):
     @property
     def key(self) -> str:
         """Unique key of the cell in its suite."""
-        ...
 
     def _asdict(self) -> dict[str, Any]: ...
 

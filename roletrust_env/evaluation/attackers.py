@@ -140,7 +140,6 @@ class Attacker(Protocol):
 
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:
         """Return the memory before the first round."""
-        ...
 
     def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array | Actions, Any]:
         """Return the action and the new memory.
@@ -148,7 +147,6 @@ class Attacker(Protocol):
         The action has shape (A, *batch), see `AttackTask.action_size`, or is an `Actions` of all agents, of which those
         of the attacker's identities count.
         """
-        ...
 
 
 @runtime_checkable
@@ -157,15 +155,12 @@ class Stackable(Attacker, Protocol):
 
     def stacks_with(self, other: Attacker) -> bool:
         """Return whether both can play side by side."""
-        ...
 
     def stack(self, others: Sequence[Any]) -> Self:
         """Return K attackers side by side for a batch of games of shape (K, G): this one, and others."""
-        ...
 
     def row(self, k: int) -> Self:
         """Return the k-th of K attackers side by side."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +267,6 @@ class Recordable(Protocol):
 
     def record(self) -> dict[str, Any]:
         """Return the kind of the attacker and the fields of this kind, as plain data for JSON."""
-        ...
 
 
 def record_of(attacker: Attacker) -> str:

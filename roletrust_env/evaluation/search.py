@@ -85,7 +85,6 @@ class SearchMethod(Protocol):
     @property
     def name(self) -> str:
         """Name in tables."""
-        ...
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """Search for a good attack.
@@ -98,7 +97,6 @@ class SearchMethod(Protocol):
         Raises:
             UnsuitableError: The method does not apply to this task, or the budget is too small for it.
         """
-        ...
 
 
 search_methods: Registry[SearchMethod] = Registry("search method", "roletrust_env.search_methods", SearchMethod)

@@ -20,11 +20,9 @@ class Players(Protocol):
     @property
     def game(self) -> Game:
         """The game that they play."""
-        ...
 
     def begin(self, random: Random, batch: tuple[int, ...]) -> Any:
         """Return the memory before the first round."""
-        ...
 
     def checked_act(self, state: State, memory: Any, random: Random) -> tuple[Actions, Any]:
         """Return the actions of all agents, each in [0, 1], and the new memory.
@@ -32,7 +30,6 @@ class Players(Protocol):
         Raises:
             ValueError: A policy fails, or an action is NaN or outside [0, 1]. The message names the round.
         """
-        ...
 
 
 class Round(NamedTuple):

@@ -76,11 +76,9 @@ class Keyring(Protocol):
 
     def __contains__(self, sender: object) -> bool:
         """Return whether a sender of that name is known."""
-        ...
 
     def verifies(self, sender: str, signed: bytes, signature: bytes) -> bool:
         """Return whether a signature of some bytes is that of a known sender."""
-        ...
 
 
 class KeysOfOthers:

@@ -38,7 +38,6 @@ class TrustModel(Protocol[State]):
         Args:
             like: Array of shape (S, P, ...) that shows shapes, dtype, device and array library.
         """
-        ...
 
     def update(self, state: State, ratings: Ratings) -> State:
         """Return the state after one more round.
@@ -49,15 +48,12 @@ class TrustModel(Protocol[State]):
                 rated provider j and 0 elsewhere, and its `weights` are 1 there and 0 elsewhere. The state may keep
                 them: they are not written to afterwards. Edges come only to a central model that runs on them.
         """
-        ...
 
     def rater_trust(self, state: State) -> Array:
         """Return the trust of each rater, shape (S, ...), in [0, 1]."""
-        ...
 
     def provider_trust(self, state: State) -> Array:
         """Return the trust of each provider, shape (P, ...), in [0, 1]."""
-        ...
 
 
 class Published:

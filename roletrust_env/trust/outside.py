@@ -60,15 +60,12 @@ class Link(Protocol):
         Raises:
             LinkError: The other side fails, or takes too long.
         """
-        ...
 
     def tell(self, line: str) -> None:
         """Send a line that has no answer. Raises as `ask` does."""
-        ...
 
     def close(self) -> None:
         """End the connection."""
-        ...
 
 
 class ProcessLink:

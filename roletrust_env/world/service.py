@@ -28,7 +28,6 @@ class Service(Protocol):
         Returns:
             Perceived quality in [0, 1], shape (S, P, ...).
         """
-        ...
 
 
 class SyntheticService:

@@ -113,15 +113,12 @@ class Decider(Protocol):
     @property
     def has_memory(self) -> bool:
         """True if there is a memory from round to round."""
-        ...
 
     def begin(self, like: Array) -> Any:
         """Return the memory before the first observation, for `like` of the shape of the batch."""
-        ...
 
     def __call__(self, observation: Array, memory: Any = None) -> tuple[Array, Any]:
         """Return the actions in [0, 1], (A, ...), for observations, (K, ...), and the new memory."""
-        ...
 
 
 class Network:

@@ -32,24 +32,20 @@ class GridTask(Protocol):
     @property
     def decisions(self) -> int:
         """Number of decisions, D."""
-        ...
 
     @property
     def start(self) -> float:
         """State before the first decision."""
-        ...
 
     @property
     def constant(self) -> float:
         """Part of the total score that does not depend on the decisions."""
-        ...
 
     def step(self, t: int, state: Array, last: Array, action: Array) -> tuple[Array, Array]:
         """Return the reward and the next state of decision t. The arguments are broadcast.
 
         The functions are analytic except at kinks.
         """
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,15 +28,12 @@ class DefenceLearner(Protocol):
     @property
     def name(self) -> str:
         """Name in tables."""
-        ...
 
     def start(self) -> Floats:
         """Return the vector from which a training begins, shape (n,)."""
-        ...
 
     def spec(self, vector: Floats) -> str:
         """Return the trust model of a vector as a text that `parse_trust_model` reads."""
-        ...
 
     def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
         """Return the trust models of K vectors as one model, for games of shape (K, G) in single precision.
@@ -45,7 +42,6 @@ class DefenceLearner(Protocol):
             vectors: Vectors, shape (K, n).
             initial: Trust before any rating, which the scenario says.
         """
-        ...
 
 
 class AttackerMixture(NamedTuple):

@@ -60,7 +60,6 @@ class Learner(Protocol):
         Returns:
             Final policy without exploration.
         """
-        ...
 
 
 registry: Registry[Learner] = Registry("learner", "roletrust_env.learners", Learner)

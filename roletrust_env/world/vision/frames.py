@@ -42,7 +42,6 @@ class FrameSource(Protocol):
         Returns:
             Frame of shape (FRAME_HEIGHT, width, 3).
         """
-        ...
 
 
 class CapturedFrames:
