@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
-from time import perf_counter
 from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
-from roletrust_env.benchmarking.cost import RemainingTime, estimate_cost
+from roletrust_env.benchmarking.cost import cell_costs, estimate_cost
 from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.learners.learner import is_search, make_search_method, registry
@@ -163,25 +162,25 @@ def benchmark(
 
 
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
-    """Play the suite with a progress bar that shows the cells and the remaining time."""
-    with progress_bar() as progress:
-        job, began = progress.add_task(f"Playing {suite.name}"), perf_counter()
-        time = RemainingTime({})
+    """Play the suite with a progress bar that moves by the cost of the cells."""
+    with progress_bar(counted=False) as progress:
+        job, costs = progress.add_task(f"Playing {suite.name}"), dict[str, float]()
+        done = number = 0
 
         def begin(remaining: Sequence[Any], total: int) -> None:
-            nonlocal time, began
-            stored = total - len(remaining)
-            progress.update(job, total=total, completed=stored)
-            if stored:
-                progress.console.print(f"[dim]{stored:,} of {total:,} cells are there already.[/]")
+            nonlocal costs, done, number
+            done, number = total - len(remaining), total
+            if done:
+                progress.console.print(f"[dim]{done:,} of {number:,} cells are there already.[/]")
             if not progress.disable:
-                time, began = RemainingTime.of(suite, remaining), perf_counter()
+                costs = cell_costs(suite, remaining)
+                progress.reset(job, total=sum(costs.values()))
 
         def show(cell: Any, result: CellResult) -> None:
-            time.finish(cell.key)
-            seconds = time.seconds(perf_counter() - began)
-            left = "" if seconds is None else f", {in_time(seconds)} left"
-            progress.update(job, advance=1, description=f"Playing {suite.name}{left}")
+            nonlocal done
+            done += 1
+            about = f"Playing {suite.name}, {done:,} of {number:,} cells"
+            progress.update(job, advance=costs.get(cell.key, 0.0), description=about)
             if result.failed:
                 progress.console.print(f"[red]{escape(cell.key)}: {escape(result.failed)}[/]", soft_wrap=True)
 

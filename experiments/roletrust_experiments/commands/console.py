@@ -1,6 +1,7 @@
 """Output of the commands: tables, progress bars and messages."""
 
 import json
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -17,7 +18,7 @@ console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
 
-def progress_bar(where: Console = console) -> Progress:
+def progress_bar(where: Console = console, *, counted: bool = True) -> Progress:
     """Return a progress bar that disappears when it is done.
 
     It is shown on a terminal only. In a file, a pipe or a notebook it would be printed again and again, and all of
@@ -25,9 +26,12 @@ def progress_bar(where: Console = console) -> Progress:
 
     Args:
         where: Console that shows it.
+        counted: Whether it shows how many steps are done. Else steps may differ in length, and come seldom.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=where, transient=True, disable=not where.file.isatty())
+    ends = (MofNCompleteColumn(), TimeRemainingColumn())[not counted :]
+    columns, period = (TextColumn("{task.description}"), BarColumn(), *ends), 30.0 if counted else math.inf
+    shown = where.file.isatty()
+    return Progress(*columns, console=where, transient=True, disable=not shown, speed_estimate_period=period)
 
 
 def print_json(data: Mapping[str, Any]) -> None:
