@@ -7,7 +7,6 @@ blind choice is 0. A leaderboard displays as a table and converts to other forma
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -292,19 +291,10 @@ class Leaderboard:
         title = f"Leaderboard, suite {self.suite.name}"
         return "\n".join([title, *(line.rstrip() for line in text), *self.caveats])
 
-    def _repr_html_(self) -> str:
-        """Return the rows as an HTML table for a notebook."""
-        head = "".join(f"<th>{escape(name)}</th>" for name in self.columns)
-        texts = [row_texts(row, " ± ") for row in self.rows]
-        body = "".join(
-            f"<tr>{''.join(f'<td>{escape(text[name])}</td>' for name in self.columns)}</tr>" for text in texts
-        )
-        caveats = "".join(f"<li>{escape(line)}</li>" for line in self.caveats)
-        title = f"Leaderboard, suite {escape(self.suite.name)}"
-        return (
-            f"<table><caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-            f"<p><small>{escape(self.caption)}.</small></p>{f'<ul>{caveats}</ul>' if caveats else ''}"
-        )
+    def _repr_markdown_(self) -> str:
+        """Return the rows as a table for a notebook, with what its columns mean."""
+        notes = "".join(f"- {line}\n" for line in self.caveats)
+        return f"**Leaderboard, suite {self.suite.name}**\n\n{self.to_markdown()}\n\n{self.caption}.\n\n{notes}"
 
 
 def row_texts(row: LeaderboardRow, between: str) -> dict[str, str]:

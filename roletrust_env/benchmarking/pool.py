@@ -130,7 +130,6 @@ class WorkerPool(Generic[Key]):
         jobs: Mapping[Key, tuple[Any, ...]],
         limit_s: float,
         tries: int = 1,
-        advance: Callable[[Key], None] = lambda key: None,
     ) -> Iterator[tuple[Key, JobResult]]:
         """Run jobs, and yield the result of each when it is finished.
 
@@ -138,7 +137,6 @@ class WorkerPool(Generic[Key]):
             jobs: Arguments of each job, by key. They must be picklable.
             limit_s: Time limit of a job in seconds, without the start of a process.
             tries: Maximum number of attempts for a job whose process dies.
-            advance: Function that is called with the key of each job before the job begins.
 
         Raises:
             ChildProcessError: Processes end before they can work.
@@ -170,7 +168,6 @@ class WorkerPool(Generic[Key]):
                     yield job.key, JobResult(timed_out=True)
                     continue
                 if pending and worker.ready and worker.job is None:
-                    advance(pending[-1].key)
                     worker.begin(pending.pop(), limit_s)
             if failed_starts >= _MAX_FAILED_STARTS:
                 raise ChildProcessError(

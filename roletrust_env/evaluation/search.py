@@ -25,7 +25,6 @@ class Budget:
 
     Args:
         rounds: Size of the budget, rounds times games.
-        on_spent: Called with each number of rounds that is spent, for example to move a progress bar.
 
     Raises:
         ValueError: The size is no number of rounds.
@@ -35,12 +34,11 @@ class Budget:
         spent: Rounds that are spent.
     """
 
-    def __init__(self, rounds: int, on_spent: Callable[[int], None] | None = None) -> None:
+    def __init__(self, rounds: int) -> None:
         if not isinstance(rounds, int) or rounds < 0:
             raise ValueError(f"the budget is {rounds!r}; it must be a number of game rounds, 0 or more")
         self.rounds = rounds
         self.spent = 0
-        self._on_spent = on_spent
 
     @property
     def left(self) -> int:
@@ -50,8 +48,6 @@ class Budget:
     def spend(self, rounds: int) -> None:
         """Count rounds as spent."""
         self.spent += rounds
-        if self._on_spent is not None:
-            self._on_spent(rounds)
 
 
 Progress = tuple[tuple[int, float], ...]

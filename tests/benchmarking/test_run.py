@@ -61,7 +61,7 @@ def test_a_leaderboard_has_several_forms(tmp_path: Path) -> None:
     assert "mean" in repr(leaderboard)
     assert "bad-mouthing" in repr(leaderboard)
     assert leaderboard.to_markdown().startswith("| tier | rank | model | clean |")
-    assert "<table>" in leaderboard._repr_html_()
+    assert leaderboard.to_markdown() in leaderboard._repr_markdown_()
     leaderboard.to_csv(tmp_path / "board.csv")
     assert (tmp_path / "board.csv").read_text().startswith("tier,rank,model,clean")
     pandas = pytest.importorskip("pandas")

@@ -181,15 +181,14 @@ class Node:
         )
         self._announce()
 
-    def writer(self, topic: str, kind: str, *, depth: int = 10) -> Writer:
+    def writer(self, topic: str, kind: str) -> Writer:
         """Return a writer of a topic.
 
         Args:
             topic: Name of the topic in ROS 2.
             kind: Type of its messages, such as `std_msgs/msg/Float64`.
-            depth: Number of messages that are stored for slow readers.
         """
-        writer, carrier = make_endpoint(DataWriter, self._participant, "rt" + topic, kind, _qos(kind, depth))
+        writer, carrier = make_endpoint(DataWriter, self._participant, "rt" + topic, kind, _qos(kind))
         self._gids["writer"].append(writer.guid)
         self._announce()
         return Writer(writer, carrier)
@@ -299,7 +298,7 @@ _ONCE = Qos(Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Po
 """Quality of service of messages that later readers receive as well."""
 
 
-def _qos(kind: str, depth: int) -> Qos:
+def _qos(kind: str, depth: int = 10) -> Qos:
     """Return ROS 2's default quality of service (reliable, volatile, a short history) with the hash of the type."""
     return Qos(
         Policy.Reliability.Reliable(100 * _MILLISECOND),

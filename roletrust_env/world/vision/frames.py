@@ -225,7 +225,7 @@ class LiveCamera(CapturedFrames):
 
 
 def open_frames(
-    source: str | Path | int | None, *, duration_s: float, period_s: float, seed: int = 0, loop: bool = False
+    source: str | Path | int | None, *, duration_s: float, period_s: float, loop: bool = False
 ) -> FrameSource:
     """Open a source of frames, and check that it lasts as long as the run, if that is known in advance.
 
@@ -234,7 +234,6 @@ def open_frames(
             name); None for the rendered scene.
         duration_s: Length of the run, seconds.
         period_s: Length of a round, seconds.
-        seed: Random seed of the rendered scene.
         loop: Whether a video or a folder that is shorter than the run starts again.
 
     Raises:
@@ -246,7 +245,7 @@ def open_frames(
         name = "the rendered scene" if source is None else f"camera {source}"
         raise FramesError(f"{name} cannot be looped because it has no end; videos and folders of images can")
     if source is None:
-        return RenderedScene(seed)
+        return RenderedScene(0)
     if live:
         return LiveCamera(int(source))  # type: ignore[arg-type]
     if path.is_dir():
