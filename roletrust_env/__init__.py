@@ -35,7 +35,7 @@ def __getattr__(name: str) -> Any:
     """Return a public name, whose module is imported now.
 
     Raises:
-        DependencyNotInstalled: It needs Stable-Baselines3, which is missing. The class is that of Gymnasium.
+        DependencyNotInstalled: It needs Stable-Baselines3 or JAX, which is missing. The class is that of Gymnasium.
     """
     if name == "__version__":
         from importlib.metadata import version
@@ -49,10 +49,12 @@ def __getattr__(name: str) -> Any:
         found = getattr(import_module(_MODULES[name]), name)
     except ModuleNotFoundError as error:
         missing = (error.name or "").partition(".")[0]
-        if missing not in ("stable_baselines3", "torch"):
+        needed = {"stable_baselines3": ("Stable-Baselines3", "train"), "jax": ("JAX", "jax")}
+        library, extra = needed.get("stable_baselines3" if missing == "torch" else missing, ("", ""))
+        if not library:
             raise
         raise gymnasium.error.DependencyNotInstalled(
-            f"{name} needs Stable-Baselines3, and {missing} is not installed: pip install 'roletrust-env[train]'"
+            f"{name} needs {library}, and {missing} is not installed: pip install 'roletrust-env[{extra}]'"
         ) from None
     globals()[name] = found
     return found

@@ -4,6 +4,8 @@ from roletrust_env import metrics as metrics
 from roletrust_env.benchmarking import benchmark as benchmark
 from roletrust_env.data import TrustStream as TrustStream
 from roletrust_env.envs.aec import env as env
+from roletrust_env.envs.jax_env import AttackJaxEnv as AttackJaxEnv
+from roletrust_env.envs.jax_env import RoleTrustJaxEnv as RoleTrustJaxEnv
 from roletrust_env.envs.parallel import RoleTrustParallelEnv as RoleTrustParallelEnv
 from roletrust_env.envs.parallel import parallel_env as parallel_env
 from roletrust_env.envs.sb3 import AttackVecEnv as AttackVecEnv

@@ -44,6 +44,11 @@ def device_of(array: Array) -> Any:
     return getattr(array, "device", None)
 
 
+def whole_dtype(array: Array) -> Any:
+    """Return the dtype of whole numbers in the library of an array: int64, or int32 in JAX's usual precision."""
+    return namespace(array).asarray(0).dtype
+
+
 def library_of(like: Array) -> str:
     """Return the array library and the dtype of an array, such as `torch float32`."""
     return f"{type(like).__module__.partition('.')[0]} {str(like.dtype).rpartition('.')[2]}"
@@ -110,7 +115,7 @@ def is_compiling(array: Array) -> bool:
     if isinstance(array, _NUMPY):
         return False
     compiler = getattr(namespace(array), "compiler", None)  # torch has one
-    return compiler is not None and bool(compiler.is_compiling())
+    return device_of(array) is None if compiler is None else bool(compiler.is_compiling())
 
 
 def ones(like: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copy, entries, mean_or_zero, namespace
+from roletrust_env.arrays import Array, cast, copy, entries, mean_or_zero, namespace, whole_dtype
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.cells import Cells, for_batch
 from roletrust_env.game.noise import NoiseSource
@@ -141,7 +141,7 @@ class Game:
         traits = noise.ability, noise.bias, noise.scale
         # No two parts share an array: a compiler would have to compile anew when later ones do not.
         return State(
-            round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
+            round=xp.zeros_like(nothing[0, 0, ...], dtype=whole_dtype(nothing)),
             trust=trust,
             ratings=nothing,
             rated=nobody,

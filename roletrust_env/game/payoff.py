@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from roletrust_env.arrays import Array, entries, namespace
+from roletrust_env.arrays import Array, cast, entries, namespace, whole_dtype
 from roletrust_env.game.state import Counts
 from roletrust_env.trust import agent_trust
 from roletrust_env.world.roster import Roster
@@ -30,8 +30,7 @@ class Payoff:
         """Return the value of the next service of each provider, shape (P, ...), relative to the highest value."""
         if self._values is None or noise is None:
             return value
-        xp = namespace(noise)
-        return entries(self._values, xp.astype(noise * len(self._values), xp.int64))
+        return entries(self._values, cast(noise * len(self._values), whole_dtype(noise)))
 
     def rewards(self, tor: Array, top: Array, counts: Counts | None, quality: Array, value: Array) -> Array:
         """Return the rewards, shape (N, ...).

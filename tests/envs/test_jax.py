@@ -1,0 +1,155 @@
+"""Environments on JAX play the rules of all others: beside NumPy in double precision, with the same noise."""
+
+import numpy as np
+import pytest
+
+import roletrust_env
+from roletrust_baselines import BadMouthing, RandomRating
+from roletrust_env.envs.attack_env import TASKS
+from roletrust_env.game.game import Game
+from roletrust_env.game.make_task import make_task
+from roletrust_env.game.state import Actions
+from roletrust_env.trust import Ratings
+from roletrust_env.trust.model import start_model
+from roletrust_env.world.presence import PRESENT
+
+jax = pytest.importorskip("jax")
+jnp = jax.numpy
+pytestmark = pytest.mark.slow  # a compiler takes seconds for each model
+
+AttackJaxEnv, RoleTrustJaxEnv = roletrust_env.AttackJaxEnv, roletrust_env.RoleTrustJaxEnv
+PRESETS = ["robots-that-move", "open-system", "market", "subjective"]
+
+BRANCHING = ["beta-filtered"]
+
+
+@pytest.fixture
+def double():
+    with jax.enable_x64(True):
+        yield
+
+
+def words(key):
+    """The words of the noise that an environment makes from a key, and the other half of the key."""
+    noise, other = jax.random.split(key)
+    return np.asarray(jax.random.bits(noise, (12, 4), "uint32")), other
+
+
+def both_play(scenario, model="role-trust", rounds=6):
+    """Yield (observations, rewards, dones, state) of JAX with what NumPy has, round by round, with random actions."""
+    env = RoleTrustJaxEnv(scenario, model, max_cycles=rounds)
+    game, step, rng = Game(env.game.scenario, model), jax.jit(env.step_env), np.random.default_rng(0)
+    roster, key = game.roster, jax.random.key(7)
+    _, theirs = jax.jit(env.reset)(key)
+    ours = game.start(game.noise(words(key)[0], start=True))
+    for t in range(rounds):
+        key = jax.random.fold_in(key, t)
+        actions = {agent: rng.random(space.shape) for agent, space in env.action_spaces.items()}
+        seen, theirs, rewards, dones, infos = step(key, theirs, actions)
+        quality = np.array([actions[name][0] for name in roster.provider_names])
+        ratings = np.array([actions[name][-roster.n_providers :] for name in roster.rater_names])
+        before = ours
+        ours, earned = game.step(ours, Actions(quality, ratings), game.noise(words(key)[0]))
+        yield env, (seen, rewards, dones, infos, theirs), (game, before, ours, earned)
+
+
+@pytest.mark.parametrize("scenario", PRESETS)
+def test_every_preset_is_equal_to_numpy(scenario, double):
+    for env, (seen, rewards, dones, infos, _), (game, before, ours, earned) in both_play(scenario):
+        expected = [column for part in game.observations(ours) if part is not None for column in part.T]
+        present = np.ones(len(env.agents), bool) if ours.population is None else ours.population.phase == PRESENT
+        there = present if before.population is None else before.population.phase == PRESENT
+        np.testing.assert_allclose([rewards[agent] for agent in env.agents], np.where(there, earned, 0), atol=1e-12)
+        np.testing.assert_array_equal(infos["present"], present)
+        np.testing.assert_allclose(infos["trust"], game.agent_trust(ours), atol=1e-12)
+        gone = np.zeros(len(present), bool) if ours.population is None else ours.population.phase > PRESENT
+        over = ours.round == 6 or not present.any()
+        assert [bool(dones[agent]) for agent in [*env.agents, "__all__"]] == [*(gone | over), over]
+        for agent, one in zip(env.agents, expected, strict=True):
+            np.testing.assert_allclose(seen[agent], one, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", [name for name in roletrust_env.trust_models() if name not in BRANCHING])
+def test_every_model_is_equal_to_numpy(model, double):
+    model, rng = roletrust_env.make_trust_model(model), np.random.default_rng(0)
+    ratings, masks = rng.random((3, 4, 3)), rng.random((3, 4, 3)) < 0.7
+
+    def trusts(xp):
+        def play(ratings, masks):
+            state = start_model(model, ratings[0], xp.zeros((4, 3), dtype=bool))
+            for values, mask in zip(ratings, masks, strict=True):
+                state = model.update(state, Ratings(values, mask))
+            return model.rater_trust(state), model.provider_trust(state)
+
+        return play
+
+    theirs = jax.jit(trusts(jnp), compiler_options={"xla_backend_optimization_level": 0})(ratings, masks)
+    for one, other in zip(theirs, trusts(np)(ratings, masks), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+@pytest.mark.parametrize("task_id", TASKS)
+def test_tasks_are_equal_to_numpy(task_id, double):
+    env, key, rng = AttackJaxEnv(task_id, max_cycles=4), jax.random.key(1), np.random.default_rng(1)
+    task = make_task(**{**TASKS[task_id].defaults, "max_cycles": 4, "like": np.zeros(())})
+    random, step = task.game.random(0), jax.jit(env.step_env)
+    seen, theirs = jax.jit(env.reset)(key)
+    ours = task.start(task.game.noise(words(key)[0], start=True), random)
+    for t in range(4):
+        np.testing.assert_allclose(seen["attacker"], task.observe(ours), atol=1e-12)
+        action, key = rng.random(task.action_size), jax.random.fold_in(key, t)
+        seen, theirs, rewards, dones, infos = step(key, theirs, {"attacker": action})
+        ours, outcome = task.step(ours, action, task.game.noise(words(key)[0]), random)
+        np.testing.assert_allclose(rewards["attacker"], outcome.reward, atol=1e-12)
+        np.testing.assert_allclose(infos["objective"], outcome.objective, atol=1e-12)
+        np.testing.assert_allclose(infos["cost"], outcome.cost, atol=1e-12)
+        assert bool(dones["__all__"]) == bool(outcome.over)
+
+
+def test_an_episode_follows_another_in_one_scan():
+    env = RoleTrustJaxEnv("paper-3x3", max_cycles=3)
+    still = {agent: jnp.ones(space.shape) for agent, space in env.action_spaces.items()}
+
+    def play(state, key):
+        seen, after, _, dones, _ = env.step(key, state, still)
+        return after, (after.round, dones["__all__"], seen["sr_0"])
+
+    def episodes(key):
+        return jax.lax.scan(play, env.reset(key)[1], jax.random.split(key, 7))[1]
+
+    rounds, over, seen = jax.jit(jax.vmap(episodes))(jax.random.split(jax.random.key(0), 5))
+    assert rounds.tolist() == [[1, 2, 0, 1, 2, 0, 1]] * 5
+    assert over.tolist() == [[False, False, True] * 2 + [False]] * 5
+    assert len({tuple(row) for row in np.asarray(seen[:, 0]).tolist()}) == 5  # games differ
+    assert not np.array_equal(seen[:, 0], seen[:, 3])  # episodes differ
+    np.testing.assert_array_equal(seen[:, 2, 0], 0)  # the clock begins again
+    assert env.observation_space("sr_0").contains(np.asarray(seen[0, 1]))
+
+
+def test_actions_are_clipped_and_scripted_others_play():
+    others = {"sr_0": RandomRating(), "sr_1": BadMouthing(targets=(0,))}
+    env = AttackJaxEnv(max_cycles=5, others=others)
+    key, step = jax.random.key(3), jax.jit(env.step)
+    _, state = jax.jit(env.reset)(key)
+    outcomes = [step(key, state, {"attacker": jnp.full(1, value)}) for value in (2.0, 1.0, np.nan, 0.0)]
+    for one, other in (outcomes[:2], outcomes[2:]):
+        np.testing.assert_array_equal(one[0]["attacker"], other[0]["attacker"])
+    again = step(jax.random.key(4), outcomes[1][1], {"attacker": jnp.ones(1)})
+    assert again[1].game.ratings[0].tolist() != outcomes[1][1].game.ratings[0].tolist()
+
+
+def test_what_jax_cannot_play_is_refused():
+    class Branching(type(roletrust_env.make_trust_model("mean"))):
+        def update(self, state, ratings):
+            return super().update(state, ratings) if ratings.values.sum() >= 0 else state
+
+    with pytest.raises(ValueError, match="branches on values"):
+        RoleTrustJaxEnv(trust_model=Branching())
+    with pytest.raises(ValueError, match="needs NumPy"):
+        RoleTrustJaxEnv("paper-3x3-hog")
+    with pytest.raises(ValueError, match="unknown task 'RoleTrust/Rater-v0'"):
+        AttackJaxEnv("RoleTrust/Rater-v0")
+    with pytest.raises(TypeError, match="unexpected keyword argument 'max_cycle'"):
+        RoleTrustJaxEnv(max_cycle=3)
+    with pytest.raises(ValueError, match="sr_9"):
+        RoleTrustJaxEnv().action_space("sr_9")
