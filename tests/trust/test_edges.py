@@ -178,6 +178,20 @@ def test_several_ratings_of_a_pair_have_one_voice() -> None:
     assert trust == pytest.approx(0.7 * (0.1 + 1 + 1) / 3 + 0.3 * 0.3)
 
 
+@given(st.lists(st.sampled_from([-0.0, 0.0, 5e-324, 0.1, 0.25, 1.0]) | st.floats(0, 1), min_size=1, max_size=30))
+def test_many_ratings_are_sorted_as_few_are(values: list[float]) -> None:
+    numbers = np.array(values)
+    raters, places = np.arange(len(numbers)), (numbers * 100_000).astype(np.int64)
+    ratings = Ratings(numbers, raters=raters, providers=places, shape=(len(numbers), 100_001))
+    found = []
+    for block in (len(numbers) + 1, 0):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("roletrust_env.trust.ratings._BLOCK", block)
+            pairs, ordered, place = ratings.sorted_by_provider()
+            found.append((pairs.raters, pairs.providers, ordered, place))
+    assert all(np.array_equal(few, many) for few, many in zip(*found, strict=True))
+
+
 @pytest.mark.parametrize("name", ["travos", "fire"])
 def test_a_personal_model_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="does not run on edges"):
