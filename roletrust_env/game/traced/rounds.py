@@ -129,8 +129,8 @@ class Layout:
     def following(self, after: Any) -> tuple["Layout", list[Element]]:
         """Return the layout after a traced round, and the elements that are its numbers.
 
-        Flags that are the same in every round are constants, and so are arrays of which all numbers are. A number that
-        was constant and has another value now may change in every round, so it is none.
+        Flags that depend on no symbol are constants, and so are arrays of which all numbers depend on none. A number
+        that was constant and has another value now may change in every round, so it is none.
         """
         before = list(leaves(self._tree))
         place, numbers = iter(range(len(before) + 1)), []
@@ -140,12 +140,12 @@ class Layout:
             if not isinstance(part, np.ndarray | np.generic):
                 return part
             example = part.example if isinstance(part, Symbols) else part
-            elements = _elements(part)
+            elements, whole = _elements(part), not isinstance(part, Symbols)
             old = was.elements if isinstance(was, Leaf) and len(was.elements) == len(elements) else ()
-            fixed = example.dtype.kind == "b" or not isinstance(part, Symbols)
+            flags = example.dtype.kind == "b"
             for k, element in enumerate(elements):
-                changed = old and old[k] is not None and repr(old[k]) != repr(element)
-                if not fixed or changed or isinstance(element, Symbol):
+                changed = not flags and old and old[k] is not None and repr(old[k]) != repr(element)
+                if changed or isinstance(element, Symbol) or not (flags or whole):
                     numbers.append(element)
                     elements[k] = None
             return Leaf(name, np.empty_like(example) if isinstance(example, np.ndarray) else example, tuple(elements))

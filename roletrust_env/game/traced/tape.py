@@ -61,8 +61,14 @@ class Operation(NamedTuple):
 
     def symbols(self) -> list[Symbol]:
         """Return the symbols in the expression, as often as they stand there."""
-        times = [max(1, self.template.count(f"{{{k}}}")) for k in range(len(self.arguments))]
-        return [one for one, n in zip(self.arguments, times, strict=True) if isinstance(one, Symbol) for _ in range(n)]
+        if "{0}" not in self.template:
+            return [one for one in self.arguments if isinstance(one, Symbol)]
+        return [
+            one
+            for k, one in enumerate(self.arguments)
+            if isinstance(one, Symbol)
+            for _ in range(self.template.count(f"{{{k}}}"))
+        ]
 
 
 class Written(NamedTuple):
@@ -70,11 +76,16 @@ class Written(NamedTuple):
 
     Attributes:
         play: The round. It takes the numbers of each input, and returns a tuple for each output.
-        source: Its source in Python.
+        lines: Its source in Python.
     """
 
     play: Callable[..., Any]
-    source: str
+    lines: list[str]
+
+    @property
+    def source(self) -> str:
+        """The source, in lines that are not too long to read."""
+        return "\n".join([self.lines[0], *map(_WRAP.fill, self.lines[1:])]).replace(_IS, " = ") + "\n"
 
 
 class Tape:
@@ -151,11 +162,10 @@ class Tape:
             lines.append(f"({targets},){_IS}{expression}" if one.listed else f"{targets}{_IS}{expression}")
         results = ("None" if one is None else f"({''.join(f'{shown(part)}, ' for part in one)})" for one in outputs)
         lines.append(f"return ({', '.join(results)},)")
-        lines = [f"def play({', '.join(inputs)}):", *map(_WRAP.fill, lines)]
-        source = "\n".join(lines).replace(_IS, " = ") + "\n"
+        lines = [f"def play({', '.join(inputs)}):", *lines]
         scope = dict(self._names)
-        exec(compile(source, "<a written round>", "exec"), scope)
-        return Written(scope["play"], source)
+        exec(compile("\n ".join(lines).replace(_IS, "="), "<a written round>", "exec"), scope)
+        return Written(scope["play"], lines)
 
     def _append(self, operation: Operation) -> None:
         self._operations.append(operation)
