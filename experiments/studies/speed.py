@@ -2,7 +2,8 @@
 
 Peers are measured if they are installed; all contestants take turns. A step includes all that a learner needs: drawing
 noise, playing the round, and computing observations and rewards. The table shows the median of the repeats, the least
-and the greatest, and the ratio to the peer with as many games. Some minutes.
+and the greatest; and the ratio to the peer, which is the first of its group: the lower quartile over the turns. Some
+minutes.
 """
 
 import contextlib
@@ -14,7 +15,9 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from roletrust_env import Game, make_scenario, parallel_env
+import gymnasium
+
+from roletrust_env import Game, env, make_scenario, parallel_env
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
 from roletrust_env.storage.markdown import markdown_table
@@ -24,6 +27,8 @@ from studies.timing import COMPILED, Contestant, compiled, machine, measure, one
 _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, and used in turn
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
 _HEADINGS = ["contestant", "games", "M agent-steps/s", "least", "greatest", "times the peer"]
+_PRESETS = ("paper-3x3", "peers", "robots-that-move", "crowd-10x10")
+_TASKS = ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack")
 
 
 class Options(NamedTuple):
@@ -38,22 +43,21 @@ RECIPES = {"speed": Recipe(Options())}
 def main(arguments: Sequence[str] | None = None) -> None:
     """Time all contestants, the peer of each size first, and write the table."""
     with Study(__name__, RECIPES, arguments) as study, one_thread():
-        players = {1: [("mpe2", simple_adversary), ("numpy", one_environment)]} | {
-            games: [
-                ("vmas", partial(simple_spread, games)),
-                ("numpy", partial(attack_tasks, games)),
-                ("numpy", partial(batch, "NumPy", games)),
-                ("torch", partial(batch, "torch", games)),
-                ("torch", partial(batch, COMPILED, games)),
-            ]
-            for games in study.options.games
-        }
+        groups: list[tuple[int, list[tuple[str, Callable[[int], Contestant]]]]] = [
+            (1, [("mpe2", simple_adversary), *(("numpy", partial(one_environment, preset)) for preset in _PRESETS)]),
+            (1, [("mpe2", adversary_in_turn), *(("numpy", partial(agents_in_turn, preset)) for preset in _PRESETS)]),
+            (1, [("mpe2", simple_adversary), *(("numpy", partial(one_task, task)) for task in _TASKS)]),
+        ]
+        for games in study.options.games:
+            ours = ("numpy", partial(attack_tasks, games)), ("numpy", partial(batch, "NumPy", games))
+            on_torch = (("torch", partial(batch, library, games)) for library in ("torch", COMPILED))
+            groups.append((games, [("vmas", partial(simple_spread, games)), *ours, *on_torch]))
         rows = []
-        for games, entries in players.items():
+        for games, entries in groups:
             made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
-            found = {one.contestant.name: one.rate() for one in measure(made, _REPEATS, _SLICE_S)}
-            peer = next((rate.median for name, rate in found.items() if "simple" in name), None)
-            rows += [(name, games, *rate, peer and rate.median / peer) for name, rate in found.items()]
+            found = measure(made, _REPEATS, _SLICE_S)
+            peer = found[0] if importlib.util.find_spec(entries[0][0]) else None
+            rows += [(one.contestant.name, games, *one.rate(), peer and one.ratio(peer)) for one in found]
         study.csv("speed.csv", _HEADINGS, rows)
         lines = [
             [name, f"{games:,}", *(f"{x:.3f}" for x in rate), f"{ratio:.1f}" if ratio else "-"]
@@ -64,10 +68,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
 
 
-def one_environment(seed: int) -> Contestant:
-    """Return the paper's scenario as a PettingZoo parallel environment."""
-    env = parallel_env("paper-3x3")
-    return Contestant("one environment", _player(env, seed), len(env.possible_agents))
+def one_environment(preset: str, seed: int) -> Contestant:
+    """Return a scenario as a PettingZoo parallel environment."""
+    env = parallel_env(preset)
+    return Contestant(f"{preset}, parallel", _player(env, seed), len(env.possible_agents))
+
+
+def agents_in_turn(preset: str, seed: int) -> Contestant:
+    """Return a scenario as a PettingZoo environment in which agents act in turn."""
+    made = env(preset)
+    return Contestant(f"{preset}, in turn", _turns(made, seed), len(made.possible_agents))
+
+
+def one_task(name: str, seed: int) -> Contestant:
+    """Return an attack task as `gymnasium.make` makes it; all agents of its game count."""
+    task = gymnasium.make(f"roletrust_env:RoleTrust/{name}-v0")
+    task.reset(seed=seed)
+    task.action_space.seed(seed)
+    actions = itertools.cycle([task.action_space.sample() for _ in range(_SAMPLES)])
+
+    def step() -> None:
+        *_, terminated, truncated, _ = task.step(next(actions))
+        if terminated or truncated:
+            task.reset()
+
+    game: Game = task.unwrapped.task.game  # type: ignore[attr-defined]
+    return Contestant(f"{name}, gymnasium.make", step, len(game.roster.names))
 
 
 def simple_adversary(seed: int) -> Contestant:
@@ -76,6 +102,14 @@ def simple_adversary(seed: int) -> Contestant:
 
     env = simple_adversary_v3.parallel_env(max_cycles=make_scenario("paper-3x3").max_cycles)
     return Contestant("mpe2 simple_adversary", _player(env, seed), len(env.possible_agents))
+
+
+def adversary_in_turn(seed: int) -> Contestant:
+    """Return the same environment of mpe2 with agents in turn."""
+    from mpe2 import simple_adversary_v3
+
+    env = simple_adversary_v3.env(max_cycles=make_scenario("paper-3x3").max_cycles)
+    return Contestant("mpe2 simple_adversary, in turn", _turns(env, seed), len(env.possible_agents))
 
 
 def simple_spread(games: int, seed: int) -> Contestant:
@@ -156,6 +190,24 @@ def _player(env: Any, seed: int) -> Callable[[], None]:
         if not env.agents:
             env.reset()
         env.step(next(actions))
+
+    return step
+
+
+def _turns(env: Any, seed: int) -> Callable[[], None]:
+    """Return a turn of every agent of a PettingZoo environment under random actions."""
+    env.reset(seed=seed)
+    spaces = {agent: env.action_space(agent) for agent in env.possible_agents}
+    for i, space in enumerate(spaces.values()):
+        space.seed(seed + i)
+    samples = {agent: itertools.cycle([space.sample() for _ in range(_SAMPLES)]) for agent, space in spaces.items()}
+
+    def step() -> None:
+        for _ in spaces:
+            if not env.agents:
+                env.reset()
+            _, _, terminated, truncated, _ = env.last()
+            env.step(None if terminated or truncated else next(samples[env.agent_selection]))
 
     return step
 

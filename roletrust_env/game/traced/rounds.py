@@ -12,6 +12,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.traced.symbols import Symbols
 from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable, Written
 from roletrust_env.trees import leaves, map_leaves
+from roletrust_env.trust.model_checks import needs_watching
 
 MOST_PAIRS = 100
 """Number of pairs of a rater and a provider up to which a game is traced."""
@@ -35,6 +36,8 @@ def reason_against(game: Game) -> str | None:
         return f"{SWITCH} is 0"
     if type(game) is not Game or game.like.dtype != np.float64 or not isinstance(game.like, np.ndarray):
         return "it is no game on a grid in NumPy's float64"
+    if needs_watching(game.model):  # it may be a process, which a trial with symbols would disturb
+        return "the trust model is of another package"
     pairs = game.roster.n_raters * game.roster.n_providers
     return f"{pairs:,} pairs are more than {MOST_PAIRS}" if pairs > MOST_PAIRS else None
 

@@ -38,10 +38,12 @@ class Symbol:
     def __init__(self, kind: str, name: str = "") -> None:
         self.kind, self.name = kind, name
 
-    def _refuse(self, other: Any) -> Any:
+    def _refuse(self, *_: Any) -> Any:
         raise Untraceable("a rule leaves NumPy's functions of arrays")
 
-    __lt__ = __le__ = __gt__ = __ge__ = __add__ = __radd__ = __mul__ = __rmul__ = __sub__ = __rsub__ = _refuse
+    __lt__ = __le__ = __gt__ = __ge__ = __add__ = __radd__ = __mul__ = __rmul__ = __sub__ = __rsub__ = __invert__ = (
+        __neg__
+    ) = _refuse
 
 
 class Operation(NamedTuple):
