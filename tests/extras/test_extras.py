@@ -110,17 +110,6 @@ print(*record(JointPolicy(game, {}), game.random(seed=0), batch=(2,)).tor.shape)
     assert fresh("torch").python(tensors) == "3 3 2\n"
 
 
-def test_data_and_train(fresh: Callable[..., Environment]) -> None:
-    lines = """
-from roletrust_env.benchmarking import Suite, benchmark
-tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
-market = {"preset": "market", "set": {"max_cycles": 5}}
-suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, methods=["scripted"], games=2)
-print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=False).to_pandas()["worst_attack"][0])
-"""
-    assert fresh("data,train").python(lines) == "bad-mouthing\n"
-
-
 def test_logs(fresh: Callable[..., Environment]) -> None:
     lines = """
 from pathlib import Path
@@ -140,10 +129,10 @@ def test_train(fresh: Callable[..., Environment]) -> None:
         "train", "ProviderAttack", *certain, *small, "--steps", 128, "--out", "mine"
     )
     assert "learned-provider" in train.roletrust("play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}")
+    _benchmark_and_report(train)
 
 
-def test_benchmark_and_report(fresh: Callable[..., Environment]) -> None:
-    alone = fresh("train")
+def _benchmark_and_report(alone: Environment) -> None:
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
     assert "pip install 'roletrust-env[ray]'" in alone.refused("benchmark", "--suite", "tiny.toml", "--ray", "auto")
     alone.roletrust("benchmark", "--suite", "tiny.toml", "--workers", 1, "--out", "played")
@@ -154,8 +143,16 @@ def test_benchmark_and_report(fresh: Callable[..., Environment]) -> None:
     assert (alone.folder / "page" / "leaderboard.md").stat().st_size
 
 
-def test_ray(fresh: Callable[..., Environment]) -> None:
-    alone = fresh("ray")
+def test_ray_and_data(fresh: Callable[..., Environment]) -> None:
+    lines = """
+from roletrust_env.benchmarking import Suite, benchmark
+tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
+market = {"preset": "market", "set": {"max_cycles": 5}}
+suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, methods=["scripted"], games=2)
+print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=False).to_pandas()["worst_attack"][0])
+"""
+    alone = fresh("ray,data")
+    assert alone.python(lines) == "bad-mouthing\n"
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
     address = f"127.0.0.1:{20_000 + os.getpid() % 10_000}"
     options = [f"--port={address.split(':')[1]}", "--node-ip-address=127.0.0.1", "--num-cpus=2", "--block"]
