@@ -94,13 +94,13 @@ def test_a_batch_is_its_games_and_torch_agrees(model: str) -> None:
         np.testing.assert_allclose(np.asarray(tensor), whole, atol=1e-9)
 
 
-@pytest.mark.parametrize("backend", ["eager", pytest.param("aot_eager", marks=pytest.mark.slow)])
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_compiled_with_and_without(backend: str) -> None:
+def test_compiled_with_and_without() -> None:
     """Where everybody is served the mask is left out of the compiled round, and comes back when somebody is silent."""
     torch.compiler.reset()
     game = Game(PAPER, like=torch.zeros((), dtype=torch.float64))
-    compiled = torch.compile(game.step, fullgraph=True, backend=backend)
+    compiled = torch.compile(game.step, fullgraph=True, backend="aot_eager")
     random = game.random(0)
     state = game.start(game.draw(random, start=True))
     withheld = torch.eye(3, dtype=torch.bool)

@@ -51,6 +51,7 @@ def test_robustness_is_1_where_no_liar_sells_and_below_0_where_they_sell_most() 
     assert robustness(served, [1], [0]).value == -1
     assert "never" not in robustness(served, [0], [0]).why
     assert "ever served" in robustness(served, [], [0]).why
+    assert robustness(served[:1], [0], [0]).value == 1  # of a single service
 
 
 def test_metrics_take_recorded_games() -> None:

@@ -105,6 +105,7 @@ def test_cases_by_hand() -> None:
     assert beta.reputation(3.0, 1.0, initial=0.2) == pytest.approx(3.4 / 6)
 
 
+@pytest.mark.slow
 def test_both_compile_into_one_graph() -> None:
     a, b, x = map(torch.asarray, parameters(100))
     for function, given in ((beta.mass_below, (x, a, b)), (lambda a, b: beta.quantile(0.01, a, b), (a, b))):

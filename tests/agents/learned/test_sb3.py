@@ -15,7 +15,7 @@ from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, mean_rewards
 
 SHORT = {"max_cycles": 25, "noise": 0.0}
-BATCH = {"n_steps": 25, "batch_size": 100}
+BATCH = {"n_steps": 25, "batch_size": 100, "n_epochs": 2}
 
 
 def one(agent="sp_2", **changes):

@@ -26,10 +26,12 @@ def rater():
 # --- played in the real game -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_provider_scores_the_same_in_the_game(provider):
     assert exploit(certain(200), provider.actions) == pytest.approx(provider.score, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_rater_scores_the_same_in_the_game(rater):
     assert damage(certain(200), rater.actions, 1, 2.0, 0.1) == pytest.approx(rater.score, abs=1e-12)
 
@@ -78,6 +80,7 @@ def test_rater_equals_exhaustive_search(rounds, weight, tolerance):
 # --- what is found -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_provider_beats_all_constant_and_regular_scripts(provider):
     """By 32% the best constant, by 9% the best on-off of equal spells, and by 5.9% the best of any duty (2 of 5)."""
     rounds = np.arange(200)[:, None]
@@ -90,18 +93,21 @@ def test_provider_beats_all_constant_and_regular_scripts(provider):
     assert provider.score == pytest.approx(0.243523, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_provider_plays_a_cycle_of_five(provider):
     middle = provider.actions[50:150].reshape(-1, 5)
     assert middle == pytest.approx(np.broadcast_to(middle[0], middle.shape), abs=1e-3)
     assert np.sort(middle[0]) == pytest.approx([0, 0, 0.738, 0.970, 1], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_rater_with_stealth_alternates(rater):
     assert np.sort(rater.actions[100:102]) == pytest.approx([0, 0.984], abs=2e-3)
     assert rater.actions[100:150:2] == pytest.approx(np.full(25, rater.actions[100]), abs=1e-3)
     assert rater.score == pytest.approx(0.48059, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_lies_that_differ_between_providers_do_more(rater):
     """What the docstring of `optimal_rater` says of its own limit."""
     pattern = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[np.arange(200) % 2]

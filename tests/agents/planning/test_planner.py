@@ -145,6 +145,7 @@ def test_gradients_through_a_game_are_those_of_the_score(arguments):
 # --- the planner -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "top"), [(PROVIDER, Exact()), (RATER, BestKnown())], ids=["provider", "rater"])
 def test_planner_comes_near_the_optimum_of_a_short_game(arguments, top):
     arguments = {**arguments, "max_cycles": 6}

@@ -156,6 +156,7 @@ def test_scenario_file(tmp_path):
     assert results["scenario"]["name"] == "mine"
 
 
+@pytest.mark.slow
 def test_video(tmp_path):
     play(tmp_path, "--attack", "sp_0=on-off", "--video")
     import imageio.v2 as imageio

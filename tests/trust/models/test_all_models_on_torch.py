@@ -9,11 +9,9 @@ from model_cases import EVERY_MODEL, RoundRatings, arrays, assert_close, having,
 
 from roletrust_agents.smooth import SmoothRoleTrust
 from roletrust_env.testing.trust_models import check_torch
-from roletrust_env.trust import Ratings, make_trust_model, trust_models
+from roletrust_env.trust import Ratings, make_trust_model
 
 SHAPES = [(3, 3), (1, 1), (2, 5, 6)]
-COMPILED = ["mean", "beta-filtered", "first-hand"]
-"""Models that the quick tests compile; the others are slow tests."""
 
 
 def calm_rounds(shape: tuple[int, ...], count: int = 12) -> list[RoundRatings]:
@@ -38,9 +36,8 @@ def test_torch_computes_what_numpy_does_and_single_precision_is_enough(name: str
         assert_close(found, read(model, play(model, rounds, np.zeros(shape))), 1e-4)
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in COMPILED else pytest.param(name, marks=pytest.mark.slow) for name in trust_models()]
-)
+@EVERY_MODEL
+@pytest.mark.slow
 def test_a_round_compiles_into_one_graph(name: str) -> None:
     """Without the slow part: the graph is caught whole, and played as it is."""
     torch.compiler.reset()
