@@ -1,18 +1,25 @@
 """What central trust models cost on lists of ratings: the time of a round, and its memory, by the number of ratings.
 
-Beside the models stands a round of role-trust in plain NumPy, and the bandwidth of the memory. On a quiet machine a
-quarter of an hour.
+Beside the models stands a round of role-trust in plain NumPy, and the bandwidth of the memory. Then role-trust is timed
+in a stream of small batches, and `roletrust rate` on a file beside a plain mean. On a quiet machine a quarter of an
+hour.
 """
 
+import subprocess
+import sys
 import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import cycle
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env import make_scenario
+from roletrust_env.data import TrustStream
 from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.markdown import markdown_table
@@ -28,10 +35,12 @@ Ints = npt.NDArray[np.int64]
 
 
 class Options(NamedTuple):
-    """Specs of central models, all that are installed if left out, and numbers of ratings."""
+    """Specs of central models, all installed ones if left out; numbers of ratings, of agents of streams, of rows."""
 
     model: tuple[str, ...] = ()
     ratings: tuple[int, ...] = (1_000_000, 10_000_000)
+    agents: tuple[int, ...] = (10_000, 1_000_000)
+    rows: int = 1_000_000
 
 
 RECIPES = {"edge-costs": Recipe(Options(), {name: name for name in ("edge-costs.md", "edge-costs.csv")})}
@@ -47,6 +56,16 @@ _HEADER = (
     "peak_bytes",
 )
 _REPEATS, _SLICE_S = 3, 0.05  # turns of each model, and their approximate length in seconds
+_BATCH, _BATCHES = 1000, 1000  # ratings of a batch of a stream, and batches until they come again
+_TURNS = 40  # of a stream
+_RUNS = 5  # of a command
+_RATE = "from roletrust_experiments import main; main()"
+_MEAN = """
+import sys
+from pyarrow import csv
+table = csv.read_csv(sys.argv[1]).group_by("ratee").aggregate([("rating", "mean"), ("rating", "count")])
+csv.write_csv(table.sort_by([("rating_mean", "descending")]), sys.argv[2])
+"""
 _COPIED = 10_000_000  # numbers whose copying shows the bandwidth: more than a cache holds
 _COPIED_BYTES = 16  # a number is read and written
 
@@ -100,6 +119,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 f"## {size:,} ratings",
                 markdown_table(["model", "ms a round", "M ratings/s", "memory"], lines, 1),
             ]
+        streams = measure([streaming(agents, study.seed) for agents in study.options.agents], _TURNS, _SLICE_S)
+        lines = [[one.contestant.name, *(f"{rate:.2f}" for rate in _quartiles(one))] for one in streams]
+        parts += [
+            "## Streams",
+            f"role-trust in a `TrustStream`, in batches of {_BATCH:,} ratings of random agents by random agents, which "
+            f"come again after {_BATCHES:,} batches.",
+            markdown_table(["agents of each role", "M ratings/s, lower quartile", "median"], lines, 1),
+            *file_costs(study.options.rows, study.out, study.seed),
+        ]
         study.csv("edge-costs.csv", _HEADER, rows)
         study.page("edge-costs.md", *parts, f"Made by `{study.command}` on {machine()}.")
 
@@ -156,6 +184,47 @@ def plain(edges: Edges) -> Callable[[], Any]:
     start = np.full(side, model.initial)
     state = after(*after(start, start, None, first), second)
     return lambda: after(*state, first)
+
+
+def streaming(agents: int, seed: int) -> Contestant:
+    """Return a stream of role-trust that gets its next batch in a step."""
+    rng, stream = np.random.default_rng(seed), TrustStream(RoleTrust())
+    batches = cycle([(*rng.integers(0, agents, (2, _BATCH)), rng.random(_BATCH)) for _ in range(_BATCHES)])
+    return Contestant(f"{agents:,}", lambda: stream.update(*next(batches)), _BATCH)
+
+
+def file_costs(rows: int, folder: Path, seed: int) -> list[str]:
+    """Return what `roletrust rate` and a plain mean in pyarrow take of the CPU for so many rows, in turn."""
+    rng, path = np.random.default_rng(seed), folder / "log.csv"
+    raters, ratees = rng.integers(0, max(2, rows // EACH), rows), rng.integers(0, max(2, rows // EACH**2), rows)
+    lines = (
+        f"u{one},i{other},{rating:.2f}\n" for one, other, rating in zip(raters, ratees, rng.random(rows), strict=True)
+    )
+    path.write_text("".join(["rater,ratee,rating\n", *lines]))
+    ours = [sys.executable, "-c", _RATE, "rate", str(path), "--out", str(folder / "rated")]
+    plainly = [sys.executable, "-c", _MEAN, str(path), str(folder / "mean.csv")]
+    taken = np.array([[_cpu_s(ours), _cpu_s(plainly)] for _ in range(_RUNS)])
+    path.unlink()
+    (ours_s, plainly_s), ratio = np.median(taken, axis=0), np.percentile(taken[:, 0] / taken[:, 1], 75)
+    return [
+        "## A log in a file",
+        f"`roletrust rate` takes {ours_s:.1f} s of the CPU for {rows:,} rows. A script of pyarrow that reads it and "
+        f"writes plain means takes {plainly_s:.1f} s. The upper quartile of their ratio is {ratio:.1f}.",
+    ]
+
+
+def _cpu_s(command: Sequence[str]) -> float:
+    """Run a command, and return the time that it took of the CPU."""
+    before = getrusage(RUSAGE_CHILDREN)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    after = getrusage(RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def _quartiles(timing: Timing) -> tuple[float, float]:
+    """Return the lower quartile and the median of millions of ratings per second."""
+    low, middle = np.percentile([timing.contestant.amount / s / 1e6 for s in timing.seconds], (25, 50))
+    return float(low), float(middle)
 
 
 def _timed(name: str, edges: Edges, make: Callable[[], Callable[[], Any]]) -> tuple[Timing, int]:

@@ -40,8 +40,10 @@ def test_costs_have_a_row_for_each_model_and_size(tmp_path: Path) -> None:
     assert "| model | grows as | 2x2 | 3x3 | S^ | P^ |" in (tmp_path / "model-costs.md").read_text()
 
 
-def test_lists_have_a_row_for_each_model(tmp_path: Path) -> None:
-    edge_costs.main(["--model", "mean", "--ratings", "2000", "--ratings", "1000", "--out", str(tmp_path)])
+def test_lists_have_a_row_for_each_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(edge_costs, "_RUNS", 1)
+    sizes = ["--ratings", "2000", "--ratings", "1000", "--agents", "100", "--rows", "50"]
+    edge_costs.main(["--model", "mean", *sizes, "--out", str(tmp_path)])
     found = rows(tmp_path / "edge-costs.csv")
     assert [(row["model"], row["ratings_asked"]) for row in found] == [
         (name, size) for size in ("1000", "2000") for name in (PLAIN, "mean")
@@ -49,7 +51,10 @@ def test_lists_have_a_row_for_each_model(tmp_path: Path) -> None:
     for row in found:
         assert 0.5 * int(row["ratings_asked"]) < int(row["ratings"]) <= int(row["ratings_asked"])
         assert float(row["ns_per_rating_least"]) <= float(row["ns_per_rating"])
-    assert "## 2,000 ratings" in (tmp_path / "edge-costs.md").read_text()
+    page = (tmp_path / "edge-costs.md").read_text()
+    assert "## 2,000 ratings" in page
+    assert "\n| 100 | " in page
+    assert "of the CPU for 50 rows" in page
 
 
 @pytest.mark.parametrize(
