@@ -15,11 +15,12 @@ run: $(VENV)/.ready-run
 docs: setup
 	$(BIN)/sphinx-build -W --keep-going -j 2 -d build/doctrees docs build/site
 
-# Minutes on two cores: lint, types, and beside them all tests that are not marked.
+# Minutes on two cores: lint, types, and beside them all tests that are not marked. A file stays in one process, as what its
+# tests share is made once.
 test: $(VENV)/.ready-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy & types=$$!; $(BIN)/pytest -n 2; tests=$$?; wait $$types && exit $$tests
+	$(BIN)/mypy & types=$$!; $(BIN)/pytest -n 2 --dist loadfile; tests=$$?; wait $$types && exit $$tests
 
 # What `make test` leaves out, about half an hour; test-thorough and test-soak are for before a release.
 test-all: setup

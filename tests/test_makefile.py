@@ -21,7 +21,7 @@ def recipe(target):
 def test_what_is_left_out_is_marked_and_is_run_by_the_other_target():
     (left_out,) = re.findall(r"-m '(.*)'", OPTIONS["addopts"])
     assert sorted(left_out.split(" and ")) == sorted(f"not {marker}" for marker in MARKERS)
-    assert [line for line in recipe("test") if "$(BIN)/pytest -n 2;" in line]
+    assert [line for line in recipe("test") if "$(BIN)/pytest -n 2 --dist loadfile;" in line]
     assert not [line for line in recipe("test") if "-m " in line or "$(MAKE)" in line]
     before_a_release = {"soak"}
     others = {"doctests", "studies"}
