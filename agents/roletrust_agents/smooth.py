@@ -6,7 +6,7 @@ The games are on torch, so that a backward pass through a whole game gives the g
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 from roletrust_env.arrays import Array, namespace
@@ -103,11 +103,14 @@ def check_graph(task: AttackTask, attacker: Attacker, games: int) -> None:
     rounds = task.game.scenario.max_cycles
     if games * rounds * pairs(task.game) > _ANYWHERE:
         hint = f" for gradients through {rounds:,} rounds"
-        check_memory("games at once:", games, _kept(task, attacker) / _TRIED * rounds, hint)
+        check_memory("games at once:", games, _kept(task, attacker) * rounds, hint)
 
 
 def _kept(task: AttackTask, attacker: Attacker) -> int:
-    """Return the size of the arrays that the first rounds of a game keep for their gradients, in bytes."""
+    """Return the size of the arrays that a round of a game keeps for its gradients, in bytes: the largest of the first.
+
+    In the first round there is nothing to rate, so that it keeps less.
+    """
     import torch
 
     sizes: dict[int, int] = {}
@@ -119,9 +122,12 @@ def _kept(task: AttackTask, attacker: Attacker) -> int:
 
     with torch.autograd.graph.saved_tensors_hooks(keep, lambda part: part):
         played = judged_rollout(task, attacker, (1, 1), *random_sources(task, 0, SEARCHED))
-        graph = [outcome.reward for _, outcome in islice(played, _TRIED)]  # alive, so that no place is taken twice
+        graph, after = [], [0]
+        for _, outcome in islice(played, _TRIED):
+            graph.append(outcome.reward)  # alive, so that no place is taken twice
+            after.append(sum(sizes.values()))
     del graph
-    return sum(sizes.values())
+    return max(b - a for a, b in pairwise(after))
 
 
 @contextmanager

@@ -67,7 +67,7 @@ def test_what_a_backward_pass_keeps_grows_with_games_and_rounds(monkeypatch, mod
     sizes = {"agents": [{"role": "SR", "count": 30}, {"role": "SP", "count": 20}], "scenario": "crowd-10x10"}
     task = smooth.SmoothTask(make_task(**{**TASK, **sizes}, trust_model=make_trust_model(model)), 0.1)
     attacker = OpenLoop(torch.full((10, task.action_size), 0.5).requires_grad_())
-    foreseen = smooth._kept(task, attacker) / smooth._TRIED * 10 * 8
+    foreseen = smooth._kept(task, attacker) * 10 * 8
     kept: dict[int, int] = {}
 
     def keep(part):
