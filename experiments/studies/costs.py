@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+from roletrust_agents.smooth import one_thread
 from roletrust_env import make_scenario
 from roletrust_env.benchmarking.pool import WorkerPool
 from roletrust_env.evaluation.resources import in_time
@@ -18,7 +19,7 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, TrustModel, trust_models
 from studies.study import Recipe, Study
-from studies.timing import COMPILED, Contestant, Size, Spread, Timing, machine, measure, one_thread, trust_update
+from studies.timing import COMPILED, Contestant, Size, Spread, Timing, machine, measure, trust_update
 
 
 class Options(NamedTuple):
@@ -147,7 +148,7 @@ def _compile(*job: Any) -> None:
 
 
 def _load_torch() -> None:
-    one_thread().__enter__()
+    one_thread().__enter__()  # for the life of the process
 
 
 def growth(found: Found, name: str) -> tuple[float, float]:

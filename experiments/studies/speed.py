@@ -17,12 +17,13 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
+from roletrust_agents.smooth import one_thread
 from roletrust_env import Game, env, make_scenario, parallel_env
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
 from roletrust_env.storage.markdown import markdown_table
 from studies.study import Recipe, Study
-from studies.timing import COMPILED, Contestant, compiled, machine, measure, one_thread, source
+from studies.timing import COMPILED, Contestant, compiled, machine, measure, source
 
 _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, and used in turn
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds

@@ -1,12 +1,11 @@
 """Timing: contestants that take turns, in this process, so that other work on the machine affects all alike."""
 
-import contextlib
 import math
 import os
 import platform
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,19 +109,6 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
     while (elapsed := _time(contestant, steps) * steps) < seconds / 4:
         steps *= 2
     return max(1, round(steps * seconds / elapsed))
-
-
-@contextlib.contextmanager
-def one_thread() -> Iterator[None]:
-    """Let torch have a single thread in a context."""
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def machine() -> str:

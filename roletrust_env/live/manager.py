@@ -9,8 +9,8 @@ from roletrust_env.live.rounds import MatchedRound, RoundAssembler, RoundTiming
 from roletrust_env.live.team import Team, Trust
 from roletrust_env.live.team_trust import TeamTrust
 from roletrust_env.live.validation import (
-    Admission,
     Keyring,
+    Membership,
     MessageValidator,
     RatingMessage,
     RefusalReason,
@@ -57,9 +57,9 @@ class Manager:
         self._trust = TeamTrust(model, journal, timing.period, settings)
         rater_keys, provider_keys = keys_by_role(keyring, settings)
         raters, providers = self._trust.team.raters, self._trust.team.providers
-        admitted = Admission(raters, timing.period, rater_keys, len(set(raters) - set(settings.raters)))
+        admitted = Membership(raters, timing.period, rater_keys, len(set(raters) - set(settings.raters)))
         strangers = len(set(providers) - set(settings.providers))
-        self._providers = Admission(providers, timing.period, provider_keys, strangers)
+        self._providers = Membership(providers, timing.period, provider_keys, strangers)
         self.validator = MessageValidator(timing.limits, rater_keys, self._trust.last_stamps, admitted)
         self.known_raters: Container[str] = admitted if rater_keys is None else rater_keys
         self.rounds: RoundAssembler[dict[str, float]] = RoundAssembler(timing, raters, self._trust.last_stamp)

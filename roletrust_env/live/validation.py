@@ -133,7 +133,7 @@ class StampLimits:
     min_gap: int
 
 
-class Admission:
+class Membership:
     """Decides which newcomers join, so that a flood of fresh names costs the others nothing.
 
     Args:
@@ -195,7 +195,7 @@ class MessageValidator:
         limits: StampLimits,
         keyring: Keyring | None = None,
         last_stamps: dict[str, int] | None = None,
-        admission: Admission | None = None,
+        admission: Membership | None = None,
     ) -> None:
         self._limits, self._keyring, self._last_stamps = limits, keyring, dict(last_stamps or {})
         self._admission = admission

@@ -153,11 +153,10 @@ class HttpLink:
 
     Args:
         url: Address of the service.
-        limit_s: Longest time for an answer, in seconds.
     """
 
-    def __init__(self, url: str, limit_s: float = LIMIT_S) -> None:
-        self._url, self._limit_s = url, limit_s
+    def __init__(self, url: str) -> None:
+        self._url = url
 
     def ask(self, lines: Sequence[str]) -> list[str]:
         """See `Link.ask`."""
@@ -177,7 +176,7 @@ class HttpLink:
         body = "".join(f"{line}\n" for line in lines).encode()
         request = urllib.request.Request(self._url, body, {"Content-Type": "application/x-ndjson"})
         try:
-            with urllib.request.urlopen(request, timeout=self._limit_s) as response:
+            with urllib.request.urlopen(request, timeout=LIMIT_S) as response:
                 answer: bytes = response.read(_MOST_BYTES)
         except urllib.error.HTTPError as error:
             raise LinkError(f"it answered with status {error.code} {error.reason}") from None

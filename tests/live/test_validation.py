@@ -10,8 +10,8 @@ from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_me
 from roletrust_env.live.validation import (
     MANAGER,
     MAX_STRANGERS,
-    Admission,
     Envelope,
+    Membership,
     MessageValidator,
     RatingMessage,
     RefusalReason,
@@ -159,7 +159,7 @@ def wrong(random, round):
 
 
 def test_members_always_take_part_and_strangers_up_to_a_limit():
-    admission = Admission(["sr_0"], PERIOD)
+    admission = Membership(["sr_0"], PERIOD)
     joined = [name for k in range(100) if admission.admits(name := f"x{k}", k * PERIOD)]
     assert joined == [f"x{k}" for k in range(MAX_STRANGERS)]
     assert admission.admits("sr_0", 0)
@@ -169,7 +169,7 @@ def test_members_always_take_part_and_strangers_up_to_a_limit():
 
 
 def test_those_with_a_key_join_ten_a_period():
-    admission = Admission([], PERIOD, {f"x{k}" for k in range(100)})
+    admission = Membership([], PERIOD, {f"x{k}" for k in range(100)})
     joined = [sum(admission.admits(f"x{k}", now * PERIOD) for k in range(100)) for now in range(1, 12)]
     assert joined == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 100]
     assert not admission.admits("other", 100 * PERIOD)

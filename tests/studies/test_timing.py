@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from roletrust_agents.smooth import one_thread
 from roletrust_env.trust import Mean, Ratings, RoleTrust, make_trust_model
 from studies import costs, edge_costs, speed
 from studies.costs import Cell, Found, compile_ahead, growth, measure_models, sizes
 from studies.edge_costs import PLAIN, Edges, on_edges, plain
-from studies.timing import COMPILED, Contestant, Size, Spread, Timing, measure, one_thread, trust_update
+from studies.timing import COMPILED, Contestant, Size, Spread, Timing, measure, trust_update
 
 pytestmark = pytest.mark.slow
 

@@ -236,7 +236,7 @@ class Tactic(NamedTuple):
     ring: bool
 
 
-class WorstAttack(NamedTuple):
+class StrongestAttack(NamedTuple):
     """The attack that moves its targets most, of those that a search has played.
 
     Attributes:
@@ -248,7 +248,7 @@ class WorstAttack(NamedTuple):
     tactic: Tactic
 
 
-def search_attack(replay: Replay, attack: Attack, budget: int, seed: int = 0) -> WorstAttack:
+def search_attack(replay: Replay, attack: Attack, budget: int, seed: int = 0) -> StrongestAttack:
     """Search for the tactic that moves the targets of an attack most.
 
     The search sees the outcome of each attack, as an attacker would who knows the log and the model. It first plays
@@ -282,7 +282,7 @@ def search_attack(replay: Replay, attack: Attack, budget: int, seed: int = 0) ->
         found = _played(replay, targets, tactic, seed)
         if sign * (found.mean() - after.mean()) > 0:
             at, best, after = point, tactic, found
-    return WorstAttack(shift_of(replay.honest[attack.goal], after, seed), best)
+    return StrongestAttack(shift_of(replay.honest[attack.goal], after, seed), best)
 
 
 def _tactic(replay: Replay, attack: Attack, extreme: float, point: Floats) -> Tactic:
