@@ -8,7 +8,7 @@ from pydantic import PositiveInt
 from roletrust_env.arrays import Array, cast, device_of, namespace
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.beta_distribution import mass_below, mass_between, reputation
-from roletrust_env.trust.personal import Personal, others
+from roletrust_env.trust.personal import Personal, by_judges, others
 from roletrust_env.trust.ratings import Ratings
 
 _FLAT = 1 / math.sqrt(12)
@@ -61,7 +61,7 @@ class Travos(Personal):
     holds, or 1 / `bins` where it holds none, which is the rho of an untried opinion. The choice of advisers is not
     included: all are asked.
 
-    The memory grows with S^2. During a round, temporary arrays grow with S^2 P.
+    The memory grows with S^2, not with S^2 P, also during a round.
 
     Attributes:
         error: Tolerated distance of the truth from the mean, in [0, 1].
@@ -101,10 +101,16 @@ class Travos(Personal):
         confidence = self._confidence(successes, failures, cast(changed, good.dtype))
         confidence = xp.where(changed, confidence, state.confidence)
         now = self._held(successes, failures)
-        accuracy = xp.einsum("ikb...,kbj...->ikj...", by_bin, now)
-        trust = self._trust(successes, failures, confidence, accuracy)
+
+        def heard(judges: slice) -> Array:
+            accuracy = xp.einsum("ikb...,kbj...->ikj...", by_bin[judges], now)
+            return xp.concat([_advised(accuracy, judges, successes, failures), accuracy.sum(axis=2)], axis=1)
+
+        advised_and_right, providers = by_judges(heard, successes), successes.shape[1]
+        advised, right = advised_and_right[:, :providers, ...], advised_and_right[:, providers:, ...]
+        trust = xp.where(confidence > self.threshold, reputation(successes, failures), advised)
         held = now.sum(axis=1).sum(axis=1)[None]
-        credence = xp.where(held > 0, accuracy.sum(axis=2) / xp.clip(held, 1, None), 1 / self.bins)
+        credence = xp.where(held > 0, right / xp.clip(held, 1, None), 1 / self.bins)
         return TravosState(successes, failures, good, bad, by_bin, confidence, trust, credence)
 
     def _held(self, successes: Array, failures: Array) -> Array:
@@ -137,13 +143,20 @@ class Travos(Personal):
         low, high = (own - self.error) * wanted, (own + self.error) * wanted  # 0, which costs nothing
         return mass_between(low, high, successes + 1, failures + 1)
 
-    def _trust(self, successes: Array, failures: Array, confidence: Array, accuracy: Array) -> Array:
-        """Return the judges' trust in the providers, shape (S, P, ...), from rho, shape (S, S, P, ...)."""
-        xp, own, a, b = namespace(successes), reputation(successes, failures), successes + 1, failures + 1
-        spread = (own * (1 - own) / (a + b + 1)) ** 0.5
-        mean = 0.5 + accuracy * (own - 0.5)
-        strangers = others(successes)[:, :, None, ...]
-        evidence = strangers * (mean * (1 - mean) / (_FLAT + accuracy * (spread - _FLAT)) ** 2 - 1)
-        more, less = mean * evidence - strangers, (1 - mean) * evidence - strangers
-        advised = reputation(successes + more.sum(axis=1), failures + less.sum(axis=1))
-        return xp.where(confidence > self.threshold, own, advised)
+
+def _advised(accuracy: Array, judges: slice, successes: Array, failures: Array) -> Array:
+    """Return the trust in the providers of judges that ask others, shape (judges, P, ...).
+
+    Args:
+        accuracy: Accuracy rho of the advisers' opinions, shape (judges, S, P, ...).
+        judges: Places of these judges.
+        successes: Successes that every agent saw, shape (S, P, ...).
+        failures: Failures, of the same shape.
+    """
+    own, a, b = reputation(successes, failures), successes + 1, failures + 1
+    spread = (own * (1 - own) / (a + b + 1)) ** 0.5
+    mean = 0.5 + accuracy * (own - 0.5)
+    strangers = others(successes)[judges, :, None, ...]
+    evidence = strangers * (mean * (1 - mean) / (_FLAT + accuracy * (spread - _FLAT)) ** 2 - 1)
+    more, less = mean * evidence - strangers, (1 - mean) * evidence - strangers
+    return reputation(successes[judges] + more.sum(axis=1), failures[judges] + less.sum(axis=1))
