@@ -232,6 +232,8 @@ class AttackedPlayers:
 
     def checked_act(self, state: State, memory: Any, random: Random) -> tuple[Actions, Any]:
         """See `roletrust_env.game.rollout.Players`."""
+        if self._plays_all:
+            return self._act(state, memory, random)  # scripts are checked on their own
         return checked_actions(self.game, state, "the attacker", self._act, memory, random)
 
     def _act(self, state: State, memory: Any, random: Random) -> tuple[Actions, Any]:
