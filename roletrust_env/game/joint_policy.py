@@ -18,7 +18,7 @@ from roletrust_env.world.presence import PRESENT
 from roletrust_env.world.roster import role_in_name, shown
 
 Memory = TypeVar("Memory")
-Places = Any  # indices of agents: a slice, which copies nothing; else an array on NumPy and a list on torch
+Places = Any  # indices of agents: a slice or an array on NumPy, which are quicker, and a list on torch
 
 _CHANNELS: dict[Role, frozenset[Channel]] = {
     "SR": frozenset({"ratings"}),
@@ -323,16 +323,18 @@ def _words(channels: frozenset[Channel]) -> str:
 
 def _places(indices: list[int], like: Array) -> Places | None:
     """Return ascending indices of agents as they are looked up fastest; None of nobody."""
-    if not indices:
-        return None
+    if not indices or not isinstance(like, np.ndarray):
+        return indices or None
     if indices[-1] - indices[0] == len(indices) - 1:
         return slice(indices[0], indices[-1] + 1)
-    return np.asarray(indices) if isinstance(like, np.ndarray) else indices
+    return np.asarray(indices)
 
 
 def _take(view: ProviderView | RaterView, places: Places) -> list[Array]:
     """Return the fields of a view of all agents for some of them."""
     at = (..., places, *[slice(None)] * (view.trust.ndim - 1))
+    if isinstance(places, slice):
+        return [field[at].copy("K") for field in view]  # a policy may write to it, and not to the state
     return [field[at] for field in view]
 
 
