@@ -220,9 +220,9 @@ class HuberMean(ByCentre):
 
     def centre(self, ratings: Ratings) -> Array:
         """Return the Huber mean of each provider's ratings. See `ByCentre.centre`."""
-        xp, centre = namespace(ratings.values), median(ratings)
+        centre = median(ratings)
         for _ in range(STEPS):
             distance = abs(ratings.values - ratings.gather(centre, PROVIDER))
-            weights = ratings.weigh(self.width / xp.clip(distance, self.width, None))
+            weights = ratings.weigh(self.width / distance.clip(self.width, None))
             centre = weighted_mean(ratings, ratings.values, weights, PROVIDER)
         return centre
