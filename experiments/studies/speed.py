@@ -1,4 +1,4 @@
-"""How fast the games run: one environment, batches on NumPy and torch, and mpe2 and VMAS beside them.
+"""How fast the games run: one environment, batches on NumPy, torch and JAX; mpe2, VMAS and JaxMARL beside them.
 
 Peers are measured if they are installed; all contestants take turns. A step includes all that a learner needs: drawing
 noise, playing the round, and computing observations and rewards. The table shows the median of the repeats, the least
@@ -10,6 +10,7 @@ import contextlib
 import importlib.util
 import io
 import itertools
+import os
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -27,6 +28,7 @@ from studies.timing import COMPILED, Contestant, compiled, machine, measure, sou
 
 _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, and used in turn
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
+_JAX_ROUNDS = 16  # in one call
 _HEADINGS = ["contestant", "games", "M agent-steps/s", "least", "greatest", "times the peer"]
 _PRESETS = ("paper-3x3", "peers", "robots-that-move", "crowd-10x10")
 _TASKS = ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack")
@@ -52,7 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for games in study.options.games:
             ours = ("numpy", partial(attack_tasks, games)), ("numpy", partial(batch, "NumPy", games))
             on_torch = (("torch", partial(batch, library, games)) for library in ("torch", COMPILED))
-            groups.append((games, [("vmas", partial(simple_spread, games)), *ours, *on_torch]))
+            on_jax = ("jaxmarl", partial(simple_spread_on_jax, games)), ("jax", partial(batch_on_jax, games))
+            groups.append((games, [("vmas", partial(simple_spread, games)), *ours, *on_torch, *on_jax]))
         rows = []
         for games, entries in groups:
             made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
@@ -162,6 +165,49 @@ def batch(library: str, games: int, seed: int) -> Contestant:
         for _ in range(4):  # the first rounds are of three kinds
             next(rounds)
     return Contestant(f"{library} batch", lambda: next(rounds), games * len(game.roster.names))
+
+
+def batch_on_jax(games: int, seed: int) -> Contestant:
+    """Return a batch of the paper's scenario on JAX, see `_on_jax`."""
+    from roletrust_env import RoleTrustJaxEnv
+
+    return _on_jax("JAX batch", RoleTrustJaxEnv("paper-3x3"), games, seed)
+
+
+def simple_spread_on_jax(games: int, seed: int) -> Contestant:
+    """Return a batch of JaxMARL's environment with three agents and continuous actions, see `_on_jax`."""
+    import jaxmarl
+
+    return _on_jax("JaxMARL simple_spread", jaxmarl.make("MPE_simple_spread_v3", action_type="Continuous"), games, seed)
+
+
+def _on_jax(name: str, env: Any, games: int, seed: int) -> Contestant:
+    """Return a batch of an environment in JaxMARL's form: one call plays some rounds with random actions."""
+    os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+    import jax
+
+    sizes = {agent: env.action_space(agent).shape for agent in env.agents}
+
+    def play(states: Any, key: Any) -> tuple[Any, Any]:
+        key, *keys = jax.random.split(key, 1 + len(sizes))
+        actions = {
+            agent: jax.random.uniform(k, (games, *size)) for (agent, size), k in zip(sizes.items(), keys, strict=True)
+        }
+        seen, states, rewards, *_ = jax.vmap(env.step)(jax.random.split(key, games), states, actions)
+        return states, (sum(map(jax.numpy.sum, seen.values())), rewards)
+
+    rounds = jax.jit(lambda key, states: jax.lax.scan(play, states, jax.random.split(key, _JAX_ROUNDS)))
+    key = jax.random.key(seed)
+    _, states = jax.jit(jax.vmap(env.reset))(jax.random.split(key, games))
+
+    def step() -> None:
+        nonlocal key, states
+        key = jax.random.fold_in(key, 0)
+        states, outcome = rounds(key, states)
+        jax.block_until_ready(outcome)
+
+    step()  # compiles
+    return Contestant(name, step, _JAX_ROUNDS * games * len(env.agents))
 
 
 def attack_tasks(games: int, seed: int) -> Contestant:
