@@ -7,12 +7,13 @@ hour.
 
 import subprocess
 import sys
+import tempfile
 import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import cycle
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
+from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,8 +57,7 @@ _HEADER = (
     "peak_bytes",
 )
 _REPEATS, _SLICE_S = 3, 0.05  # turns of each model, and their approximate length in seconds
-_BATCH, _BATCHES = 1000, 1000  # ratings of a batch of a stream, and batches until they come again
-_TURNS = 40  # of a stream
+_BATCH, _BATCHES = 1000, 1000  # ratings of a batch of a stream, and batches
 _RUNS = 5  # of a command
 _RATE = "from roletrust_experiments import main; main()"
 _MEAN = """
@@ -119,14 +119,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 f"## {size:,} ratings",
                 markdown_table(["model", "ms a round", "M ratings/s", "memory"], lines, 1),
             ]
-        streams = measure([streaming(agents, study.seed) for agents in study.options.agents], _TURNS, _SLICE_S)
-        lines = [[one.contestant.name, *(f"{rate:.2f}" for rate in _quartiles(one))] for one in streams]
+        lines = [
+            [f"{agents:,}", *(f"{rate:.2f}" for rate in stream_rates(agents, study.seed))]
+            for agents in study.options.agents
+        ]
         parts += [
             "## Streams",
-            f"role-trust in a `TrustStream`, in batches of {_BATCH:,} ratings of random agents by random agents, which "
-            f"come again after {_BATCHES:,} batches.",
+            f"role-trust in a `TrustStream`, by the time of the CPU: {_BATCHES:,} batches of {_BATCH:,} ratings between "
+            "random agents, and then the same pairs again.",
             markdown_table(["agents of each role", "M ratings/s, lower quartile", "median"], lines, 1),
-            *file_costs(study.options.rows, study.out, study.seed),
+            *file_costs(study.options.rows, study.seed),
         ]
         study.csv("edge-costs.csv", _HEADER, rows)
         study.page("edge-costs.md", *parts, f"Made by `{study.command}` on {machine()}.")
@@ -186,25 +188,30 @@ def plain(edges: Edges) -> Callable[[], Any]:
     return lambda: after(*state, first)
 
 
-def streaming(agents: int, seed: int) -> Contestant:
-    """Return a stream of role-trust that gets its next batch in a step."""
-    rng, stream = np.random.default_rng(seed), TrustStream(RoleTrust())
-    batches = cycle([(*rng.integers(0, agents, (2, _BATCH)), rng.random(_BATCH)) for _ in range(_BATCHES)])
-    return Contestant(f"{agents:,}", lambda: stream.update(*next(batches)), _BATCH)
+def stream_rates(agents: int, seed: int) -> tuple[float, float]:
+    """Return how many millions of ratings a stream of role-trust takes per second: lower quartile, and median."""
+    rng, stream, seconds = np.random.default_rng(seed), TrustStream(RoleTrust()), list[float]()
+    batches = [(*rng.integers(0, agents, (2, _BATCH)), rng.random(_BATCH)) for _ in range(_BATCHES)]
+    for batch in batches * 2:
+        began = process_time()
+        stream.update(*batch)
+        seconds.append(process_time() - began)
+    low, middle = np.percentile(_BATCH / np.array(seconds) / 1e6, (25, 50))
+    return float(low), float(middle)
 
 
-def file_costs(rows: int, folder: Path, seed: int) -> list[str]:
+def file_costs(rows: int, seed: int) -> list[str]:
     """Return what `roletrust rate` and a plain mean in pyarrow take of the CPU for so many rows, in turn."""
-    rng, path = np.random.default_rng(seed), folder / "log.csv"
+    rng = np.random.default_rng(seed)
     raters, ratees = rng.integers(0, max(2, rows // EACH), rows), rng.integers(0, max(2, rows // EACH**2), rows)
     lines = (
         f"u{one},i{other},{rating:.2f}\n" for one, other, rating in zip(raters, ratees, rng.random(rows), strict=True)
     )
-    path.write_text("".join(["rater,ratee,rating\n", *lines]))
-    ours = [sys.executable, "-c", _RATE, "rate", str(path), "--out", str(folder / "rated")]
-    plainly = [sys.executable, "-c", _MEAN, str(path), str(folder / "mean.csv")]
-    taken = np.array([[_cpu_s(ours), _cpu_s(plainly)] for _ in range(_RUNS)])
-    path.unlink()
+    with tempfile.TemporaryDirectory() as folder:
+        path, rated, means = (str(Path(folder) / name) for name in ("log.csv", "rated", "means.csv"))
+        Path(path).write_text("".join(["rater,ratee,rating\n", *lines]))
+        ours, plainly = (_RATE, "rate", path, "--out", rated), (_MEAN, path, means)
+        taken = np.array([[_cpu_s(ours), _cpu_s(plainly)] for _ in range(_RUNS)])
     (ours_s, plainly_s), ratio = np.median(taken, axis=0), np.percentile(taken[:, 0] / taken[:, 1], 75)
     return [
         "## A log in a file",
@@ -213,18 +220,12 @@ def file_costs(rows: int, folder: Path, seed: int) -> list[str]:
     ]
 
 
-def _cpu_s(command: Sequence[str]) -> float:
-    """Run a command, and return the time that it took of the CPU."""
+def _cpu_s(arguments: Sequence[str]) -> float:
+    """Run a text of Python with its arguments, and return the time that it took of the CPU."""
     before = getrusage(RUSAGE_CHILDREN)
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([sys.executable, "-c", *arguments], check=True, stdout=subprocess.DEVNULL)
     after = getrusage(RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
-def _quartiles(timing: Timing) -> tuple[float, float]:
-    """Return the lower quartile and the median of millions of ratings per second."""
-    low, middle = np.percentile([timing.contestant.amount / s / 1e6 for s in timing.seconds], (25, 50))
-    return float(low), float(middle)
 
 
 def _timed(name: str, edges: Edges, make: Callable[[], Callable[[], Any]]) -> tuple[Timing, int]:
