@@ -10,19 +10,17 @@ import secrets
 import shlex
 import subprocess
 import threading
-import urllib.error
-import urllib.request
 import weakref
 from collections import deque
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import count
 from math import prod
 from pathlib import Path
 from time import monotonic
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,24 +46,7 @@ _TOLD = 500  # characters of an error message of the other side that are shown
 
 
 class LinkError(ValueError):
-    """The other side cannot be reached, or does not answer."""
-
-
-class Link(Protocol):
-    """A connection to the other side."""
-
-    def ask(self, lines: Sequence[str]) -> list[str]:
-        """Send lines and return as many lines of answer.
-
-        Raises:
-            LinkError: The other side fails, or takes too long.
-        """
-
-    def tell(self, line: str) -> None:
-        """Send a line that has no answer. Raises as `ask` does."""
-
-    def close(self) -> None:
-        """End the connection."""
+    """The other side cannot be reached, does not answer, or answers what the protocol does not allow."""
 
 
 class ProcessLink:
@@ -94,7 +75,11 @@ class ProcessLink:
         threading.Thread(target=self._read, daemon=True).start()
 
     def ask(self, lines: Sequence[str]) -> list[str]:
-        """See `Link.ask`."""
+        """Send lines and return as many lines of answer.
+
+        Raises:
+            LinkError: The other side fails, or takes too long.
+        """
         # A process that never reads would hold up whoever writes to it, so a thread writes.
         threading.Thread(target=self._write, args=(lines,), daemon=True).start()
         until, answers = monotonic() + self._limit_s, []
@@ -111,11 +96,11 @@ class ProcessLink:
         return answers
 
     def tell(self, line: str) -> None:
-        """See `Link.tell`."""
+        """Send a line that has no answer."""
         self._write([line])
 
     def close(self) -> None:
-        """See `Link.close`."""
+        """End the process."""
         self._process.kill()
         self._process.wait()
 
@@ -159,20 +144,23 @@ class HttpLink:
         self._url = url
 
     def ask(self, lines: Sequence[str]) -> list[str]:
-        """See `Link.ask`."""
+        """Send lines and return as many lines of answer. See `ProcessLink.ask`."""
         answers = self._post(lines).splitlines()
         if len(answers) != len(lines):
             raise LinkError(f"it answered {len(answers)} lines to {len(lines)}")
         return answers
 
     def tell(self, line: str) -> None:
-        """See `Link.tell`."""
+        """Send a line that has no answer. Raises as `ask` does."""
         self._post([line])
 
     def close(self) -> None:
-        """See `Link.close`."""
+        """Do nothing; each request has a connection of its own."""
 
     def _post(self, lines: Sequence[str]) -> str:
+        import urllib.error
+        import urllib.request
+
         body = "".join(f"{line}\n" for line in lines).encode()
         request = urllib.request.Request(self._url, body, {"Content-Type": "application/x-ndjson"})
         try:
@@ -186,10 +174,6 @@ class HttpLink:
 
 
 # --- games at the other side -------------------------------------------------------------------------
-
-
-class AnswerError(ValueError):
-    """An answer is not what the protocol allows."""
 
 
 class Answers(NamedTuple):
@@ -215,7 +199,7 @@ class Sessions:
 
     def __init__(self, address: str) -> None:
         kind, _, command = address.partition(":")
-        self.link: Link = ProcessLink(command) if kind == "exec" else HttpLink(address)
+        self.link = ProcessLink(command) if kind == "exec" else HttpLink(address)
         self.rates_raters: bool | None = None
         # A service may have games of several processes, which do not know of each other.
         self._numbers = count(secrets.randbits(32) << 20)
@@ -271,8 +255,8 @@ class Sessions:
         for k, line in enumerate(lines):
             try:
                 trust = _read(line, shape)
-            except AnswerError as error:
-                raise AnswerError(f"{error} in its answer {line.strip()[:_SHOWN]!r}") from None
+            except LinkError as error:
+                raise LinkError(f"{error} in its answer {line.strip()[:_SHOWN]!r}") from None
             answers.top[:, k] = trust["providers"]
             answers.tor[:, k] = trust.get("raters", 1.0)
             self.rates_raters = "raters" in trust
@@ -288,21 +272,21 @@ def _read(line: str, shape: Shape) -> dict[str, list[float]]:
     """Return the lists of an answer.
 
     Raises:
-        AnswerError: It is no JSON, or a list is missing, has another length, or has something outside [0, 1].
+        LinkError: It is no JSON, or a list is missing, has another length, or has something outside [0, 1].
     """
     try:
         data = json.loads(line)
     except (ValueError, RecursionError):
-        raise AnswerError("there is no JSON") from None
+        raise LinkError("there is no JSON") from None
     if not isinstance(data, dict) or "providers" not in data:
-        raise AnswerError("there is no 'providers'")
+        raise LinkError("there is no 'providers'")
     lists = {name: data[name] for name in ("raters", "providers") if name in data}
     for name, values in lists.items():
         size = shape[name == "providers"]
         if not isinstance(values, list) or len(values) != size:
-            raise AnswerError(f"{name!r} is no list of {size} numbers")
+            raise LinkError(f"{name!r} is no list of {size} numbers")
         if not all(type(value) in (int, float) and 0 <= value <= 1 for value in values):
-            raise AnswerError(f"{name!r} has something else than numbers in [0, 1]")
+            raise LinkError(f"{name!r} has something else than numbers in [0, 1]")
     return lists
 
 
@@ -367,10 +351,8 @@ class OutsideModel:
         numbers, rounds = (np.asarray(part).reshape(-1) for part in (state.game, state.round))
         numbers = self._at_hand(numbers, rounds, values)
         given, rated = (np.asarray(part).reshape(shape) for part in (values, ratings.weights > 0))
-        try:
+        with self._named():
             answers = self._sessions().play(numbers, rounds + 1, given, rated)
-        except (LinkError, AnswerError) as error:
-            raise ValueError(f"{self}: {error}") from None
         return _state(values, numbers, rounds + 1, answers)
 
     def rater_trust(self, state: OutsideState) -> Array:
@@ -382,9 +364,15 @@ class OutsideModel:
         return state.top
 
     def _begin(self, like: Array) -> tuple[Ints, Answers]:
-        try:
+        with self._named():
             return self._sessions().begin(like.shape[:2], prod(like.shape[2:]))
-        except (LinkError, AnswerError) as error:
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """Name the model in errors of its other side."""
+        try:
+            yield
+        except LinkError as error:
             raise ValueError(f"{self}: {error}") from None
 
     def _at_hand(self, numbers: Ints, rounds: Ints, ratings: Array) -> Ints:
@@ -409,10 +397,8 @@ class OutsideModel:
     def _sessions(self) -> Sessions:
         """Return the games of this model, which begin when they are first needed."""
         if self not in _SESSIONS:
-            try:
+            with self._named():
                 _SESSIONS[self] = sessions = Sessions(self.address)
-            except LinkError as error:
-                raise ValueError(f"{self}: {error}") from None
             weakref.finalize(self, sessions.link.close)
         return _SESSIONS[self]
 
