@@ -125,8 +125,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         ]
         parts += [
             "## Streams",
-            f"role-trust in a `TrustStream`, by the time of the CPU: {_BATCHES:,} batches of {_BATCH:,} ratings between "
-            "random agents, and then the same pairs again.",
+            f"role-trust in a `TrustStream`, by the time of the CPU: {_BATCHES:,} batches of {_BATCH:,} ratings "
+            "between random agents, and then the same pairs again.",
             markdown_table(["agents of each role", "M ratings/s, lower quartile", "median"], lines, 1),
             *file_costs(study.options.rows, study.seed),
         ]
