@@ -71,7 +71,7 @@ class Layout:
         self._tree = tree
         self._leaves = [leaf for leaf in leaves(tree) if isinstance(leaf, Leaf)]
         self.key = tuple(
-            (str(leaf.mold.dtype), leaf.mold.shape, repr(leaf.elements))
+            (leaf.mold.dtype.char, leaf.mold.shape, repr(leaf.elements))
             if isinstance(leaf, Leaf)
             else (type(leaf), leaf)
             for leaf in leaves(tree)

@@ -10,7 +10,7 @@ import pytest
 from pages import HOUSE, blocks
 
 import roletrust_env
-from roletrust_env import Policy, RoleTrustParallelEnv, Scenario, make_scenario, parallel_env
+from roletrust_env import Policy, RoleTrustParallelEnv, Scenario, parallel_env
 from roletrust_env.envs.attack_env import ProviderAttackEnv, RaterAttackEnv
 from roletrust_env.game.traced import rounds
 from roletrust_env.trees import leaves
@@ -69,7 +69,7 @@ def both_ways(patch: pytest.MonkeyPatch, make: Any) -> tuple[Any, Any]:
 def test_every_model_plays_to_the_bit_as_untraced(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = 0
     for model in registry.names():
-        scenario = make_scenario("paper-3x3").change(max_cycles=10)
+        scenario = Scenario(agents=[RATERS, PROVIDERS], max_cycles=9)
         traced, plain = both_ways(monkeypatch, lambda: parallel_env(scenario, model))  # noqa: B023
         assert bits(played(traced)) == bits(played(plain)), model
         assert repr(traced.rounds).startswith("untraced" if model in UNTRACED else "traced"), (model, traced)
