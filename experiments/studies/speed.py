@@ -27,6 +27,7 @@ from studies.study import Recipe, Study
 from studies.timing import COMPILED, Contestant, compiled, machine, measure, source
 
 _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, and used in turn
+_BEFORE = 100  # rounds before the clock starts, in which our games are traced
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
 _JAX_ROUNDS = 16  # in one call
 _HEADINGS = ["contestant", "games", "M agent-steps/s", "least", "greatest", "times the peer"]
@@ -75,13 +76,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def one_environment(preset: str, seed: int) -> Contestant:
     """Return a scenario as a PettingZoo parallel environment."""
     env = parallel_env(preset)
-    return Contestant(f"{preset}, parallel", _player(env, seed), len(env.possible_agents))
+    return _warm(f"{preset}, parallel", _player(env, seed), len(env.possible_agents))
 
 
 def agents_in_turn(preset: str, seed: int) -> Contestant:
     """Return a scenario as a PettingZoo environment in which agents act in turn."""
     made = env(preset)
-    return Contestant(f"{preset}, in turn", _turns(made, seed), len(made.possible_agents))
+    return _warm(f"{preset}, in turn", _turns(made, seed), len(made.possible_agents))
 
 
 def one_task(name: str, seed: int) -> Contestant:
@@ -97,7 +98,7 @@ def one_task(name: str, seed: int) -> Contestant:
             task.reset()
 
     game: Game = task.unwrapped.task.game  # type: ignore[attr-defined]
-    return Contestant(f"{name}, gymnasium.make", step, len(game.roster.names))
+    return _warm(f"{name}, gymnasium.make", step, len(game.roster.names))
 
 
 def simple_adversary(seed: int) -> Contestant:
@@ -222,6 +223,13 @@ def attack_tasks(games: int, seed: int) -> Contestant:
     env.action_space.seed(seed)
     actions = env.action_space.sample()
     return Contestant("attack task batch", lambda: env.step(actions), games * len(env.task.game.roster.names))
+
+
+def _warm(name: str, step: Callable[[], None], amount: int) -> Contestant:
+    """Return a contestant that has played some rounds."""
+    for _ in range(_BEFORE):
+        step()
+    return Contestant(name, step, amount)
 
 
 def _player(env: Any, seed: int) -> Callable[[], None]:

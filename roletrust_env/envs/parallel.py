@@ -292,7 +292,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     def _inform(self, everything: Any, received: Any, phase: Any, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
         roster, places = self.game.roster, self._observer
         tor, top, quality = (_numbers(everything[at]) for at in (places.tor, places.top, places.quality))
-        of_raters = np.array(received).reshape(roster.n_raters, roster.n_providers)
+        of_raters = np.array(received).reshape(len(tor), len(top))
         infos: dict[str, dict[str, Any]] = {
             rater: {"trust": trust, "received": true}
             for rater, trust, true in zip(roster.rater_names, tor, of_raters, strict=True)

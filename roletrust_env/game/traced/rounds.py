@@ -1,7 +1,7 @@
 """The rounds of one small game: traced when first played, and from then on played as straight-line Python."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -160,7 +160,7 @@ class Form:
     """A written round, for the states of one layout.
 
     Attributes:
-        written: The round.
+        written: The round; it also takes the numbers of the noise, of the fields that are there.
         after: Layout of the state after it.
         assumed: Numbers that some of a state's numbers must be equal to: the place of each, and for all its values
             whether they are.
@@ -168,10 +168,18 @@ class Form:
         unchecked: Number of rounds for which it is still to be compared with the rules.
     """
 
-    def __init__(self, written: Written, after: Layout, assumed: list[tuple[int, list[bool]]]) -> None:
+    def __init__(
+        self, written: Written, fields: list[int], after: Layout, assumed: list[tuple[int, list[bool]]]
+    ) -> None:
         self.written, self.after, self.assumed = written, after, assumed
+        self._fields = fields
         self.following: list[Form] | None = None
         self.unchecked = _CHECKED
+
+    def play(self, numbers: Sequence[Any], actions: Any, noise: Any) -> Any:
+        """Return the numbers of the next state and what is read off it, for the numbers of a state."""
+        given = actions if isinstance(actions, list) else actions.tolist()
+        return self.written.play(numbers, given, *[noise[field].ravel().tolist() for field in self._fields])
 
 
 class Known:
@@ -268,7 +276,7 @@ class Rounds:
         if form is None or form.unchecked:
             return self._play_anew(actions, noise, *further)
         try:
-            numbers, *results = form.written.play(self._numbers, *_given(actions, noise))
+            numbers, *results = form.play(self._numbers, actions, noise)
         except (ArithmeticError, ValueError):  # such as a division by 0, at which NumPy goes on
             return self._play_plainly(actions, noise, *further)
         self._advance(form, numbers)
@@ -310,7 +318,7 @@ class Rounds:
             return self._play_plainly(actions, noise, *further)
         before = self._numbers
         try:
-            numbers, *found = form.written.play(before, *_given(actions, noise))
+            numbers, *found = form.play(before, actions, noise)
         except (ArithmeticError, ValueError):
             return self._play_plainly(actions, noise, *further)
         results = self._play_plainly(actions, noise, *further)
@@ -348,7 +356,8 @@ class Rounds:
             (numbers.index(place), [*(table == table[self._numbers[numbers.index(place)]]).all(axis=1).tolist(), False])
             for place, table in tape.assumed
         ]
-        form = Form(tape.written(inputs, [outputs, *read]), following, assumed)
+        fields = [k for k, part in enumerate(noise) if part is not None]
+        form = Form(tape.written(inputs, [outputs, *read]), fields, following, assumed)
         known.of(layout).append(form)
         return form
 
@@ -364,14 +373,6 @@ def _strange(state: Any) -> str | None:
     """Return the type of a leaf that is no array, number, flag or text; None without any."""
     known = np.ndarray | np.generic | int | float | str | None
     return next((type(leaf).__name__ for leaf in leaves(state) if not isinstance(leaf, known)), None)
-
-
-def _given(actions: Any, noise: Any) -> Iterator[list[Any]]:
-    """Return the arguments of a written round beside the state."""
-    yield actions if isinstance(actions, list) else actions.tolist()
-    for part in noise:
-        if part is not None:
-            yield part.ravel().tolist()
 
 
 def _elements(array: Any) -> list[Element]:
