@@ -20,7 +20,7 @@ extensions = [
     "site_pages",
 ]
 # Tables that a page includes, the report, and the paper for JOSS.
-exclude_patterns = ["_ext/**", "leaderboards/standard*", "leaderboards/reruns.md", "paper.md"]
+exclude_patterns = ["_ext/**", "leaderboards/standard*", "paper.md"]
 smartquotes = False
 highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it

@@ -29,14 +29,14 @@ Run = dict[str, Any]
 """Result of a run as plain data; `failed` has the reason of a run that raised an error."""
 
 
-def plus_minus(value: Estimate, digits: int = 3) -> str:
+def plus_minus(value: Estimate) -> str:
     """Return a mean and half its interval.
 
     Example:
         >>> plus_minus(Estimate(0.25, 0.0121))
         '0.250 ± 0.012'
     """
-    return f"{value.mean + 0.0:.{digits}f} ± {value.half:.{digits}f}"
+    return f"{value.mean + 0.0:.3f} ± {value.half:.3f}"
 
 
 class Recipe(NamedTuple, Generic[Options]):
