@@ -20,10 +20,8 @@ import numpy as np
 from roletrust_env.benchmarking.cells import make_search, scripted_batches
 from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
-from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_env.storage.provenance import describe
 from studies.charts import Panel, Series, panels_figure
 from studies.condition import Condition
 from studies.study import Recipe, Run, Study, mean_of, plus_minus
@@ -141,16 +139,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         title = f"Worst case by rounds of the search ({condition})"
         note = "lower is a better attack; 95% intervals over the runs"
         study.figure("budget.png", panels_figure(title, _panels(found), note, columns=3))
-        made = "; ".join(
-            f"`{name}` is `{_made(name, condition)}`" for name in dict.fromkeys(one.model for one in found)
-        )
         study.page(
             "budget.md",
             markdown_table(*_table(found), names=2),
             f"Utility of the consumer in {asked.games} fresh games, mean ± half the 95% interval over the runs "
             f"({asked.runs}); in brackets the seconds of a search. Lower is a better attack. Condition: {condition}.",
             "\n".join(f"- Left out: {line}." for line in reasons),
-            f"Trust models: {made}. Made by `{study.command}`.",
+            f"Made by `{study.command}`.",
         )
 
 
@@ -231,13 +226,6 @@ def _best_script(condition: Condition, point: Point) -> SearchResult:
     if best is None:
         raise UnsuitableError("no scripted attack suits the compromised agents")
     return best._replace(rounds=rounds)
-
-
-def _made(name: str, condition: Condition) -> str:
-    """Return the class and the parameters of a trust model in the condition."""
-    made = describe(parse_trust_model(name, condition.arguments(name)["scenario"]))
-    parameters = ", ".join(f"{key}={value}" for key, value in made["parameters"].items())
-    return f"{made['class'].rpartition('.')[2]}({parameters})"
 
 
 def _table(found: Sequence[Level]) -> tuple[list[str], list[list[str]]]:

@@ -1,8 +1,7 @@
 """What central trust models cost on lists of ratings: the time of a round, and its memory, by the number of ratings.
 
-Beside the models stands a round of role-trust in plain NumPy, and the bandwidth of the memory. Then role-trust is timed
-in a stream of small batches, and `roletrust rate` on a file beside a plain mean. On a quiet machine a quarter of an
-hour.
+Beside the models stands a round of role-trust in plain NumPy. Then role-trust is timed in a stream of small batches,
+and `roletrust rate` on a file beside a plain mean. On a quiet machine a quarter of an hour.
 """
 
 import subprocess
@@ -66,8 +65,6 @@ from pyarrow import csv
 table = csv.read_csv(sys.argv[1]).group_by("ratee").aggregate([("rating", "mean"), ("rating", "count")])
 csv.write_csv(table.sort_by([("rating_mean", "descending")]), sys.argv[2])
 """
-_COPIED = 10_000_000  # numbers whose copying shows the bandwidth: more than a cache holds
-_COPIED_BYTES = 16  # a number is read and written
 
 
 class Edges(NamedTuple):
@@ -101,14 +98,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         chosen = {
             name: edge_model(model) for name, model in models.items() if study.options.model or runs_on_edges(model)
         }
-        numbers = np.ones(_COPIED)
-        target = numbers.copy()
-        (copied,) = measure([Contestant("copy", lambda: np.copyto(target, numbers), _COPIED)], 5, 0.1)
         parts = [
             "# What the trust models cost on lists of ratings",
             f"One round in float64 in which all pairs rate again, {EACH} ratings for each rater and each provider, the "
             f"median of the repeats; {PLAIN}: the round of role-trust by hand; memory: peak from nothing to the end of "
-            f"a round, with the ratings. Copying an array moves {_COPIED_BYTES / copied.each().median:.1f} GB/s.",
+            f"a round, with the ratings.",
         ]
         rows = []
         for size in sizes:

@@ -1,13 +1,8 @@
 """Answers to what the paper claims or leaves open, each with a figure, numbers with intervals and a sentence.
 
-- roles: the harm by raters against the harm by providers.
-- dilution: larger systems with a fixed number of liars and with a fixed share.
-- noise: the cost of noise with all agents honest.
-- breaking: the share of liars that breaks each trust model.
-- mirrored: the share from which on no model can tell an honest world from a dishonest one.
-- both-roles: ToA for agents that rate and provide.
-- admission: the value of cutting off agents.
-- movement: raters that see only the providers near them.
+The questions are about the harm by raters and by providers (`roles`), larger systems (`dilution`), honest agents
+(`noise`), the share of liars that breaks a model (`breaking`) or from which on no model can know better (`mirrored`),
+ToA (`both-roles`), cutting agents off (`admission`), and raters that see only the providers near them (`movement`).
 
 Compared games use the same random numbers. A rule turns the numbers into a sentence, and the sentence says where a
 difference is not shown. Minutes on two cores.

@@ -111,14 +111,7 @@ def play_panel(joint_policy: JointPolicy, seed: int, *, games: int) -> Panel:
 def mean_lines(
     roster: Roster, curves: Curves, attackers: Sequence[str], rates_raters: bool
 ) -> dict[tuple[str, str], Floats]:
-    """Return the lines of a panel.
-
-    Args:
-        roster: who is who.
-        curves: of the games.
-        attackers: names of the attackers.
-        rates_raters: whether the model does.
-    """
+    """Return the lines of a panel from the curves of games; `rates_raters` says whether the model does."""
     sides = [("ToP", roster.provider_names, curves.top)]
     sides += [("ToR", roster.rater_names, curves.tor)] if rates_raters else []
     found = {}
@@ -131,13 +124,7 @@ def mean_lines(
 
 
 def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[str, str], note: str) -> Figure:
-    """Small multiples.
-
-    Args:
-        panels: by model and by attack; the same attacks for every model.
-        families: of the models.
-        note: what is shown, for the foot of the page.
-    """
+    """Return small multiples: a row for each model, a column for each attack, and what is shown at the foot."""
     attacks = list(next(iter(panels.values())))
     size = 2.6 + 2.5 * len(attacks), _HEAD + _ROW * len(panels)
     figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.03, hspace=0.02))

@@ -131,15 +131,7 @@ def attackers(game: SparseGame, attack: str, share: float) -> dict[str, Policy]:
 def measure_harm(
     sizes: Sequence[int], models: Mapping[str, Any], shares: Sequence[float], rounds: int, seeds: Sequence[int]
 ) -> list[Harm]:
-    """Play cities with and without attackers, with the same luck.
-
-    Args:
-        sizes: Numbers of agents.
-        models: Central trust models by name.
-        shares: Shares of attackers.
-        rounds: Number of rounds.
-        seeds: Seeds, two or more for an interval.
-    """
+    """Play cities of some sizes with and without attackers, with the same luck; several seeds give intervals."""
     found = []
     for agents in sizes:
         scenario = city(agents, rounds)

@@ -70,27 +70,6 @@ STARTS = {
 HONEST_WITHIN = 0.1
 """Departure from honest play up to which a strategy counts as honest."""
 
-MEASURES = (
-    "welfare",
-    "best_welfare",
-    "quality",
-    "utility",
-    "provider_reward",
-    "rater_reward",
-    "honest_providers",
-    "honest_raters",
-    "provider_gain",
-    "rater_gain",
-    "moved",
-)
-"""Names of what is measured in each run.
-
-`welfare`, `quality`, `utility`: see `roletrust_agents.strategic.learning`. `best_welfare`: the highest one of
-populations that play alike. `honest_providers`, `honest_raters`: share of the agents with an honest strategy.
-`provider_gain`, `rater_gain`: what the best deviation of one agent brings it. `moved`: mean change of the departure
-from honest play in the last quarter of the learning.
-"""
-
 DEVIATIONS = "provider_deviation", "rater_deviation"
 _COLUMNS = {
     "gain, provider": "provider_gain",
@@ -136,7 +115,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         jobs = {"|".join(map(str, point)): (point, effort) for point in points}
         played = study.play(play_point, jobs, effort)
         found = {point: played[key] for key, (point, _) in jobs.items() if key in played}
-        header = ["scenario", "model", "cost", "start", *with_ends(MEASURES, ("", "_half_95"))]
+        measures = _measures(next(iter(found.values())))
+        header = ["scenario", "model", "cost", "start", *with_ends(measures, ("", "_half_95"))]
         header += [*with_ends(["anarchy"], ("", "_low_95", "_high_95")), *DEVIATIONS]
         study.csv("strategic.csv", header, [_line(*one) for one in found.items()])
         rows = [_cells(*one) for one in found.items()]
@@ -149,7 +129,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def play_point(point: Point, effort: Mapping[str, int]) -> Run:
-    """Let a population learn and measure it. Returns one value for each run, by `MEASURES` and `DEVIATIONS`."""
+    """Let a population learn and measure it.
+
+    Returns:
+        One value for each run. `welfare`, `quality`, `utility`: see `roletrust_agents.strategic.learning`.
+        `best_welfare`: the highest one of populations that play alike. `honest_providers`, `honest_raters`: share of
+        the agents with an honest strategy. `provider_gain`, `rater_gain`: what the best deviation of one agent brings
+        it; `DEVIATIONS` has it in words. `moved`: mean change of the departure from honest play in the last quarter of
+        the learning.
+    """
     game, (runs, steps, games, seed) = point.game(), effort.values()
     batch = (runs,)
     population, moved = honest_population(game, batch), np.zeros(runs)
@@ -207,6 +195,10 @@ def _in_words(side: Side, parameters: Floats) -> list[str]:
     ]
 
 
+def _measures(run: Run) -> list[str]:
+    return [name for name in run if name not in DEVIATIONS]
+
+
 def _measured(run: Run, name: str) -> Floats:
     return np.asarray(run[name], np.float64)
 
@@ -217,7 +209,7 @@ def _anarchy(run: Run) -> Interval:
 
 def _line(point: Point, run: Run) -> list[Any]:
     """Return a row of the table of numbers, with the most frequent best deviation of a provider and of a rater."""
-    numbers = [part for name in MEASURES for part in estimate(_measured(run, name))[:2]]
+    numbers = [part for name in _measures(run) for part in estimate(_measured(run, name))[:2]]
     words = [max(sorted(set(run[name])), key=run[name].count) for name in DEVIATIONS]
     return [*point, *numbers, *(None if x == np.inf else x for x in _anarchy(run)), *words]
 
