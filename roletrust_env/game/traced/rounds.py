@@ -21,7 +21,10 @@ MOST_OPERATIONS = 6000
 """Number of operations in a round up to which straight-line Python is faster than NumPy."""
 
 _MOST_FORMS = 16
+"""Number of forms of a round above which a game would be traced again and again."""
+
 _CHECKED = 4
+"""Number of rounds of a form that are played by the rules, too."""
 
 SWITCH = "ROLETRUST_TRACED"
 """Variable of the environment that switches tracing off where it is 0."""
@@ -203,6 +206,8 @@ def _fitting(forms: list[Form], numbers: Sequence[Any]) -> Form | None:
 
 
 _KNOWN: dict[Any, Known] = {}
+"""What this process knows of the rounds of games, by all that they depend on; at most `_MOST_KNOWN`."""
+
 _MOST_KNOWN = 64
 
 
