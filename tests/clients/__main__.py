@@ -27,7 +27,7 @@ CLIENTS = {
     "rllib": ("ray[rllib]==2.60.0", _TORCH),
     "sb3": ("stable-baselines3==2.9.2", "moviepy==2.2.1", "matplotlib==3.11.2", _TORCH),
     "supersuit": ("supersuit==3.11.0",),
-    "jaxmarl": ("jaxmarl==0.2.0", "jax==0.10.2"),
+    "jaxmarl": ("jaxmarl==0.2.0", "jax==0.10.2", "six==1.17.0"),  # its gymnax imports six, and does not ask for it
     "tianshou": ("tianshou==2.0.1", "supersuit==3.11.0", _TORCH),
 }
 """Packages to install for each client."""

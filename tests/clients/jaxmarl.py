@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxmarl.wrappers.baselines import LogWrapper
 
-from clients.games import TASKS
 from roletrust_env import AttackJaxEnv, RoleTrustJaxEnv
+from roletrust_env.envs.attack_env import TASKS
 
 
 def games() -> None:

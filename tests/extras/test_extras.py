@@ -53,8 +53,22 @@ task.reset(seed=0)
 print(task.step(task.action_space.sample())[1] >= 0)
 """
     assert alone.python(played) == "True\n"
+    missing = alone.python(
+        "import roletrust_env\ntry: roletrust_env.AttackJaxEnv\nexcept Exception as error: print(error)"
+    )
+    assert "pip install 'roletrust-env[jax]'" in missing
     for arguments in ([], ["--help"], ["play"]):
         assert "pip install 'roletrust-env[cli]'" in alone.refused(*arguments)
+
+
+def test_jax(fresh: Callable[..., Environment]) -> None:
+    played = """
+import jax, optax, roletrust_env
+env = roletrust_env.AttackJaxEnv(max_cycles=3)
+_, state = jax.jit(env.reset)(jax.random.key(0))
+print(env.step(jax.random.key(1), state, {"attacker": jax.numpy.ones(1)})[1].game.round)
+"""
+    assert fresh("jax").python(played) == "1\n"
 
 
 def test_cli(fresh: Callable[..., Environment]) -> None:
