@@ -35,10 +35,11 @@ def round_numbers(times: Floats, every: float, start: float) -> Ints:
     """
     if not 0 < every < math.inf:
         raise ValueError(f"the length of a round is {every:g}; it must be above 0")
-    if len(times) and (times.max() - start) / every >= MOST:
+    last = float(times.max()) if len(times) else start  # Python's numbers overflow without a warning
+    if (last - start) / every >= MOST:
         raise ValueError(
-            f"rounds of {every:g} from time {start:g} to {times.max():g} are {(times.max() - start) / every:,.0f}; at "
-            f"most {MOST:,} are allowed, so the unit of the times may be another"
+            f"rounds of {every:g} from time {start:g} to {last:g} are {(last - start) / every:,.0f}; at most {MOST:,} "
+            "are allowed, so the unit of the times may be another"
         )
     quotient = (times - start) / every
     nearest = np.rint(quotient)

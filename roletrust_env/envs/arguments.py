@@ -35,6 +35,16 @@ def refuse_unknown(environment: type[Any], arguments: Iterable[str], *takers: Ca
             )
 
 
+def refuse_empty_start(scenario: Scenario) -> None:
+    """Refuse a scenario in which nobody is there at first, for an environment whose episode ends with nobody there.
+
+    Raises:
+        ValueError: Every group joins late.
+    """
+    if all(group.joins > 0 or group.join_rate < 1 for group in scenario.agents):
+        raise ValueError("agents: every group joins late; an episode begins with a group of joins 0, join_rate 1")
+
+
 def check_number(name: str, value: object) -> None:
     """Check that a number of games or steps is whole and 1 or more.
 

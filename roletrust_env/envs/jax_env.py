@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from roletrust_env.arrays import Array
-from roletrust_env.envs.arguments import refuse_unknown, space_of
+from roletrust_env.envs.arguments import refuse_empty_start, refuse_unknown, space_of
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.errors import suggest
 from roletrust_env.game.brief import game_facts
@@ -106,6 +106,9 @@ class JaxEnv(ABC):
             key: Key of JAX.
             state: State before the round.
             actions: Action of each agent.
+
+        Raises:
+            ValueError: An action is missing or has another shape than its space.
         """
         key, again = jax.random.split(key)
         seen, after, rewards, dones, infos = self.step_env(key, state, actions)
@@ -114,9 +117,13 @@ class JaxEnv(ABC):
         return seen, after, rewards, dones, infos
 
     def step_env(self, key: Array, state: Any, actions: Mapping[str, Array]) -> Step:
-        """Play one round, without another episode after it. See `step`."""
+        """Play one round, without another episode after it. See `step`.
+
+        Raises:
+            ValueError: An action is missing or has another shape than its space.
+        """
         noise, policies = jax.random.split(key)
-        clipped = {agent: jnp.clip(jnp.nan_to_num(actions[agent]), 0.0, 1.0) for agent in self.agents}
+        clipped = {agent: jnp.clip(jnp.nan_to_num(self._action(actions, agent)), 0.0, 1.0) for agent in self.agents}
         after, *outcome = self._play(state, clipped, self._noise(noise), _KeyRandom(policies, self.game.like))
         after = _without_flags(after)
         return self.get_obs(after), after, *outcome
@@ -134,6 +141,15 @@ class JaxEnv(ABC):
         self, state: Any, actions: Mapping[str, Array], noise: Noise, random: Random
     ) -> tuple[Any, dict[str, Array], dict[str, Array], dict[str, Array]]:
         """Return the state after a round, rewards, dones and infos."""
+
+    def _action(self, actions: Mapping[str, Array], agent: str) -> Array:
+        """Return the action of an agent, whose shape is known before its values are."""
+        if agent not in actions:
+            raise ValueError(f"the action of {agent!r} is missing; needed are those of {', '.join(self.agents)}")
+        action, shape = jnp.asarray(actions[agent]), self.action_spaces[agent].shape
+        if action.shape != shape:
+            raise ValueError(f"the action of {agent!r} is of shape {action.shape}; it must be of shape {shape}")
+        return action
 
     def _noise(self, key: Array, *, start: bool = False) -> Noise:
         """Return the noise of a round: that of NumPy's `Game.noise` for the same words."""
@@ -184,6 +200,7 @@ class RoleTrustJaxEnv(JaxEnv):
         refuse_unknown(type(self), changes)
         scenario = make_scenario(scenario)
         game = Game(scenario.change(**changes) if changes else scenario, trust_model, jnp.zeros(()))
+        refuse_empty_start(game.scenario)
         roster = game.roster
         sizes = {"SR": roster.n_providers, "SP": 1, "SR+SP": 1 + roster.n_providers}
         super().__init__(game, roster.names, [sizes[roster.role(name)] for name in roster.names])

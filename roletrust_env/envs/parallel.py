@@ -11,7 +11,7 @@ from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from roletrust_env.arrays import Array
-from roletrust_env.envs.arguments import refuse_unknown, space_of
+from roletrust_env.envs.arguments import refuse_empty_start, refuse_unknown, space_of
 from roletrust_env.envs.joint_action import JointAction
 from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
@@ -125,8 +125,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         refuse_unknown(type(self), changes)
         scenario = make_scenario(scenario)
         self.game = Game(scenario.change(**changes) if changes else scenario, trust_model)
-        if all(group.joins > 0 or group.join_rate < 1 for group in self.game.scenario.agents):
-            raise ValueError("agents: every group joins late; an episode begins with a group of joins 0, join_rate 1")
+        refuse_empty_start(self.game.scenario)
         self.layout = layout = self.game.layout
         self.render_mode = render_mode
         self._spectator = Spectator(self.game, render_mode)

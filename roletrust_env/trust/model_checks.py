@@ -8,13 +8,13 @@ import numpy as np
 
 from roletrust_env.arrays import Array, copy, is_compiling, library_of, namespace
 from roletrust_env.trust.model import State, TrustModel, start_model
+from roletrust_env.trust.random_order import RandomOrder
 from roletrust_env.trust.ratings import Ratings
 
 
 def needs_watching(model: TrustModel[Any]) -> bool:
     """Return whether a model comes from another package. Our own models are tested, and checks take time."""
-    inner = getattr(model, "model", model)  # under `RandomOrder`
-    return not is_own(type(inner))
+    return not is_own(type(model.model if isinstance(model, RandomOrder) else model))
 
 
 def is_own(factory: Callable[..., Any]) -> bool:

@@ -20,8 +20,6 @@ pytestmark = pytest.mark.slow  # a compiler takes seconds for each model
 AttackJaxEnv, RoleTrustJaxEnv = roletrust_env.AttackJaxEnv, roletrust_env.RoleTrustJaxEnv
 PRESETS = ["robots-that-move", "open-system", "market", "subjective"]
 
-BRANCHING = ["beta-filtered"]
-
 
 @pytest.fixture
 def double():
@@ -69,7 +67,7 @@ def test_every_preset_is_equal_to_numpy(scenario, double):
             np.testing.assert_allclose(seen[agent], one, atol=1e-12)
 
 
-@pytest.mark.parametrize("model", [name for name in roletrust_env.trust_models() if name not in BRANCHING])
+@pytest.mark.parametrize("model", roletrust_env.trust_models())
 def test_every_model_is_equal_to_numpy(model, double):
     model, rng = roletrust_env.make_trust_model(model), np.random.default_rng(0)
     ratings, masks = rng.random((3, 4, 3)), rng.random((3, 4, 3)) < 0.7
@@ -138,6 +136,19 @@ def test_actions_are_clipped_and_scripted_others_play():
     assert again[1].game.ratings[0].tolist() != outcomes[1][1].game.ratings[0].tolist()
 
 
+def test_actions_of_another_shape_and_missing_ones_are_refused():
+    env = RoleTrustJaxEnv(max_cycles=3)
+    key, still = jax.random.key(0), {agent: np.ones(space.shape) for agent, space in env.action_spaces.items()}
+    _, state = env.reset(key)
+    for agent, wrong in (("sp_0", np.ones(3)), ("sp_0", 0.5), ("sr_0", np.ones(7)), ("sr_0", np.ones((3, 1)))):
+        with pytest.raises(ValueError, match=f"the action of '{agent}' is of shape .*; it must be of shape"):
+            env.step(key, state, still | {agent: wrong})
+    with pytest.raises(ValueError, match="the action of 'sr_0' is missing"):
+        jax.jit(env.step)(key, state, {})
+    listed = env.step_env(key, state, {agent: action.tolist() for agent, action in still.items()})
+    np.testing.assert_array_equal(listed[0]["sr_0"], env.step_env(key, state, still)[0]["sr_0"])
+
+
 def test_what_jax_cannot_play_is_refused():
     class Branching(type(roletrust_env.make_trust_model("mean"))):
         def update(self, state, ratings):
@@ -145,6 +156,8 @@ def test_what_jax_cannot_play_is_refused():
 
     with pytest.raises(ValueError, match="branches on values"):
         RoleTrustJaxEnv(trust_model=Branching())
+    with pytest.raises(ValueError, match="every group joins late"):
+        RoleTrustJaxEnv(agents=[{"role": "SR", "joins": 2}, {"role": "SP", "joins": 2}])
     with pytest.raises(ValueError, match="needs NumPy"):
         RoleTrustJaxEnv("paper-3x3-hog")
     with pytest.raises(ValueError, match="unknown task 'RoleTrust/Rater-v0'"):

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,8 +36,6 @@ Play = Callable[..., tuple[Any, tuple[Array | None, ...]]]
 
 def reason_against(game: Game) -> str | None:
     """Return why the rounds of a game are not traced; None if they are, as far as their size and library go."""
-    if os.environ.get(SWITCH) == "0":
-        return f"{SWITCH} is 0"
     if type(game) is not Game or game.like.dtype != np.float64 or not isinstance(game.like, np.ndarray):
         return "it is no game on a grid in NumPy's float64"
     if needs_watching(game.model):  # it may be a process, which a trial with symbols would disturb
@@ -230,8 +229,9 @@ class Rounds:
         self._state: Any = None
 
     def _look_up(self) -> Known:
-        if self._reason is not None:
-            return Known(self._reason)
+        reason = f"{SWITCH} is 0" if os.environ.get(SWITCH) == "0" else self._reason
+        if reason is not None:
+            return Known(reason)
         if self._key not in _KNOWN:
             if len(_KNOWN) >= _MOST_KNOWN:
                 del _KNOWN[next(iter(_KNOWN))]
@@ -249,6 +249,13 @@ class Rounds:
         self._known = self._look_up()
         if self._state is not None:
             self._take(self._state, constant_flags=False)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Rounds":
+        twin = memo[id(self)] = type(self).__new__(type(self))
+        for name, value in self.__dict__.items():
+            shared = name in ("_key", "_known", "_layout", "_form", "_numbers")  # copied policies would be others
+            twin.__dict__[name] = value if shared else deepcopy(value, memo)
+        return twin
 
     @property
     def state(self) -> Any:
@@ -357,9 +364,10 @@ class Rounds:
         after, results = self._play(symbols, given[0], type(noise)(*given[1:]), *[_Unknown()] * n_further)
         following, outputs = layout.following(after)
         read = [None if one is None else _elements(one) for one in results]
+        places = {symbol: place for place, symbol in enumerate(numbers)}
         assumed = [
-            (numbers.index(place), [*(table == table[self._numbers[numbers.index(place)]]).all(axis=1).tolist(), False])
-            for place, table in tape.assumed
+            (places[symbol], [*(table == table[self._numbers[places[symbol]]]).all(axis=1).tolist(), False])
+            for symbol, table in tape.assumed
         ]
         fields = [k for k, part in enumerate(noise) if part is not None]
         form = Form(tape.written(inputs, [outputs, *read]), fields, following, assumed)

@@ -37,8 +37,8 @@ _TEMPLATES = {
     "logical_not": "(not {})",
     "logical_and": "({} and {})",
     "logical_or": "({} or {})",
-    "maximum": "({0} if {0} >= {1} else {1})",
-    "minimum": "({0} if {0} <= {1} else {1})",
+    "maximum": "({0} if {0} > {1} else {1})",  # of 0.0 and -0.0 the second, as NumPy has it
+    "minimum": "({0} if {0} < {1} else {1})",
 }
 """Functions of NumPy that Python computes to the same bit."""
 
@@ -158,8 +158,8 @@ class Symbols(np.ndarray[Any, Any]):
 
     def clip(self, low: Any = None, high: Any = None) -> Any:  # type: ignore[override]
         """See `numpy.ndarray.clip`."""
-        above = self if low is None else np.maximum(self, low)
-        return above if high is None else np.minimum(above, high)
+        above = self if low is None else np.where(self < low, low, self)  # of 0.0 and -0.0 the number itself
+        return above if high is None else np.where(above > high, high, above)
 
     def entries_of(self, table: Array) -> Any:
         """Return the entries of a table at these places, along its first axis.

@@ -43,7 +43,8 @@ class Symbol:
 
     __lt__ = __le__ = __gt__ = __ge__ = __add__ = __radd__ = __mul__ = __rmul__ = __sub__ = __rsub__ = __invert__ = (
         __neg__
-    ) = _refuse
+    ) = __eq__ = __ne__ = __bool__ = _refuse
+    __hash__ = object.__hash__  # of the identity
 
 
 class Operation(NamedTuple):

@@ -107,6 +107,28 @@ def test_a_copy_in_the_middle_of_an_episode_goes_on_to_the_bit(clone: Any) -> No
         assert bits([env.step(actions), env.state()]) == bits([twin.step(actions), twin.state()])
 
 
+def test_a_pickle_goes_by_the_switch_of_the_process_that_loads_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    traced, plain = both_ways(monkeypatch, parallel_env)
+    kept = pickle.dumps([traced, plain])
+    assert [repr(env.rounds) for env in pickle.loads(kept)] == ["traced"] * 2
+    monkeypatch.setenv(rounds.SWITCH, "0")
+    assert all("untraced" in repr(env.rounds) for env in pickle.loads(kept))
+
+
+def test_zeros_keep_the_sign_that_numpy_gives_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    choices = np.array([-0.0, 0.0, 1.0], np.float32)
+    for model in ("role-trust", "trimmed-mean", "power-trust", "own-experience"):
+        seen = []
+        traced, plain = both_ways(monkeypatch, lambda: parallel_env(max_cycles=20, noise=0.0, trust_model=model))  # noqa: B023
+        for env in (traced, plain):
+            rng = np.random.default_rng(0)
+            seen.append(bits(env.reset(seed=1)))
+            while env.agents:
+                seen[-1] += bits(env.step({a: rng.choice(choices, env.action_space(a).shape) for a in env.agents}))
+        assert seen[0] == seen[1], model
+        assert repr(traced.rounds) == "traced"
+
+
 @pytest.mark.parametrize("knowledge", ["black_box", "grey_box", "white_box"])
 @pytest.mark.parametrize("objective", ["damage", "mislead"])
 def test_tasks_play_to_the_bit_as_untraced(knowledge: str, objective: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,6 +147,20 @@ class Foreign(Mean):
     """A model of another package."""
 
 
+class Around:
+    """A model of another package, around one of ours; all have the same text."""
+
+    rates_raters = True
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self.start, self.update = model.start, model.update
+        self.rater_trust, self.provider_trust = model.rater_trust, model.provider_trust
+
+    def __repr__(self) -> str:
+        return "Around()"
+
+
 class Moody(Policy):
     """Serves at random."""
 
@@ -141,6 +177,51 @@ def test_a_policy_that_draws_random_numbers_is_not_traced_and_draws_them_as_befo
         seen.append([env.step(np.ones(1, np.float32)) for _ in range(4)])
     assert bits(seen[0]) == bits(seen[1])
     assert "untraced: a policy draws random numbers" in repr(env)
+
+
+class Later(Policy):
+    """Serves badly in one round, by the entries of a plain array."""
+
+    attacks = frozenset({"quality"})
+
+    def quality(self, view: Any, memory: Any, random: Any) -> Any:
+        return np.where(np.asarray(view.round) == 10, 0.0, 1.0), memory
+
+
+class Elsewhere(Later):
+    """The same, by Python."""
+
+    def quality(self, view: Any, memory: Any, random: Any) -> Any:
+        return 0 * view.trust + (10 not in np.asarray(view.round).ravel().tolist()), memory
+
+
+@pytest.mark.parametrize("policy", [Later(), Elsewhere()])
+def test_a_policy_that_leaves_the_array_of_symbols_is_not_traced(
+    policy: Policy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    for env in both_ways(monkeypatch, lambda: RaterAttackEnv(others={"sp_0": policy})):
+        env.reset(seed=1)
+        seen.append(bits([env.step(np.ones(3, np.float32)) for _ in range(14)]))
+        assert "untraced" in repr(env)
+    assert seen[0] == seen[1]
+
+
+def test_a_copy_knows_the_rounds_of_policies_that_are_copied_too() -> None:
+    class Bad(Policy):
+        attacks = frozenset({"quality"})
+
+        def quality(self, view: Any, memory: Any, random: Any) -> Any:
+            return 0 * view.trust, memory
+
+    env = RaterAttackEnv(others={"sp_0": Bad()})
+    env.reset(seed=1)
+    for _ in range(9):
+        env.step(np.ones(3, np.float32))
+    twin = copy.deepcopy(env)
+    assert twin.rounds._known is env.rounds._known
+    for _ in range(3):
+        assert bits(twin.step(np.ones(3, np.float32))) == bits(env.step(np.ones(3, np.float32)))
 
 
 def test_a_division_by_zero_is_played_by_the_rules(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,6 +256,7 @@ def test_a_round_that_differs_from_the_rules_is_given_up(monkeypatch: pytest.Mon
         (lambda: parallel_env("market"), "240 pairs are more than 100"),
         (lambda: RaterAttackEnv(like=np.zeros((), np.float32)), "float64"),
         (lambda: parallel_env(trust_model=Foreign()), "another package"),
+        (lambda: parallel_env(trust_model=Around(Mean())), "another package"),
     ],
 )
 def test_what_is_not_traced_says_why(make: Any, reason: str) -> None:
