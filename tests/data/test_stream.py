@@ -311,6 +311,13 @@ def test_bad_batches_change_nothing(case: str) -> None:
     assert set(stream.rater_trust()) <= {"a", "b"}
 
 
+@pytest.mark.filterwarnings("error")
+def test_times_further_apart_than_numbers_reach_are_refused_without_a_warning() -> None:
+    stream = TrustStream(make_trust_model("mean"), every=1)
+    with pytest.raises(ValueError, match="are inf; at most 1,000,000 are allowed"):
+        stream.update(["a", "b"], ["x", "y"], [0, 1], [-1e308, 1e308])
+
+
 def test_members_do_not_rate_themselves() -> None:
     stream = TrustStream(make_trust_model("eigentrust"), same_agents=True)
     with pytest.raises(ValueError, match="rating 2 is of 7 by itself"):
