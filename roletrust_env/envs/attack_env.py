@@ -176,7 +176,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self.task = make_task(**{**self.defaults, **arguments})
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
-        self.rounds = Rounds(self.task.game, self._play, self.task.key)
+        self.rounds = Rounds(self.task.game, self._play, self.task.key, self.task.joint_policy.policies.values())
         self._random: Random | None = None
         self._playing = False
         self._spectator = Spectator(self.task.game, render_mode)

@@ -1,15 +1,16 @@
 """The rounds of one small game: traced when first played, and from then on played as straight-line Python."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import Any
 
 import numpy as np
 
 from roletrust_env.arrays import Array
 from roletrust_env.game.game import Game
+from roletrust_env.game.policy import Policy, policy_name
 from roletrust_env.game.traced.symbols import Symbols
 from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable, Written
 from roletrust_env.trees import leaves, map_leaves
@@ -34,12 +35,16 @@ Play = Callable[..., tuple[Any, tuple[Array | None, ...]]]
 """A round: a pure function from a state, the actions and the noise to the next state and to what is read off it."""
 
 
-def reason_against(game: Game) -> str | None:
-    """Return why the rounds of a game are not traced; None if they are, as far as their size and library go."""
+def reason_against(game: Game, policies: Iterable[Policy] = ()) -> str | None:
+    """Return why the rounds of a game with scripted policies are not traced; None if nothing is known against it."""
     if type(game) is not Game or game.like.dtype != np.float64 or not isinstance(game.like, np.ndarray):
         return "it is no game on a grid in NumPy's float64"
     if needs_watching(game.model):  # it may be a process, which a trial with symbols would disturb
         return "the trust model is of another package"
+    for policy in policies:  # its attributes become constants of a written round
+        frozen = is_dataclass(policy) and policy.__dataclass_params__.frozen
+        if getattr(policy, "__dict__", {}) and not frozen:
+            return f"{policy_name(policy)} may change: it has attributes, and is no frozen dataclass"
     pairs = game.roster.n_raters * game.roster.n_providers
     return f"{pairs:,} pairs are more than {MOST_PAIRS}" if pairs > MOST_PAIRS else None
 
@@ -217,11 +222,12 @@ class Rounds:
         game: Game that is played.
         play: Its round. The actions are a vector; what is read off a state are vectors, or None.
         key: What else than the scenario and the trust model the round depends on, hashable.
+        policies: Policies of scripted agents.
     """
 
-    def __init__(self, game: Game, play: Play, key: Any) -> None:
+    def __init__(self, game: Game, play: Play, key: Any, policies: Iterable[Policy] = ()) -> None:
         self._play, self._key = play, (key, game.scenario, type(game.model), repr(game.model))
-        self._reason = reason_against(game)
+        self._reason = reason_against(game, policies)
         self._known = self._look_up()
         self._layout: Layout | None = None
         self._form: Form | None = None

@@ -195,6 +195,18 @@ class Elsewhere(Later):
         return 0 * view.trust + (10 not in np.asarray(view.round).ravel().tolist()), memory
 
 
+class Learner(Policy):
+    """Serves by a weight, which a trainer may change."""
+
+    attacks = frozenset({"quality"})
+
+    def __init__(self) -> None:
+        self.weight = 0.5
+
+    def quality(self, view: Any, memory: Any, random: Any) -> Any:
+        return 0 * view.trust + self.weight, memory
+
+
 @pytest.mark.parametrize("policy", [Later(), Elsewhere()])
 def test_a_policy_that_leaves_the_array_of_symbols_is_not_traced(
     policy: Policy, monkeypatch: pytest.MonkeyPatch
@@ -257,6 +269,7 @@ def test_a_round_that_differs_from_the_rules_is_given_up(monkeypatch: pytest.Mon
         (lambda: RaterAttackEnv(like=np.zeros((), np.float32)), "float64"),
         (lambda: parallel_env(trust_model=Foreign()), "another package"),
         (lambda: parallel_env(trust_model=Around(Mean())), "another package"),
+        (lambda: RaterAttackEnv(others={"sp_0": Learner()}), "learner may change"),
     ],
 )
 def test_what_is_not_traced_says_why(make: Any, reason: str) -> None:
