@@ -1,6 +1,6 @@
 """Attack tasks as Gymnasium environments, and a batch of such tasks, which all environments of tasks play."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -13,6 +13,7 @@ from gymnasium.spaces import Box
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.arguments import all_within, refuse_unknown
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
+from roletrust_env.errors import suggest
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.state import Noise, State
@@ -427,3 +428,18 @@ TASKS: dict[str, type[AttackEnv]] = {
     "RoleTrust/CollusionAttack-v0": CollusionAttackEnv,
 }
 """The environments of the attack tasks, by the id in Gymnasium."""
+
+
+def task_by_id(task_id: str, arguments: Mapping[str, Any]) -> AttackTask:
+    """Return the attack task of an id in Gymnasium.
+
+    Args:
+        task_id: One of `TASKS`.
+        arguments: Arguments of `make_task`, which replace the defaults of the task.
+
+    Raises:
+        ValueError: The id or a name is unknown, or a value is not allowed.
+    """
+    if task_id not in TASKS:
+        raise ValueError(f"unknown task {task_id!r}{suggest(task_id, TASKS)}")
+    return make_task(**{**TASKS[task_id].defaults, **arguments})

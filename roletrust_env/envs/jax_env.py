@@ -15,8 +15,7 @@ from gymnasium.spaces import Box
 
 from roletrust_env.arrays import Array
 from roletrust_env.envs.arguments import refuse_empty_start, refuse_unknown, space_of
-from roletrust_env.envs.attack_env import TASKS
-from roletrust_env.errors import suggest
+from roletrust_env.envs.attack_env import task_by_id
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
 from roletrust_env.game.make_task import make_task
@@ -201,9 +200,7 @@ class RoleTrustJaxEnv(JaxEnv):
         scenario = make_scenario(scenario)
         game = Game(scenario.change(**changes) if changes else scenario, trust_model, jnp.zeros(()))
         refuse_empty_start(game.scenario)
-        roster = game.roster
-        sizes = {"SR": roster.n_providers, "SP": 1, "SR+SP": 1 + roster.n_providers}
-        super().__init__(game, roster.names, [sizes[roster.role(name)] for name in roster.names])
+        super().__init__(game, game.roster.names, list(map(game.roster.action_size, game.roster.names)))
 
     def get_obs(self, state: State) -> Observations:
         """Return the observation of each agent."""
@@ -261,9 +258,7 @@ class AttackJaxEnv(JaxEnv):
 
     def __init__(self, task_id: str = "RoleTrust/ProviderAttack-v0", **arguments: Any) -> None:
         refuse_unknown(type(self), arguments, make_task)
-        if task_id not in TASKS:
-            raise ValueError(f"unknown task {task_id!r}{suggest(task_id, TASKS)}")
-        self.task = make_task(**{**TASKS[task_id].defaults, **arguments, "like": jnp.zeros(())})
+        self.task = task_by_id(task_id, {**arguments, "like": jnp.zeros(())})
         self._bounds = self.task.bounds
         super().__init__(self.task.game, ["attacker"], [self.task.action_size])
 

@@ -31,11 +31,10 @@ class JointAction:
 
     def __init__(self, roster: Roster) -> None:
         self._roster = roster
-        rates, provides = set(roster.rater_names), set(roster.provider_names)
         self._slots: dict[str, tuple[tuple[int], slice]] = {}  # an action's shape, and its place among all
         self._size = 0
         for agent in roster.names:
-            size = (agent in provides) + roster.n_providers * (agent in rates)
+            size = roster.action_size(agent)
             self._slots[agent] = ((size,), slice(self._size, self._size + size))
             self._size += size
         self._sizes = [shape[0] for shape, _ in self._slots.values()]

@@ -133,16 +133,15 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.agents: list[str] = []
         self.attackers: tuple[str, ...] = ()
         sizes = {
-            "SR": (layout.rater_size, layout.n_providers),
-            "SP": (layout.provider_size, 1),
-            "SR+SP": (1 + layout.provider_size + layout.rater_size, 1 + layout.n_providers),
+            "SR": layout.rater_size,
+            "SP": layout.provider_size,
+            "SR+SP": 1 + layout.provider_size + layout.rater_size,
         }
         self.observation_spaces: dict[str, Box] = {}
         self.action_spaces: dict[str, Box] = {}
         for agent in self.possible_agents:
-            seen, done = sizes[self.game.roster.role(agent)]
-            self.observation_spaces[agent] = Box(0.0, 1.0, (seen,), np.float32)
-            self.action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
+            self.observation_spaces[agent] = Box(0.0, 1.0, (sizes[self.game.roster.role(agent)],), np.float32)
+            self.action_spaces[agent] = Box(0.0, 1.0, (self.game.roster.action_size(agent),), np.float32)
         self._joint = JointAction(self.game.roster)
         self._observer = Observer(self.game)
         self.state_space = Box(0.0, 1.0, (summary_size(self.game),), np.float32)

@@ -11,9 +11,8 @@ from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.arguments import check_number, refuse_unknown
-from roletrust_env.envs.attack_env import TASKS, TaskBatch, check_action, task_spaces
+from roletrust_env.envs.attack_env import TASKS, TaskBatch, check_action, task_by_id, task_spaces
 from roletrust_env.envs.spectator import RenderMode, Spectator
-from roletrust_env.errors import suggest
 from roletrust_env.game.make_task import make_task
 
 
@@ -63,9 +62,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         check_number("num_envs", num_envs)
         if max_episode_steps is not None:
             check_number("max_episode_steps", max_episode_steps)
-        if task_id not in TASKS:
-            raise ValueError(f"unknown task {task_id!r}{suggest(task_id, TASKS)}")
-        self.task = make_task(**{**TASKS[task_id].defaults, **arguments})
+        self.task = task_by_id(task_id, arguments)
         self.num_envs = num_envs
         self.metadata = {**TASKS[task_id].metadata, "autoreset_mode": mode}
         self.render_mode = render_mode

@@ -137,6 +137,11 @@ class Roster:
             raise ValueError(f"there is no agent {name!r}; the scenario has {shown(self.names)}")
         return self.roles[name]
 
+    def action_size(self, name: str) -> int:
+        """Return the size of the action of an agent: its quality, if it provides, and P ratings, if it rates."""
+        role = self.role(name)
+        return (role != "SR") + self.n_providers * (role != "SP")
+
     @cached_property
     def rater_names(self) -> tuple[str, ...]:
         """Names of the raters."""
