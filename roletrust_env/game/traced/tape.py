@@ -99,6 +99,7 @@ class Tape:
 
     Attributes:
         assumed: Tables of flags, of which a row was taken as it is in this round, and the symbol of its place.
+        names: Functions and tables in the expressions, by name.
 
     Raises:
         Untraceable: There are more operations than the limit.
@@ -107,7 +108,7 @@ class Tape:
     def __init__(self, limit: int) -> None:
         self.assumed: list[tuple[Symbol, Array]] = []
         self._operations: list[Operation] = []
-        self._names: dict[str, Any] = {"sqrt": math.sqrt, "sin": _sin(), "inf": math.inf, "nan": math.nan}
+        self.names: dict[str, Any] = {"sqrt": math.sqrt, "sin": _sin(), "inf": math.inf, "nan": math.nan}
         self._limit = limit
         self._known: dict[Any, Symbol] = {}
 
@@ -130,8 +131,8 @@ class Tape:
 
     def named(self, name: str, value: Any) -> str:
         """Return a new name for a function or a table."""
-        name = f"{name}_{len(self._names)}"
-        self._names[name] = value
+        name = f"{name}_{len(self.names)}"
+        self.names[name] = value
         return name
 
     def written(self, inputs: Mapping[str, Sequence[Symbol]], outputs: Sequence[Sequence[Element] | None]) -> Written:
@@ -142,7 +143,7 @@ class Tape:
             outputs: Elements of each result; None is returned as None.
         """
         returned = [element for output in outputs for element in output or () if isinstance(element, Symbol)]
-        needed = self._needed(returned)
+        needed = self.needed(returned)
         uses = Counter([*returned, *(symbol for one in needed for symbol in one.symbols())])
         text = {symbol: symbol.name for symbols in inputs.values() for symbol in symbols}
 
@@ -166,16 +167,11 @@ class Tape:
         results = ("None" if one is None else f"({''.join(f'{shown(part)}, ' for part in one)})" for one in outputs)
         lines.append(f"return ({', '.join(results)},)")
         lines = [f"def play({', '.join(inputs)}):", *lines]
-        scope = dict(self._names)
+        scope = dict(self.names)
         exec(compile("\n ".join(lines).replace(_IS, "="), "<a written round>", "exec"), scope)
         return Written(scope["play"], lines)
 
-    def _append(self, operation: Operation) -> None:
-        self._operations.append(operation)
-        if len(self._operations) > self._limit:
-            raise Untraceable(f"a round has more than {self._limit:,} operations")
-
-    def _needed(self, returned: Sequence[Symbol]) -> list[Operation]:
+    def needed(self, returned: Sequence[Symbol]) -> list[Operation]:
         """Return the operations on which a result depends, in order."""
         wanted, kept = set(returned), []
         for one in reversed(self._operations):
@@ -183,6 +179,11 @@ class Tape:
                 kept.append(one)
                 wanted.update(one.symbols())
         return kept[::-1]
+
+    def _append(self, operation: Operation) -> None:
+        self._operations.append(operation)
+        if len(self._operations) > self._limit:
+            raise Untraceable(f"a round has more than {self._limit:,} operations")
 
 
 def _sin() -> Callable[[float], float]:
