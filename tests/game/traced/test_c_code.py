@@ -34,6 +34,8 @@ def every_operation(tape, x, y, place, flag):
     for kinds, template in _CASTS.items():
         if kinds != "fi":  # of an infinite number there is none
             yield tape.write(template, [{"f": x, "i": place, "b": flag}[kinds[0]]], kinds[1])
+    for name in ("maximum", "minimum"):  # of 0.0 and -0.0, too
+        yield tape.write(_TEMPLATES[name], [x, tape.write("(-{})", [x], "f")], "f")
     yield tape.write("({1} if {0} else {2})", [flag, x, -0.0], "f")
     yield tape.write(f"{tape.named('table', (0.5, -0.0, math.inf))}[{{}}]", [place], "f")
     yield tape.write("({} + {})", [tape.write("({} * {})", [x, 0.1], "f"), place], "f")
