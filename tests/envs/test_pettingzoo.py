@@ -11,6 +11,7 @@ import pettingzoo
 import pytest
 from gymnasium.utils.env_checker import data_equivalence
 from pettingzoo.test import api_test, max_cycles_test, parallel_api_test, parallel_seed_test, seed_test
+from pettingzoo.utils.conversions import parallel_to_aec
 
 import roletrust_env
 from roletrust_env import RoleTrustParallelEnv
@@ -178,6 +179,26 @@ def test_aec_and_parallel_play_the_same_game(make: Make, make_aec: Callable) -> 
             assert np.array_equal(aec.observe(agent), observations[agent])
             assert (aec.terminations[agent], aec.truncations[agent]) == (terminations[agent], truncations[agent])
             assert aec.rewards[agent] == rewards[agent]
+
+
+def test_aec_takes_turns_as_pettingzoo_does() -> None:
+    rater = {"role": "SR", "noise": 0.2}
+    late = [{"role": "SR", "joins": 3, "leaves": 9}, {"role": "SP", "join_rate": 0.2, "leave_rate": 0.2, "count": 3}]
+    scenario = {"agents": [rater | {"count": 2}, rater | {"leaves": 5}, {"role": "SP"}, *late], "max_cycles": 20}
+    aec, twin = roletrust_env.env(**scenario), parallel_to_aec(roletrust_env.parallel_env(**scenario))
+    for seed in range(3):
+        for env in (aec, twin):
+            env.reset(seed=seed)
+        for agent in twin.agent_iter():
+            names = ("agents", "agent_selection", "rewards", "terminations", "truncations", "infos")
+            seen, wanted = ([bits(getattr(env, name)) for name in names] for env in (aec, twin))
+            assert seen == wanted
+            assert bits(aec.last()) == bits(twin.last())
+            *_, terminated, truncated, _ = twin.last()
+            action = None if terminated or truncated else twin.action_space(agent).sample()
+            for env in (aec, twin):
+                env.step(action)
+        assert aec.agents == []
 
 
 def test_aec_refuses_a_bad_action_at_once() -> None:
