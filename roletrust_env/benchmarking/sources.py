@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from roletrust_env.storage.untrusted import UntrustedModel
+from roletrust_env.trust.model_checks import is_own
 
 _KNOWN = ("roletrust_env", "roletrust_agents", "roletrust_baselines", "numpy", "torch", "pydantic", "pydantic_core")
 """Packages with classes that their version tells apart."""
@@ -108,15 +109,18 @@ def _class(cls: type, seen: dict[int, int]) -> Iterable[object]:
     """Return the parts of a class: its name, and its attributes unless it is of a known package."""
     name = "class", cls.__module__, cls.__qualname__
     top = cls.__module__.partition(".")[0]
-    if top in _KNOWN or (top in sys.stdlib_module_names and _is_there(cls)):
+    if (top in _KNOWN or top in sys.stdlib_module_names) and _is_there(cls):
         return name
     own = {key: value for key, value in vars(cls).items() if not (key.startswith("__") and not callable(value))}
     return *name, *(_digest(base, seen) for base in cls.__bases__), _digest(own, seen)
 
 
-def _is_there(cls: type) -> bool:
-    """Return whether a class is in the module that it names: one made by `type(...)` below an `ABC` names `abc`."""
-    return getattr(sys.modules.get(cls.__module__), cls.__qualname__, None) is cls
+def _is_there(thing: Any) -> bool:
+    """Return whether a class or a function is in the module that it names: one made below an `ABC` names `abc`."""
+    found: Any = sys.modules.get(thing.__module__)
+    for name in thing.__qualname__.split("."):
+        found = getattr(found, name, None)
+    return found is thing
 
 
 def _object(thing: Any, seen: dict[int, int]) -> Iterable[object]:
@@ -164,11 +168,15 @@ def source_of(factory: Callable[..., Any]) -> Source:
         factory: Class or function.
 
     Raises:
-        ValueError: A part of the source is not in a file.
+        ValueError: A part of the source is not in a file, or says that it is of a module where it is not.
     """
-    kind = getattr(factory, "kind", factory)  # the class of a model that was given as an object
-    kinds = inspect.getmro(kind) if isinstance(kind, type) else (kind,)
-    modules = sorted({kind.__module__ for kind in kinds if _top(kind.__module__) not in sys.stdlib_module_names})
+    parts = [factory]
+    if not isinstance(factory, type | FunctionType):  # an object says what it makes by `kind`
+        parts = [type(factory), *(getattr(factory, name) for name in ("func", "kind") if hasattr(factory, name))]
+    kinds = [one for part in parts for one in (inspect.getmro(part) if isinstance(part, type) else (part,))]
+    for one in kinds:
+        _check_home(one, itself=one in parts)
+    modules = sorted({one.__module__ for one in kinds if _top(one.__module__) not in sys.stdlib_module_names})
     digest = hashlib.sha256()
     for module in modules:
         digest.update(f"{module}\n".encode() + _text(module))
@@ -191,10 +199,24 @@ def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
         with suppress(ValueError):
             digests[name] = source_of(factory).sha256
         in_file = isinstance(factory, type | FunctionType) and has_file(factory.__module__)
-        if not in_file:
+        if not in_file or name not in digests:
             own = getattr(factory, "fingerprint", None) or fingerprint(factory)
             digests[name] = hashlib.sha256(f"{digests.get(name)}\n{own}".encode()).hexdigest()
     return digests
+
+
+def _check_home(kind: Any, *, itself: bool) -> None:
+    """Refuse a class or a function with the name of a module that it is not from: the hash would be that of others.
+
+    Raises:
+        ValueError: Its module does not have it, or it is none of the trust models where it says that it is one.
+    """
+    module, name = kind.__module__, kind.__qualname__
+    known = _top(module) in (*_OWN, *sys.stdlib_module_names)
+    local = "<locals>" in name and not known
+    stranger = itself and module.startswith("roletrust_env.trust.models.") and not is_own(kind)
+    if stranger or not (local or _is_there(kind)):
+        raise ValueError(f"{name} says that it is of {module}, which does not have it, so its source is not known")
 
 
 def _text(module: str) -> bytes:

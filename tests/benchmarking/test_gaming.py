@@ -1,21 +1,27 @@
 """Models that play the benchmark rather than the game: what they gain, and what finds them."""
 
-from functools import cache
+import sys
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any
 
+import gaming_models
 import numpy as np
 import pytest
 from small_suites import small
 
 from roletrust_env.benchmarking.cells import play_cell, task_arguments
 from roletrust_env.benchmarking.schema import CellResult
+from roletrust_env.benchmarking.sources import hashes, source_of
 from roletrust_env.benchmarking.submission import CellClaim, make_claim
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.verification import check_bias, check_fresh
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, attacked_rollout, exact_task, random_sources
+from roletrust_env.evaluation.specs import is_own_model
 from roletrust_env.trust import Ratings, register_trust_model
+from roletrust_env.trust.model import registry
+from roletrust_env.trust.model_checks import needs_watching
 
 PUBLIC = 0
 """Seed of every suite of the package."""
@@ -93,6 +99,22 @@ def test_a_model_in_a_process_of_its_own_cannot_read_the_game_off_the_stack() ->
     assert apart.measured == honest.measured  # it is no more than the mean, to the last bit
     claims = [make_claim(cell, CellResult((inside,), 0.0))]
     assert [check.ok for check in check_fresh(claims, [CellResult((apart,), 0.0)])] == [False]
+
+
+def test_a_borrowed_name_makes_no_model_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = sys.modules[gaming_models.FirstHand.__module__]
+    register_trust_model("borrowed", gaming_models.FirstHand)
+    register_trust_model("object", partial(gaming_models.FirstHand))
+    for _ in range(2):
+        assert not is_own_model("borrowed")
+        assert needs_watching(gaming_models.FirstHand())
+        for name in ("borrowed", "object"):
+            with pytest.raises(ValueError, match="says that it is of roletrust_env"):
+                source_of(registry.factory(name))
+        digests = hashes({name: registry.factory(name) for name in ("first-hand", "borrowed", "object")})
+        assert len(set(digests.values())) == 3
+        monkeypatch.setattr(module, "FirstHand", gaming_models.FirstHand)  # it may even take the place
+    assert is_own_model("first-hand")
 
 
 @pytest.mark.slow

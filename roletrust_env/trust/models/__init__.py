@@ -18,29 +18,34 @@ from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_env.trust.models.personal.yu_singh import YuSingh
 from roletrust_env.trust.models.personal.zhang_cohen import ZhangCohen
 
-register_trust_model("role-trust", RoleTrust)
-register_trust_model("beta", Beta)
-register_trust_model("beta-filtered", BetaFiltered)
-register_trust_model("constant", Constant)
-register_trust_model("deviation-weighted", DeviationWeighted)
-register_trust_model("eigentrust", EigenTrust)
-register_trust_model("huber-mean", HuberMean)
-register_trust_model("iterative-filtering", IterativeFiltering)
-register_trust_model("leave-one-out", LeaveOneOut)
-register_trust_model("mean", Mean)
-register_trust_model("median", Median)
-register_trust_model("power-trust", PowerTrust)
-register_trust_model("trimmed-mean", TrimmedMean)
-register_trust_model("wary-role-trust", WaryRoleTrust)
+OWN = {
+    "role-trust": RoleTrust,
+    "beta": Beta,
+    "beta-filtered": BetaFiltered,
+    "constant": Constant,
+    "deviation-weighted": DeviationWeighted,
+    "eigentrust": EigenTrust,
+    "huber-mean": HuberMean,
+    "iterative-filtering": IterativeFiltering,
+    "leave-one-out": LeaveOneOut,
+    "mean": Mean,
+    "median": Median,
+    "power-trust": PowerTrust,
+    "trimmed-mean": TrimmedMean,
+    "wary-role-trust": WaryRoleTrust,
+    "clustering": Clustering,
+    "fire": Fire,
+    "first-hand": FirstHand,
+    "own-experience": OwnExperience,
+    "peer-trust": PeerTrust,
+    "qor": QualityOfRecommendation,
+    "regression-aligned": RegressionAligned,
+    "subjective-logic": SubjectiveLogic,
+    "travos": Travos,
+    "yu-singh": YuSingh,
+    "zhang-cohen": ZhangCohen,
+}
+"""Classes of the models of this package, by name. No other class is one of them, whatever it says of itself."""
 
-register_trust_model("clustering", Clustering)
-register_trust_model("fire", Fire)
-register_trust_model("first-hand", FirstHand)
-register_trust_model("own-experience", OwnExperience)
-register_trust_model("peer-trust", PeerTrust)
-register_trust_model("qor", QualityOfRecommendation)
-register_trust_model("regression-aligned", RegressionAligned)
-register_trust_model("subjective-logic", SubjectiveLogic)
-register_trust_model("travos", Travos)
-register_trust_model("yu-singh", YuSingh)
-register_trust_model("zhang-cohen", ZhangCohen)
+for _name, _model in OWN.items():
+    register_trust_model(_name, _model)
