@@ -229,11 +229,20 @@ def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = Fa
         isolated: Give a trust model of another package a process of its own, see `IsolatedModel`.
 
     Raises:
-        ValueError: A name in the suite is unknown, the record is not valid, or a trust model or an attacker of a
-            plug-in fails.
+        ValueError: A name in the suite is unknown, the record is not valid, a trust model or an attacker of a plug-in
+            fails, or an isolated model lets trust in a game depend on other games.
     """
-    began = perf_counter()
     arguments = task_arguments(suite, cell, isolated=isolated)
+    result = _play_cell(suite, cell, record, arguments)
+    model = arguments["trust_model"]
+    inside = model.model if isinstance(model, RandomOrder) else model
+    if isinstance(inside, IsolatedModel):
+        inside.check_alone()
+    return result
+
+
+def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) -> CellResult:
+    began = perf_counter()
     task = exact_task(arguments)
     if cell.method == HONEST:
         nobody = AttackBatch((HONEST,), Scripted({}), 0, "everyone honest")

@@ -2,6 +2,9 @@
 
 The process is no sandbox: it runs with the rights of its user. But a model in it cannot reach the game by the call
 stack or by modules, and its answers are read as numbers only.
+
+Games are played side by side, many with the same noise, so whoever compares them sees who attacks. Therefore some
+games, drawn at random, are played again by a process that has seen no other: trust must be the same there.
 """
 
 import os
@@ -13,6 +16,7 @@ import weakref
 from collections import OrderedDict
 from copy import copy
 from io import BytesIO
+from math import prod
 from threading import Thread
 from typing import IO, Any, NamedTuple
 
@@ -31,6 +35,11 @@ _MOST_BYTES = 2_000_000_000  # of an answer
 _STATES = 8
 """Number of states that are kept."""
 
+_STARTS, _LATEST, _GAMES = 24, 6, 8
+"""Numbers of batches of which games are played again, of the latest of them, and of games in each."""
+
+_SAME = 1e-6  # trust of a game alone and beside others, which rounding tells apart
+
 
 class IsolatedState(NamedTuple):
     """State of an isolated model.
@@ -48,6 +57,59 @@ class IsolatedState(NamedTuple):
     judged: Array | None
 
 
+class _Step(NamedTuple):
+    """A state of the games that may be played again: the number of the state before, what came in and what came out.
+
+    Arrays are of shape (..., n), a column for each of n games; `before` and `mask` are None if there is none.
+    """
+
+    before: int | None
+    given: Array
+    mask: Array | None
+    trust: list[Array]
+
+
+class _Trace:
+    """Some games of a batch, drawn at random, and their states by number, in order."""
+
+    def __init__(self, batch: tuple[int, ...], peers: Array) -> None:
+        games = prod(batch)
+        self.axes, self.peers = len(batch), peers
+        self.games = np.random.default_rng().permutation(games)[:_GAMES]  # which no model can predict
+        self.steps: dict[int, _Step] = {}
+
+    def add(self, before: int | None, given: Array, mask: Array | None, state: "IsolatedState") -> None:
+        """Keep a state."""
+        trust = [self._columns(part) for part in state[1:] if part is not None]
+        self.steps[int(state.number.flat[0])] = _Step(
+            before, self._columns(given), None if mask is None else self._columns(mask), trust
+        )
+
+    def _columns(self, array: Array) -> Array:
+        lead = array.shape[: array.ndim - self.axes]
+        return array.reshape(*lead, -1)[..., self.games].copy()
+
+    def difference(self, model: "IsolatedModel", k: int) -> float:
+        """Return how far trust in the k-th of the games is from that where another process plays the game alone."""
+
+        def alone(array: Array) -> Array:
+            return array[..., k].reshape(*array.shape[:-1], *[1] * self.axes)
+
+        states: dict[int | None, IsolatedState] = {}
+        largest = 0.0
+        for number, step in self.steps.items():
+            if step.before is None:
+                state = model.start(alone(step.given), self.peers)
+            else:
+                mask = None if step.mask is None else alone(step.mask)
+                state = model.update(states[step.before], Ratings(alone(step.given), mask))
+            states[number] = state
+            found = [part for part in state[1:] if part is not None]
+            for one, other in zip(found, step.trust, strict=True):
+                largest = max(largest, float(np.abs(one - alone(other)).max()))
+        return largest
+
+
 class IsolatedModel:
     """A trust model in a process of its own, which ends with this object. It works on NumPy arrays.
 
@@ -62,7 +124,9 @@ class IsolatedModel:
     """
 
     def __init__(self, text: str, scenario: Scenario) -> None:
-        self._text = text
+        self._text, self._scenario = text, scenario
+        self._traces: list[_Trace] = []
+        self._starts = 0
         command = [sys.executable, "-m", "roletrust_env.evaluation.isolated"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         weakref.finalize(self, _end, self._process)
@@ -94,7 +158,9 @@ class IsolatedModel:
         """
         if not isinstance(like, np.ndarray):
             raise ValueError(f"{self} works on NumPy arrays, not on {type(like).__name__}")
-        return self._state(like, self._ask("start", like, peers))
+        state = self._state(like, self._ask("start", like, peers))
+        self._follow(_Trace(like.shape[2:], peers)).add(None, like, None, state)
+        return state
 
     def update(self, state: IsolatedState, ratings: Ratings) -> IsolatedState:
         """Return the state after one more round. See `TrustModel.update`.
@@ -105,7 +171,12 @@ class IsolatedModel:
         numbers = np.unique(state.number)
         if len(numbers) != 1:
             raise ValueError(f"{self} cannot mix games of different states")
-        return self._state(ratings.values, self._ask("update", int(numbers[0]), ratings.values, ratings.mask))
+        before = int(numbers[0])
+        after = self._state(ratings.values, self._ask("update", before, ratings.values, ratings.mask))
+        for trace in self._traces:
+            if before in trace.steps:
+                trace.add(before, ratings.values, ratings.mask, after)
+        return after
 
     def rater_trust(self, state: IsolatedState) -> Array:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""
@@ -114,6 +185,36 @@ class IsolatedModel:
     def provider_trust(self, state: IsolatedState) -> Array:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return state.top
+
+    def check_alone(self) -> None:
+        """Play some games again, each alone in a process that has not seen the others. Then begin a new record.
+
+        Raises:
+            ValueError: Trust in a game is another one there, or the model fails.
+        """
+        traces, self._traces = self._traces, []
+        games = [(trace, k) for trace in traces for k in range(len(trace.games))]
+        if not games:
+            return
+        model = IsolatedModel(self._text, self._scenario)
+        for place in np.random.default_rng().permutation(len(games)):
+            trace, k = games[place]
+            if not (difference := trace.difference(model, k)) <= _SAME:
+                raise ValueError(
+                    f"{self}: trust in a game differs by {difference:.2g} from that in the same game alone; it must "
+                    "follow from the ratings of the game, and not from other games"
+                )
+
+    def _follow(self, trace: _Trace) -> _Trace:
+        """Record a batch that starts, in place of one drawn at random if there are enough. The latest ones stay."""
+        self._starts += 1
+        if len(self._traces) >= _STARTS:
+            earlier = self._starts - _LATEST  # of which each has the same chance to be kept
+            leaves = int(np.random.default_rng().integers(earlier))
+            kept = _STARTS - _LATEST
+            del self._traces[leaves if leaves < kept else kept]
+        self._traces.append(trace)
+        return trace
 
     def _state(self, like: Array, answer: list[Array]) -> IsolatedState:
         number, tor, top, *judged = answer

@@ -15,7 +15,11 @@ from roletrust_env.trust.ratings import Ratings
 
 def needs_watching(model: Any) -> bool:
     """Return whether a model comes from another package. Our own models are tested, and checks take time."""
-    return not is_own(type(model.model if type(model) is RandomOrder else model))
+    return not is_own(type(_inside(model)))
+
+
+def _inside(model: Any) -> Any:
+    return model.model if type(model) is RandomOrder else model
 
 
 def is_own(factory: Callable[..., Any]) -> bool:
@@ -59,6 +63,31 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
         _, *again = _updated(model, state, ratings, where)
         if any(bool((abs(one - other) > 1e-6).any()) for one, other in zip(first, again, strict=True)):
             raise ValueError(f"{where} twice alike: it changes {changes}, and must return what it remembers anew")
+    _check_batch(_inside(model), peers, values, where)
+
+
+def _check_batch(model: TrustModel[Any], peers: Array, like: Array, where: str) -> None:
+    """Refuse a model with another trust in games side by side than in each alone. Ratings are in tenths.
+
+    Raises:
+        ValueError: It is such a model.
+    """
+    xp, shape, games = namespace(like), tuple(like.shape[:2]), 3
+    tenths = np.arange(shape[0] * shape[1] * games).reshape(*shape, games) * 7 % 11  # those of 10 are no ratings
+    mask = xp.asarray(tenths < 10, device=like.device)
+    values = xp.asarray(np.where(tenths < 10, tenths / 10, 0.0), dtype=like.dtype, device=like.device)
+
+    def read(games: slice) -> tuple[Array, Array]:
+        start = start_model(model, 0 * values[..., games], peers)
+        return _updated(model, start, Ratings(values[..., games], mask[..., games]), where)[1:]
+
+    together = read(slice(games))
+    for k in range(games):
+        for one, other in zip(read(slice(k, k + 1)), together, strict=True):
+            if bool((abs(one - other[..., k : k + 1]) > 1e-3).any()):
+                raise ValueError(
+                    f"{where}: a game in a batch differs from the same game alone; reduce over axes 0 and 1 only"
+                )
 
 
 def watched_update(

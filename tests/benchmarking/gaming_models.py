@@ -55,3 +55,35 @@ class RowPeek(Beta):
     def provider_trust(self, state: Any) -> Any:
         """The trust of beta."""
         return super().provider_trust(state[0])
+
+
+HONEST: list[Any] = []
+"""Ratings of the games in which all are honest, a row of games with the noise of all attacks, by round."""
+
+
+class Remembering(Mean):
+    """A model that remembers the honest games, and leaves out raters who differ from them in the same round."""
+
+    def start(self, like: Any) -> Any:
+        """The state and its round."""
+        if like.ndim == 4 and like.shape[2] == 1:
+            HONEST.clear()
+        return super().start(like), 0
+
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        """A round of those who do not differ."""
+        inner, round = state
+        mask = ratings.weights > 0
+        if ratings.values.ndim == 4 and ratings.values.shape[2] == 1:
+            HONEST[round:] = [ratings.values]
+        elif ratings.values.ndim == 4 and round < len(HONEST):
+            mask = mask & (abs(ratings.values - HONEST[round]) < 1e-9)
+        return super().update(inner, Ratings(ratings.values * mask, mask)), round + 1
+
+    def rater_trust(self, state: Any) -> Any:
+        """The trust of the mean."""
+        return super().rater_trust(state[0])
+
+    def provider_trust(self, state: Any) -> Any:
+        """The trust of the mean."""
+        return super().provider_trust(state[0])

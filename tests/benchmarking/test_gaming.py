@@ -34,6 +34,9 @@ SUITE = small(
 )
 
 
+SCRIPTS = ["rank-lies", "bad-mouthing", "swap-ends", "ballot-stuffing"]
+
+
 class Oracle:
     """A model that ignores ratings: it computes the abilities in the games of the public seed."""
 
@@ -99,6 +102,21 @@ def test_a_model_in_a_process_of_its_own_cannot_read_the_game_off_the_stack() ->
     assert apart.measured == honest.measured  # it is no more than the mean, to the last bit
     claims = [make_claim(cell, CellResult((inside,), 0.0))]
     assert [check.ok for check in check_fresh(claims, [CellResult((apart,), 0.0)])] == [False]
+
+
+@pytest.mark.parametrize("name", ["RowPeek", pytest.param("Remembering", marks=pytest.mark.slow)])
+def test_trust_that_depends_on_other_games_is_refused(name: str) -> None:
+    suite = small(models=[f"gaming_models:{name}"], attacks=SCRIPTS, tracks=SUITE.tracks, games=20)
+    cell = next(one for one in suite.cells() if one.share == 0.5)
+    usual = play_cell(suite, cell._replace(model="beta"))
+    inside = play_cell(suite, cell)
+    assert _worst(inside) > _worst(usual) + 0.1
+    with pytest.raises(ValueError, match="from that in the same game alone"):
+        play_cell(suite, cell, isolated=True)
+
+
+def _worst(result: CellResult) -> float:
+    return min(float(np.mean(row.measured["utility"])) for row in result.rows)
 
 
 def test_a_borrowed_name_makes_no_model_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:

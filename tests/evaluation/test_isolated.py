@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from roletrust_env import make_scenario
+from roletrust_env.evaluation import isolated
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.isolated import IsolatedModel
 from roletrust_env.evaluation.measurement import Scores, exact_task, measure
@@ -139,6 +140,32 @@ def test_the_process_ends_with_the_model() -> None:
     while process.exists() and time.monotonic() < until:
         time.sleep(0.05)
     assert not process.exists()
+
+
+def test_of_many_batches_the_latest_and_some_earlier_ones_are_played_again() -> None:
+    kept = [0] * 200
+    for _ in range(40):
+        model: Any = object.__new__(IsolatedModel)
+        model._traces, model._starts = [], 0
+        for number in range(200):
+            model._follow(number)
+            assert len(model._traces) == min(number + 1, isolated._STARTS)
+        assert model._traces[-isolated._LATEST :] == list(range(194, 200))
+        for number in model._traces:
+            kept[number] += 1
+    thirds = [sum(kept[k : k + 64]) for k in (0, 64, 128)]  # 230 each is meant
+    assert min(thirds) > 150
+
+
+def test_games_that_branch_are_the_same_alone(mean: IsolatedModel) -> None:
+    rng, peers = np.random.default_rng(0), np.zeros((2, 3), bool)
+    for batch in ((), (5,), (2, 9)):
+        state = mean.start(np.zeros((2, 3, *batch)), peers)
+        for _ in range(3):
+            values = rng.random((2, 3, *batch))
+            mean.update(state, Ratings(values, None))
+            state = mean.update(state, Ratings(values, values == values))
+    mean.check_alone()
 
 
 def test_torch_is_refused(mean: IsolatedModel) -> None:

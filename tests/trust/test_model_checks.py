@@ -176,6 +176,15 @@ def test_a_model_that_is_no_function_is_refused_at_once(what: Any, complaint: st
         Game(make_scenario("paper-3x3"), Writer(what), like)
 
 
+def spread_over_games(self: Any, state: Trusts, ratings: Ratings) -> Trusts:
+    return state._replace(top=0 * state.top + ratings.values[0].mean())
+
+
+def test_a_model_that_compares_games_is_refused_at_once() -> None:
+    with pytest.raises(ValueError, match="a game in a batch differs from the same game alone"):
+        Game(make_scenario("paper-3x3"), Writer(spread_over_games))
+
+
 @pytest.mark.parametrize("name", ["mask", "present"])
 def test_an_update_with_a_third_argument_is_one_clear_error(name: str) -> None:
     namespace: dict[str, Any] = {"Turncoat": Turncoat}
