@@ -22,6 +22,7 @@ from roletrust_agents.smooth import one_thread
 from roletrust_env import Game, env, make_scenario, parallel_env
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
+from roletrust_env.game.traced.rounds import Rounds
 from roletrust_env.storage.markdown import markdown_table
 from studies.study import Recipe, Study
 from studies.timing import COMPILED, Contestant, compiled, machine, measure, source
@@ -76,13 +77,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def one_environment(preset: str, seed: int) -> Contestant:
     """Return a scenario as a PettingZoo parallel environment."""
     env = parallel_env(preset)
-    return _warm(f"{preset}, parallel", _player(env, seed), len(env.possible_agents))
+    return _warm(f"{preset}, parallel", _player(env, seed), len(env.possible_agents), env.rounds)
 
 
 def agents_in_turn(preset: str, seed: int) -> Contestant:
     """Return a scenario as a PettingZoo environment in which agents act in turn."""
     made = env(preset)
-    return _warm(f"{preset}, in turn", _turns(made, seed), len(made.possible_agents))
+    inner: Any = made.unwrapped
+    return _warm(f"{preset}, in turn", _turns(made, seed), len(made.possible_agents), inner.rounds)
 
 
 def one_task(name: str, seed: int) -> Contestant:
@@ -97,8 +99,8 @@ def one_task(name: str, seed: int) -> Contestant:
         if terminated or truncated:
             task.reset()
 
-    game: Game = task.unwrapped.task.game  # type: ignore[attr-defined]
-    return _warm(f"{name}, gymnasium.make", step, len(game.roster.names))
+    inner: Any = task.unwrapped
+    return _warm(f"{name}, gymnasium.make", step, len(inner.task.game.roster.names), inner.rounds)
 
 
 def simple_adversary(seed: int) -> Contestant:
@@ -225,10 +227,12 @@ def attack_tasks(games: int, seed: int) -> Contestant:
     return Contestant("attack task batch", lambda: env.step(actions), games * len(env.task.game.roster.names))
 
 
-def _warm(name: str, step: Callable[[], None], amount: int) -> Contestant:
-    """Return a contestant that has played some rounds."""
-    for _ in range(_BEFORE):
-        step()
+def _warm(name: str, step: Callable[[], None], amount: int, rounds: Rounds) -> Contestant:
+    """Return a contestant that has played some rounds, and has compiled them if the machine has a compiler."""
+    for _ in range(2):  # compiled rounds are compared with the rules, too
+        for _ in range(_BEFORE):
+            step()
+        rounds.compile()
     return Contestant(name, step, amount)
 
 

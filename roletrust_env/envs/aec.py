@@ -1,13 +1,13 @@
 """The PettingZoo environment in which agents act in turn (AEC)."""
 
+from collections.abc import Iterator
 from itertools import pairwise
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
-from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+from pettingzoo.utils.env_logger import EnvLogger
 
 from roletrust_env.envs.observer import Vector
 from roletrust_env.envs.parallel import parallel_env
@@ -24,65 +24,55 @@ def env(
     **changes: Any,
 ) -> AECEnv[str, Vector, Vector | None]:
     """Return the game as a PettingZoo AEC environment, in which agents act in turn. Arguments as for `parallel_env`."""
-    return RoleTrustAECEnv(_AgentsInTurn(parallel_env(scenario, trust_model, render_mode, **changes)))
+    return RoleTrustAECEnv(parallel_env(scenario, trust_model, render_mode, **changes))
 
 
-class RoleTrustAECEnv(OrderEnforcingWrapper[str, Vector, Vector]):
-    """The game with agents in turn. It refuses `step` before `reset`."""
+class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
+    """The game with agents in turn, as PettingZoo's own conversion plays it, in a third of its time.
 
-    # The wrapper looks attributes up by name, which takes longer than the game. Before `reset` there are none.
-    agents = property(attrgetter("env.agents"))
-    agent_selection = property(attrgetter("env.agent_selection"))
-    terminations = property(attrgetter("env.terminations"))
-    truncations = property(attrgetter("env.truncations"))
-    rewards = property(attrgetter("env.rewards"))
-    infos = property(attrgetter("env.infos"))
-
-    def __repr__(self) -> str:
-        return repr(self.env.env).replace("Parallel", "AEC", 1)
-
-    def last(self, observe: bool = True) -> tuple[Vector | None, float, bool, bool, dict[str, Any]]:
-        """See `pettingzoo.AECEnv.last`."""
-        found: tuple[Vector | None, float, bool, bool, dict[str, Any]]
-        found = self.env.last(observe) if self._has_reset else super().last(observe)
-        return found
-
-    def step(self, action: Vector | None) -> None:
-        """See `pettingzoo.AECEnv.step`."""
-        if self._has_reset and self.env.agents:
-            self._has_updated = True
-            self.env.step(action)
-        else:
-            super().step(action)
-
-    def _repr_html_(self) -> str:
-        return str(self.env.env._spectator.html(repr(self), self.env.env._state))
-
-
-class _AgentsInTurn(parallel_to_aec_wrapper[str, Vector, Vector]):
-    """Plays as PettingZoo's own class, in a third of its time.
-
-    It refuses a wrong action at once, and not only after the last agent has acted.
+    It refuses a wrong action at once, and not only after the last agent has acted; and `step` before `reset`.
     """
 
     agents: list[str]
     agent_selection: str
     terminations: dict[str, bool]
     truncations: dict[str, bool]
+    _waits: bool  # for `step`, in a loop
     _first: str  # of those that are present
     _next: dict[str, str]  # who acts after an agent; nobody after the last
 
+    def __repr__(self) -> str:
+        return repr(self.env).replace("Parallel", "AEC", 1)
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"{type(self).__name__} has no {name!r}, or none before reset()")
+
+    def _repr_html_(self) -> str:
+        return str(self.env._spectator.html(repr(self), self.env._state))
+
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
+        """See `pettingzoo.AECEnv.reset`."""
         super().reset(seed, options)
+        self._waits = False
         self._begin_turns()
 
+    def agent_iter(self, max_iter: int = 2**63) -> Iterator[str]:
+        """See `pettingzoo.AECEnv.agent_iter`. A loop that does not call `step` is refused."""
+        for agent in super().agent_iter(max_iter):
+            self._waits = True
+            yield agent
+            if self._waits:
+                raise RuntimeError("agent_iter: the loop must call step() or reset()")
+
     def observe(self, agent: str) -> Vector | None:
+        """See `pettingzoo.AECEnv.observe`."""
         if agent not in self.possible_agents:
             raise ValueError(f"there is no agent {agent!r}; there are {shown(self.possible_agents)}")
         observation: Vector | None = super().observe(agent)
         return observation
 
     def last(self, observe: bool = True) -> tuple[Vector | None, float, bool, bool, dict[str, Any]]:
+        """See `pettingzoo.AECEnv.last`."""
         agent = self.agent_selection
         return (
             self._observations[agent] if observe else None,
@@ -93,7 +83,11 @@ class _AgentsInTurn(parallel_to_aec_wrapper[str, Vector, Vector]):
         )
 
     def step(self, action: Vector | None) -> None:
-        agent = self.agent_selection
+        """See `pettingzoo.AECEnv.step`."""
+        agent, self._waits = self.agent_selection, False
+        if not self.agents:
+            EnvLogger.warn_step_after_terminated_truncated()
+            return
         if self.terminations[agent] or self.truncations[agent]:
             if action is not None:
                 raise ValueError(f"the part of {agent!r} has ended; its action must be None")

@@ -205,8 +205,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.agents = [a for i, a in enumerate(self.possible_agents) if present is None or present[i]]
         if self.render_mode is not None:
             self._spectator.follow(state)
-        everything, received, phase = self._shown(state)
-        return self._observer.observe(everything, self.agents), self._inform(everything, received, phase, self.agents)
+        seen, told, received, phase = self._shown(state)
+        return self._observer.split(seen, self.agents), self._inform(_numbers(told), received, phase, self.agents)
 
     def step(
         self, actions: Mapping[str, Vector]
@@ -230,8 +230,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
                 return {}, {}, {}, {}, {}
             raise RuntimeError("call reset() before step(): there is no episode, or it is over")
         joint = self._joint.read(actions, self.agents)
-        rewards, everything, received, phase = self.rounds.play(joint, self.game.draw(self._random))
-        over = everything[0] >= 1
+        rewards, seen, told, received, phase = self.rounds.play(joint, self.game.draw(self._random))
+        told = _numbers(told)
+        over = told[0] >= self.game.scenario.max_cycles
         agents = self.agents
         if phase is None:
             reward = dict(zip(agents, _numbers(rewards), strict=True))
@@ -249,8 +250,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.agents = [] if over else list(staying)
         if self.render_mode is not None:
             self._spectator.follow(self.rounds.state)
-        observations = self._observer.observe(everything, agents)
-        return observations, reward, terminations, truncations, self._inform(everything, received, phase, agents)
+        infos = self._inform(told, received, phase, agents)
+        return self._observer.split(seen, agents), reward, terminations, truncations, infos
 
     def state(self) -> Vector:
         """Return the whole state as a vector in `state_space`, for centralised critics; see `Game.summary`."""
@@ -282,29 +283,37 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         after, rewards = self.game.step(state, self._joint.split(joint), noise)
         return after, (rewards, *self._shown(after))
 
-    def _shown(self, state: State) -> tuple[Array, Array, Array | None]:
-        """Return all that is observed, see `Observer`, the true quality that raters received, and the phases."""
-        received = state.quality * state.awaiting
-        return self._observer.everything(state), received.ravel(), state.population and state.population.phase
+    def _shown(self, state: State) -> tuple[Array, Array, Array, Array | None]:
+        """Return what is observed of a state, see `Observer`; what is told beside the phases; and the phases.
 
-    def _inform(self, everything: Any, received: Any, phase: Any, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
-        roster, places = self.game.roster, self._observer
-        tor, top, quality = (_numbers(everything[at]) for at in (places.tor, places.top, places.quality))
-        of_raters = np.array(received).reshape(len(tor), len(top))
-        infos: dict[str, dict[str, Any]] = {
-            rater: {"trust": trust, "received": true}
-            for rater, trust, true in zip(roster.rater_names, tor, of_raters, strict=True)
-        }
-        for provider, trust, delivered in zip(roster.provider_names, top, quality, strict=True):
-            if provider in infos:
-                infos[provider]["rater_trust"] = infos[provider]["trust"]
-                infos[provider].update(provider_trust=trust, quality=delivered)
-            else:
-                infos[provider] = {"trust": trust, "quality": delivered}
-        if roster.n_both:
-            toa = _numbers(everything[places.toa])
-            for agent, trust in zip(self.possible_agents[-roster.n_both :], toa, strict=True):
-                infos[agent]["trust"] = trust
+        Told are, in one vector, the number of the round, the trust of the agents, the delivered qualities, and ToR and
+        ToP of the SR+SP agents; and in another the true qualities that the raters received.
+        """
+        game, both = self.game, self.game.roster.both
+        tor, top = game.published(state)
+        told = (np.reshape(state.round, 1), game.agent_trust(state), state.quality, both(tor), both(top))
+        received = state.quality * state.awaiting
+        phase = state.population and state.population.phase
+        return self._observer.observe(state), np.concatenate(told), received.ravel(), phase
+
+    def _inform(self, told: Sequence[Any], received: Any, phase: Any, agents: Sequence[str]) -> dict[str, Any]:
+        names, p, n_both = self.possible_agents, self.game.roster.n_providers, self.game.roster.n_both
+        n, n_sr = len(names), len(names) - p
+        trust, quality, tor, top = (
+            told[1 : n + 1],
+            told[n + 1 : n + p + 1],
+            told[n + p + 1 :],
+            told[n + p + 1 + n_both :],
+        )
+        rows = [*np.array(received).reshape(n_sr + n_both, p)]
+        infos: dict[str, dict[str, Any]]
+        infos = {a: {"trust": t, "received": row} for a, t, row in zip(names[:n_sr], trust, rows, strict=False)}
+        sellers = zip(names[n_sr : n - n_both], trust[n_sr:], quality, strict=False)
+        infos |= {a: {"trust": t, "quality": q} for a, t, q in sellers}
+        if n_both:
+            both = zip(names[-n_both:], trust[-n_both:], rows[n_sr:], tor, top, quality[-n_both:], strict=False)
+            for a, t, row, r, s, q in both:
+                infos[a] = {"trust": t, "received": row, "rater_trust": r, "provider_trust": s, "quality": q}
         if phase is None:
             return infos
         for agent, one in zip(self.possible_agents, _numbers(phase), strict=True):

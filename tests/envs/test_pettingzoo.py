@@ -246,6 +246,21 @@ def test_the_registry_knows_both_faces() -> None:
     assert pettingzoo.make("parallel", "RoleTrust-v0").possible_agents[0] == "sr_0"
 
 
+def test_aec_refuses_an_episode_that_does_not_begin_or_go_on() -> None:
+    aec = roletrust_env.env(max_cycles=1)
+    for what in (lambda: aec.step(None), aec.last, lambda: aec.agents, lambda: list(aec.agent_iter())):
+        with pytest.raises(AttributeError, match=r"before reset\(\)"):
+            what()
+    aec.reset(seed=0)
+    with pytest.raises(RuntimeError, match=r"must call step\(\)"):
+        list(aec.agent_iter())
+    for agent in list(aec.agents):
+        aec.step(aec.action_space(agent).sample())
+    for _ in [*aec.agents, "nobody"]:  # at last with a warning of PettingZoo
+        aec.step(None)
+    assert aec.agents == []
+
+
 def test_aec_takes_no_action_for_none_and_none_for_no_action() -> None:
     aec = roletrust_env.env(max_cycles=1)
     aec.reset(seed=0)

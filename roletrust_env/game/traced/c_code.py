@@ -14,7 +14,8 @@ typedef {whole} whole;
 typedef int flag;
 """
 
-_TYPES = {"f": "real", "i": "whole", "b": "flag"}
+TYPES = {"f": "real", "i": "whole", "b": "flag"}
+"""C type of a number, by the kind of its dtype."""
 
 _C = {
     "({} / {})": "((real){} / (real){})",
@@ -30,7 +31,9 @@ _C = {
 }
 """Expressions that C writes in another way than Python."""
 
-_AS_IN_PYTHON = re.compile(r"\(\{\} ([-+*<>]|[<>=!]=) \{\}\)|\(-\{\}\)|\{\}|\(\{0\} (\*|!=) \{0\}\)|\(\{\} != 0\)")
+_AS_IN_PYTHON = re.compile(
+    r"\(\{\}( \+ \{\})+\)|\(\{\} ([-*<>]|[<>=!]=) \{\}\)|\(-\{\}\)|\{\}|\(\{0\} (\*|!=) \{0\}\)|\(\{\} != 0\)"
+)
 _OF_THE_KIND = {"abs({})": ("fabs", "llabs"), "sqrt({})": ("sqrt", "sqrt"), "sin({})": ("sin", "sin")}
 _LOOK_UP = re.compile(r"(\w+)\[\{\}\]")
 
@@ -68,8 +71,9 @@ def c_body(
         return names[element] if isinstance(element, Symbol) else _constant(element, real)
 
     lines = []
-    for k, one in enumerate(tape.needed([element for _, element in targets if isinstance(element, Symbol)])):
-        if one.listed:
+    wanted = [element for _, element in targets if isinstance(element, Symbol)]
+    for k, one in enumerate(tape.needed(wanted, places)):
+        if one.call:
             raise Untraceable("a round calls NumPy")
         result = one.results[0]
         expression = _expression(one.template, one.arguments, real)
@@ -78,7 +82,7 @@ def c_body(
             tables[look_up[1]] = _table(look_up[1], table, result.kind, real)
             expression = f"{look_up[1]}[{{0}} < 0 ? {{0}} + {len(table)} : {{0}}]"
         names[result] = f"t{k + 1}"
-        lines.append(f"const {_TYPES[result.kind]} t{k + 1} = {expression.format(*map(shown, one.arguments))};")
+        lines.append(f"const {TYPES[result.kind]} t{k + 1} = {expression.format(*map(shown, one.arguments))};")
     lines += [f"{place} = {shown(element)};" for place, element in targets]
     return lines, list(tables.values())
 
@@ -110,4 +114,4 @@ def _constant(element: Element, real: str) -> str:
 
 def _table(name: str, numbers: Sequence[Element], kind: str, real: str) -> str:
     entries = ", ".join(_constant(number, real) for number in numbers)
-    return f"static const {_TYPES[kind]} {name}[] = {{{entries}}};"
+    return f"static const {TYPES[kind]} {name}[] = {{{entries}}};"

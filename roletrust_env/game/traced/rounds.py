@@ -1,7 +1,7 @@
 """The rounds of one small game: traced when first played, and from then on played as straight-line Python."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, is_dataclass
 from typing import Any
@@ -11,8 +11,9 @@ import numpy as np
 from roletrust_env.arrays import Array
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy, policy_name
+from roletrust_env.game.traced.compiled import CompiledRound, Memory
 from roletrust_env.game.traced.symbols import Symbols
-from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable, Written
+from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable
 from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust.model_checks import needs_watching
 
@@ -27,6 +28,9 @@ _MOST_FORMS = 16
 
 _CHECKED = 4
 """Number of rounds of a form that are played by the rules, too."""
+
+_LOOK = 512
+"""Number of rounds of a form in Python after which the compiler is started, or asked for what it made."""
 
 SWITCH = "ROLETRUST_TRACED"
 """Variable of the environment that switches tracing off where it is 0."""
@@ -173,20 +177,57 @@ class Form:
             whether they are.
         following: Forms for the layout after it; None if there was no such round yet.
         unchecked: Number of rounds for which it is still to be compared with the rules.
+        compiled: The round in C, once it is compiled.
+        shapes: Shapes of the actions, of each field of the noise and of each result.
     """
 
     def __init__(
-        self, written: Written, fields: list[int], after: Layout, assumed: list[tuple[int, list[bool]]]
+        self,
+        tape: Tape,
+        inputs: Mapping[str, Sequence[Symbol]],
+        outputs: Sequence[Sequence[Element] | None],
+        fields: list[int],
+        shapes: tuple[tuple[int, ...] | None, ...],
+        after: Layout,
+        assumed: list[tuple[int, list[bool]]],
     ) -> None:
-        self.written, self.after, self.assumed = written, after, assumed
-        self._fields = fields
+        self.written, self.after, self.assumed = tape.written(inputs, outputs), after, assumed
+        self.fields, self.shapes = fields, shapes
         self.following: list[Form] | None = None
         self.unchecked = _CHECKED
+        self.compiled: CompiledRound | None = None
+        self._kinds = [_CASTS[symbol.kind] for symbol in inputs["state"]]
+        self._to_compile: Any = (tape, list(inputs.values()), outputs)
+        self._played = 0
 
-    def play(self, numbers: Sequence[Any], actions: Any, noise: Any) -> Any:
+    def play(self, numbers: Sequence[Any], actions: Array, noise: Any) -> Any:
         """Return the numbers of the next state and what is read off it, for the numbers of a state."""
-        given = actions if isinstance(actions, list) else actions.tolist()
-        return self.written.play(numbers, given, *[noise[field].ravel().tolist() for field in self._fields])
+        if isinstance(numbers, np.ndarray):
+            numbers = [cast(number) for cast, number in zip(self._kinds, numbers.tolist(), strict=False)]
+        found = self.written.play(numbers, actions.tolist(), *[noise[field].ravel().tolist() for field in self.fields])
+        self._played += 1
+        if not self._played % _LOOK:
+            self.build()
+        return found
+
+    def build(self, wait: bool = False) -> None:
+        """Start to compile the round, or take what the compiler made.
+
+        Args:
+            wait: Whether to wait for the compiler.
+        """
+        if self._to_compile is None:
+            return
+        if not isinstance(self._to_compile, CompiledRound):
+            try:
+                self._to_compile = CompiledRound(*self._to_compile)
+            except Untraceable:
+                self._to_compile = None
+                return
+        if self._to_compile.build(wait):
+            if self._to_compile.ready:
+                self.compiled, self.unchecked = self._to_compile, _CHECKED
+            self._to_compile = None
 
 
 class Known:
@@ -194,6 +235,7 @@ class Known:
 
     def __init__(self, reason: str | None) -> None:
         self.forms: dict[Any, list[Form]] = {}
+        self.shapes: tuple[tuple[int, ...] | None, ...] | None = None  # of what a round takes and returns
         self.reason = reason
 
     def of(self, layout: Layout) -> list[Form]:
@@ -204,10 +246,12 @@ class Known:
 def _fitting(forms: list[Form], numbers: Sequence[Any]) -> Form | None:
     """Return the form whose assumptions hold for the numbers of a state."""
     for form in forms:
-        if not form.assumed or all(holds[numbers[place]] for place, holds in form.assumed):
+        if not form.assumed or all(holds[int(numbers[place])] for place, holds in form.assumed):
             return form
     return None
 
+
+_CASTS: dict[str, Callable[[float], Any]] = {"f": float, "i": int, "b": bool}
 
 _KNOWN: dict[Any, Known] = {}
 """What this process knows of the rounds of games, by all that they depend on; at most `_MOST_KNOWN`."""
@@ -231,7 +275,8 @@ class Rounds:
         self._known = self._look_up()
         self._layout: Layout | None = None
         self._form: Form | None = None
-        self._numbers: Sequence[Any] = ()
+        self._numbers: Sequence[Any] | Array = ()
+        self._memory: Memory | None = None
         self._state: Any = None
 
     def _look_up(self) -> Known:
@@ -245,10 +290,13 @@ class Rounds:
         return _KNOWN[self._key]
 
     def __repr__(self) -> str:
-        return f"untraced: {self._known.reason}" if self._known.reason else "traced"
+        if self._known.reason:
+            return f"untraced: {self._known.reason}"
+        return "traced" if self._form is None or self._form.compiled is None else "traced, compiled"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_state": self.state, "_known": None, "_layout": None, "_form": None, "_numbers": ()}
+        none = dict.fromkeys(("_known", "_layout", "_form", "_memory"))
+        return {**self.__dict__, **none, "_state": self.state, "_numbers": ()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -258,8 +306,8 @@ class Rounds:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Rounds":
         twin = memo[id(self)] = type(self).__new__(type(self))
-        for name, value in self.__dict__.items():
-            shared = name in ("_key", "_known", "_layout", "_form", "_numbers")  # copied policies would be others
+        for name, value in {**self.__dict__, "_memory": None}.items():
+            shared = name in ("_key", "_known", "_layout", "_form")  # copied policies would be others
             twin.__dict__[name] = value if shared else deepcopy(value, memo)
         return twin
 
@@ -275,6 +323,11 @@ class Rounds:
         """The forms of the written round."""
         return [form for forms in self._known.forms.values() for form in forms]
 
+    def compile(self) -> None:
+        """Compile the rounds that were played so far, and wait for it; else that is done beside the play."""
+        for form in self.forms:
+            form.build(wait=True)
+
     def begin(self, state: Any) -> None:
         """Take the state before the first round."""
         self._take(state, constant_flags=True)
@@ -283,23 +336,40 @@ class Rounds:
         """Play one round.
 
         Args:
-            actions: Actions, a list of floats or a vector.
+            actions: Actions, a vector.
             noise: Noise of the round.
             *further: Further arguments of the round, which a traced one must not use, such as random numbers.
 
         Returns:
-            What is read off the state: tuples of numbers, or vectors; None as the round has it.
+            What is read off the state: tuples of numbers, or vectors, which hold until the next round; None as the
+            round has it.
         """
         form = self._form
         if form is None or form.unchecked:
             return self._play_anew(actions, noise, *further)
         try:
-            numbers, *results = form.play(self._numbers, actions, noise)
+            numbers, *results = self._play_form(form, actions, noise)
         except (ArithmeticError, ValueError):  # such as a division by 0, at which NumPy goes on
             return self._play_plainly(actions, noise, *further)
         self._advance(form, numbers)
         read: Sequence[Any] = results
         return read
+
+    def _play_form(self, form: Form, actions: Array, noise: Any) -> Sequence[Any]:
+        """Return the numbers of the next state and what is read off it."""
+        compiled, memory = form.compiled, self._memory
+        if compiled is None:
+            played: Sequence[Any] = form.play(self._numbers, actions, noise)
+            return played
+        if memory is None or not memory.holds(form.shapes, compiled.size, compiled.n_called):
+            memory = self._memory = Memory(form.shapes, len(form.fields), compiled.size, compiled.n_called)
+        if self._numbers is not memory.state:
+            memory.state[: len(self._numbers)] = self._numbers
+        memory.actions[...] = actions
+        for place, field in zip(memory.noise, form.fields, strict=True):
+            place[...] = noise[field]
+        compiled.play(memory)
+        return memory.state, *memory.results
 
     def _advance(self, form: Form, numbers: Sequence[Any]) -> None:
         self._state, self._layout, self._numbers = None, form.after, numbers
@@ -334,13 +404,17 @@ class Rounds:
                 known.reason = f"{type(error).__name__}: {error}"
         if form is None or known.reason is not None:
             return self._play_plainly(actions, noise, *further)
-        before = self._numbers
+        before = self.state  # the memory of a compiled round has no other place for it
         try:
-            numbers, *found = form.play(before, actions, noise)
+            numbers, *found = self._play_form(form, actions, noise)
         except (ArithmeticError, ValueError):
             return self._play_plainly(actions, noise, *further)
+        self._state = before
         results = self._play_plainly(actions, noise, *further)
         if not _same(form.after.state(numbers), self.state) or not all(map(_alike, found, results)):
+            if form.compiled is not None:
+                form.compiled, form.unchecked = None, 0
+                return results
             known.reason = "a written round differs from the rules by rounding"
             return results
         form.unchecked -= 1
@@ -376,7 +450,15 @@ class Rounds:
             for symbol, table in tape.assumed
         ]
         fields = [k for k, part in enumerate(noise) if part is not None]
-        form = Form(tape.written(inputs, [outputs, *read]), fields, following, assumed)
+        shapes = (
+            actions.shape,
+            *(noise[k].shape for k in fields),
+            *(None if one is None else (len(one),) for one in read),
+        )
+        known.shapes = shapes if known.shapes is None else known.shapes
+        if shapes != known.shapes:
+            raise Untraceable("its rounds have vectors of many lengths")
+        form = Form(tape, inputs, [outputs, *read], fields, known.shapes, following, assumed)
         known.of(layout).append(form)
         return form
 

@@ -307,13 +307,17 @@ def _called(function: Callable[..., Array], name: str, inputs: Sequence[Any]) ->
     places = [k for k, one in enumerate(inputs) if isinstance(one, Symbols)]
     molds = [np.empty_like(examples[k]) for k in places]  # of the same layout in memory
 
-    def called(*lists: Any) -> list[Any]:
+    entrywise = isinstance(function, np.ufunc) and function.signature is None and len(places) == len(inputs)
+    same = {(one.shape, one.dtype.char) for one in (example, *(examples[k] for k in places))} == {(example.shape, "d")}
+
+    def called(*vectors: Any) -> Array:
+        if entrywise and same:  # then the layout does not matter
+            return np.asarray(function(*vectors))
         arrays = list(examples)
-        for k, mold, numbers in zip(places, molds, lists, strict=True):
+        for k, mold, numbers in zip(places, molds, vectors, strict=True):
             arrays[k] = np.empty_like(mold)
             arrays[k][...] = np.reshape(numbers, mold.shape)
-        found: list[Any] = np.asarray(function(*arrays)).ravel().tolist()
-        return found
+        return np.asarray(function(*arrays)).ravel()
 
     symbols, tape = np.empty(example.shape, object), _tape_of(*inputs)
     lists = [list(inputs[k].elements.ravel()) for k in places]

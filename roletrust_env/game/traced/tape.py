@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from textwrap import TextWrapper
 from typing import Any, NamedTuple
 
@@ -54,13 +54,14 @@ class Operation(NamedTuple):
         results: Symbols that it sets.
         template: Expression in Python with a place for each argument, as for `str.format`.
         arguments: Elements that it takes.
-        listed: Whether the expression is a list of the results, as that of a call is.
+        call: Function that returns the results for vectors, and how many arguments are in each; None where the
+            operation is no call.
     """
 
     results: Sequence[Symbol]
     template: str
     arguments: Sequence[Element]
-    listed: bool = False
+    call: tuple[Callable[..., Array], list[int]] | None = None
 
     def symbols(self) -> list[Symbol]:
         """Return the symbols in the expression, as often as they stand there."""
@@ -121,12 +122,13 @@ class Tape:
             self._append(Operation((symbol,), template, arguments))
         return self._known[key]
 
-    def call(self, function: Callable[..., Any], name: str, lists: Sequence[Sequence[Element]], kinds: str) -> Any:
-        """Return the symbols of what a function returns for lists of numbers, each with its kind."""
+    def call(self, function: Callable[..., Array], name: str, lists: Sequence[Sequence[Element]], kinds: str) -> Any:
+        """Return the symbols of the entries that a function returns for vectors, each with its kind."""
         results = [Symbol(kind) for kind in kinds]
         places = ", ".join(f"({'{}, ' * len(one)})" for one in lists)
         arguments = [element for one in lists for element in one]
-        self._append(Operation(results, f"{self.named(name, function)}({places})", arguments, listed=True))
+        template = f"{self.named(name, function)}({places}).tolist()"
+        self._append(Operation(results, template, arguments, (function, list(map(len, lists)))))
         return results
 
     def named(self, name: str, value: Any) -> str:
@@ -156,14 +158,14 @@ class Tape:
                 lines.append(f"({', '.join(text[one] if uses[one] else '_' for one in symbols)},){_IS}{name}")
         for one in needed:
             expression = one.template.format(*map(shown, one.arguments))
-            if not one.listed and uses[one.results[0]] == 1 and len(expression) <= _WIDTH:
+            if not one.call and uses[one.results[0]] == 1 and len(expression) <= _WIDTH:
                 text[one.results[0]] = expression
                 continue
             for symbol in one.results:
                 count += 1
                 text[symbol] = f"t{count}"
             targets = ", ".join(text[symbol] for symbol in one.results)
-            lines.append(f"({targets},){_IS}{expression}" if one.listed else f"{targets}{_IS}{expression}")
+            lines.append(f"({targets},){_IS}{expression}" if one.call else f"{targets}{_IS}{expression}")
         results = ("None" if one is None else f"({''.join(f'{shown(part)}, ' for part in one)})" for one in outputs)
         lines.append(f"return ({', '.join(results)},)")
         lines = [f"def play({', '.join(inputs)}):", *lines]
@@ -171,13 +173,13 @@ class Tape:
         exec(compile("\n ".join(lines).replace(_IS, "="), "<a written round>", "exec"), scope)
         return Written(scope["play"], lines)
 
-    def needed(self, returned: Sequence[Symbol]) -> list[Operation]:
-        """Return the operations on which a result depends, in order."""
-        wanted, kept = set(returned), []
+    def needed(self, returned: Iterable[Symbol], known: Container[Symbol] = ()) -> list[Operation]:
+        """Return the operations on which a result depends, in order, without those by which symbols become known."""
+        wanted, kept = {symbol for symbol in returned if symbol not in known}, []
         for one in reversed(self._operations):
             if not wanted.isdisjoint(one.results):
                 kept.append(one)
-                wanted.update(one.symbols())
+                wanted.update(symbol for symbol in one.symbols() if symbol not in known)
         return kept[::-1]
 
     def _append(self, operation: Operation) -> None:

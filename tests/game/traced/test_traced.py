@@ -12,10 +12,12 @@ from pages import HOUSE, blocks
 import roletrust_env
 from roletrust_env import Policy, RoleTrustParallelEnv, Scenario, parallel_env
 from roletrust_env.envs.attack_env import ProviderAttackEnv, RaterAttackEnv
-from roletrust_env.game.traced import rounds
+from roletrust_env.game.traced import compiler, rounds
 from roletrust_env.trees import leaves
 from roletrust_env.trust.model import registry
 from roletrust_env.trust.models import Mean
+
+needs_compiler = pytest.mark.skipif(compiler.compiler() is None, reason="there is no C compiler")
 
 UNTRACED = {"beta-filtered", "iterative-filtering", "travos"}
 """Models that branch on values."""
@@ -89,6 +91,35 @@ def test_every_feature_of_a_scenario_plays_to_the_bit_as_untraced(
         assert bits(played(traced)) == bits(played(plain))
         assert traced.rounds.forms
         assert repr(traced.rounds) == "traced"
+
+
+def check_compiled(scenario: Scenario, model: str, patch: pytest.MonkeyPatch) -> int:
+    """Compare compiled rounds with those of the rules; return the number of forms that are compiled."""
+    env, plain = both_ways(patch, lambda: parallel_env(scenario, model))
+    played(env)
+    env.rounds.compile()
+    for seed in (3, 4):
+        assert bits(played(env, seed)) == bits(played(plain, seed)), (model, scenario)
+    return sum(form.compiled is not None for form in env.rounds.forms)
+
+
+@needs_compiler
+def test_compiled_rounds_play_to_the_bit_as_untraced(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = Scenario(max_cycles=24, **FEATURES["two roles, differences"])
+    assert check_compiled(scenario, "role-trust", monkeypatch) == 3  # it calls NumPy's power, too
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_every_model_and_feature_plays_to_the_bit_when_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    n_compiled = {
+        model: check_compiled(Scenario(agents=[RATERS, PROVIDERS], max_cycles=24), model, monkeypatch)
+        for model in registry.names()
+    }
+    assert {model for model, n in n_compiled.items() if not n} == UNTRACED | {"leave-one-out"}
+    for feature in FEATURES.values():
+        for model in ("role-trust", "deviation-weighted"):
+            assert check_compiled(Scenario(max_cycles=24, **feature), model, monkeypatch) > 2
 
 
 def test_a_whole_episode_of_the_paper_and_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,6 +268,7 @@ def test_a_copy_knows_the_rounds_of_policies_that_are_copied_too() -> None:
 
 
 def test_a_division_by_zero_is_played_by_the_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rounds, "_KNOWN", {})
     env = parallel_env()
     played(env, n=20)
     form, numbers = env.rounds._form, env.rounds._numbers

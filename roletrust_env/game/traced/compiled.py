@@ -1,0 +1,166 @@
+"""A written round in C, which plays on the numbers of one game where they lie in memory."""
+
+import ctypes
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import accumulate, pairwise
+from typing import Any
+
+import numpy as np
+
+from roletrust_env.arrays import Array
+from roletrust_env.game.traced.c_code import TYPES, c_body, prelude
+from roletrust_env.game.traced.compiler import SharedObject, compiler
+from roletrust_env.game.traced.tape import Element, Operation, Symbol, Tape, Untraceable
+
+FLAGS = ("-O1", "-ffp-contract=off", "-fno-math-errno")
+"""Flags of the compiler: exact arithmetic; a higher level takes twice the time and gains nothing."""
+
+_running: list[SharedObject] = []
+"""What the compiler makes in the background: at most one at a time, as other work on the machine is to go on."""
+
+
+class Memory:
+    """The numbers of one game, one after the other, as floats in double precision.
+
+    Args:
+        shapes: Shapes of the actions, of each field of the noise and of each result.
+        n_noise: Number of fields of the noise.
+        size: Number of the numbers of a state, or more.
+        n_called: Number of the numbers that called functions take and return, or more.
+
+    Attributes:
+        shapes: The same shapes.
+        pointers: Addresses of the first number, and of the first in `called`.
+        actions: Actions of a round.
+        noise: Fields of the noise that are there.
+        results: What a round returns; None as the round has it.
+        state: Numbers of the state, which a round replaces.
+        called: Numbers that called functions take and return.
+    """
+
+    def __init__(self, shapes: Sequence[tuple[int, ...] | None], n_noise: int, size: int, n_called: int) -> None:
+        self.shapes = shapes
+        ends = [0, *accumulate(0 if shape is None else math.prod(shape) for shape in shapes)]
+        whole, self.called = np.zeros(ends[-1] + size), np.zeros(n_called)
+        parts: list[Any] = [
+            None if shape is None else whole[a:b].reshape(shape)
+            for shape, (a, b) in zip(shapes, pairwise(ends), strict=True)
+        ]
+        self.pointers = ctypes.c_void_p(whole.ctypes.data), ctypes.c_void_p(self.called.ctypes.data)
+        self.actions, self.noise, self.results = parts[0], parts[1 : 1 + n_noise], parts[1 + n_noise :]
+        self.state = whole[ends[-1] :]
+
+    def holds(self, shapes: Sequence[tuple[int, ...] | None], size: int, n_called: int) -> bool:
+        """Return whether a round can play here. Arguments as for the class."""
+        return self.shapes is shapes and len(self.state) >= size and len(self.called) >= n_called
+
+
+class CompiledRound:
+    """A round in C. It plays in a `Memory`.
+
+    Functions of NumPy that C does not have are called between parts in C. Each part begins with the inputs and with
+    what was called before, so it computes some numbers again, and needs no further place in memory.
+
+    Args:
+        tape: Operations of the round.
+        inputs: Symbols of the state, of the actions and of each field of the noise.
+        outputs: Elements of the next state, and of each result.
+
+    Attributes:
+        size: Number of the numbers of a state, before the round or after it.
+        n_called: Number of the numbers that called functions take and return.
+        ready: Whether it can play.
+
+    Raises:
+        Untraceable: C cannot express an operation, or the machine has no compiler.
+    """
+
+    def __init__(
+        self, tape: Tape, inputs: Sequence[Sequence[Symbol]], outputs: Sequence[Sequence[Element] | None]
+    ) -> None:
+        if compiler() is None:
+            raise Untraceable("the machine has no C compiler")
+        if tape.names["sin"] is not math.sin:
+            raise Untraceable("NumPy's sine is not that of C")
+        (state, *given), (after, *results) = inputs, [one or () for one in outputs]
+        self.size, self.n_called, self.ready = max(len(state), len(after)), 0, False
+        taken = [symbol for symbols in given for symbol in symbols]
+        returned = [element for elements in results for element in elements]
+        first = len(taken) + len(returned)
+        places = {symbol: f"x[{k}]" for k, symbol in enumerate(taken)}
+        places |= {symbol: f"x[{first + k}]" for k, symbol in enumerate(state)}
+        self._calls: list[list[tuple[Callable[..., Array], list[slice], slice]]] = []
+        parts = []
+        for stage in _stages(tape, [*returned, *after]):
+            targets, calls = [], []
+            for one in stage:
+                assert one.call is not None
+                function, lengths = one.call
+                ends = [*accumulate([*lengths, len(one.results)], initial=self.n_called)]
+                targets += [(f"y[{self.n_called + k}]", element) for k, element in enumerate(one.arguments)]
+                calls.append((function, [slice(*pair) for pair in pairwise(ends[:-1])], slice(*ends[-2:])))
+                self.n_called = ends[-1]
+            parts.append(_part(tape, places, targets))
+            self._calls.append(calls)
+            for one, (*_, found) in zip(stage, calls, strict=True):
+                places |= {symbol: f"y[{found.start + k}]" for k, symbol in enumerate(one.results)}
+        targets = [(f"x[{k}]", one) for k, one in enumerate([*returned, *after], len(taken))]
+        parts.append(_part(tape, places, targets))
+        tables = dict.fromkeys(table for _, tables in parts for table in tables)
+        functions = [f"void play_{k}(double *x, double *y) {{\n{lines}\n}}" for k, (lines, _) in enumerate(parts)]
+        self._source = "\n".join([prelude("double"), *tables, *functions])
+        self._object: SharedObject | None = None
+        self._parts: list[Callable[[ctypes.c_void_p, ctypes.c_void_p], None]] = []
+
+    def build(self, wait: bool) -> bool:
+        """Start the compiler, or look what it made, and return whether it is done.
+
+        Args:
+            wait: Whether to wait until it is done.
+        """
+        if self._object is None:
+            if not wait and any(not one.ready for one in _running):
+                return False
+            self._object = SharedObject(self._source, FLAGS)
+            _running[:] = [self._object]
+        if not wait and not self._object.ready:
+            return False
+        if (library := self._object.load()) is not None:
+            # A function keeps the lock of Python: to give it away takes longer than a round.
+            prototype = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+            self._parts = [prototype((f"play_{k}", library)) for k in range(1 + len(self._calls))]
+            self.ready = True
+        return True
+
+    def play(self, memory: Memory) -> None:
+        """Play the round."""
+        at, called = memory.pointers
+        for part, calls in zip(self._parts, self._calls, strict=False):
+            part(at, called)
+            for function, given, found in calls:
+                memory.called[found] = function(*[memory.called[place] for place in given])
+        self._parts[-1](at, called)
+
+
+def _stages(tape: Tape, outputs: Sequence[Element]) -> list[list[Operation]]:
+    """Return the calls of a round: first those of inputs alone, then those of what these return, and so on."""
+    stages: list[list[Operation]] = []
+    stage_of: dict[Symbol, int] = {}
+    for one in tape.needed(element for element in outputs if isinstance(element, Symbol)):
+        stage = max((stage_of.get(symbol, 0) for symbol in one.symbols()), default=0)
+        if one.call:
+            stages += [[]] * (stage == len(stages))
+            stages[stage] = [*stages[stage], one]
+            stage += 1
+        stage_of |= dict.fromkeys(one.results, stage)
+    return stages
+
+
+def _part(tape: Tape, places: Mapping[Symbol, str], targets: Sequence[tuple[str, Element]]) -> tuple[str, list[str]]:
+    """Return the statements that set the targets, and the tables that they use."""
+    # All is read before anything is written: the next state lies where this one was.
+    names = {symbol: f"in{k}" for k, symbol in enumerate(places)}
+    reads = [f"const {TYPES[symbol.kind]} {names[symbol]} = {place};" for symbol, place in places.items()]
+    lines, tables = c_body(tape, names, targets, "double")
+    return "\n".join([*reads, *lines]), tables
