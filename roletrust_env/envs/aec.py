@@ -85,21 +85,24 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
     def step(self, action: Vector | None) -> None:
         """See `pettingzoo.AECEnv.step`."""
         agent, self._waits = self.agent_selection, False
-        if not self.agents:
+        try:
+            ended = self.terminations[agent] or self.truncations[agent]
+        except KeyError:  # nobody is left
             EnvLogger.warn_step_after_terminated_truncated()
             return
-        if self.terminations[agent] or self.truncations[agent]:
+        if ended:
             if action is not None:
                 raise ValueError(f"the part of {agent!r} has ended; its action must be None")
             super().step(None)
             return
-        if complaint := self.env.complaint(agent, action):
+        if complaint := self.env.joint.complaint(agent, action):
             raise ValueError(complaint)
         self._actions[agent] = action
-        if agent in self._next:
+        following = self._next.get(agent)
+        if following is not None:
             if agent == self._first:
                 self._clear_rewards()
-            self.agent_selection = self._next[agent]
+            self.agent_selection = following
             return
         played = self.env.step(self._actions)
         self._observations, self.rewards, self.terminations, self.truncations, self.infos = played

@@ -1,6 +1,7 @@
 """The joint action of a PettingZoo game: the actions of all agents, checked, as qualities and ratings."""
 
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ _NUMBERS = "fiub"
 """Kinds of dtype that an action may have: floats, integers and booleans."""
 
 _least, _greatest = np.minimum.reduce, np.maximum.reduce  # the methods take longer
+
+_dtype, _n_bytes = attrgetter("dtype"), attrgetter("nbytes")
 
 _SINGLE = np.dtype(np.float32)
 
@@ -66,10 +69,10 @@ class JointAction:
     def _single(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64] | None:
         """Return the actions of all agents in one vector; None if they are not valid arrays of float32."""
         try:
-            parts = [actions[agent] for agent in agents]
-            if len(actions) != len(parts) or [part.dtype for part in parts] != self._dtypes:
+            parts = [*map(actions.__getitem__, agents)]
+            if len(actions) != len(parts) or [*map(_dtype, parts)] != self._dtypes:
                 return None
-            if [part.nbytes for part in parts] != self._n_bytes:
+            if [*map(_n_bytes, parts)] != self._n_bytes:
                 return None
             singles = b"".join(parts)
         except (LookupError, AttributeError, TypeError, RuntimeError, ValueError, BufferError):
@@ -117,7 +120,7 @@ class JointAction:
         if agent not in self._slots:
             return f"there is no agent {agent!r}; there are {shown(list(self._slots))}"
         shape = self._slots[agent][0]
-        known = isinstance(action, np.ndarray) and action.shape == shape and action.dtype == _SINGLE
+        known = type(action) is np.ndarray and action.dtype is _SINGLE and action.shape == shape
         if known and singles_within(action.tobytes()):
             return None
         try:

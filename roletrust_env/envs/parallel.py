@@ -130,6 +130,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.render_mode = render_mode
         self._spectator = Spectator(self.game, render_mode)
         self.possible_agents = list(self.game.roster.names)
+        names, roster = self.possible_agents, self.game.roster
+        n_sr, n_alone = len(names) - roster.n_providers, len(names) - roster.n_both
+        self._by_role = names[:n_sr], names[n_sr:n_alone], names[n_alone:]  # SR, SP, SR+SP
         self.agents: list[str] = []
         self.attackers: tuple[str, ...] = ()
         sizes = {
@@ -142,7 +145,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         for agent in self.possible_agents:
             self.observation_spaces[agent] = Box(0.0, 1.0, (sizes[self.game.roster.role(agent)],), np.float32)
             self.action_spaces[agent] = Box(0.0, 1.0, (self.game.roster.action_size(agent),), np.float32)
-        self._joint = JointAction(self.game.roster)
+        self.joint = JointAction(self.game.roster)
         self._observer = Observer(self.game)
         self.state_space = Box(0.0, 1.0, (summary_size(self.game),), np.float32)
         self.np_random: np.random.Generator | None = None
@@ -229,7 +232,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             if self._random is not None and actions == {}:
                 return {}, {}, {}, {}, {}
             raise RuntimeError("call reset() before step(): there is no episode, or it is over")
-        joint = self._joint.read(actions, self.agents)
+        joint = self.joint.read(actions, self.agents)
         rewards, seen, told, received, phase = self.rounds.play(joint, self.game.draw(self._random))
         told = _numbers(told)
         over = told[0] >= self.game.scenario.max_cycles
@@ -265,10 +268,6 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Show the state of the game by `render_mode`: a picture, text, or a window (None)."""
         return self._spectator.render()
 
-    def complaint(self, agent: str, action: Any) -> str | None:
-        """Return the error in an agent's action, with what is allowed; None for a valid action."""
-        return self._joint.complaint(agent, action)
-
     def close(self) -> None:
         """Close the window, if there is one."""
         self._spectator.close()
@@ -280,40 +279,35 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     def _play(self, state: State, joint: Array, noise: Noise) -> tuple[State, tuple[Array | None, ...]]:
         """Return the state after a round; and the rewards, and what is shown of that state."""
-        after, rewards = self.game.step(state, self._joint.split(joint), noise)
+        after, rewards = self.game.step(state, self.joint.split(joint), noise)
         return after, (rewards, *self._shown(after))
 
     def _shown(self, state: State) -> tuple[Array, Array, Array, Array | None]:
         """Return what is observed of a state, see `Observer`; what is told beside the phases; and the phases.
 
-        Told are, in one vector, the number of the round, the trust of the agents, the delivered qualities, and ToR and
-        ToP of the SR+SP agents; and in another the true qualities that the raters received.
+        Told are, in one vector, the number of the round, and by role the trust of the agents and what else their infos
+        hold; and in another the true qualities that the raters received.
         """
         game, both = self.game, self.game.roster.both
         tor, top = game.published(state)
-        told = (np.reshape(state.round, 1), game.agent_trust(state), state.quality, both(tor), both(top))
+        trust, quality, (_, sellers, _) = game.agent_trust(state), state.quality, self._by_role
+        alone = trust[: len(trust) - game.roster.n_both], quality[: len(sellers)]
+        told = np.reshape(state.round, 1), *alone, both(trust), both(tor), both(top), both(quality)
         received = state.quality * state.awaiting
         phase = state.population and state.population.phase
         return self._observer.observe(state), np.concatenate(told), received.ravel(), phase
 
     def _inform(self, told: Sequence[Any], received: Any, phase: Any, agents: Sequence[str]) -> dict[str, Any]:
-        names, p, n_both = self.possible_agents, self.game.roster.n_providers, self.game.roster.n_both
-        n, n_sr = len(names), len(names) - p
-        trust, quality, tor, top = (
-            told[1 : n + 1],
-            told[n + 1 : n + p + 1],
-            told[n + p + 1 :],
-            told[n + p + 1 + n_both :],
-        )
-        rows = [*np.array(received).reshape(n_sr + n_both, p)]
+        sr, sp, both = self._by_role
+        at, rows = 1 + len(sr), iter(np.array(received).reshape(len(sr) + len(both), -1))
         infos: dict[str, dict[str, Any]]
-        infos = {a: {"trust": t, "received": row} for a, t, row in zip(names[:n_sr], trust, rows, strict=False)}
-        sellers = zip(names[n_sr : n - n_both], trust[n_sr:], quality, strict=False)
-        infos |= {a: {"trust": t, "quality": q} for a, t, q in sellers}
-        if n_both:
-            both = zip(names[-n_both:], trust[-n_both:], rows[n_sr:], tor, top, quality[-n_both:], strict=False)
-            for a, t, row, r, s, q in both:
-                infos[a] = {"trust": t, "received": row, "rater_trust": r, "provider_trust": s, "quality": q}
+        infos = {agent: {"trust": t, "received": row} for agent, t, row in zip(sr, told[1:], rows, strict=False)}
+        for agent, t, q in zip(sp, told[at:], told[at + len(sp) :], strict=False):
+            infos[agent] = {"trust": t, "quality": q}
+        if n := len(both):
+            columns = told[-4 * n : -3 * n], told[-3 * n : -2 * n], told[-2 * n : -n], told[-n:]
+            for agent, t, r, p, q, row in zip(both, *columns, rows, strict=True):
+                infos[agent] = {"trust": t, "received": row, "rater_trust": r, "provider_trust": p, "quality": q}
         if phase is None:
             return infos
         for agent, one in zip(self.possible_agents, _numbers(phase), strict=True):

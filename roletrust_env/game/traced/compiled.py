@@ -3,7 +3,7 @@
 import ctypes
 import math
 from collections.abc import Callable, Mapping, Sequence
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -68,29 +68,64 @@ class CompiledRound:
         outputs: Elements of the next state, and of each result.
 
     Attributes:
+        ready: Whether it can play.
         size: Number of the numbers of a state, before the round or after it.
         n_called: Number of the numbers that called functions take and return.
-        ready: Whether it can play.
-
-    Raises:
-        Untraceable: C cannot express an operation, or the machine has no compiler.
     """
 
     def __init__(
         self, tape: Tape, inputs: Sequence[Sequence[Symbol]], outputs: Sequence[Sequence[Element] | None]
     ) -> None:
+        self.ready = False
+        self.size, self.n_called = max(len(inputs[0]), len(outputs[0] or ())), 0
+        self._round: Any = tape, inputs, [one or () for one in outputs]
+        self._source = ""
+        self._object: SharedObject | None = None
+        self._left = 2  # tries: a process that is forked meanwhile does not see how the first ends
+        self._calls: list[list[tuple[Callable[..., Array], list[slice], slice]]] = []
+        self._parts: list[Callable[[ctypes.c_void_p, ctypes.c_void_p], None]] = []
+
+    def build(self, wait: bool) -> bool:
+        """Start the compiler, or look what it made, and return whether there is nothing more to do.
+
+        Args:
+            wait: Whether to wait until it is done.
+        """
+        if self._object is None:
+            if not wait and any(not one.ready for one in _running):
+                return False
+            try:
+                self._source = self._source or self._written(*self._round)
+            except Untraceable:
+                return True
+            self._object, self._round = SharedObject(self._source, FLAGS), None
+            _running[:] = [*(one for one in _running if not one.ready), self._object]
+        if not wait and not self._object.ready:
+            return False
+        library, self._object = self._object.load(), None
+        if library is not None:
+            # A function keeps the lock of Python: to give it away takes longer than a round.
+            prototype = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+            self._parts = [prototype((f"play_{k}", library)) for k in range(1 + len(self._calls))]
+            self.ready = True
+        self._left -= 1
+        return self.ready or not self._left
+
+    def _written(self, tape: Tape, inputs: Sequence[Sequence[Symbol]], outputs: Sequence[Sequence[Element]]) -> str:
+        """Return the source.
+
+        Raises:
+            Untraceable: C cannot express an operation, or the machine has no compiler.
+        """
         if compiler() is None:
             raise Untraceable("the machine has no C compiler")
         if tape.names["sin"] is not math.sin:
             raise Untraceable("NumPy's sine is not that of C")
-        (state, *given), (after, *results) = inputs, [one or () for one in outputs]
-        self.size, self.n_called, self.ready = max(len(state), len(after)), 0, False
-        taken = [symbol for symbols in given for symbol in symbols]
-        returned = [element for elements in results for element in elements]
+        (state, *given), (after, *results) = inputs, outputs
+        taken, returned = list(chain(*given)), list(chain(*results))
         first = len(taken) + len(returned)
         places = {symbol: f"x[{k}]" for k, symbol in enumerate(taken)}
         places |= {symbol: f"x[{first + k}]" for k, symbol in enumerate(state)}
-        self._calls: list[list[tuple[Callable[..., Array], list[slice], slice]]] = []
         parts = []
         for stage in _stages(tape, [*returned, *after]):
             targets, calls = [], []
@@ -105,33 +140,10 @@ class CompiledRound:
             self._calls.append(calls)
             for one, (*_, found) in zip(stage, calls, strict=True):
                 places |= {symbol: f"y[{found.start + k}]" for k, symbol in enumerate(one.results)}
-        targets = [(f"x[{k}]", one) for k, one in enumerate([*returned, *after], len(taken))]
-        parts.append(_part(tape, places, targets))
+        parts.append(_part(tape, places, [(f"x[{k}]", one) for k, one in enumerate([*returned, *after], len(taken))]))
         tables = dict.fromkeys(table for _, tables in parts for table in tables)
         functions = [f"void play_{k}(double *x, double *y) {{\n{lines}\n}}" for k, (lines, _) in enumerate(parts)]
-        self._source = "\n".join([prelude("double"), *tables, *functions])
-        self._object: SharedObject | None = None
-        self._parts: list[Callable[[ctypes.c_void_p, ctypes.c_void_p], None]] = []
-
-    def build(self, wait: bool) -> bool:
-        """Start the compiler, or look what it made, and return whether it is done.
-
-        Args:
-            wait: Whether to wait until it is done.
-        """
-        if self._object is None:
-            if not wait and any(not one.ready for one in _running):
-                return False
-            self._object = SharedObject(self._source, FLAGS)
-            _running[:] = [self._object]
-        if not wait and not self._object.ready:
-            return False
-        if (library := self._object.load()) is not None:
-            # A function keeps the lock of Python: to give it away takes longer than a round.
-            prototype = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
-            self._parts = [prototype((f"play_{k}", library)) for k in range(1 + len(self._calls))]
-            self.ready = True
-        return True
+        return "\n".join([prelude("double"), *tables, *functions])
 
     def play(self, memory: Memory) -> None:
         """Play the round."""

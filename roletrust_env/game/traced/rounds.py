@@ -197,7 +197,7 @@ class Form:
         self.unchecked = _CHECKED
         self.compiled: CompiledRound | None = None
         self._kinds = [_CASTS[symbol.kind] for symbol in inputs["state"]]
-        self._to_compile: Any = (tape, list(inputs.values()), outputs)
+        self._in_work: CompiledRound | None = CompiledRound(tape, list(inputs.values()), outputs)
         self._played = 0
 
     def play(self, numbers: Sequence[Any], actions: Array, noise: Any) -> Any:
@@ -216,18 +216,10 @@ class Form:
         Args:
             wait: Whether to wait for the compiler.
         """
-        if self._to_compile is None:
-            return
-        if not isinstance(self._to_compile, CompiledRound):
-            try:
-                self._to_compile = CompiledRound(*self._to_compile)
-            except Untraceable:
-                self._to_compile = None
-                return
-        if self._to_compile.build(wait):
-            if self._to_compile.ready:
-                self.compiled, self.unchecked = self._to_compile, _CHECKED
-            self._to_compile = None
+        if self._in_work is not None and self._in_work.build(wait):
+            if self._in_work.ready:
+                self.compiled, self.unchecked = self._in_work, _CHECKED
+            self._in_work = None
 
 
 class Known:
