@@ -126,7 +126,7 @@ def ones(like: Array) -> Array:
     if isinstance(like, np.ndarray):
         return _ones(like.shape, like.dtype)
     xp = namespace(like)
-    return xp.broadcast_to(xp.ones((1,) * like.ndim, dtype=like.dtype, device=like.device), like.shape)
+    return xp.broadcast_to(xp.ones((1,) * like.ndim, dtype=like.dtype, device=device_of(like)), like.shape)
 
 
 @lru_cache(maxsize=16)

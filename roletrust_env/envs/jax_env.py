@@ -3,8 +3,9 @@
 They play the same rules as all other environments: `Game.step` on a third array library.
 """
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
 
@@ -12,15 +13,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from gymnasium.spaces import Box
+from jax import lax
 
+from roletrust_env import counter_rng
 from roletrust_env.arrays import Array
 from roletrust_env.envs.arguments import refuse_empty_start, refuse_unknown, space_of
 from roletrust_env.envs.attack_env import task_by_id
+from roletrust_env.envs.xla import games_last
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.state import Actions, Noise, State
-from roletrust_env.randomness import STREAMS, Random
+from roletrust_env.randomness import POLICIES, STREAMS, Random
 from roletrust_env.trees import is_array, map_leaves
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
@@ -35,7 +39,8 @@ class JaxEnv(ABC):
     """Base of the environments of JAX: the part that does not depend on who learns.
 
     `reset` and `step` are pure, so `jax.jit`, `jax.vmap` and `jax.lax.scan` take them. A state is a tree of arrays.
-    Actions cannot be refused while JAX traces, so they are clipped to [0, 1], and NaN becomes 0.
+    Actions cannot be refused while JAX traces, so they are clipped to [0, 1], and NaN becomes 0. Under `jax.vmap` the
+    rules play all games at once, see `games_last`.
 
     Attributes:
         game: Game that is played, in JAX's default precision when this object is made.
@@ -59,6 +64,8 @@ class JaxEnv(ABC):
             ValueError: The trust model, or another part of the game, branches on values in Python.
         """
         self.game, self.agents, self.num_agents = game, list(agents), len(agents)
+        self._begin, self._advance = games_last(self._begin_games), games_last(self._advance_games)
+        self._advance_or_begin = games_last(self._advance_or_begin_games)
         self.action_spaces = {a: Box(0.0, 1.0, (n,), np.float32) for a, n in zip(agents, sizes, strict=True)}
         key = jax.random.key(0)
         try:
@@ -94,9 +101,8 @@ class JaxEnv(ABC):
         Returns:
             The observations and the state.
         """
-        noise, policies = jax.random.split(key)
-        state = _without_flags(self._start(self._noise(noise, start=True), _KeyRandom(policies, self.game.like)))
-        return self.get_obs(state), state
+        begun: tuple[Observations, Any] = self._begin(_words(key))
+        return begun
 
     def step(self, key: Array, state: Any, actions: Mapping[str, Array]) -> Step:
         """Play one round, and begin another episode if this one is over; the observations are then those of its start.
@@ -109,11 +115,8 @@ class JaxEnv(ABC):
         Raises:
             ValueError: An action is missing or has another shape than its space.
         """
-        key, again = jax.random.split(key)
-        seen, after, rewards, dones, infos = self.step_env(key, state, actions)
-        over = dones["__all__"]
-        seen, after = jax.tree.map(lambda new, old: jnp.where(over, new, old), self.reset(again), (seen, after))
-        return seen, after, rewards, dones, infos
+        played: Step = self._advance_or_begin(_words(key), state, self._checked(actions))
+        return played
 
     def step_env(self, key: Array, state: Any, actions: Mapping[str, Array]) -> Step:
         """Play one round, without another episode after it. See `step`.
@@ -121,11 +124,8 @@ class JaxEnv(ABC):
         Raises:
             ValueError: An action is missing or has another shape than its space.
         """
-        noise, policies = jax.random.split(key)
-        clipped = {agent: jnp.clip(jnp.nan_to_num(self._action(actions, agent)), 0.0, 1.0) for agent in self.agents}
-        after, *outcome = self._play(state, clipped, self._noise(noise), _KeyRandom(policies, self.game.like))
-        after = _without_flags(after)
-        return self.get_obs(after), after, *outcome
+        played: Step = self._advance(_words(key), state, self._checked(actions))
+        return played
 
     @abstractmethod
     def get_obs(self, state: Any) -> Observations:
@@ -141,19 +141,45 @@ class JaxEnv(ABC):
     ) -> tuple[Any, dict[str, Array], dict[str, Array], dict[str, Array]]:
         """Return the state after a round, rewards, dones and infos."""
 
-    def _action(self, actions: Mapping[str, Array], agent: str) -> Array:
-        """Return the action of an agent, whose shape is known before its values are."""
-        if agent not in actions:
-            raise ValueError(f"the action of {agent!r} is missing; needed are those of {', '.join(self.agents)}")
-        action, shape = jnp.asarray(actions[agent]), self.action_spaces[agent].shape
-        if action.shape != shape:
-            raise ValueError(f"the action of {agent!r} is of shape {action.shape}; it must be of shape {shape}")
-        return action
+    def _begin_games(self, words: Array) -> tuple[Observations, Any]:
+        """Return the observations and the state at the start, for the batch of the keys, words of shape (4, ...)."""
+        random = _KeyRandom(words, self.game.like)
+        state = self._start(self.game.noise(random.round_key(), words.shape[1:], start=True), random)
+        state = _without_flags(state)
+        return self.get_obs(state), state
 
-    def _noise(self, key: Array, *, start: bool = False) -> Noise:
-        """Return the noise of a round: that of NumPy's `Game.noise` for the same words."""
-        words = jax.random.bits(key, (STREAMS, 4), jnp.uint32)
-        return self.game.noise(jax.lax.bitcast_convert_type(words, jnp.int32), start=start)
+    def _advance_games(self, words: Array, state: Any, actions: Mapping[str, Array]) -> Step:
+        """Play one round, see `_begin_games`."""
+        random = _KeyRandom(words, self.game.like)
+        clipped = {agent: jnp.clip(jnp.nan_to_num(action), 0.0, 1.0) for agent, action in actions.items()}
+        noise = self.game.noise(random.round_key(), words.shape[1:])
+        after, *outcome = self._play(state, clipped, noise, random)
+        after = _without_flags(after)
+        return self.get_obs(after), after, *outcome
+
+    def _advance_or_begin_games(self, words: Array, state: Any, actions: Mapping[str, Array]) -> Step:
+        """Play one round, and begin again where it was the last, see `_begin_games`."""
+        _, after, rewards, dones, infos = self._advance_games(words, state, actions)
+        over = dones["__all__"]
+
+        def begin(after: Any) -> Any:
+            _, start = self._begin_games(_mixed(words, 1))
+            return jax.tree.map(lambda new, old: jnp.where(over, new, old), start, after)
+
+        after = lax.cond(over.any(), begin, lambda after: after, after)  # in most rounds no game ends
+        return self.get_obs(after), after, rewards, dones, infos
+
+    def _checked(self, actions: Mapping[str, Array]) -> dict[str, Array]:
+        """Return the action of each agent, whose shape is known before its values are."""
+        checked = {}
+        for agent in self.agents:
+            if agent not in actions:
+                raise ValueError(f"the action of {agent!r} is missing; needed are those of {', '.join(self.agents)}")
+            action, shape = jnp.asarray(actions[agent]), self.action_spaces[agent].shape
+            if action.shape != shape:
+                raise ValueError(f"the action of {agent!r} is of shape {action.shape}; it must be of shape {shape}")
+            checked[agent] = action
+        return checked
 
 
 class RoleTrustJaxEnv(JaxEnv):
@@ -204,7 +230,8 @@ class RoleTrustJaxEnv(JaxEnv):
 
     def get_obs(self, state: State) -> Observations:
         """Return the observation of each agent."""
-        columns = (column for seen in self.game.observations(state) if seen is not None for column in seen.T)
+        seen = (part for part in self.game.observations(state) if part is not None)
+        columns = (part[:, i, ...] for part in seen for i in range(part.shape[1]))
         return dict(zip(self.agents, columns, strict=True))
 
     def _start(self, noise: Noise, random: Random) -> State:
@@ -220,10 +247,10 @@ class RoleTrustJaxEnv(JaxEnv):
         )
         after, rewards = game.step(state, joint, noise)
         over = after.round >= game.scenario.max_cycles
-        gone, present = jnp.zeros(len(self.agents), bool), jnp.ones(len(self.agents), bool)
+        gone, present = jnp.zeros(rewards.shape, bool), jnp.ones(rewards.shape, bool)
         if state.population is not None and after.population is not None:
             gone, present = after.population.phase > PRESENT, after.population.phase == PRESENT
-            rewards, over = jnp.where(state.population.phase == PRESENT, rewards, 0.0), over | ~present.any()
+            rewards, over = jnp.where(state.population.phase == PRESENT, rewards, 0.0), over | ~present.any(axis=0)
         dones = dict(zip(self.agents, gone | over, strict=True)) | {"__all__": over}
         infos = {"trust": game.agent_trust(after), "present": present}
         return after, dict(zip(self.agents, rewards, strict=True)), dones, infos
@@ -279,22 +306,35 @@ class AttackJaxEnv(JaxEnv):
 
 
 class _KeyRandom(Random):
-    """Random numbers of policies, from a key of JAX."""
+    """Random numbers of games with a key each, words of shape (4, ...): as a `Random` with that key makes them."""
 
-    def __init__(self, key: Array, like: Array) -> None:
-        self.like, self._key, self._calls = like, key, 0
+    def __init__(self, words: Array, like: Array) -> None:
+        self.like, self._key, self._calls = like, words, 0
 
-    def uniform(self, shape: Sequence[int]) -> Array:
-        """See `Random.uniform`."""
-        return jax.random.uniform(self._next(), tuple(shape), self.like.dtype)
+    def round_key(self) -> Array:
+        """Return the key of the round, words of shape (STREAMS, 4, ...)."""
+        return jnp.stack([jnp.stack(self._stream_key(stream, 0)) for stream in range(STREAMS)])
 
-    def normal(self, shape: Sequence[int]) -> Array:
-        """See `Random.normal`."""
-        return jax.random.normal(self._next(), tuple(shape), self.like.dtype)
-
-    def _next(self) -> Array:
+    def _numbers(self, distribution: Callable[..., Array], shape: Sequence[int]) -> Array:
+        key = [word.reshape(-1) for word in self._stream_key(POLICIES, self._calls)]
         self._calls += 1
-        return jax.random.fold_in(self._key, self._calls)
+        game = counter_rng.counters(self.like, 1)
+        return distribution(self.like, math.prod(shape[:1]), game, key).reshape(tuple(shape))
+
+    def _stream_key(self, stream: int, index: int) -> list[Array]:
+        k = self._key
+        return counter_rng.scramble((k[0] + index, k[1] + stream, k[2], k[3]))
+
+
+def _words(key: Array) -> Array:
+    """Return four words that look independent of the two words of a key of JAX, or of the first two."""
+    return _mixed(lax.bitcast_convert_type(jax.random.key_data(key), jnp.int32), 0)
+
+
+def _mixed(words: Array, number: int) -> Array:
+    """Return four words that look independent of two, the first of shape (2, ...); others for another number."""
+    zero = 0 * words[0]
+    return jnp.stack(counter_rng.scramble((words[0], words[1], zero + number, zero)))
 
 
 def _without_flags(state: Any) -> Any:

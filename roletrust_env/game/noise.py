@@ -73,11 +73,14 @@ class NoiseSource:
         return 1 if numbers > _MANY else min(_AHEAD, 4 * counter_rng.BLOCK // numbers)
 
     def make_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
-        """Return the noise of one round, or of the start, which uses all fields. The key has shape (STREAMS, 4)."""
-        games = counter_rng.counters(self._like, prod(batch))
+        """Return the noise of one round, or of the start, which uses all fields.
+
+        The key has shape (STREAMS, 4), or (STREAMS, 4, ...) if every game has its own; then all have the number 0.
+        """
+        games = counter_rng.counters(self._like, prod(batch) if key.ndim == 2 else 1)
 
         def make(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
-            words = [key[stream, k : k + 1] for k in range(4)]
+            words = [key[stream, k, ...].reshape(-1) for k in range(4)]
             return kind(self._like, prod(shape), games, words).reshape(*shape, *batch)
 
         return self._noise(make, start)

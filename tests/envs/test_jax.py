@@ -17,6 +17,8 @@ jax = pytest.importorskip("jax")
 jnp = jax.numpy
 pytestmark = pytest.mark.slow  # a compiler takes seconds for each model
 
+from roletrust_env.envs.jax_env import _KeyRandom, _words  # noqa: E402
+
 AttackJaxEnv, RoleTrustJaxEnv = roletrust_env.AttackJaxEnv, roletrust_env.RoleTrustJaxEnv
 PRESETS = ["robots-that-move", "open-system", "market", "subjective"]
 
@@ -28,9 +30,8 @@ def double():
 
 
 def words(key):
-    """The words of the noise that an environment makes from a key, and the other half of the key."""
-    noise, other = jax.random.split(key)
-    return np.asarray(jax.random.bits(noise, (12, 4), "uint32")), other
+    """The words of the noise that an environment makes from a key, (STREAMS, 4)."""
+    return np.asarray(_KeyRandom(_words(key), jnp.zeros(())).round_key()).view(np.uint32)
 
 
 def both_play(scenario, model="role-trust", rounds=6):
@@ -39,7 +40,7 @@ def both_play(scenario, model="role-trust", rounds=6):
     game, step, rng = Game(env.game.scenario, model), jax.jit(env.step_env), np.random.default_rng(0)
     roster, key = game.roster, jax.random.key(7)
     _, theirs = jax.jit(env.reset)(key)
-    ours = game.start(game.noise(words(key)[0], start=True))
+    ours = game.start(game.noise(words(key), start=True))
     for t in range(rounds):
         key = jax.random.fold_in(key, t)
         actions = {agent: rng.random(space.shape) for agent, space in env.action_spaces.items()}
@@ -47,7 +48,7 @@ def both_play(scenario, model="role-trust", rounds=6):
         quality = np.array([actions[name][0] for name in roster.provider_names])
         ratings = np.array([actions[name][-roster.n_providers :] for name in roster.rater_names])
         before = ours
-        ours, earned = game.step(ours, Actions(quality, ratings), game.noise(words(key)[0]))
+        ours, earned = game.step(ours, Actions(quality, ratings), game.noise(words(key)))
         yield env, (seen, rewards, dones, infos, theirs), (game, before, ours, earned)
 
 
@@ -92,16 +93,57 @@ def test_tasks_are_equal_to_numpy(task_id, double):
     task = make_task(**{**TASKS[task_id].defaults, "max_cycles": 4, "like": np.zeros(())})
     random, step = task.game.random(0), jax.jit(env.step_env)
     seen, theirs = jax.jit(env.reset)(key)
-    ours = task.start(task.game.noise(words(key)[0], start=True), random)
+    ours = task.start(task.game.noise(words(key), start=True), random)
     for t in range(4):
         np.testing.assert_allclose(seen["attacker"], task.observe(ours), atol=1e-12)
         action, key = rng.random(task.action_size), jax.random.fold_in(key, t)
         seen, theirs, rewards, dones, infos = step(key, theirs, {"attacker": action})
-        ours, outcome = task.step(ours, action, task.game.noise(words(key)[0]), random)
+        ours, outcome = task.step(ours, action, task.game.noise(words(key)), random)
         np.testing.assert_allclose(rewards["attacker"], outcome.reward, atol=1e-12)
         np.testing.assert_allclose(infos["objective"], outcome.objective, atol=1e-12)
         np.testing.assert_allclose(infos["cost"], outcome.cost, atol=1e-12)
         assert bool(dones["__all__"]) == bool(outcome.over)
+
+
+@pytest.mark.parametrize("scenario", ["paper-3x3", "open-system", "robots-that-move"])
+def test_a_batch_is_equal_to_its_games(scenario, double):
+    env, keys = RoleTrustJaxEnv(scenario, max_cycles=3), jax.random.split(jax.random.key(5), 3)
+    actions = {agent: jnp.full(space.shape, 0.7) for agent, space in env.action_spaces.items()}
+
+    def play(reset, step):
+        (seen, state), rounds = reset(keys), []
+        for t in range(4):  # one episode and the first round of another
+            seen, state, *outcome = step(jax.vmap(lambda key, t=t: jax.random.fold_in(key, t))(keys), state)
+            rounds.append((seen, state, outcome))
+        return rounds
+
+    def together(key, state):
+        return jax.vmap(env.step, in_axes=(0, 0, None))(key, state, actions)
+
+    def one_by_one(key, state):
+        return jax.lax.map(lambda both: env.step(*both, actions), (key, state))
+
+    batch = play(jax.jit(jax.vmap(env.reset)), jax.jit(together))
+    games = play(jax.jit(lambda keys: jax.lax.map(env.reset, keys)), jax.jit(one_by_one))
+    jax.tree.map(lambda one, other: np.testing.assert_allclose(one, other, atol=1e-12), batch, games)
+
+
+def test_derivatives_pass_through_a_batch(double):
+    env, keys = RoleTrustJaxEnv("paper-3x3", max_cycles=5), jax.random.split(jax.random.key(2), 3)
+    still = {agent: jnp.full(space.shape, 0.9) for agent, space in env.action_spaces.items()}
+
+    def trust(level, key):
+        state = env.reset(key)[1]
+        for t in range(3):
+            step = env.step(jax.random.fold_in(key, t), state, still | {"sr_2": jnp.full(3, level)})
+            state = step[1]
+        return step[4]["trust"][0]
+
+    slopes = jax.jit(jax.vmap(jax.grad(trust), in_axes=(None, 0)))(0.4, keys)
+    trusts = jax.jit(jax.vmap(jax.vmap(trust, in_axes=(None, 0)), in_axes=(0, None)))
+    low, high = trusts(jnp.asarray([0.4 - 1e-6, 0.4 + 1e-6]), keys)
+    np.testing.assert_allclose(slopes, (high - low) / 2e-6, rtol=1e-6)
+    assert (slopes > 0).all()
 
 
 def test_an_episode_follows_another_in_one_scan():
