@@ -17,7 +17,8 @@ from roletrust_env.errors import suggest
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.state import Noise, State
-from roletrust_env.game.traced.rounds import Rounds
+from roletrust_env.game.traced.kernels import Kernel
+from roletrust_env.game.traced.rounds import Rounds, Unknown, reason_against_symbols
 from roletrust_env.randomness import Random
 from roletrust_env.trees import is_array, map_leaves
 
@@ -42,16 +43,31 @@ class TaskBatch:
         task: Attack task.
         shape: Shape of the batch: `()` for one game, `(E,)` for E games.
         rounds: Length of an episode, if less than that of a game; None is a whole game.
+        threads: Number of threads on which a `Kernel` plays; 0 is NumPy.
 
     Attributes:
         rounds: Length of an episode.
+
+    Raises:
+        ValueError: There is no kernel for the task.
     """
 
-    def __init__(self, task: AttackTask, shape: tuple[int, ...] = (), rounds: int | None = None) -> None:
+    def __init__(
+        self, task: AttackTask, shape: tuple[int, ...] = (), rounds: int | None = None, threads: int = 0
+    ) -> None:
         self.task = task
         self.shape = shape
         self.rounds = min(rounds or task.game.scenario.max_cycles, task.game.scenario.max_cycles)
         self.state: TaskState | None = None
+        self._seen: tuple[Any, Array] = (None, None)  # a state, and what is observed then
+        self._kernel: Kernel | None = None
+        if threads != 0:
+            if reason := reason_against_symbols(task.game, task.joint_policy.policies.values()):
+                raise ValueError(f"threads is {threads!r}, and there is no kernel for these games: {reason}")
+            self._kernel = Kernel(self._play, threads)
+            self.restart(task.game.random(0))
+            self.step(np.zeros((task.action_size, *shape), np.float32), task.game.random(0))
+            self.state = None
 
     def restart(self, random: Random, ended: Array | None = None) -> None:
         """Restart all games, or only those that have ended, boolean, (E,)."""
@@ -65,8 +81,12 @@ class TaskBatch:
         """
         if self.state is None:
             raise RuntimeError("call reset() before step(): there is no episode")
-        noise = self.task.game.draw(random, self.shape)
-        after, outcome = self.task.step(self.state, action, noise, random)
+        if self._kernel is None:
+            noise = self.task.game.draw(random, self.shape)
+            after, outcome = self.task.step(self.state, action, noise, random)
+        else:
+            after, outcome, seen = self._kernel(self.state, action, random.round_key())
+            self._seen = after, seen
         self.state = after if waiting is None else _choose(waiting, self.state, after)
         if self.rounds < self.task.game.scenario.max_cycles:
             outcome = outcome._replace(over=after.game.round >= self.rounds)
@@ -76,7 +96,12 @@ class TaskBatch:
         """Return the observation of the attacker, shape (K, ...)."""
         if self.state is None:
             raise RuntimeError("call reset() before observe(): there is no episode")
-        return self.task.observe(self.state)
+        return self._seen[1] if self._seen[0] is self.state else self.task.observe(self.state)
+
+    def _play(self, state: TaskState, action: Array, key: Array) -> tuple[TaskState, Outcome, Array]:
+        """Return the state of a game after a round, its outcome, and what is observed then."""
+        after, outcome = self.task.step(state, action, self.task.game.noise(key), Unknown())
+        return after, outcome, self.task.observe(after)
 
     @property
     def games(self) -> State:

@@ -35,13 +35,15 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             value.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
         max_episode_steps: Length of an episode, if less than that of the game.
+        threads: Number of threads on which a `Kernel` plays, which is faster and differs from NumPy in the last digits;
+            0 is NumPy.
         like: Array of the library, dtype and device to play with; by default NumPy's float32. With a torch tensor,
             observations, rewards, flags and masks are tensors, too.
         **arguments: Arguments of `make_task`, which replace the defaults of the task.
 
     Raises:
         TypeError: An argument is unknown.
-        ValueError: A name is unknown or a value is not allowed.
+        ValueError: A name is unknown or a value is not allowed, or there is no kernel for the task.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: RenderMode | None = None,
         max_episode_steps: int | None = None,
+        threads: int = 0,
         **arguments: Any,
     ) -> None:
         refuse_unknown(type(self), arguments, make_task)
@@ -70,7 +73,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._mode = mode
-        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps)
+        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps, threads)
         self._random = self.task.game.random()
         self._ended: Array | None = None  # games to restart in the next step
         self._spectator = Spectator(self.task.game, render_mode)

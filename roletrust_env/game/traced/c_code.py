@@ -11,10 +11,11 @@ _PRELUDE = """#include <math.h>
 #include <stdlib.h>
 typedef {real} real;
 typedef {whole} whole;
+typedef uint32_t word;
 typedef int flag;
 """
 
-TYPES = {"f": "real", "i": "whole", "b": "flag"}
+TYPES = {"f": "real", "i": "whole", "u": "word", "b": "flag"}
 """C type of a number, by the kind of its dtype."""
 
 _C = {
@@ -32,9 +33,9 @@ _C = {
 """Expressions that C writes in another way than Python."""
 
 _AS_IN_PYTHON = re.compile(
-    r"\(\{\}( \+ \{\})+\)|\(\{\} ([-*<>]|[<>=!]=) \{\}\)|\(-\{\}\)|\{\}|\(\{0\} (\*|!=) \{0\}\)|\(\{\} != 0\)"
+    r"\(\{\}( \+ \{\})+\)|\(\{\} ([-*<>^]|[<>=!]=|>>) \{\}\)|\(-\{\}\)|\{\}|\(\{0\} (\*|!=) \{0\}\)|\(\{\} != 0\)"
 )
-_OF_THE_KIND = {"abs({})": ("fabs", "llabs"), "sqrt({})": ("sqrt", "sqrt"), "sin({})": ("sin", "sin")}
+_FUNCTION = re.compile(r"(abs|sqrt|sin|cos|exp|log|expm1|log1p|pow)\((\{\}|\{\}, \{\})\)")
 _LOOK_UP = re.compile(r"(\w+)\[\{\}\]")
 
 
@@ -74,13 +75,14 @@ def c_body(
     wanted = [element for _, element in targets if isinstance(element, Symbol)]
     for k, one in enumerate(tape.needed(wanted, places)):
         if one.call:
-            raise Untraceable("a round calls NumPy")
+            raise Untraceable(f"a round calls NumPy: C has no {one.template.partition('(')[0].rpartition('_')[0]}")
         result = one.results[0]
         expression = _expression(one.template, one.arguments, real)
         if look_up := _LOOK_UP.fullmatch(one.template):
             table = tape.names[look_up[1]]
             tables[look_up[1]] = _table(look_up[1], table, result.kind, real)
-            expression = f"{look_up[1]}[{{0}} < 0 ? {{0}} + {len(table)} : {{0}}]"
+            last = len(table) - 1  # a game that is over may be played on, and its round left unused
+            expression = f"{look_up[1]}[{{0}} < 0 ? {{0}} + {last + 1} : {{0}} < {last} ? {{0}} : {last}]"
         names[result] = f"t{k + 1}"
         lines.append(f"const {TYPES[result.kind]} t{k + 1} = {expression.format(*map(shown, one.arguments))};")
     lines += [f"{place} = {shown(element)};" for place, element in targets]
@@ -89,10 +91,13 @@ def c_body(
 
 def _expression(template: str, arguments: Sequence[Element], real: str) -> str:
     """Return the expression in C of a template in Python."""
-    if template in _OF_THE_KIND:
-        kind = arguments[0].kind if isinstance(arguments[0], Symbol) else "f"
-        name = _OF_THE_KIND[template][kind != "f"]
-        return f"{name}{'f' * (real == 'float' and name != 'llabs')}({{}})"
+    if function := _FUNCTION.fullmatch(template):
+        name = function[1]
+        if name == "abs":
+            name = "llabs" if getattr(arguments[0], "kind", "f") != "f" else "fabs"
+        return f"{name}{'f' * (real == 'float' and name != 'llabs')}({function[2]})"
+    if template == "({} // {})" and isinstance(arguments[1], int) and arguments[1] > 0:
+        return "(({0} < 0 ? {0} - {1} + 1 : {0}) / {1})"
     if template in _C or _AS_IN_PYTHON.fullmatch(template):
         return _C.get(template, template)
     if _LOOK_UP.fullmatch(template):

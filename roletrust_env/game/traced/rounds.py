@@ -14,6 +14,7 @@ from roletrust_env.game.policy import Policy, policy_name
 from roletrust_env.game.traced.compiled import CompiledRound, Memory
 from roletrust_env.game.traced.symbols import Symbols
 from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable
+from roletrust_env.randomness import Random
 from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust.model_checks import needs_watching
 
@@ -41,16 +42,24 @@ Play = Callable[..., tuple[Any, tuple[Array | None, ...]]]
 
 def reason_against(game: Game, policies: Iterable[Policy] = ()) -> str | None:
     """Return why the rounds of a game with scripted policies are not traced; None if nothing is known against it."""
-    if type(game) is not Game or game.like.dtype != np.float64 or not isinstance(game.like, np.ndarray):
+    if game.like.dtype != np.float64:
         return "it is no game on a grid in NumPy's float64"
+    pairs = game.roster.n_raters * game.roster.n_providers
+    many = f"{pairs:,} pairs are more than {MOST_PAIRS}" if pairs > MOST_PAIRS else None
+    return reason_against_symbols(game, policies) or many
+
+
+def reason_against_symbols(game: Game, policies: Iterable[Policy]) -> str | None:
+    """Return why a game with scripted policies must not be played with symbols; None if nothing is known against it."""
+    if type(game) is not Game or not isinstance(game.like, np.ndarray):
+        return "it is no game on a grid on NumPy"
     if needs_watching(game.model):  # it may be a process, which a trial with symbols would disturb
         return "the trust model is of another package"
     for policy in policies:  # its attributes become constants of a written round
         frozen = is_dataclass(policy) and policy.__dataclass_params__.frozen
         if getattr(policy, "__dict__", {}) and not frozen:
             return f"{policy_name(policy)} may change: it has attributes, and is no frozen dataclass"
-    pairs = game.roster.n_raters * game.roster.n_providers
-    return f"{pairs:,} pairs are more than {MOST_PAIRS}" if pairs > MOST_PAIRS else None
+    return None
 
 
 @dataclass(frozen=True)
@@ -99,7 +108,7 @@ class Layout:
             fixed = constant_flags and part.dtype.kind == "b"
             return Leaf(name, part, tuple(numbers) if fixed else (None,) * len(numbers))
 
-        return cls(_map_named(leaf, state))
+        return cls(map_named(leaf, state))
 
     def numbers(self, state: Any) -> list[Any]:
         """Return the numbers of a state that are no constants."""
@@ -154,7 +163,7 @@ class Layout:
             if not isinstance(part, np.ndarray | np.generic):
                 return part
             example = part.example if isinstance(part, Symbols) else part
-            elements, whole = _elements(part), not isinstance(part, Symbols)
+            elements, whole = elements_of(part), not isinstance(part, Symbols)
             old = was.elements if isinstance(was, Leaf) and len(was.elements) == len(elements) else ()
             flags = example.dtype.kind == "b"
             for k, element in enumerate(elements):
@@ -164,7 +173,7 @@ class Layout:
                     elements[k] = None
             return Leaf(name, np.empty_like(example) if isinstance(example, np.ndarray) else example, tuple(elements))
 
-        return Layout(_map_named(leaf, after)), numbers
+        return Layout(map_named(leaf, after)), numbers
 
 
 class Form:
@@ -433,9 +442,9 @@ class Rounds:
                 whole = Layout(Leaf(name, part, (None,) * part.size))
                 part, inputs[name] = whole.symbols(part, tape)
             given.append(part)
-        after, results = self._play(symbols, given[0], type(noise)(*given[1:]), *[_Unknown()] * n_further)
+        after, results = self._play(symbols, given[0], type(noise)(*given[1:]), *[Unknown()] * n_further)
         following, outputs = layout.following(after)
-        read = [None if one is None else _elements(one) for one in results]
+        read = [None if one is None else elements_of(one) for one in results]
         places = {symbol: place for place, symbol in enumerate(numbers)}
         assumed = [
             (places[symbol], [*(table == table[self._numbers[places[symbol]]]).all(axis=1).tolist(), False])
@@ -455,10 +464,13 @@ class Rounds:
         return form
 
 
-class _Unknown:
-    """Stands for what a traced round must not use."""
+class Unknown(Random):
+    """Stands for the random numbers of policies, which a traced round must not use."""
 
-    def __getattr__(self, name: str) -> Any:
+    def __init__(self) -> None:
+        pass
+
+    def __getattribute__(self, name: str) -> Any:
         raise Untraceable("a policy draws random numbers")
 
 
@@ -468,7 +480,8 @@ def _strange(state: Any) -> str | None:
     return next((type(leaf).__name__ for leaf in leaves(state) if not isinstance(leaf, known)), None)
 
 
-def _elements(array: Any) -> list[Element]:
+def elements_of(array: Any) -> list[Element]:
+    """Return the symbols and constants of an array, row by row."""
     return list(array.elements.ravel()) if isinstance(array, Symbols) else np.asarray(array).ravel().tolist()
 
 
@@ -484,10 +497,10 @@ def _alike(found: Any, result: Any) -> bool:
     )
 
 
-def _map_named(change: Callable[[str, Any], Any], tree: Any, name: str = "") -> Any:
+def map_named(change: Callable[[str, Any], Any], tree: Any, name: str = "") -> Any:
     """Return a tree with other leaves, by the name of a leaf and the leaf."""
     if not isinstance(tree, tuple):
         return change(name, tree)
     names = getattr(tree, "_fields", range(len(tree)))
-    parts = [_map_named(change, part, f"{name}_{key}".strip("_")) for key, part in zip(names, tree, strict=True)]
+    parts = [map_named(change, part, f"{name}_{key}".strip("_")) for key, part in zip(names, tree, strict=True)]
     return type(tree)(*parts) if hasattr(tree, "_fields") else tuple(parts)

@@ -42,6 +42,14 @@ _TEMPLATES = {
 }
 """Functions of NumPy that Python computes to the same bit."""
 
+_IN_C = {
+    **{name: f"{name}({{}})" for name in ("cos", "exp", "log", "log1p", "expm1")},
+    "power": "pow({}, {})",
+    "right_shift": "({} >> {})",
+    "bitwise_xor": "({} ^ {})",
+}
+"""Further functions on a tape for C, whose last bit may differ from NumPy's, and those of words."""
+
 _OF_FLAGS = {
     "bitwise_and": "logical_and",
     "bitwise_or": "logical_or",
@@ -69,7 +77,7 @@ _DECIDES = {"logical_and": False, "logical_or": True}
 
 _CASTS = {
     **{"bf": "(1.0 if {} else 0.0)", "if": "float({})", "bi": "int({})", "fi": "int({})"},
-    **{"fb": "({} != 0)", "ib": "({} != 0)"},
+    **{"fb": "({} != 0)", "ib": "({} != 0)", "ui": "int({})"},
 }
 """Expression that casts a number, by the kinds of the two dtypes."""
 
@@ -89,7 +97,7 @@ class Symbols(np.ndarray[Any, Any]):
     def of(elements: Array, example: Array, tape: Tape) -> Array:
         """Return an array of elements in the dtype of the example; the example itself if all are constant."""
         kind = example.dtype.kind
-        if kind not in "fib":
+        if kind not in ("fibu" if tape.for_c else "fib"):
             raise Untraceable(f"a round has arrays of dtype {example.dtype}")
         cast = np.empty(example.shape, object)
         cast[...] = elements
@@ -104,7 +112,7 @@ class Symbols(np.ndarray[Any, Any]):
     @property
     def elements(self) -> Array:
         """The symbols and constants, an array of objects."""
-        return self.view(np.ndarray)
+        return super().view(np.ndarray)
 
     @property
     def dtype(self) -> Any:
@@ -128,6 +136,8 @@ class Symbols(np.ndarray[Any, Any]):
             return _chosen(*args)
         if name in _METHODS:
             return getattr(args[0], _METHODS[name])(*args[1:], **kwargs)
+        if name == "sort" and self.tape.for_c:
+            return _sorted(*args, **kwargs)
         if name in _CALLS:
             return _called(lambda *arrays: function(*arrays, **kwargs), name, args)
         raise Untraceable(f"it calls numpy.{name}")
@@ -148,8 +158,12 @@ class Symbols(np.ndarray[Any, Any]):
 
     def astype(self, dtype: Any, **_: Any) -> Any:  # type: ignore[override]
         """See `numpy.ndarray.astype`."""
-        _refuse_single(np.empty(0, dtype))
+        _refuse_single(self.tape, np.empty(0, dtype))
         return Symbols.of(self.elements, self.example.astype(dtype), self.tape)
+
+    def view(self, dtype: Any) -> Any:  # type: ignore[override]
+        """Return words as whole numbers; see `numpy.ndarray.view`."""
+        return Symbols.of(self.elements, self.example.view(dtype), self.tape)
 
     def mean(self, axis: Any = None, **options: Any) -> Any:  # type: ignore[override]
         """See `numpy.ndarray.mean`."""
@@ -168,7 +182,7 @@ class Symbols(np.ndarray[Any, Any]):
         change, and a schedule has few rows.
         """
         shape, place = table.shape[1:], self.elements.reshape(-1)[0]
-        if table.dtype == bool and self.size == 1 and isinstance(place, Symbol) and place.name:
+        if not self.tape.for_c and table.dtype == bool and self.size == 1 and getattr(place, "name", ""):
             self.tape.assumed.append((place, table))
             return table[self.example]
         columns = [tuple(column.tolist()) for column in table.reshape(len(table), -1).T]
@@ -244,16 +258,16 @@ def _tape_of(*arrays: Any) -> Tape:
     return next(one.tape for one in arrays if isinstance(one, Symbols))
 
 
-def _refuse_single(*arrays: Any) -> None:
+def _refuse_single(tape: Tape, *arrays: Any) -> None:
     """Refuse to compute in single precision, which Python does not have."""
-    if any(getattr(array, "dtype", None) == np.float32 for array in arrays):
+    if not tape.for_c and any(getattr(array, "dtype", None) == np.float32 for array in arrays):
         raise Untraceable("it computes in float32")
 
 
 def _cast(tape: Tape, element: Element, kind: str) -> Element:
     """Return an element in another kind of dtype."""
     if not isinstance(element, Symbol):
-        return {"f": float, "i": int, "b": bool}[kind](element)
+        return {"f": float, "i": int, "u": int, "b": bool}[kind](element)
     if element.kind == kind:
         return element
     return tape.write(_CASTS[element.kind + kind], [element], kind)
@@ -270,13 +284,13 @@ def _operate(tape: Tape, name: str, arguments: Sequence[Element], kind: str) -> 
         neutral = _NEUTRAL.get((name, place))
         if neutral is not None and constant == neutral and other.kind == kind and str(constant)[0] != "-":
             return other
-    return tape.write(_TEMPLATES[name], arguments, kind)
+    return tape.write(_TEMPLATES.get(name) or _IN_C[name], arguments, kind)
 
 
 def _applied(ufunc: Any, inputs: Sequence[Any]) -> Any:
     """Return what a function of each entry returns."""
     tape, name, examples = _tape_of(*inputs), ufunc.__name__, [_example(one) for one in inputs]
-    _refuse_single(*examples)
+    _refuse_single(tape, *examples)
     with np.errstate(all="ignore"):
         example = examples[0] ** examples[1] if name == "power" else ufunc(*examples)
     if name == "power" and np.ndim(examples[1]) == 0:  # NumPy's operator has ways of its own for some exponents
@@ -284,7 +298,10 @@ def _applied(ufunc: Any, inputs: Sequence[Any]) -> Any:
         inputs = inputs if name == "power" else inputs[:1]
     if all(np.asarray(one).dtype.kind == "b" for one in examples):
         name = _OF_FLAGS.get(name, name)
-    if name not in _TEMPLATES:
+    if name == "matmul" and tape.for_c and all(np.ndim(one) > 1 for one in examples):
+        left, right = inputs
+        return (left[..., None] * right[..., None, :, :]).sum(axis=-2)
+    if name not in _TEMPLATES and not (tape.for_c and name in _IN_C):
         return _called(ufunc, name, inputs)
     grids = [grid.ravel() for grid in np.broadcast_arrays(*map(_objects, inputs))]
     elements = np.empty(example.shape, object)
@@ -298,8 +315,8 @@ def _applied(ufunc: Any, inputs: Sequence[Any]) -> Any:
 
 def _called(function: Callable[..., Array], name: str, inputs: Sequence[Any]) -> Any:
     """Return what NumPy returns for whole arrays; the written round calls it."""
-    examples = [_example(one) for one in inputs]
-    _refuse_single(*examples)
+    tape, examples = _tape_of(*inputs), [_example(one) for one in inputs]
+    _refuse_single(tape, *examples)
     with np.errstate(all="ignore"):
         example = function(*examples)
     if not isinstance(example, np.ndarray | np.generic):
@@ -319,10 +336,19 @@ def _called(function: Callable[..., Array], name: str, inputs: Sequence[Any]) ->
             arrays[k][...] = np.reshape(numbers, mold.shape)
         return np.asarray(function(*arrays)).ravel()
 
-    symbols, tape = np.empty(example.shape, object), _tape_of(*inputs)
+    symbols = np.empty(example.shape, object)
     lists = [list(inputs[k].elements.ravel()) for k in places]
     symbols.reshape(-1)[:] = tape.call(called, name, lists, example.dtype.kind * example.size)
     return Symbols.of(symbols, example, tape)
+
+
+def _sorted(array: Any, axis: int = -1) -> Any:
+    """Return what `sort` returns, by comparing neighbours again and again: C has no other way without a branch."""
+    rows = list(np.moveaxis(array, axis, 0))
+    for last in range(len(rows) - 1, 0, -1):
+        for k in range(last):
+            rows[k : k + 2] = np.minimum(*rows[k : k + 2]), np.maximum(*rows[k : k + 2])
+    return np.moveaxis(np.stack(rows), 0, axis)
 
 
 def _moved(move: Callable[..., Any], *inputs: Any) -> Any:
@@ -364,7 +390,7 @@ def _reduced(
 ) -> Any:
     """Return the sum, the largest or another reduction along an axis, in the order in which NumPy takes the entries."""
     tape, example, name = array.tape, array.example, ufunc.__name__
-    _refuse_single(example)
+    _refuse_single(tape, example)
     result = ufunc.reduce(example, axis=axis, dtype=dtype, keepdims=keepdims)
     kind = result.dtype.kind
     if name not in _FIRST or isinstance(axis, tuple) or out is not None:

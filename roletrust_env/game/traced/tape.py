@@ -97,6 +97,7 @@ class Tape:
 
     Args:
         limit: Number of operations beyond which NumPy is faster.
+        for_c: Whether it becomes C for many games: in either precision, with the functions of C.
 
     Attributes:
         assumed: Tables of flags, of which a row was taken as it is in this round, and the symbol of its place.
@@ -106,7 +107,8 @@ class Tape:
         Untraceable: There are more operations than the limit.
     """
 
-    def __init__(self, limit: int) -> None:
+    def __init__(self, limit: int, for_c: bool = False) -> None:
+        self.for_c = for_c
         self.assumed: list[tuple[Symbol, Array]] = []
         self._operations: list[Operation] = []
         self.names: dict[str, Any] = {"sqrt": math.sqrt, "sin": _sin(), "inf": math.inf, "nan": math.nan}

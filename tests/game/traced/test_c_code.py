@@ -32,7 +32,7 @@ def every_operation(tape, x, y, place, flag):
             ).dtype.kind
             yield tape.write(template, pair[: getattr(np, name).nin], kind)
     for kinds, template in _CASTS.items():
-        if kinds != "fi":  # of an infinite number there is none
+        if kinds not in ("fi", "ui"):  # of an infinite number there is none; words are for kernels
             yield tape.write(template, [{"f": x, "i": place, "b": flag}[kinds[0]]], kinds[1])
     for name in ("maximum", "minimum"):  # of 0.0 and -0.0, too
         yield tape.write(_TEMPLATES[name], [x, tape.write("(-{})", [x], "f")], "f")
