@@ -22,6 +22,7 @@ from roletrust_agents.smooth import one_thread
 from roletrust_env import Game, env, make_scenario, parallel_env
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
+from roletrust_env.game.traced.kernels import Kernel
 from roletrust_env.game.traced.rounds import Rounds
 from roletrust_env.storage.markdown import markdown_table
 from studies.study import Recipe, Study
@@ -54,10 +55,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             (1, [("mpe2", simple_adversary), *(("numpy", partial(one_task, task)) for task in _TASKS)]),
         ]
         for games in study.options.games:
-            ours = ("numpy", partial(attack_tasks, games)), ("numpy", partial(batch, "NumPy", games))
-            on_torch = (("torch", partial(batch, library, games)) for library in ("torch", COMPILED))
+            ours = [("numpy", partial(attack_tasks, games, threads)) for threads in (0, 1)]
+            libraries = ("NumPy", "numpy"), ("C", "numpy"), ("torch", "torch"), (COMPILED, "torch")
+            ours += [(package, partial(batch, library, games)) for library, package in libraries]
             on_jax = ("jaxmarl", partial(simple_spread_on_jax, games)), ("jax", partial(batch_on_jax, games))
-            groups.append((games, [("vmas", partial(simple_spread, games)), *ours, *on_torch, *on_jax]))
+            groups.append((games, [("vmas", partial(simple_spread, games)), *ours, *on_jax]))
         rows = []
         for games, entries in groups:
             made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
@@ -138,7 +140,7 @@ def batch(library: str, games: int, seed: int) -> Contestant:
     A step draws noise, plays the round, and computes observations and rewards. Finished games start again.
 
     Args:
-        library: `NumPy`, `torch` or `COMPILED`.
+        library: `NumPy`, `C`, which is a kernel, `torch` or `COMPILED`.
         games: Size of the batch.
         seed: Random seed of noise and actions.
     """
@@ -149,17 +151,18 @@ def batch(library: str, games: int, seed: int) -> Contestant:
     actions = itertools.cycle(samples)
 
     def advance(state: Any, joint: Actions, key: Any) -> tuple[Any, ...]:
-        state, rewards = game.step(state, joint, game.noise(key, (games,)))
+        state, rewards = game.step(state, joint, game.noise(key, state.round.shape))
         return state, rewards, game.observations(state)
 
-    if library == COMPILED:
-        advance = compiled(advance)
+    step: Callable[..., Any] = (
+        compiled(advance) if library == COMPILED else Kernel(advance) if library == "C" else advance
+    )
 
     def play() -> Iterable[None]:
         while True:
             state = game.start(game.draw(random, (games,), start=True))
             for _ in range(game.scenario.max_cycles):
-                state, *_ = advance(state, next(actions), random.round_key())
+                state, *_ = step(state, next(actions), random.round_key())
                 yield
 
     rounds = iter(play())
@@ -213,18 +216,21 @@ def _on_jax(name: str, env: Any, games: int, seed: int) -> Contestant:
     return Contestant(name, step, _JAX_ROUNDS * games * len(env.agents))
 
 
-def attack_tasks(games: int, seed: int) -> Contestant:
+def attack_tasks(games: int, threads: int, seed: int) -> Contestant:
     """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, as learners play it.
 
     Args:
         games: Size of the batch.
+        threads: Threads of a kernel; 0 is NumPy.
         seed: Random seed of noise and actions.
     """
-    env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games)
+    env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games, threads=threads)
     env.reset(seed=seed)
     env.action_space.seed(seed)
     actions = env.action_space.sample()
-    return Contestant("attack task batch", lambda: env.step(actions), games * len(env.task.game.roster.names))
+    return Contestant(
+        f"attack task batch{', C' * threads}", lambda: env.step(actions), games * len(env.task.game.roster.names)
+    )
 
 
 def _warm(name: str, step: Callable[[], None], amount: int, rounds: Rounds) -> Contestant:

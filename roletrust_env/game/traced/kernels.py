@@ -283,6 +283,7 @@ class _Code:
         self._rows: dict[str, dict[str, int]] = {}  # of each C type the row of each element
         self._names: dict[Symbol, str] = {}
         self._n_read = 0
+        self._words: list[str] = []
         self._before: list[str] = []
         self._loads: list[str] = []
         self._targets: list[tuple[str, Element]] = []
@@ -294,7 +295,8 @@ class _Code:
         for k, symbol in symbols:
             self._names[symbol] = name = f"x{len(self._names)}"
             if symbol.kind == "u":  # a game has the key of the batch, but for the second of four words
-                number = f"((const uint32_t *)in[{self._n_read}])[{k}]{' + (word)(s + i)' * (k % 4 == 1)}"
+                self._words.append(f"const word w{len(self._words)} = ((const uint32_t *)in[{self._n_read}])[{k}];")
+                number = f"w{len(self._words) - 1}{' + (word)(s + i)' * (k % 4 == 1)}"
             else:
                 row, _ = self._row(kind, symbol)
                 number = f"{row}[i]"
@@ -327,6 +329,7 @@ class _Code:
                     for kind, rows in self._rows.items()
                 ),
                 "void play(int64_t first, int64_t last, int64_t n, void *const *in, void *const *out) {",
+                *self._words,
                 f"for (int64_t s = first; s < last; s += {_STRIP}) {{",
                 f"const int64_t m = last - s < {_STRIP} ? last - s : {_STRIP};",
                 *self._before,
