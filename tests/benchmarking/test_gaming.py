@@ -15,13 +15,14 @@ from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.sources import hashes, source_of
 from roletrust_env.benchmarking.submission import CellClaim, make_claim
 from roletrust_env.benchmarking.suite import Cell
-from roletrust_env.benchmarking.verification import check_bias, check_fresh
+from roletrust_env.benchmarking.verification import check_bias, check_cell, check_fresh
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, attacked_rollout, exact_task, random_sources
 from roletrust_env.evaluation.specs import is_own_model
 from roletrust_env.trust import Ratings, register_trust_model
 from roletrust_env.trust.model import registry
 from roletrust_env.trust.model_checks import needs_watching
+from roletrust_env.trust.models.central.means import Mean
 
 PUBLIC = 0
 """Seed of every suite of the package."""
@@ -143,8 +144,45 @@ def test_twenty_honest_entries_are_accepted() -> None:
     claims = [[make_claim(cell, result) for cell, result in one] for one in runs]
     for mine, after in pairwise(range(21)):
         checks = check_fresh(claims[mine], [result for _, result in runs[after]])
-        checks += check_bias(claims[mine], [result for _, result in runs[after]])
         assert [check.message for check in checks if not check.ok] == []
+
+
+class Elsewhere(Mean):
+    """The mean as another machine may compute it: the last digit of a number is another, for equal numbers alike."""
+
+    machine = 0
+
+    def provider_trust(self, state: Any) -> Any:
+        trust = super().provider_trust(state)
+        bits = np.ascontiguousarray(trust).view(np.uint64) * np.uint64(0x9E3779B97F4A7C15 + 2 * self.machine)
+        last = (bits >> np.uint64(40)) % np.uint64(3) - 1.0
+        return np.clip(np.where(trust * 64 % 1 == 0, trust, trust * (1 + 2.0**-52 * last)), 0, 1)
+
+
+@pytest.mark.slow
+def test_twenty_entries_from_other_machines_are_accepted_and_raised_ones_are_not() -> None:
+    suite = small(models=["mean"], games=20, seeds=[0, 1, 2, 3])
+    register_trust_model("elsewhere", Elsewhere)
+    here = [play_cell(suite, cell) for cell in suite.cells()]
+    own = [make_claim(cell, result) for cell, result in zip(suite.cells(), here, strict=True)]
+    different = 0
+    for machine in range(20):
+        Elsewhere.machine = machine
+        played = [(cell, play_cell(suite, cell._replace(model="elsewhere"))) for cell in suite.cells()]
+        claims = [make_claim(cell, result) for cell, result in played]
+        different += claims != own
+        checks = [check_cell(claim, result, same=False) for claim, result in zip(claims, here, strict=True)]
+        assert all(check.ok for check in [*checks, *check_bias(claims, here)])
+        assert not all(check.ok for check in check_bias([_raised(claim, 0.4) for claim in claims], here))
+    assert different > 10
+
+
+def _raised(claim: CellClaim, halves: float) -> CellClaim:
+    data = claim.model_dump()
+    for attack in data["attacks"]:
+        for name in ("utility", "published"):
+            attack["measured"][name]["mean"] += halves * attack["measured"][name]["half_95"]
+    return CellClaim.model_validate(data)
 
 
 def test_an_honest_model_is_as_good_in_games_with_a_new_seed() -> None:

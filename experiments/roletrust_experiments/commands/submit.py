@@ -99,13 +99,13 @@ def submit(
 def verify(
     file: Annotated[Path, typer.Argument(help="Submission that `roletrust submit` has written.")],
     number: Annotated[
-        int,
+        int | None,
         typer.Option(
             "--cells",
             min=0,
-            help="Number of cells to play again; the intervals of the scores are checked only if all are played.",
+            help="Number of cells to play again, drawn at random; all if left out, as an entry needs that is ranked.",
         ),
-    ] = 10,
+    ] = None,
     seed: Annotated[
         int | None,
         typer.Option(
@@ -122,24 +122,25 @@ def verify(
     workers: Workers = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
-    """Check [bold]a submission[/]: its hashes, the consistency of its numbers, and a sample of its cells.
+    """Check [bold]a submission[/]: its hashes, the consistency of its numbers, and its cells.
 
-    The cells of the sample are played again. On the same software and processor, each must give the same numbers to the
-    last bit. Elsewhere, the attackers in the file play instead of new searches; then each mean must lie within its
-    interval, and utilities must not be too high on the whole. The same cells are also searched and played with a new
-    seed, and the claims must not be much higher than these results.
+    All cells are played again, or a sample of them. On the same software and processor, each must give the same numbers
+    to the last bit. Elsewhere, the attackers in the file play instead of new searches; then each mean must lie within
+    its interval, and utilities must not be too high on the whole. The same cells are also searched and played with a
+    new seed, and the claims must not be much higher than these results.
 
-    Trust models of other packages run in processes of their own, which get ratings and nothing else of a game. The
-    suite has to be one of this package, recognised by its hash. The file may only name what is installed, unless
-    --allow-code is given. The exit code is 1 if a check fails, and 2 if the file cannot be read.
+    Trust models of other packages run in processes of their own, which get ratings and nothing else of a game. Some
+    games are played again alone, and trust in them must be the same. The suite has to be one of this package,
+    recognised by its hash. The file may only name what is installed, unless --allow-code is given. The exit code is 1
+    if a check fails, and 2 if the file cannot be read.
 
     [bold]Examples[/]
 
-    [dim]# ten cells, drawn at random[/]
+    [dim]# all cells, before the entry is ranked[/]
     [cyan]roletrust verify mymodel.json[/]
 
-    [dim]# the same cells again, and more of them[/]
-    [cyan]roletrust verify mymodel.json --cells 50 --seed 7[/]
+    [dim]# ten cells, drawn at random, for a first look; --seed draws them again[/]
+    [cyan]roletrust verify mymodel.json --cells 10 --seed 7[/]
     """
     require("verifying", "train", "scipy", "cma", "torch", "stable_baselines3")
     found, suite = read_submission(file)
@@ -147,7 +148,8 @@ def verify(
         check_installed_names(suite)
     checks = check_claims(found, suite, own_suite=own_suite)
     seed = secrets.randbelow(2**32) if seed is None else seed
-    claims, same = sample_claims(found, number, seed), is_same_platform(found)
+    claims = sample_claims(found, len(found.cells) if number is None else number, seed)
+    same = is_same_platform(found)
     replayed, asked = [], []
     # Rounding decides what a search finds, so elsewhere the attackers of the claims play.
     records: dict[AnyCell, str] = {} if same else {claim.cell: claim.record for claim in claims}
@@ -171,6 +173,8 @@ def verify(
         table.add_row(verdict, escape(check.subject), escape(check.message))
     console.print(table)
     console.print(f"{len(replayed)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
+    if len(replayed) < len(found.cells):
+        console.print("[yellow]An entry is ranked only once all its cells have been played: leave out --cells.[/]")
     if not all(check.ok for check in checks):
         raise typer.Exit(1)
 

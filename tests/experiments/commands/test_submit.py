@@ -1,5 +1,6 @@
 """`roletrust submit` and `roletrust verify`: what is true is found so, and what is not is told."""
 
+import copy
 import json
 import os
 import sys
@@ -14,7 +15,7 @@ from command_line import run
 from roletrust_env.benchmarking import verification
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.submission import ClaimedMetrics, suite_hash
+from roletrust_env.benchmarking.submission import ClaimedMetrics, model_scores, suite_hash
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
@@ -68,6 +69,7 @@ def test_games_with_a_new_seed_are_played_unless_left_out(in_process: None, veri
     assert "in games with a new seed" in told
     code, told = verified(lambda said: None, "--cells", "4", "--workers", "1", "--no-fresh")
     assert code == 0, told
+    assert "An entry is ranked only once all its cells have been played" in told
     assert "new seed" not in told
 
 
@@ -178,6 +180,32 @@ def test_utilities_that_are_a_little_too_high_everywhere_are_found(in_process: N
     assert "claimed" not in told.partition("cell mean")[2].partition("bias of")[0]  # each is within its interval
     assert "not ok bias of utility" in told
     assert "ok bias of chosen utility" in told
+
+
+@pytest.mark.slow
+def test_utilities_that_are_hardly_too_high_are_found_over_all_cells(tmp_path: Path) -> None:
+    suite = tiny(methods=["scripted"], models=["mean"], seeds=list(range(8)))
+    path = tmp_path / "theirs.json"
+    assert run("submit", str(played(tmp_path, suite)), "--out", str(path)).exit_code == 0
+    true = json.loads(path.read_text())
+    for raised, code in ((0.0, 0), (0.4, 1)):
+        said = copy.deepcopy(true)
+        other_versions(said)
+        for row in (row for one in said["cells"] for row in one["attacks"]):
+            for name in ("utility", "published"):
+                row["measured"][name]["mean"] += raised * row["measured"][name]["half_95"]
+        path.write_text(json.dumps(said))
+        found, as_said = read_submission(path)
+        scores = model_scores(as_said, [claim.as_single_game() for claim in found.cells])
+        for name in ("clean", "worst", "published", "ensemble", "open_worst"):
+            said["standings"]["mean"][name]["mean"] = getattr(scores["mean"], name).mean
+        path.write_text(json.dumps(said))
+        result = run("verify", str(path), "--own-suite", "--workers", "2")
+        told = " ".join(result.output.split())
+        assert result.exit_code == code, told
+        assert ("not ok bias of the worst skill" in told) == (raised > 0)
+        assert "not ok cell" not in told
+        assert "all its cells" not in told
 
 
 def test_an_easier_suite_is_no_entry(tmp_path: Path, text: str) -> None:
