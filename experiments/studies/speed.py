@@ -11,6 +11,9 @@ import importlib.util
 import io
 import itertools
 import os
+import subprocess
+import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -33,6 +36,20 @@ _BEFORE = 100  # rounds before the clock starts, in which our games are traced
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
 _JAX_ROUNDS = 16  # in one call
 _HEADINGS = ["contestant", "games", "M agent-steps/s", "least", "greatest", "times the peer"]
+_FORMS = ["scenario", "forms of a round", "s to trace", "s to compile", "s to find them in the cache"]
+_ABOUT_FORMS = "All forms of the rounds of one scenario; they are compiled beside the play, and nobody waits for it."
+_PREPARE = """
+import sys, time
+from roletrust_env import parallel_env
+env = parallel_env(sys.argv[1])
+env.reset(seed=0)
+for _ in range(30):
+    env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+began = time.perf_counter()
+env.rounds.compile()
+forms = env.rounds.forms
+print(len(forms), f"{sum(form.trace_s for form in forms):.2f} {time.perf_counter() - began:.2f}")
+"""
 _PRESETS = ("paper-3x3", "peers", "robots-that-move", "crowd-10x10")
 _TASKS = ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack")
 
@@ -71,9 +88,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
             [name, f"{games:,}", *(f"{x:.3f}" for x in rate), f"{ratio:.1f}" if ratio else "-"]
             for name, games, *rate, ratio in rows
         ]
-        study.page(
-            "speed.md", "# Speed", markdown_table(_HEADINGS, lines, 1), f"Made by `{study.command}` on {machine()}."
-        )
+        times = markdown_table(_FORMS, [[preset, *preparation(preset)] for preset in _PRESETS], 1)
+        table = markdown_table(_HEADINGS, lines, 1)
+        study.page("speed.md", "# Speed", table, _ABOUT_FORMS, times, f"Made by `{study.command}` on {machine()}.")
+
+
+def preparation(preset: str) -> list[str]:
+    """Return the number of forms of a round, and the seconds to trace them, to compile them, and to find them again."""
+    with tempfile.TemporaryDirectory() as folder:
+        command, environment = [sys.executable, "-c", _PREPARE, preset], {**os.environ, "XDG_CACHE_HOME": folder}
+        runs = [subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
+    first, then = (run.stdout.split() for run in runs)
+    return [*first, then[-1]]
 
 
 def one_environment(preset: str, seed: int) -> Contestant:

@@ -30,17 +30,16 @@ class Memory:
         n_called: Number of the numbers that called functions take and return, or more.
 
     Attributes:
-        shapes: The same shapes.
         pointers: Addresses of the first number, and of the first in `called`.
         actions: Actions of a round.
         noise: Fields of the noise that are there.
         results: What a round returns; None as the round has it.
         state: Numbers of the state, which a round replaces.
         called: Numbers that called functions take and return.
+        calls: Functions that a round calls, part by part, with their arguments and results, by the round.
     """
 
     def __init__(self, shapes: Sequence[tuple[int, ...] | None], n_noise: int, size: int, n_called: int) -> None:
-        self.shapes = shapes
         ends = [0, *accumulate(0 if shape is None else math.prod(shape) for shape in shapes)]
         whole, self.called = np.zeros(ends[-1] + size), np.zeros(n_called)
         parts: list[Any] = [
@@ -50,10 +49,7 @@ class Memory:
         self.pointers = ctypes.c_void_p(whole.ctypes.data), ctypes.c_void_p(self.called.ctypes.data)
         self.actions, self.noise, self.results = parts[0], parts[1 : 1 + n_noise], parts[1 + n_noise :]
         self.state = whole[ends[-1] :]
-
-    def holds(self, shapes: Sequence[tuple[int, ...] | None], size: int, n_called: int) -> bool:
-        """Return whether a round can play here. Arguments as for the class."""
-        return self.shapes is shapes and len(self.state) >= size and len(self.called) >= n_called
+        self.calls: dict[CompiledRound, list[list[tuple[Callable[..., Array], list[Array], Array]]]] = {}
 
 
 class CompiledRound:
@@ -148,10 +144,17 @@ class CompiledRound:
     def play(self, memory: Memory) -> None:
         """Play the round."""
         at, called = memory.pointers
-        for part, calls in zip(self._parts, self._calls, strict=False):
+        calls = memory.calls.get(self)
+        if calls is None:
+            numbers = memory.called
+            calls = memory.calls[self] = [
+                [(function, [numbers[cut] for cut in given], numbers[found]) for function, given, found in stage]
+                for stage in self._calls
+            ]
+        for part, stage in zip(self._parts, calls, strict=False):
             part(at, called)
-            for function, given, found in calls:
-                memory.called[found] = function(*[memory.called[place] for place in given])
+            for function, given, found in stage:
+                found[:] = function(*given)
         self._parts[-1](at, called)
 
 

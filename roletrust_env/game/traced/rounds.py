@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, is_dataclass
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -188,7 +189,10 @@ class Form:
         unchecked: Number of rounds for which it is still to be compared with the rules.
         compiled: The round in C, once it is compiled.
         shapes: Shapes of the actions, of each field of the noise and of each result.
+        trace_s: Time that it took to trace and to write it, in seconds.
     """
+
+    trace_s: float
 
     def __init__(
         self,
@@ -362,7 +366,7 @@ class Rounds:
         if compiled is None:
             played: Sequence[Any] = form.play(self._numbers, actions, noise)
             return played
-        if memory is None or not memory.holds(form.shapes, compiled.size, compiled.n_called):
+        if memory is None or len(memory.state) < compiled.size or len(memory.called) < compiled.n_called:
             memory = self._memory = Memory(form.shapes, len(form.fields), compiled.size, compiled.n_called)
         if self._numbers is not memory.state:
             memory.state[: len(self._numbers)] = self._numbers
@@ -428,7 +432,7 @@ class Rounds:
         Raises:
             Untraceable: The round cannot be written.
         """
-        layout, known, state = self._layout, self._known, self.state
+        layout, known, state, began = self._layout, self._known, self.state, perf_counter()
         assert layout is not None  # it is None for games that are not traced
         if len(self.forms) >= _MOST_FORMS:
             raise Untraceable(f"its rounds have more than {_MOST_FORMS} forms")
@@ -460,6 +464,7 @@ class Rounds:
         if shapes != known.shapes:
             raise Untraceable("its rounds have vectors of many lengths")
         form = Form(tape, inputs, [outputs, *read], fields, known.shapes, following, assumed)
+        form.trace_s = perf_counter() - began
         known.of(layout).append(form)
         return form
 

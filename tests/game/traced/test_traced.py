@@ -110,6 +110,28 @@ def test_compiled_rounds_play_to_the_bit_as_untraced(monkeypatch: pytest.MonkeyP
 
 
 @needs_compiler
+def test_copies_and_refusals_in_the_middle_of_compiled_rounds_go_on_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rounds, "_KNOWN", {})
+    env, plain = both_ways(monkeypatch, parallel_env)
+    played(env)
+    env.rounds.compile()
+    for one in (env, plain):
+        played(one, n=20)
+    assert repr(env.rounds) == "traced, compiled"
+    twins = [copy.deepcopy(env), pickle.loads(pickle.dumps(env)), env]
+    actions = {a: env.action_space(a).sample() for a in env.agents}
+    for k in range(12):
+        if k == 6:  # a round in C that differs is given up
+            form = env.rounds._form
+            monkeypatch.setattr(form.compiled, "play", lambda memory: memory.state.fill(0.5))
+            form.unchecked = 1
+        expected = bits([plain.step(actions), plain.state()])
+        assert all(bits([twin.step(actions), twin.state()]) == expected for twin in twins)
+    assert form.compiled is None
+    assert "untraced" not in repr(env)
+
+
+@needs_compiler
 @pytest.mark.slow
 def test_every_model_and_feature_plays_to_the_bit_when_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     n_compiled = {
