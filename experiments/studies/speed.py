@@ -149,14 +149,12 @@ def adversary_in_turn(seed: int) -> Contestant:
 
 def simple_spread(games: int, seed: int) -> Contestant:
     """Return the batched environment of VMAS with three agents and continuous actions."""
-    # VMAS imports the old gym, which prints that it is no longer maintained.
     with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        import vmas
+        import vmas  # and the old gym, which prints that it is no longer maintained
 
         env = vmas.make_env("simple_spread", num_envs=games, device="cpu", continuous_actions=True, seed=seed)
-    samples = [[env.get_random_action(agent) for agent in env.agents] for _ in range(_BATCH_SAMPLES)]
-    actions = itertools.cycle(samples)
+    actions = itertools.cycle([[env.get_random_action(agent) for agent in env.agents] for _ in range(_BATCH_SAMPLES)])
     return Contestant("VMAS simple_spread", lambda: env.step(next(actions)), games * len(env.agents))
 
 
@@ -180,9 +178,8 @@ def batch(library: str, games: int, seed: int) -> Contestant:
         state, rewards = game.step(state, joint, game.noise(key, state.round.shape))
         return state, rewards, game.observations(state)
 
-    step: Callable[..., Any] = (
-        compiled(advance) if library == COMPILED else Kernel(advance) if library == "C" else advance
-    )
+    compilers: dict[str, Any] = {COMPILED: compiled, "C": Kernel}
+    step = compilers.get(library, partial)(advance)
 
     def play() -> Iterable[None]:
         while True:
@@ -254,9 +251,8 @@ def attack_tasks(games: int, threads: int, seed: int) -> Contestant:
     env.reset(seed=seed)
     env.action_space.seed(seed)
     actions = env.action_space.sample()
-    return Contestant(
-        f"attack task batch{', C' * threads}", lambda: env.step(actions), games * len(env.task.game.roster.names)
-    )
+    name = f"attack task batch{', C' * threads}"
+    return Contestant(name, lambda: env.step(actions), games * len(env.task.game.roster.names))
 
 
 def _warm(name: str, step: Callable[[], None], amount: int, rounds: Rounds) -> Contestant:
