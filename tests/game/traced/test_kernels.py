@@ -56,7 +56,7 @@ def test_a_kernel_plays_as_numpy_does_in_either_precision(monkeypatch):
 
 @pytest.mark.slow
 def test_all_models_have_a_kernel_or_a_reason():
-    for name in trust_models:
+    for name in trust_models():
         for preset, dtype, rounding in (("paper-3x3", np.float32, 3e-5), ("paper-3x3", np.float64, 1e-12)):
             game = Game(make_scenario(preset), name, like=np.zeros((), dtype))
             if name not in NO_KERNEL:
