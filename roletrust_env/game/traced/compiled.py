@@ -92,9 +92,10 @@ class CompiledRound:
                 return False
             try:
                 self._source = self._source or self._written(*self._round)
-            except Untraceable:
+                self._object = SharedObject(self._source, FLAGS)
+            except (Untraceable, OSError):  # such as a full disk
                 return True
-            self._object, self._round = SharedObject(self._source, FLAGS), None
+            self._round = None
             _running[:] = [*(one for one in _running if not one.ready), self._object]
         if not wait and not self._object.ready:
             return False

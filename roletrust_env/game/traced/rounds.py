@@ -400,6 +400,8 @@ class Rounds:
     def _play_anew(self, actions: Any, noise: Any, *further: Any) -> Sequence[Any]:
         """Play a round that is not traced, or is to be traced, or to be compared with the rules."""
         known, form = self._known, self._form
+        if known.reason is None and form is None and self._layout is not None:
+            form = _fitting(known.of(self._layout), self._numbers)  # another game may have traced it meanwhile
         if known.reason is None and form is None:
             try:
                 form = self._trace(np.asarray(actions), noise, len(further))

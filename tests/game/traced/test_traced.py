@@ -272,6 +272,17 @@ def test_a_policy_that_leaves_the_array_of_symbols_is_not_traced(
     assert seen[0] == seen[1]
 
 
+def test_games_side_by_side_trace_a_round_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rounds, "_KNOWN", {})
+    envs = [RaterAttackEnv() for _ in range(7)]
+    for env in envs:
+        env.reset(seed=1)
+    for _ in range(4):
+        for env in envs:
+            env.step(np.ones(3, np.float32))
+    assert len(envs[0].rounds.forms) == 3
+
+
 def test_a_copy_knows_the_rounds_of_policies_that_are_copied_too() -> None:
     class Bad(Policy):
         attacks = frozenset({"quality"})
