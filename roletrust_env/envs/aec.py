@@ -37,6 +37,7 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
     agent_selection: str
     terminations: dict[str, bool]
     truncations: dict[str, bool]
+    _singles: list[Any]  # actions of this round, as bytes, see `JointAction.single`
     _waits: bool  # for `step`, in a loop
     _first: str  # of those that are present
     _next: dict[str, str]  # who acts after an agent; nobody after the last
@@ -53,7 +54,7 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """See `pettingzoo.AECEnv.reset`."""
         super().reset(seed, options)
-        self._waits = False
+        self._waits, self._singles = False, []
         self._begin_turns()
 
     def agent_iter(self, max_iter: int = 2**63) -> Iterator[str]:
@@ -95,16 +96,21 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
                 raise ValueError(f"the part of {agent!r} has ended; its action must be None")
             super().step(None)
             return
-        if complaint := self.env.joint.complaint(agent, action):
+        joint = self.env.joint
+        single = joint.single(agent, action)
+        if single is None and (complaint := joint.complaint(agent, action)):
             raise ValueError(complaint)
         self._actions[agent] = action
+        self._singles.append(single)
         following = self._next.get(agent)
         if following is not None:
             if agent == self._first:
                 self._clear_rewards()
             self.agent_selection = following
             return
-        played = self.env.step(self._actions)
+        singles, self._singles = self._singles, []
+        plain = len(singles) == len(self.possible_agents) and None not in singles
+        played = self.env.advance(joint.joined(singles) if plain else joint.read(self._actions, self.env.agents))
         self._observations, self.rewards, self.terminations, self.truncations, self.infos = played
         self._cumulative_rewards = self.rewards.copy()
         if self.agents == self.env.agents:

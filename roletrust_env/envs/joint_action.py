@@ -77,7 +77,18 @@ class JointAction:
             singles = b"".join(parts)
         except (LookupError, AttributeError, TypeError, RuntimeError, ValueError, BufferError):
             return None
-        return np.frombuffer(singles, np.float32).astype(np.float64) if singles_within(singles) else None
+        return self.joined([singles]) if singles_within(singles) else None
+
+    def single(self, agent: str, action: Any) -> bytes | None:
+        """Return the action of an agent as bytes of float32; None if it is no array of these, or not valid."""
+        if type(action) is np.ndarray and action.dtype is _SINGLE and action.shape == self._slots[agent][0]:
+            floats = action.tobytes()
+            return floats if singles_within(floats) else None
+        return None
+
+    def joined(self, singles: Sequence[bytes]) -> npt.NDArray[np.float64]:
+        """Return the actions of all agents in one vector, see `single`."""
+        return np.frombuffer(b"".join(singles), np.float32).astype(np.float64)
 
     def _joined(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64]:
         """Return the actions in one vector; a quick path without a check of single actions."""
@@ -119,10 +130,9 @@ class JointAction:
         """Return the error in an agent's action, with what is allowed; None for a valid action."""
         if agent not in self._slots:
             return f"there is no agent {agent!r}; there are {shown(list(self._slots))}"
-        shape = self._slots[agent][0]
-        known = type(action) is np.ndarray and action.dtype is _SINGLE and action.shape == shape
-        if known and singles_within(action.tobytes()):
+        if self.single(agent, action) is not None:
             return None
+        shape = self._slots[agent][0]
         try:
             action = np.asarray(action)
         except (ValueError, TypeError, RuntimeError) as error:  # rows of unequal lengths, or a tensor on a device

@@ -232,7 +232,13 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             if self._random is not None and actions == {}:
                 return {}, {}, {}, {}, {}
             raise RuntimeError("call reset() before step(): there is no episode, or it is over")
-        joint = self.joint.read(actions, self.agents)
+        return self.advance(self.joint.read(actions, self.agents))
+
+    def advance(
+        self, joint: npt.NDArray[np.float64]
+    ) -> tuple[dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """Play one round with actions that are checked already, see `JointAction`. Returns what `step` returns."""
+        assert self._random is not None  # there is an episode
         rewards, seen, told, received, phase = self.rounds.play(joint, self.game.draw(self._random))
         told = _numbers(told)
         over = told[0] >= self.game.scenario.max_cycles
