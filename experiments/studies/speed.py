@@ -3,7 +3,7 @@
 Peers are measured if they are installed; all contestants take turns. A step includes all that a learner needs: drawing
 noise, playing the round, and computing observations and rewards. The table shows the median of the repeats, the least
 and the greatest; and the ratio to the peer, which is the first of its group: the lower quartile over the turns. Some
-minutes.
+minutes. `--device cuda` measures the batches that run on a GPU.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -34,7 +34,7 @@ from studies.timing import COMPILED, Contestant, compiled, machine, measure, sou
 _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, and used in turn
 _BEFORE = 100  # rounds before the clock starts, in which our games are traced
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
-_JAX_ROUNDS = 16  # in one call
+_ROUNDS = 16  # of a batch in one step
 _HEADINGS = ["contestant", "games", "M agent-steps/s", "least", "greatest", "times the peer"]
 _FORMS = ["scenario", "forms of a round", "s to trace", "s to compile", "s to find them in the cache"]
 _ABOUT_FORMS = "All forms of the rounds of one scenario; they are compiled beside the play, and nobody waits for it."
@@ -55,28 +55,37 @@ _TASKS = ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack")
 
 
 class Options(NamedTuple):
-    """Sizes of the batches."""
+    """Sizes of the batches, and the device of torch and JAX."""
 
     games: tuple[int, ...] = (1024, 8192, 65536)
+    device: str = "cpu"
 
 
+_Entry = tuple[str, Callable[..., Contestant]]  # the package that a contestant needs, and what makes it
 RECIPES = {"speed": Recipe(Options())}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Time all contestants, the peer of each size first, and write the table."""
     with Study(__name__, RECIPES, arguments) as study, one_thread():
-        groups: list[tuple[int, list[tuple[str, Callable[[int], Contestant]]]]] = [
-            (1, [("mpe2", simple_adversary), *(("numpy", partial(one_environment, preset)) for preset in _PRESETS)]),
-            (1, [("mpe2", adversary_in_turn), *(("numpy", partial(agents_in_turn, preset)) for preset in _PRESETS)]),
-            (1, [("mpe2", simple_adversary), *(("numpy", partial(one_task, task)) for task in _TASKS)]),
-        ]
+        device = study.options.device
+        os.environ.setdefault("JAX_PLATFORMS", device)  # before JAX is imported
+        os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+        groups: list[tuple[int, list[_Entry]]] = []
+        if device == "cpu":
+            for turns in (False, True):
+                ours = (("numpy", partial(one_environment, preset, turns)) for preset in _PRESETS)
+                groups.append((1, [("mpe2", partial(simple_adversary, turns)), *ours]))
+            tasks = (("numpy", partial(one_task, task)) for task in _TASKS)
+            groups.append((1, [("mpe2", partial(simple_adversary, False)), *tasks]))
         for games in study.options.games:
-            ours = [("numpy", partial(attack_tasks, games, threads)) for threads in (0, 1)]
-            libraries = ("NumPy", "numpy"), ("C", "numpy"), ("torch", "torch"), (COMPILED, "torch")
-            ours += [(package, partial(batch, library, games)) for library, package in libraries]
-            on_jax = ("jaxmarl", partial(simple_spread_on_jax, games)), ("jax", partial(batch_on_jax, games))
-            groups.append((games, [("vmas", partial(simple_spread, games)), *ours, *on_jax]))
+            on_torch = [("torch", partial(batch, library, device)) for library in ("torch", COMPILED)]
+            entries: list[_Entry] = [("jaxmarl", simple_spread_on_jax), ("jax", batch_on_jax), *on_torch]
+            if device == "cpu":
+                on_numpy = [partial(attack_tasks, threads) for threads in (0, 1)]
+                on_numpy += [partial(batch, library, device) for library in ("NumPy", "C")]
+                entries = [("vmas", simple_spread), *(("numpy", make) for make in on_numpy), *entries]
+            groups.append((games, [(package, partial(make, games)) for package, make in entries]))
         rows = []
         for games, entries in groups:
             made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
@@ -88,9 +97,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             [name, f"{games:,}", *(f"{x:.3f}" for x in rate), f"{ratio:.1f}" if ratio else "-"]
             for name, games, *rate, ratio in rows
         ]
-        times = markdown_table(_FORMS, [[preset, *preparation(preset)] for preset in _PRESETS], 1)
-        table = markdown_table(_HEADINGS, lines, 1)
-        study.page("speed.md", "# Speed", table, _ABOUT_FORMS, times, f"Made by `{study.command}` on {machine()}.")
+        times = [[preset, *preparation(preset)] for preset in _PRESETS if device == "cpu"]
+        forms = [_ABOUT_FORMS, markdown_table(_FORMS, times, 1)] if times else []
+        table, made_by = markdown_table(_HEADINGS, lines, 1), f"Made by `{study.command}` on {machine()}."
+        study.page("speed.md", "# Speed", table, *forms, made_by)
 
 
 def preparation(preset: str) -> list[str]:
@@ -102,17 +112,9 @@ def preparation(preset: str) -> list[str]:
     return [*first, then[-1]]
 
 
-def one_environment(preset: str, seed: int) -> Contestant:
-    """Return a scenario as a PettingZoo parallel environment."""
-    env = parallel_env(preset)
-    return _warm(f"{preset}, parallel", _player(env, seed), len(env.possible_agents), env.rounds)
-
-
-def agents_in_turn(preset: str, seed: int) -> Contestant:
-    """Return a scenario as a PettingZoo environment in which agents act in turn."""
-    made = env(preset)
-    inner: Any = made.unwrapped
-    return _warm(f"{preset}, in turn", _turns(made, seed), len(made.possible_agents), inner.rounds)
+def one_environment(preset: str, in_turn: bool, seed: int) -> Contestant:
+    """Return a scenario as a PettingZoo environment in which agents act at once, or in turn."""
+    return _in_pettingzoo(preset, env(preset) if in_turn else parallel_env(preset), in_turn, seed)
 
 
 def one_task(name: str, seed: int) -> Contestant:
@@ -131,20 +133,37 @@ def one_task(name: str, seed: int) -> Contestant:
     return _warm(f"{name}, gymnasium.make", step, len(inner.task.game.roster.names), inner.rounds)
 
 
-def simple_adversary(seed: int) -> Contestant:
+def simple_adversary(in_turn: bool, seed: int) -> Contestant:
     """Return the environment of mpe2, with episodes of the same length as ours."""
-    from mpe2 import simple_adversary_v3
+    from mpe2 import simple_adversary_v3 as peer
 
-    env = simple_adversary_v3.parallel_env(max_cycles=make_scenario("paper-3x3").max_cycles)
-    return Contestant("mpe2 simple_adversary", _player(env, seed), len(env.possible_agents))
+    made = (peer.env if in_turn else peer.parallel_env)(max_cycles=make_scenario("paper-3x3").max_cycles)
+    return _in_pettingzoo("mpe2 simple_adversary", made, in_turn, seed)
 
 
-def adversary_in_turn(seed: int) -> Contestant:
-    """Return the same environment of mpe2 with agents in turn."""
-    from mpe2 import simple_adversary_v3
+def _in_pettingzoo(name: str, env: Any, in_turn: bool, seed: int) -> Contestant:
+    """Return an environment under random actions; a step is that of all agents."""
+    env.reset(seed=seed)
+    spaces = {agent: env.action_space(agent) for agent in env.possible_agents}
+    for i, space in enumerate(spaces.values()):
+        space.seed(seed + i)
+    actions = itertools.cycle([{agent: space.sample() for agent, space in spaces.items()} for _ in range(_SAMPLES)])
 
-    env = simple_adversary_v3.env(max_cycles=make_scenario("paper-3x3").max_cycles)
-    return Contestant("mpe2 simple_adversary, in turn", _turns(env, seed), len(env.possible_agents))
+    def step() -> None:
+        if not env.agents:
+            env.reset()
+        env.step(next(actions))
+
+    def turns() -> None:
+        chosen = next(actions)
+        for _ in spaces:
+            if not env.agents:
+                env.reset()
+            _, _, terminated, truncated, _ = env.last()
+            env.step(None if terminated or truncated else chosen[env.agent_selection])
+
+    name, own = f"{name}, {'in turn' if in_turn else 'parallel'}", getattr(env.unwrapped, "rounds", None)
+    return _warm(name, turns if in_turn else step, len(spaces), own)
 
 
 def simple_spread(games: int, seed: int) -> Contestant:
@@ -158,17 +177,18 @@ def simple_spread(games: int, seed: int) -> Contestant:
     return Contestant("VMAS simple_spread", lambda: env.step(next(actions)), games * len(env.agents))
 
 
-def batch(library: str, games: int, seed: int) -> Contestant:
+def batch(library: str, device: str, games: int, seed: int) -> Contestant:
     """Return a batch of games of the paper's scenario in float32, with all that a learner needs of a step.
 
     A step draws noise, plays the round, and computes observations and rewards. Finished games start again.
 
     Args:
         library: `NumPy`, `C`, which is a kernel, `torch` or `COMPILED`.
+        device: Device of torch.
         games: Size of the batch.
         seed: Random seed of noise and actions.
     """
-    like, random = source(library, seed)
+    like, random = source(library, seed, device)
     game = Game(make_scenario("paper-3x3"), like=like)
     s, p = game.roster.n_raters, game.roster.n_providers
     samples = [Actions(random.uniform((p, games)), random.uniform((s, p, games))) for _ in range(_BATCH_SAMPLES)]
@@ -179,21 +199,28 @@ def batch(library: str, games: int, seed: int) -> Contestant:
         return state, rewards, game.observations(state)
 
     compilers: dict[str, Any] = {COMPILED: compiled, "C": Kernel}
-    step = compilers.get(library, partial)(advance)
+    played = compilers.get(library, partial)(advance)
 
-    def play() -> Iterable[None]:
+    def play() -> Iterator[None]:
         while True:
             state = game.start(game.draw(random, (games,), start=True))
             for _ in range(game.scenario.max_cycles):
-                state, *_ = step(state, next(actions), random.round_key())
+                state, *_ = played(state, next(actions), random.round_key())
                 yield
 
-    rounds = iter(play())
+    rounds = play()
     with warnings.catch_warnings():  # on caches that torch.compile looks through
         warnings.simplefilter("ignore")
         for _ in range(4):  # the first rounds are of three kinds
             next(rounds)
-    return Contestant(f"{library} batch", lambda: next(rounds), games * len(game.roster.names))
+
+    def step() -> None:
+        for _ in range(_ROUNDS):
+            next(rounds)
+        if device != "cpu":
+            like.sum().item()  # waits until the device is done
+
+    return Contestant(f"{library} batch", step, _ROUNDS * games * len(game.roster.names))
 
 
 def batch_on_jax(games: int, seed: int) -> Contestant:
@@ -211,35 +238,31 @@ def simple_spread_on_jax(games: int, seed: int) -> Contestant:
 
 
 def _on_jax(name: str, env: Any, games: int, seed: int) -> Contestant:
-    """Return a batch of an environment in JaxMARL's form: one call plays some rounds with random actions."""
-    os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+    """Return a batch of an environment in JaxMARL's form: one call plays rounds and carries what agents see along."""
     import jax
 
-    sizes = {agent: env.action_space(agent).shape for agent in env.agents}
-
-    def play(states: Any, key: Any) -> tuple[Any, Any]:
-        key, *keys = jax.random.split(key, 1 + len(sizes))
-        actions = {
-            agent: jax.random.uniform(k, (games, *size)) for (agent, size), k in zip(sizes.items(), keys, strict=True)
-        }
-        seen, states, rewards, *_ = jax.vmap(env.step)(jax.random.split(key, games), states, actions)
-        return states, (sum(map(jax.numpy.sum, seen.values())), rewards)
-
-    rounds = jax.jit(lambda key, states: jax.lax.scan(play, states, jax.random.split(key, _JAX_ROUNDS)))
     key = jax.random.key(seed)
-    _, states = jax.jit(jax.vmap(env.reset))(jax.random.split(key, games))
+    shapes = {agent: (_ROUNDS, games, *env.action_space(agent).shape) for agent in env.agents}
+    actions = {agent: jax.random.uniform(jax.random.fold_in(key, i), shapes[agent]) for i, agent in enumerate(shapes)}
+
+    def play(begun: tuple[Any, Any], sample: tuple[Any, Any]) -> tuple[Any, Any]:
+        key, actions = sample
+        seen, states, rewards, *_ = jax.vmap(env.step)(jax.random.split(key, games), begun[1], actions)
+        return (seen, states), rewards
+
+    rounds = jax.jit(lambda begun, key, actions: jax.lax.scan(play, begun, (jax.random.split(key, _ROUNDS), actions)))
+    begun = jax.jit(jax.vmap(env.reset))(jax.random.split(key, games))
 
     def step() -> None:
-        nonlocal key, states
+        nonlocal key, begun
         key = jax.random.fold_in(key, 0)
-        states, outcome = rounds(key, states)
-        jax.block_until_ready(outcome)
+        begun, _ = jax.block_until_ready(rounds(begun, key, actions))
 
     step()  # compiles
-    return Contestant(name, step, _JAX_ROUNDS * games * len(env.agents))
+    return Contestant(name, step, _ROUNDS * games * len(env.agents))
 
 
-def attack_tasks(games: int, threads: int, seed: int) -> Contestant:
+def attack_tasks(threads: int, games: int, seed: int) -> Contestant:
     """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, as learners play it.
 
     Args:
@@ -255,48 +278,14 @@ def attack_tasks(games: int, threads: int, seed: int) -> Contestant:
     return Contestant(name, lambda: env.step(actions), games * len(env.task.game.roster.names))
 
 
-def _warm(name: str, step: Callable[[], None], amount: int, rounds: Rounds) -> Contestant:
-    """Return a contestant that has played some rounds, and has compiled them if the machine has a compiler."""
+def _warm(name: str, step: Callable[[], None], amount: int, rounds: Rounds | None) -> Contestant:
+    """Return a contestant that has played some rounds, and has compiled its own if the machine has a compiler."""
     for _ in range(2):  # compiled rounds are compared with the rules, too
         for _ in range(_BEFORE):
             step()
-        rounds.compile()
+        if rounds is not None:
+            rounds.compile()
     return Contestant(name, step, amount)
-
-
-def _player(env: Any, seed: int) -> Callable[[], None]:
-    """Return a step of a PettingZoo environment under random actions."""
-    env.reset(seed=seed)
-    spaces = {agent: env.action_space(agent) for agent in env.possible_agents}
-    for i, space in enumerate(spaces.values()):
-        space.seed(seed + i)
-    samples = [{agent: space.sample() for agent, space in spaces.items()} for _ in range(_SAMPLES)]
-    actions = itertools.cycle(samples)
-
-    def step() -> None:
-        if not env.agents:
-            env.reset()
-        env.step(next(actions))
-
-    return step
-
-
-def _turns(env: Any, seed: int) -> Callable[[], None]:
-    """Return a turn of every agent of a PettingZoo environment under random actions."""
-    env.reset(seed=seed)
-    spaces = {agent: env.action_space(agent) for agent in env.possible_agents}
-    for i, space in enumerate(spaces.values()):
-        space.seed(seed + i)
-    samples = {agent: itertools.cycle([space.sample() for _ in range(_SAMPLES)]) for agent, space in spaces.items()}
-
-    def step() -> None:
-        for _ in spaces:
-            if not env.agents:
-                env.reset()
-            _, _, terminated, truncated, _ = env.last()
-            env.step(None if terminated or truncated else next(samples[env.agent_selection]))
-
-    return step
 
 
 if __name__ == "__main__":

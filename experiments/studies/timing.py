@@ -135,13 +135,13 @@ def compiled(step: Callable[..., Any]) -> Callable[..., Any]:
     return in_inference
 
 
-def source(library: str, seed: int) -> tuple[Any, Random]:
-    """Return an array with the library and dtype, and a matching source of random numbers."""
+def source(library: str, seed: int, device: str = "cpu") -> tuple[Any, Random]:
+    """Return an array with the library, device and dtype, and a matching source of random numbers."""
     like: Any = np.zeros((), np.float32)
     if "torch" in library:
         import torch
 
-        like = torch.zeros(())
+        like = torch.zeros((), device=device)
     return like, Random(np.random.default_rng(seed), like)
 
 

@@ -59,18 +59,19 @@ def test_lists_have_a_row_for_each_model(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize(
-    "make",
+    ("make", "steps"),  # an episode has 240 rounds
     [
-        partial(speed.one_environment, "paper-3x3"),
-        speed.simple_adversary,
-        partial(speed.batch, "NumPy", 5),
-        partial(speed.batch, COMPILED, 5),
+        (partial(speed.one_environment, "paper-3x3", False), 250),
+        (partial(speed.one_environment, "paper-3x3", True), 250),
+        (partial(speed.simple_adversary, False), 250),
+        (partial(speed.batch, "NumPy", "cpu", 5), 16),
+        (partial(speed.batch, COMPILED, "cpu", 5), 16),
     ],
 )
-def test_contestants_play_on_past_the_end_of_an_episode(make: Any) -> None:
+def test_contestants_play_on_past_the_end_of_an_episode(make: Any, steps: int) -> None:
     pytest.importorskip("mpe2")
     contestant = make(0)
-    for _ in range(250):  # an episode has 240 rounds
+    for _ in range(steps):
         contestant.step()
 
 
