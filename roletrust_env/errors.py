@@ -45,4 +45,14 @@ def _explain(detail: Any) -> str:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= _MAX_LENGTH else f"{text[:_MAX_LENGTH]}..."
+    return printable(text if len(text) <= _MAX_LENGTH else f"{text[:_MAX_LENGTH]}...")
+
+
+def printable(text: str) -> str:
+    r"""Return a text of others on one line, where what could steer a terminal is escaped.
+
+    Example:
+        >>> print(printable("red" + chr(27) + "[31m" + chr(10) + "new line"))
+        red\x1b[31m\nnew line
+    """
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)

@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, Self
 
 from pydantic import Field, FiniteFloat, PositiveFloat, model_validator
 
+from roletrust_env.errors import printable
 from roletrust_env.evaluation.attackers import MAX_RECORD
 from roletrust_env.world.group import FrozenModel
 
@@ -130,5 +131,5 @@ class CellResult(NamedTuple):
 
 def reason(error: BaseException) -> str:
     """Return the message of an exception in one line. A type other than `ValueError` is part of it."""
-    line = " ".join(str(error).split()) or "no message"
+    line = printable(" ".join(str(error).split())) or "no message"
     return line if isinstance(error, ValueError) else f"{type(error).__name__}: {line}"

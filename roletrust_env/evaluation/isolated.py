@@ -23,6 +23,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 
 from roletrust_env.arrays import Array
+from roletrust_env.errors import printable
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust.model import Traits
 from roletrust_env.trust.ratings import Ratings
@@ -234,7 +235,7 @@ class IsolatedModel:
         except (OSError, EOFError):
             raise ValueError(f"{self}: the process has ended") from None
         if not answer.startswith(b"+"):
-            raise ValueError(f"{self}: {' '.join(answer[1:1000].decode('utf-8', 'replace').split())}")
+            raise ValueError(f"{self}: {printable(' '.join(answer[1:1000].decode('utf-8', 'replace').split()))}")
         stream, arrays = BytesIO(answer[1:]), []
         try:
             while stream.tell() < len(answer) - 1:

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.errors import printable
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.ratings import Ratings
 
@@ -43,6 +44,8 @@ LIMIT_S = 60.0
 
 _MOST_BYTES = 64_000_000  # of an answer
 _TOLD = 500  # characters of an error message of the other side that are shown
+_ENDS_S = 1.0  # seconds for a process without output to end by itself
+_WAITING = 100_000  # answers that nobody has asked for yet
 
 
 class LinkError(ValueError):
@@ -68,11 +71,14 @@ class ProcessLink:
             )
         except (OSError, ValueError, IndexError) as error:
             raise LinkError(f"it cannot be started ({error or 'the command is empty'})") from None
-        self._answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._messages: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._answers: queue.Queue[bytes] = queue.Queue(_WAITING)
         self._complaints: deque[bytes] = deque(maxlen=1)
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
-        threading.Thread(target=self._read, daemon=True).start()
+        # A process that never reads would hold up whoever writes to it, so a thread writes.
+        for work in (self._write, self._read):
+            threading.Thread(target=work, daemon=True).start()
 
     def ask(self, lines: Sequence[str]) -> list[str]:
         """Send lines and return as many lines of answer.
@@ -80,38 +86,45 @@ class ProcessLink:
         Raises:
             LinkError: The other side fails, or takes too long.
         """
-        # A process that never reads would hold up whoever writes to it, so a thread writes.
-        threading.Thread(target=self._write, args=(lines,), daemon=True).start()
+        self._send(lines)
         until, answers = monotonic() + self._limit_s, []
         for _ in lines:
             try:
                 answer = self._answers.get(timeout=max(0.0, until - monotonic()))
             except queue.Empty:
                 self.close()
-                raise LinkError(f"it has not answered for {self._limit_s:g} s{self._complaint()}") from None
+                raise _late(self._limit_s, self._complaint()) from None
             if not answer.endswith(b"\n"):
-                self._process.wait()
-                raise LinkError(f"it has ended with exit code {self._process.returncode}{self._complaint()}")
+                self._answers.put(answer)  # which is so for all further questions
+                with suppress(subprocess.TimeoutExpired):
+                    self._process.wait(_ENDS_S)
+                code = self._process.poll()
+                self.close()
+                what = "closed its output" if code is None else f"ended with exit code {code}"
+                raise LinkError(f"it has {what}{self._complaint()}")
             answers.append(answer.decode("utf-8", "replace"))
         return answers
 
     def tell(self, line: str) -> None:
         """Send a line that has no answer."""
-        self._write([line])
+        self._send([line])
 
     def close(self) -> None:
         """End the process."""
         self._process.kill()
         self._process.wait()
+        self._messages.put(b"")
 
-    def _write(self, lines: Sequence[str]) -> None:
+    def _send(self, lines: Sequence[str]) -> None:
+        self._messages.put("".join(f"{line}\n" for line in lines).encode())
+
+    def _write(self) -> None:
         stream = self._process.stdin
-        try:
-            assert stream is not None  # it is a pipe
-            stream.write("".join(f"{line}\n" for line in lines).encode())
-            stream.flush()
-        except OSError:
-            return  # it has ended; the missing answer tells
+        assert stream is not None  # it is a pipe
+        with suppress(OSError):  # it has ended; the missing answer tells
+            while message := self._messages.get():
+                stream.write(message)
+                stream.flush()
 
     def _read(self) -> None:
         stream = self._process.stdout
@@ -130,7 +143,7 @@ class ProcessLink:
         """Return the last line that the process, which has ended, wrote to its standard error."""
         self._listener.join(1.0)
         said = b"".join(self._complaints).decode("utf-8", "replace").strip()
-        return f": {said[:_TOLD]}" if said else ""
+        return f": {printable(said[:_TOLD])}" if said else ""
 
 
 class HttpLink:
@@ -138,10 +151,11 @@ class HttpLink:
 
     Args:
         url: Address of the service.
+        limit_s: Longest time for a whole answer, in seconds.
     """
 
-    def __init__(self, url: str) -> None:
-        self._url = url
+    def __init__(self, url: str, limit_s: float = LIMIT_S) -> None:
+        self._url, self._limit_s = url, limit_s
 
     def ask(self, lines: Sequence[str]) -> list[str]:
         """Send lines and return as many lines of answer. See `ProcessLink.ask`."""
@@ -158,19 +172,41 @@ class HttpLink:
         """Do nothing; each request has a connection of its own."""
 
     def _post(self, lines: Sequence[str]) -> str:
+        body = "".join(f"{line}\n" for line in lines).encode()
+        found: queue.SimpleQueue[bytes | LinkError] = queue.SimpleQueue()
+        # A service may send byte by byte, each in time, so a thread waits for the whole answer.
+        threading.Thread(target=lambda: found.put(self._answer(body)), daemon=True).start()
+        try:
+            answer = found.get(timeout=self._limit_s)
+        except queue.Empty:
+            raise _late(self._limit_s) from None
+        if isinstance(answer, LinkError):
+            raise answer
+        return answer.decode("utf-8", "replace")
+
+    def _answer(self, body: bytes) -> bytes | LinkError:
+        """Return the body of the response to a body, or what went wrong."""
         import urllib.error
         import urllib.request
 
-        body = "".join(f"{line}\n" for line in lines).encode()
-        request = urllib.request.Request(self._url, body, {"Content-Type": "application/x-ndjson"})
         try:
-            with urllib.request.urlopen(request, timeout=LIMIT_S) as response:
+            request = urllib.request.Request(self._url, body, {"Content-Type": "application/x-ndjson"})
+            with urllib.request.urlopen(request, timeout=self._limit_s) as response:
                 answer: bytes = response.read(_MOST_BYTES)
+                return LinkError("its answer breaks off, or is too long") if response.length else answer
         except urllib.error.HTTPError as error:
-            raise LinkError(f"it answered with status {error.code} {error.reason}") from None
-        except (OSError, ValueError) as error:
-            raise LinkError(f"it cannot be reached ({getattr(error, 'reason', error)})") from None
-        return answer.decode("utf-8", "replace")
+            error.close()
+            return LinkError(f"it answered with status {error.code} {printable(str(error.reason)[:_TOLD])}")
+        except TimeoutError:
+            return _late(self._limit_s)
+        except OSError as error:
+            return LinkError(f"it cannot be reached ({printable(str(getattr(error, 'reason', error))[:_TOLD])})")
+        except Exception as error:  # what is no HTTP raises many things
+            return LinkError(f"its answer is no HTTP ({type(error).__name__}: {printable(str(error)[:_TOLD])})")
+
+
+def _late(limit_s: float, complaint: str = "") -> LinkError:
+    return LinkError(f"it has not answered for {limit_s:g} s{complaint}")
 
 
 # --- games at the other side -------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, printable
 from roletrust_env.trust.model import TrustModel
 from roletrust_env.trust.run import GridRun, pairs_of
 
@@ -125,8 +125,8 @@ def _values(name: str, trust: Any) -> list[float]:
 def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
     """Return a server that answers POST requests, each with messages on lines of their own.
 
-    A request with a message that is not valid has the status 400 and the reason as its body; the messages before it
-    count.
+    A request with a message that is not valid has the status 400 and the reason as its body, one at which the model
+    fails the status 500; the messages before it count.
 
     Args:
         service: Service that answers.
@@ -151,7 +151,9 @@ def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
                 with lock:
                     answers = [service.answer(line) for line in lines if line.strip()]
             except ValueError as error:
-                self._respond(400, f"{error}\n")
+                self._respond(400, f"{printable(str(error))}\n")
+            except Exception as error:  # a model of another package may raise anything
+                self._respond(500, f"{type(error).__name__}: {printable(str(error))}\n")
             else:
                 self._respond(200, "".join(f"{answer}\n" for answer in answers if answer is not None))
 
@@ -166,4 +168,8 @@ def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
             self.end_headers()
             self.wfile.write(body)
 
-    return ThreadingHTTPServer((host, port), Handler)
+    class Server(ThreadingHTTPServer):
+        def handle_error(self, *arguments: object) -> None:
+            pass  # a client that went away is no news
+
+    return Server((host, port), Handler)

@@ -3,9 +3,13 @@
 import copy
 import json
 import pickle
+import re
 import shutil
+import socket
 import sys
 import threading
+import time
+from contextlib import suppress
 from http.server import HTTPServer
 
 import numpy as np
@@ -19,7 +23,7 @@ from roletrust_env.evaluation.specs import check_installed, named_factory, parse
 from roletrust_env.testing import trust_models as checks
 from roletrust_env.trust import Ratings, outside
 from roletrust_env.trust.model import registry
-from roletrust_env.trust.outside import OutsideModel, ProcessLink
+from roletrust_env.trust.outside import HttpLink, LinkError, OutsideModel, ProcessLink
 
 PAGE = HOUSE / "docs/guide/outside.md"
 
@@ -154,6 +158,93 @@ def test_who_does_not_answer_is_ended(tmp_path):
     with pytest.raises(ValueError, match=r"not answered for 0.2 s"):
         link.ask(["{}"])
     assert link._process.poll() is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import os, time; os.close(1); time.sleep(60)", "it has closed its output|exit code -9"),
+        (
+            "import sys; print('no \\x1b[2J\\a', file=sys.stderr); exit(3)",
+            re.escape("with exit code 3: no \\x1b[2J\\x07") + "$",
+        ),
+    ],
+)
+def test_a_process_that_stops_to_answer_is_one_line_at_once(tmp_path, monkeypatch, text, message):
+    monkeypatch.setattr(outside, "_ENDS_S", 0.1)
+    link, began = ProcessLink(program(tmp_path, text).removeprefix("exec:")), time.monotonic()
+    for _ in range(2):
+        with pytest.raises(ValueError, match=message):
+            link.ask(["{}"])
+    assert time.monotonic() - began < 5
+
+
+def test_a_process_that_does_not_listen_holds_nobody_up(tmp_path):
+    link = ProcessLink(program(tmp_path, "import time; time.sleep(60)").removeprefix("exec:"), limit_s=0.2)
+    link.tell("1" * 1_000_000)
+    with pytest.raises(ValueError, match=r"not answered for 0.2 s"):
+        link.ask(["{}"])
+
+
+@pytest.fixture
+def peer():
+    """A function from what a peer sends, part by part, to a link to it."""
+    sockets = []
+
+    def start(parts, limit_s=60.0):
+        listener = socket.create_server(("127.0.0.1", 0))
+
+        def serve():
+            with suppress(OSError):
+                connection, _ = listener.accept()
+                sockets.append(connection)
+                connection.recv(65536)
+                for part in parts:
+                    connection.sendall(part)
+                connection.shutdown(socket.SHUT_WR)
+
+        sockets.append(listener)
+        threading.Thread(target=serve, daemon=True).start()
+        return HttpLink(f"http://127.0.0.1:{listener.getsockname()[1]}", limit_s)
+
+    yield start
+    for one in sockets:
+        one.close()
+
+
+OK = b"HTTP/1.1 200 OK\r\n"
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (b"\x1b[31mI am no server\r\n\r\n", "no HTTP"),
+        (b"", "cannot be reached"),
+        (OK + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n{}", "no HTTP"),
+        (OK + b"Content-Length: 100\r\n\r\n{}", "breaks off"),
+        (OK + b"X: y\r\n" * 101 + b"\r\n", "no HTTP"),
+        (OK + b"X: " + b"y" * 70_000 + b"\r\n\r\n", "no HTTP"),
+        (b"HTTP/1.1 500 \x1b[31mred\x07\r\nContent-Length: 0\r\n\r\n", r"status 500 \\x1b\[31mred\\x07$"),
+        (b"HTTP/1.1 302 Go\r\nLocation: file:///etc/passwd\r\n\r\n", "status 302"),
+        (OK + b"Content-Length: 6\r\n\r\n{}\n{}\n", "it answered 2 lines to 1"),
+    ],
+)
+def test_what_is_no_answer_is_one_printable_line(peer, answer, message):
+    with pytest.raises(LinkError, match=message) as error:
+        peer([answer]).ask(["{}"])
+    assert str(error.value).isprintable()
+    assert len(str(error.value)) < 600
+
+
+def test_a_service_has_one_deadline_for_its_whole_answer(peer):
+    def drip():
+        yield OK
+        while True:
+            time.sleep(0.02)
+            yield b"X: y\r\n"[:1]
+
+    with pytest.raises(LinkError, match=r"not answered for 0.3 s"):
+        peer(drip(), limit_s=0.3).ask(["{}"])
 
 
 @pytest.mark.parametrize(

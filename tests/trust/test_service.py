@@ -143,3 +143,25 @@ def test_the_command_answers_standard_input():
     found = evaluate(OutsideModel(f"exec:{program} serve beta:keep=0.8"), "bad-mouthing", "market", games=2)
     own = evaluate(make_trust_model("beta", keep=0.8), "bad-mouthing", "market", games=2)
     assert found.utility.mean == pytest.approx(own.utility.mean)
+
+
+def test_a_model_that_fails_is_one_line_of_the_client(capfd):
+    class Fails(Mean):
+        def start(self, like):
+            raise KeyError("lost")
+
+    server = http_server(TrustService(Fails()), "127.0.0.1", 0)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        with pytest.raises(ValueError, match="it answered with status 500"):
+            OutsideModel(f"http://127.0.0.1:{server.server_port}").start(np.zeros(SHAPE))
+    finally:
+        server.shutdown()
+        server.server_close()
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_names_of_fields_are_escaped():
+    with pytest.raises(ValueError, match=r"\\x1b\[31m") as error:
+        TrustService(Mean()).answer(message(**{"\x1b[31m": 1}))
+    assert str(error.value).isprintable()

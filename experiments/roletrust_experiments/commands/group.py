@@ -93,9 +93,11 @@ class CommandGroup(TyperGroup):
         except (ValueError, OSError, MemoryError) as error:
             from rich.markup import escape
 
+            from roletrust_env.errors import printable
             from roletrust_experiments.commands.console import errors
 
-            errors.print(f"[bold red]Error:[/] {escape(str(error) or 'out of memory')}", soft_wrap=True)
+            said = "\n".join(map(printable, str(error).splitlines()))
+            errors.print(f"[bold red]Error:[/] {escape(said or 'out of memory')}", soft_wrap=True)
             raise typer.Exit(2) from None
 
     def get_params(self, ctx: Any) -> Any:
