@@ -92,9 +92,9 @@ class NoiseSource:
 
         def make(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
             words = [np.repeat(keys[:, stream, k], games) for k in range(4)]
-            return np.moveaxis(
-                kind(self._like, prod(shape), numbers, words).reshape(*shape, rounds, *batch), len(shape), 0
-            )
+            made = kind(self._like, prod(shape), numbers, words).reshape(*shape, rounds, *batch)
+            by_round = np.moveaxis(made, len(shape), 0)
+            return by_round if batch else np.ascontiguousarray(by_round)  # a round of one game lies together
 
         parts = (repeat(None, rounds) if part is None else part for part in self._noise(make, False))
         return [Noise(*noise) for noise in zip(*parts, strict=True)]

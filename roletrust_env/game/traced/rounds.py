@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, is_dataclass
+from threading import Lock
 from time import perf_counter
 from typing import Any
 
@@ -33,6 +34,8 @@ _CHECKED = 4
 
 _LOOK = 512
 """Number of rounds of a form in Python after which the compiler is started, or asked for what it made."""
+
+_BUILDS = Lock()  # games may be played in several threads
 
 SWITCH = "ROLETRUST_TRACED"
 """Variable of the environment that switches tracing off where it is 0."""
@@ -229,10 +232,15 @@ class Form:
         Args:
             wait: Whether to wait for the compiler.
         """
-        if self._in_work is not None and self._in_work.build(wait):
-            if self._in_work.ready:
-                self.compiled, self.unchecked = self._in_work, _CHECKED
-            self._in_work = None
+        if not _BUILDS.acquire(blocking=wait):
+            return
+        try:
+            if self._in_work is not None and self._in_work.build(wait):
+                if self._in_work.ready:
+                    self.compiled, self.unchecked = self._in_work, _CHECKED
+                self._in_work = None
+        finally:
+            _BUILDS.release()
 
 
 class Known:
@@ -367,7 +375,8 @@ class Rounds:
             played: Sequence[Any] = form.play(self._numbers, actions, noise)
             return played
         if memory is None or len(memory.state) < compiled.size or len(memory.called) < compiled.n_called:
-            memory = self._memory = Memory(form.shapes, len(form.fields), compiled.size, compiled.n_called)
+            size = max(compiled.size, len(self._numbers))
+            memory = self._memory = Memory(form.shapes, len(form.fields), size, compiled.n_called)
         if self._numbers is not memory.state:
             memory.state[: len(self._numbers)] = self._numbers
         memory.actions[...] = actions
