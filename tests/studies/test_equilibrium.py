@@ -86,6 +86,21 @@ def test_intervals_hold_the_truth_of_a_game_with_noise() -> None:
     assert found["exploitability"][0].value == pytest.approx(mixture.value - alone[0].value)
 
 
+def test_an_interval_is_as_wide_as_the_noise_of_all_games_makes_it() -> None:
+    """Each condition has games of its own, so the mean over two of them has the error of one over the root of two."""
+    rng, n = np.random.default_rng(1), 300
+    noise = rng.normal(0, 0.1, (2, 2, n))
+    noise = (noise - noise.mean(axis=-1, keepdims=True)) / noise.std(axis=-1, keepdims=True) * 0.1
+    for conditions in (1, 2):
+        games = []
+        for k in range(conditions):
+            measured = np.stack([0.8 + noise[k, 0], 0.1 + noise[k, 1]])[:, None]
+            games.append(Payoffs((HERE, THERE)[k], ("x",), measured, measured))
+        found, half = equilibrium(games, resamples=600), 1.96 * 0.1 / n**0.5 / conditions**0.5
+        for interval in (*found["alone"], *found["mixture"]):
+            assert (interval.high - interval.low) / 2 == pytest.approx(half, rel=0.15)
+
+
 def test_the_page_says_what_the_table_has() -> None:
     lines = (DOCS / "equilibrium" / "equilibrium.md").read_text(encoding="utf-8").splitlines()
     facts = {}
