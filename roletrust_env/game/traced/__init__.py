@@ -1,1 +1,1 @@
-"""Small games, faster: one round of a game is traced and written out as straight-line Python, see `rounds`."""
+"""Small games, faster: a round is traced and written out as straight-line Python, and in C, see `rounds`."""

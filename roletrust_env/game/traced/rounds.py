@@ -191,6 +191,7 @@ class Form:
         following: Forms for the layout after it; None if there was no such round yet.
         unchecked: Number of rounds for which it is still to be compared with the rules.
         compiled: The round in C, once it is compiled.
+        fields: Fields of the noise that are there.
         shapes: Shapes of the actions, of each field of the noise and of each result.
         trace_s: Time that it took to trace and to write it, in seconds.
     """
