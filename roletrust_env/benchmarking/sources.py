@@ -6,11 +6,14 @@ does and holds, the same in every process. It tells whether stored results are t
 
 import hashlib
 import inspect
+import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import packages_distributions, version
+from importlib.machinery import PathFinder
+from importlib.metadata import entry_points, packages_distributions, version
+from importlib.util import find_spec
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Annotated, Any
@@ -18,8 +21,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.storage.untrusted import UntrustedModel
+from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import is_own
+from roletrust_env.trust.outside import KINDS as OUTSIDE
 
 _KNOWN = ("roletrust_env", "roletrust_agents", "roletrust_baselines", "numpy", "torch", "pydantic", "pydantic_core")
 """Packages with classes that their version tells apart."""
@@ -183,6 +189,37 @@ def source_of(factory: Callable[..., Any]) -> Source:
     package, number = _package(_top(factory.__module__))
     made_by = f"{factory.__module__}.{getattr(factory, '__qualname__', type(factory).__qualname__)}"
     return Source(made_by=made_by, package=package, version=number, sha256=digest.hexdigest())
+
+
+def model_source(text: str) -> Source:
+    """Return the source of a trust model. A class of another package is not imported, since its code would run here.
+
+    Its hash is of all Python files of its package, or of the file of its module.
+
+    Args:
+        text: Text `NAME[:key=value,...]`; NAME may be `package.module:Class`.
+
+    Raises:
+        ValueError: The name is unknown, or a part of the source is not in a file.
+    """
+    name, _, rest = text.strip().partition(":")
+    kind = rest.partition(":")[0].strip()
+    declared = {point.name: point.value for point in entry_points(group=trust_models.group)}
+    known = name in OUTSIDE or trust_models.registered(name) is not None
+    if known or not (name in declared or kind.isidentifier()):
+        return source_of(named_factory(trust_models, text))
+    module, _, kind = declared.get(name, f"{name}:{kind}").partition("[")[0].strip().partition(":")
+    top, digest = _top(module), hashlib.sha256()
+    spec = PathFinder.find_spec(top, [*sys.path, os.getcwd()]) or find_spec(top)
+    if spec is None or not (spec.submodule_search_locations or spec.has_location):
+        raise ValueError(f"trust model {text!r} is in no file that is found, so its source could not be compared later")
+    for folder in map(Path, spec.submodule_search_locations or ()):
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(f"{file.relative_to(folder).as_posix()}\n".encode() + file.read_bytes())
+    if not spec.submodule_search_locations:
+        digest.update(Path(spec.origin or "").read_bytes())
+    package, number = _package(top)
+    return Source(made_by=f"{module}.{kind}", package=package, version=number, sha256=digest.hexdigest())
 
 
 def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:

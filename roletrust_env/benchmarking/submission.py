@@ -14,7 +14,7 @@ from roletrust_env.benchmarking.cells import find_attack
 from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, merge_attacks
 from roletrust_env.benchmarking.leaderboard import leaderboard_rows
 from roletrust_env.benchmarking.schema import FORBIDDEN, AttackResult, CellResult, Name, check_unique
-from roletrust_env.benchmarking.sources import Sha256, Source, Word, source_of
+from roletrust_env.benchmarking.sources import Sha256, Source, Word, model_source, source_of
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Cell, Stage, Suite
 from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
@@ -267,7 +267,7 @@ def suite_hash(suite: Suite) -> str:
 def suite_sources(suite: Suite) -> dict[str, Any]:
     """Return the sources of the models, attacks and search methods of a suite, by name."""
     return {
-        "models": {name: source_of(named_factory(trust_models, name)) for name in suite.models},
+        "models": {name: model_source(name) for name in suite.models},
         "attacks": {name: source_of(named_factory(attackers, name)) for name in suite.attacks},
         "methods": {name: source_of(named_factory(search_methods, name)) for name in suite.searches},
     }

@@ -3,6 +3,7 @@
 import sys
 from functools import cache, partial
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import gaming_models
@@ -12,7 +13,7 @@ from small_suites import small
 
 from roletrust_env.benchmarking.cells import play_cell, task_arguments
 from roletrust_env.benchmarking.schema import CellResult
-from roletrust_env.benchmarking.sources import hashes, source_of
+from roletrust_env.benchmarking.sources import hashes, model_source, source_of
 from roletrust_env.benchmarking.submission import CellClaim, make_claim
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.verification import check_bias, check_cell, check_fresh
@@ -134,6 +135,25 @@ def test_a_borrowed_name_makes_no_model_of_the_package(monkeypatch: pytest.Monke
         assert len(set(digests.values())) == 3
         monkeypatch.setattr(module, "FirstHand", gaming_models.FirstHand)  # it may even take the place
     assert is_own_model("first-hand")
+
+
+def test_the_hash_of_a_model_of_others_is_of_its_package_which_is_not_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "package_of_mine").mkdir()
+    (tmp_path / "package_of_mine/model.py").write_text("raise SystemExit\nclass Mine: ...")
+    (tmp_path / "package_of_mine/__init__.py").write_text("raise SystemExit")
+    (tmp_path / "module_of_mine.py").write_text("raise SystemExit")
+    found = [model_source("package_of_mine.model:Mine:lam=0.5"), model_source("module_of_mine:Mine")]
+    assert [one.made_by for one in found] == ["package_of_mine.model.Mine", "module_of_mine.Mine"]
+    (tmp_path / "package_of_mine/helper.py").write_text("")
+    assert model_source("package_of_mine.model:Mine") != found[0]
+    assert model_source("module_of_mine:Mine") == found[1]
+    assert model_source("mean:lam=0.5") == source_of(registry.factory("mean"))
+    for name, words in (("none_of_mine:Mine", "in no file"), ("sys:Mine", "in no file"), ("none", "unknown trust")):
+        with pytest.raises(ValueError, match=words):
+            model_source(name)
 
 
 @pytest.mark.slow

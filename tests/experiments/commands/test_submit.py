@@ -271,6 +271,7 @@ def test_a_file_imports_only_what_the_user_allows(tmp_path: Path, mine: str) -> 
     assert not (tmp_path / "imported").exists()
     allowed = run("verify", out, "--allow-code", "--own-suite", "--cells", "0")
     assert allowed.exit_code == 0, allowed.output
+    assert not (tmp_path / "imported").exists()  # only processes that play it import it
 
 
 def renamed(name: str) -> Callable[[Any], None]:
