@@ -90,7 +90,7 @@ def test_every_feature_of_a_scenario_plays_to_the_bit_as_untraced(
         traced, plain = both_ways(monkeypatch, lambda: parallel_env(scenario, model))  # noqa: B023
         assert bits(played(traced)) == bits(played(plain))
         assert traced.rounds.forms
-        assert repr(traced.rounds) == "traced"
+        assert repr(traced.rounds).startswith("traced")
 
 
 def check_compiled(scenario: Scenario, model: str, patch: pytest.MonkeyPatch) -> int:
@@ -179,7 +179,7 @@ def test_zeros_keep_the_sign_that_numpy_gives_them(monkeypatch: pytest.MonkeyPat
             while env.agents:
                 seen[-1] += bits(env.step({a: rng.choice(choices, env.action_space(a).shape) for a in env.agents}))
         assert seen[0] == seen[1], model
-        assert repr(traced.rounds) == "traced"
+        assert repr(traced.rounds).startswith("traced")
 
 
 @pytest.mark.parametrize("knowledge", ["black_box", "grey_box", "white_box"])
@@ -352,4 +352,4 @@ def test_sums_are_in_the_order_of_numpy() -> None:
     scenario = Scenario(agents=[{"role": "SR", "count": 11, "noise": 0.2}, {"role": "SP", "count": 9}], max_cycles=9)
     env = roletrust_env.parallel_env(scenario)
     played(env)
-    assert repr(env.rounds) == "traced"
+    assert repr(env.rounds).startswith("traced")
