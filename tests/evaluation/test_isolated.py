@@ -157,6 +157,7 @@ def test_of_many_batches_the_latest_and_some_earlier_ones_are_played_again() -> 
     assert min(thirds) > 150
 
 
+@pytest.mark.slow
 def test_games_that_branch_are_the_same_alone(mean: IsolatedModel) -> None:
     rng, peers = np.random.default_rng(0), np.zeros((2, 3), bool)
     for batch in ((), (5,), (2, 9)):
