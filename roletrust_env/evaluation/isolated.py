@@ -37,7 +37,9 @@ _STATES = 8
 """Number of states that are kept."""
 
 _STARTS, _LATEST, _GAMES = 24, 6, 8
-"""Numbers of batches of which games are played again, of the latest of them, and of games in each."""
+"""Numbers of batches of which games are played again, of the latest of them, and of games in each, fewer if large."""
+
+_PAIRS = 2_000  # of raters and providers in these games of a batch, whose ratings are kept
 
 _SAME = 1e-6  # trust of a game alone and beside others, which rounding tells apart
 
@@ -74,9 +76,9 @@ class _Trace:
     """Some games of a batch, drawn at random, and their states by number, in order."""
 
     def __init__(self, batch: tuple[int, ...], peers: Array) -> None:
-        games = prod(batch)
         self.axes, self.peers = len(batch), peers
-        self.games = np.random.default_rng().permutation(games)[:_GAMES]  # which no model can predict
+        most = min(_GAMES, max(1, _PAIRS // peers.size))
+        self.games = np.random.default_rng().permutation(prod(batch))[:most]  # which no model can predict
         self.steps: dict[int, _Step] = {}
 
     def add(self, before: int | None, given: Array, mask: Array | None, state: "IsolatedState") -> None:
