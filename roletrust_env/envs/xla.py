@@ -43,8 +43,7 @@ def games_last(function: Callable[..., Any]) -> Callable[..., Any]:
             array = array if has_games else jnp.broadcast_to(array, (games, *array.shape))
             return jnp.moveaxis(array, 0, -1)
 
-        made = _in_plain_arithmetic(function) if jax.default_backend() == "cpu" else function
-        found = made(*jax.tree.map(last, arguments, tuple(batched)))
+        found = _in_plain_arithmetic(function)(*jax.tree.map(last, arguments, tuple(batched)))
         return jax.tree.map(_games_first, found), jax.tree.map(lambda _: True, found)
 
     single.def_vmap(batch)
