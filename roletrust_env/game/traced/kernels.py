@@ -1,11 +1,10 @@
 """Kernels: rounds of many games at once, in C that is written from the rules of one game."""
 
-import math
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import c_int64, c_void_p
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -86,11 +85,8 @@ class Kernel:
             if len(self._forms) >= _MOST_FORMS:
                 raise ValueError(f"there is no kernel: the rounds have more than {_MOST_FORMS} forms")
             form = self._forms[key] = _form(self._step, before, inputs)
-        size, places = _room(form.made, games)
-        block = np.empty(size, np.uint8)
-        base = _address(block)
-        made = [(np.ndarray(shape, dtype, block, at), base + at) for shape, dtype, at in places]
-        read = [*(before.arrays[k][1] for k in form.read[0]), *(_address(given[k]) for k in form.read[1])]
+        made = [_addressed(np.empty((*shape, games), dtype)) for shape, dtype in form.made]
+        read = [*(before.arrays[k][1] for k in form.read[0]), *(_addressed(given[k])[1] for k in form.read[1])]
         self._play(form, games, (c_void_p * len(read))(*read), (c_void_p * len(made))(*(at for _, at in made)))
         known = before.arrays, made, form.constants(games)
         arrays = [known[k][place] for k, place in form.arrays]
@@ -131,7 +127,7 @@ class _Batch(NamedTuple):
         if games == 0:
             raise ValueError("the state is of no batch: its arrays must have the games as their last axis")
         arrays = [_checked(leaf, games) for leaf in leaves(state) if _is_array(leaf)]
-        return cls(state, _layout(state, constant_flags=True), games, [(array, _address(array)) for array in arrays])
+        return cls(state, _layout(state, constant_flags=True), games, list(map(_addressed, arrays)))
 
 
 class _Form(NamedTuple):
@@ -166,16 +162,6 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads - 1)
 
 
-@lru_cache(maxsize=64)
-def _room(made: tuple[tuple[tuple[int, ...], Any], ...], games: int) -> tuple[int, list[tuple[Any, Any, int]]]:
-    """Return the size of a block of memory for arrays, in bytes; and the shape, the dtype and the place of each."""
-    size, places = 0, []
-    for shape, dtype in made:
-        places.append(((*shape, games), dtype, size))
-        size += -(-math.prod(shape) * games * dtype.itemsize // 64) * 64
-    return size, places
-
-
 def _is_array(leaf: Any) -> bool:
     return isinstance(leaf, np.ndarray | np.generic)
 
@@ -187,9 +173,8 @@ def _checked(array: Array, games: int) -> Array:
     return np.ascontiguousarray(array)
 
 
-def _address(array: Array) -> int:
-    address: int = array.__array_interface__["data"][0]
-    return address
+def _addressed(array: Array) -> tuple[Array, int]:
+    return array, array.__array_interface__["data"][0]
 
 
 def _of_one(array: Array) -> Array:
@@ -247,8 +232,7 @@ def _form(step: Callable[..., Any], before: _Batch, inputs: Any) -> _Form:
     library.play.argtypes, library.play.restype = [c_int64] * 3 + [c_void_p] * 2, None
 
     def full(games: int) -> list[tuple[Array, int]]:
-        filled = [np.repeat(np.asarray(leaf)[..., None], games, axis=-1) for leaf in constants]
-        return [(array, _address(array)) for array in filled]
+        return [_addressed(np.repeat(np.asarray(leaf)[..., None], games, axis=-1)) for leaf in constants]
 
     tree = map_leaves(lambda leaf: _ARRAY if _is_array(leaf) else leaf, (after, *results))
     return _Form(library.play, read, tuple(code.made), cache(full), tree, arrays, layouts[0].following(after)[0])
