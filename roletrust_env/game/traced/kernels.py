@@ -16,8 +16,8 @@ from roletrust_env.game.traced.rounds import Layout, Leaf, elements_of, map_name
 from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable
 from roletrust_env.trees import leaves, map_leaves
 
-MOST_OPERATIONS = 30_000
-"""Number of operations in a round above which the compiler would take minutes."""
+MOST_OPERATIONS = 10_000
+"""Number of operations in a round above which the compiler would take minutes; at 6,000 it takes one."""
 
 _MOST_FORMS = 16
 

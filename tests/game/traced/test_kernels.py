@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from roletrust_env import Game, make_scenario, trust_models
+from roletrust_env import Game, Scenario, make_scenario, trust_models
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
 from roletrust_env.game.traced import compiler, kernels
@@ -68,9 +68,14 @@ def test_all_models_have_a_kernel_or_a_reason():
 
 @pytest.mark.slow
 def test_masks_schedules_and_movement_have_kernels():
-    for preset in ("peers", "market", "robots-that-move", "newcomers"):
-        game = Game(make_scenario(preset), like=np.zeros((), np.float64))
-        assert worst_difference(game, 40, 60) < 1e-12, preset
+    ways: list[dict] = [
+        {"agents": [{"role": "SR+SP", "count": 2}], "ratings": {"lost": 0.2, "late": 0.3}},
+        {"agents": [{"role": "SR+SP", "count": 1, "turns": ["SR", "SP"]}, {"role": "SR+SP", "count": 2}]},
+        {"agents": [{"role": "SR+SP", "count": 2}], "access": {"kind": "in-range"}, "values": [0.5, 1.0]},
+    ]
+    for way in ways:
+        game = Game(Scenario(**way, max_cycles=60), like=np.zeros((), np.float64))
+        assert worst_difference(game, 40, 60) < 1e-12, way
 
 
 def test_the_games_of_a_vector_environment_end_and_begin_as_on_numpy():
