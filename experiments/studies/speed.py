@@ -168,8 +168,7 @@ def _in_pettingzoo(name: str, env: Any, in_turn: bool, seed: int) -> Contestant:
 
 def simple_spread(games: int, seed: int) -> Contestant:
     """Return the batched environment of VMAS with three agents and continuous actions."""
-    with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings(action="ignore"):
         import vmas  # and the old gym, which prints that it is no longer maintained
 
         env = vmas.make_env("simple_spread", num_envs=games, device="cpu", continuous_actions=True, seed=seed)
@@ -180,13 +179,8 @@ def simple_spread(games: int, seed: int) -> Contestant:
 def batch(library: str, device: str, games: int, seed: int) -> Contestant:
     """Return a batch of games of the paper's scenario in float32, with all that a learner needs of a step.
 
-    A step draws noise, plays the round, and computes observations and rewards. Finished games start again.
-
-    Args:
-        library: `NumPy`, `C`, which is a kernel, `torch` or `COMPILED`.
-        device: Device of torch.
-        games: Size of the batch.
-        seed: Random seed of noise and actions.
+    A step draws noise, plays the round, and computes observations and rewards. Finished games start again. The library
+    is `NumPy`, `C`, which is a kernel, `torch` or `COMPILED`.
     """
     like, random = source(library, seed, device)
     game = Game(make_scenario("paper-3x3"), like=like)
@@ -209,8 +203,7 @@ def batch(library: str, device: str, games: int, seed: int) -> Contestant:
                 yield
 
     rounds = play()
-    with warnings.catch_warnings():  # on caches that torch.compile looks through
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):  # on caches that torch.compile looks through
         for _ in range(4):  # the first rounds are of three kinds
             next(rounds)
 
@@ -258,18 +251,11 @@ def _on_jax(name: str, env: Any, games: int, seed: int) -> Contestant:
         key = jax.random.fold_in(key, 0)
         begun, _ = jax.block_until_ready(rounds(begun, key, actions))
 
-    step()  # compiles
     return Contestant(name, step, _ROUNDS * games * len(env.agents))
 
 
 def attack_tasks(threads: int, games: int, seed: int) -> Contestant:
-    """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, as learners play it.
-
-    Args:
-        games: Size of the batch.
-        threads: Threads of a kernel; 0 is NumPy.
-        seed: Random seed of noise and actions.
-    """
+    """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, on NumPy or by the threads of a kernel."""
     env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games, threads=threads)
     env.reset(seed=seed)
     env.action_space.seed(seed)

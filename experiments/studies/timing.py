@@ -168,7 +168,6 @@ def trust_update(name: str, model: TrustModel[Any], size: Size, library: str, se
     # After the second update every rating has a predecessor, as in the middle of a game.
     state = update(update(start_model(model, ratings, peers), ratings)[0], others)[0]
     taken = compiled(update) if library == COMPILED else update
-    with warnings.catch_warnings():  # on caches that torch.compile looks through
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):  # on caches that torch.compile looks through
         taken(state, ratings)
     return Contestant(name, lambda: taken(state, ratings), math.prod(size))
