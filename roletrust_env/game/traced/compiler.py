@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import tempfile
+import time
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,9 @@ FLAGS = ("-O2", "-ffp-contract=off", "-fno-math-errno")  # exact: no fused and n
 
 _BUILD = '{command} -o "$1.so" -x c "$1" -lm && mv "$1.so" "$2"; rm -f "$1" "$1.so"'
 """What the shell does, with the source as $1: it goes on when the process that started it ends."""
+
+_KEPT_S = 60 * 24 * 3600
+"""Time for which a file is kept after its last use, in seconds."""
 
 
 @cache
@@ -29,7 +33,8 @@ class SharedObject:
 
     A file is found again by a hash of the source, the flags, the compiler and the instructions of the processor. It
     lies in the user's cache, `$XDG_CACHE_HOME/roletrust` or `~/.cache/roletrust`; where that cannot be written, in a
-    folder of this process. Compilers that run at once do not disturb each other.
+    folder of this process. Compilers that run at once do not disturb each other. Files that were not used for two
+    months are deleted.
 
     Args:
         source: Source in C.
@@ -63,6 +68,7 @@ class SharedObject:
         if self._process is not None:
             self._process.wait()
         try:
+            os.utime(self._path)
             return ctypes.CDLL(str(self._path))
         except OSError:
             return None
@@ -83,6 +89,9 @@ def _folder() -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         state = folder.stat()
         if state.st_uid == os.getuid() and not state.st_mode & 0o022 and os.access(folder, os.W_OK | os.X_OK):
+            for file in folder.iterdir():
+                if time.time() - file.stat().st_mtime > _KEPT_S:
+                    file.unlink(missing_ok=True)
             return folder
     except OSError:
         pass

@@ -2,8 +2,10 @@
 
 import ctypes
 import math
+import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -101,3 +103,13 @@ def test_shared_objects_are_kept_between_processes(tmp_path):
     assert [one[:2] for one in said] == [["False", "3"], ["True", "3"]], said
     assert len(list((tmp_path / "roletrust").iterdir())) == 1
     assert SharedObject("no C at all").load() is None
+
+
+def test_what_nobody_used_for_months_is_deleted(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = compiler._folder.__wrapped__()
+    for name, days in (("old.so", 61), ("new.so", 59)):
+        (folder / name).touch()
+        os.utime(folder / name, (time.time() - days * 24 * 3600,) * 2)
+    assert compiler._folder.__wrapped__() == folder
+    assert [file.name for file in folder.iterdir()] == ["new.so"]
