@@ -77,7 +77,8 @@ class Kernel:
         Raises:
             ValueError: The function does what cannot be written in C, or arrays are not of the same batch.
         """
-        before = self._last if self._last is not None and state is self._last.state else _Batch.of(state)
+        last = self._last  # another thread may set it
+        before = last if last is not None and state is last.state else _Batch.of(state)
         games, given = before.games, [_checked(leaf, before.games) for leaf in leaves(inputs) if _is_array(leaf)]
         key = before.layout.key, *((array.dtype, array.shape[:-1]) for array in given)
         form = self._forms.get(key)

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -111,5 +112,40 @@ def test_what_nobody_used_for_months_is_deleted(tmp_path, monkeypatch):
     for name, days in (("old.so", 61), ("new.so", 59)):
         (folder / name).touch()
         os.utime(folder / name, (time.time() - days * 24 * 3600,) * 2)
+    (folder / "folder").mkdir()
+    os.utime(folder / "folder", (0, 0))
+    (folder / "gone.so").symlink_to("nowhere")
     assert compiler._folder.__wrapped__() == folder
+    (folder / "folder").rmdir()
+    (folder / "gone.so").unlink()
     assert [file.name for file in folder.iterdir()] == ["new.so"]
+
+
+@needs_compiler
+def test_a_shared_object_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiler, "_folder", lambda: tmp_path)
+    source = "int f(void) {return 4;}"
+    first = SharedObject(source)
+    path = first._path
+    assert first.load().f() == 4
+    for content in (b"", b"\x7fELF" + bytes(99)):  # to load a longer part of it would end the process
+        path.unlink(missing_ok=True)  # this process may have loaded it
+        path.write_bytes(content)
+        again = SharedObject(source)
+        assert again._process is not None
+        assert again.load().f() == 4
+    assert SharedObject(source)._process is None
+
+
+def test_a_strange_environment_of_the_process_does_no_harm(tmp_path, monkeypatch):
+    known, folder = compiler.compiler.__wrapped__, compiler._folder.__wrapped__
+    for value, expected in ((" ", ("cc", None)), ('cc "', (None,)), ("no-such-compiler", (None,))):
+        monkeypatch.setenv("CC", value)
+        assert known() in expected, value
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(compiler.Path, "home", Mock(side_effect=RuntimeError("no home directory")))
+    own = folder()
+    assert own.is_dir()
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert folder() != own
