@@ -5,6 +5,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.env_logger import EnvLogger
@@ -100,7 +101,7 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
         single = joint.single(agent, action)
         if single is None and (complaint := joint.complaint(agent, action)):
             raise ValueError(complaint)
-        self._actions[agent] = action
+        self._actions[agent] = np.array(action) if single is None else action
         self._singles.append(single)
         following = self._next.get(agent)
         if following is not None:
@@ -109,8 +110,13 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
             self.agent_selection = following
             return
         singles, self._singles = self._singles, []
-        plain = len(singles) == len(self.possible_agents) and None not in singles
-        played = self.env.advance(joint.joined(singles) if plain else joint.read(self._actions, self.env.agents))
+        if len(singles) == len(self.possible_agents) and None not in singles:
+            vector = joint.joined(singles)
+        else:  # the arrays that were given may hold other numbers by now
+            given = zip(self.env.agents, singles, strict=True)
+            copies = {a: self._actions[a] if one is None else np.frombuffer(one, np.float32) for a, one in given}
+            vector = joint.read(copies, self.env.agents)
+        played = self.env.advance(vector)
         self._observations, self.rewards, self.terminations, self.truncations, self.infos = played
         self._cumulative_rewards = self.rewards.copy()
         if self.agents == self.env.agents:

@@ -14,7 +14,7 @@ from pettingzoo.test import api_test, max_cycles_test, parallel_api_test, parall
 from pettingzoo.utils.conversions import parallel_to_aec
 
 import roletrust_env
-from roletrust_env import RoleTrustParallelEnv
+from roletrust_env import RoleTrustParallelEnv, Scenario
 
 # A preset, and the length to play where its own would take too long here.
 LENGTHS: dict[str, int | None] = dict.fromkeys(name for name in roletrust_env.scenarios() if name != "city")
@@ -179,6 +179,22 @@ def test_aec_and_parallel_play_the_same_game(make: Make, make_aec: Callable) -> 
             assert np.array_equal(aec.observe(agent), observations[agent])
             assert (aec.terminations[agent], aec.truncations[agent]) == (terminations[agent], truncations[agent])
             assert aec.rewards[agent] == rewards[agent]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_agents_may_share_an_array_for_their_actions(dtype: Any) -> None:
+    groups = [{"role": "SP", "count": 2}, {"role": "SR", "count": 1}]
+    for late in ([], [{"role": "SP", "joins": 2}]):
+        one, shared = (roletrust_env.env(Scenario(agents=[*groups, *late], max_cycles=4)) for _ in range(2))
+        one.reset(seed=1)
+        shared.reset(seed=1)
+        array = np.empty(3 if late else 2, dtype)
+        for k in range(12):
+            action = np.full(one.action_space(one.agent_selection).shape, k / 12, np.float32)
+            array[...] = k / 12
+            one.step(action)
+            shared.step(array[: len(action)])
+            assert np.array_equal(one.state(), shared.state())
 
 
 def test_aec_takes_turns_as_pettingzoo_does() -> None:
