@@ -223,9 +223,11 @@ class AttackVecEnv(BatchVecEnv):
         scaled: Whether actions are in [-1, 1], which suits most learners; else they are in [0, 1], as in `AttackEnv`.
         seed: Random seed; `seed(...)` before `reset()` sets another.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
+        threads: Number of threads on which a `Kernel` plays; 0 is NumPy. See `AttackVectorEnv`.
 
     Raises:
-        ValueError: The task does not play on NumPy, or the number of games is no whole number of 1 or more.
+        ValueError: The task does not play on NumPy, the number of games is no whole number of 1 or more, or there is no
+            kernel for the task.
 
     Example:
         >>> from roletrust_env import make_task
@@ -242,12 +244,13 @@ class AttackVecEnv(BatchVecEnv):
         scaled: bool = True,
         seed: int | None = None,
         render_mode: RenderMode | None = None,
+        threads: int = 0,
     ) -> None:
         if not isinstance(task, AttackTask):
             raise ValueError(f"task is {task!r}; it must be an attack task, such as make_task() makes")
         check_number("num_envs", num_envs)
         self.task = task
-        self._batch = TaskBatch(task, (num_envs,))
+        self._batch = TaskBatch(task, (num_envs,), threads=threads)
         roster = task.game.roster
         self._compromised = [(name, roster.names.index(name)) for name in task.compromised]
         attackers = {*task.identities, *task.joint_policy.attackers}

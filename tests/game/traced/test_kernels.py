@@ -5,7 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from roletrust_env import Game, Scenario, make_scenario, trust_models
+from roletrust_env import Game, Scenario, make_scenario, make_task, trust_models
+from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
 from roletrust_env.game.traced import compiler, kernels
@@ -94,6 +95,18 @@ def test_the_games_of_a_vector_environment_end_and_begin_as_on_numpy():
             if not isinstance(one, dict):
                 np.testing.assert_allclose(one, two, atol=1e-5)
         assert expected[4].keys() == found[4].keys()
+
+
+def test_stable_baselines_plays_kernels():
+    task = partial(make_task, "paper-3x3", ("sp_2",), trust_model="mean", like=np.zeros((), np.float32))
+    envs = [AttackVecEnv(task(), 5, seed=1, threads=threads) for threads in (0, 1)]
+    actions = np.random.default_rng(0).uniform(-1, 1, (4, *envs[0].reset().shape[:1], *envs[0].action_space.shape))
+    envs[1].reset()
+    for action in actions.astype(np.float32):
+        expected, found = (env.step(action) for env in envs)
+        np.testing.assert_allclose(expected[0], found[0], atol=1e-5)
+        np.testing.assert_allclose(expected[1], found[1], atol=1e-5)
+        assert expected[3][0].keys() == found[3][0].keys()
 
 
 def test_refusals_say_why(monkeypatch):
