@@ -6,6 +6,7 @@ They play the same rules as all other environments: `Game.step` on a third array
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
 
@@ -65,7 +66,8 @@ class JaxEnv(ABC):
         """
         self.game, self.agents, self.num_agents = game, list(agents), len(agents)
         self._begin, self._advance = games_last(self._begin_games), games_last(self._advance_games)
-        self._advance_or_begin = games_last(self._advance_or_begin_games)
+        advance = self._advance_or_begin_games
+        self._advance_or_begin = games_last(partial(advance, lax.cond), partial(advance, _always))
         self.action_spaces = {a: Box(0.0, 1.0, (n,), np.float32) for a, n in zip(agents, sizes, strict=True)}
         key = jax.random.key(0)
         try:
@@ -157,7 +159,9 @@ class JaxEnv(ABC):
         after = _without_flags(after)
         return self.get_obs(after), after, *outcome
 
-    def _advance_or_begin_games(self, words: Array, state: Any, actions: Mapping[str, Array]) -> Step:
+    def _advance_or_begin_games(
+        self, condition: Callable[..., Any], words: Array, state: Any, actions: Mapping[str, Array]
+    ) -> Step:
         """Play one round, and begin again where it was the last, see `_begin_games`."""
         _, after, rewards, dones, infos = self._advance_games(words, state, actions)
         over = dones["__all__"]
@@ -166,7 +170,7 @@ class JaxEnv(ABC):
             _, start = self._begin_games(_mixed(words, 1))
             return jax.tree.map(lambda new, old: jnp.where(over, new, old), start, after)
 
-        after = lax.cond(over.any(), begin, lambda after: after, after)  # in most rounds no game ends
+        after = condition(over.any(), begin, lambda after: after, after)  # in most rounds no game ends
         return self.get_obs(after), after, rewards, dones, infos
 
     def _checked(self, actions: Mapping[str, Array]) -> dict[str, Array]:
@@ -324,6 +328,11 @@ class _KeyRandom(Random):
     def _stream_key(self, stream: int, index: int) -> list[Array]:
         k = self._key
         return counter_rng.scramble((k[0] + index, k[1] + stream, k[2], k[3]))
+
+
+def _always(_: Array, begin: Callable[[Any], Any], __: Callable[[Any], Any], after: Any) -> Any:
+    """Begin always: JAX has no gradient of a condition that differs from game to game."""
+    return begin(after)
 
 
 def _words(key: Array) -> Array:

@@ -28,13 +28,14 @@ _SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in range(6)]
 """Coefficients of sin(x) / x in the square of x: on [0, pi / 2] the first term that is missing is below 6e-8."""
 
 
-def games_last(function: Callable[..., Any]) -> Callable[..., Any]:
+def games_last(function: Callable[..., Any], differentiated: Callable[..., Any] | None = None) -> Callable[..., Any]:
     """Return a pure function of a game of which `jax.vmap` makes one call with all games on the last axis.
 
-    Derivatives, which need the operations themselves, are those of the function with the games first.
+    Derivatives, which need the operations themselves, are those of a function with the games first.
 
     Args:
         function: Function of trees of arrays which takes further axes behind those of one game.
+        differentiated: Equal function of which derivatives are taken; None is the same.
     """
     single = custom_vmap(function)
 
@@ -48,7 +49,7 @@ def games_last(function: Callable[..., Any]) -> Callable[..., Any]:
 
     single.def_vmap(batch)
     differentiable: Any = jax.custom_jvp(single)
-    differentiable.defjvp(lambda primals, tangents: jax.jvp(function, primals, tangents))
+    differentiable.defjvp(lambda primals, tangents: jax.jvp(differentiated or function, primals, tangents))
     played: Callable[..., Any] = differentiable
     return played
 

@@ -144,6 +144,8 @@ def test_derivatives_pass_through_a_batch(double):
     low, high = trusts(jnp.asarray([0.4 - 1e-6, 0.4 + 1e-6]), keys)
     np.testing.assert_allclose(slopes, (high - low) / 2e-6, rtol=1e-6)
     assert (slopes > 0).all()
+    of_batch = jax.grad(lambda levels: jax.vmap(trust)(levels, keys).sum())(jnp.full(3, 0.4))
+    np.testing.assert_allclose(of_batch, slopes, rtol=1e-9)
 
 
 def test_an_episode_follows_another_in_one_scan():
