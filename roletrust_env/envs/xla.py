@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 from jax.custom_batching import custom_vmap
 from jax.experimental.layout import Layout, with_layout_constraint
-from jax.extend.core import Jaxpr, Literal
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, jaxpr_as_fun
 
 from roletrust_env.arrays import Array
 
@@ -37,18 +37,28 @@ def games_last(function: Callable[..., Any], differentiated: Callable[..., Any] 
         function: Function of trees of arrays which takes further axes behind those of one game.
         differentiated: Equal function of which derivatives are taken; None is the same.
     """
-    single = custom_vmap(function)
 
-    def batch(games: int, batched: Sequence[Any], *arguments: Any) -> tuple[Any, Any]:
+    def batch(games: int, batched: Sequence[Any], _: Any, *arguments: Any) -> tuple[Any, Any]:
         def last(array: Array, has_games: bool) -> Array:
             array = array if has_games else jnp.broadcast_to(array, (games, *array.shape))
             return jnp.moveaxis(array, 0, -1)
 
-        found = _in_plain_arithmetic(function)(*jax.tree.map(last, arguments, tuple(batched)))
+        found = _in_plain_arithmetic(function)(*jax.tree.map(last, arguments, tuple(batched[1:])))
         return jax.tree.map(_games_first, found), jax.tree.map(lambda _: True, found)
 
-    single.def_vmap(batch)
-    differentiable: Any = jax.custom_jvp(single)
+    def play(*arguments: Any) -> Any:
+        record, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
+
+        def recorded(constants: Sequence[Array], *arguments: Any) -> Any:
+            found = jaxpr_as_fun(ClosedJaxpr(record.jaxpr, constants))(*jax.tree.leaves(arguments))
+            return jax.tree.unflatten(jax.tree.structure(shapes), found)
+
+        single = custom_vmap(recorded)
+        single.def_vmap(batch)
+        # A condition that differs by game gives its branches all arrays by game, and constants must be arguments then.
+        return single(record.consts, *arguments)
+
+    differentiable: Any = jax.custom_jvp(play)
     differentiable.defjvp(lambda primals, tangents: jax.jvp(differentiated or function, primals, tangents))
     played: Callable[..., Any] = differentiable
     return played

@@ -134,7 +134,7 @@ def test_derivatives_pass_through_a_batch(double):
 
     def trust(level, key):
         state = env.reset(key)[1]
-        for t in range(3):
+        for t in range(2):
             step = env.step(jax.random.fold_in(key, t), state, still | {"sr_2": jnp.full(3, level)})
             state = step[1]
         return step[4]["trust"][0]
@@ -210,3 +210,17 @@ def test_what_jax_cannot_play_is_refused():
         RoleTrustJaxEnv(max_cycle=3)
     with pytest.raises(ValueError, match="sr_9"):
         RoleTrustJaxEnv().action_space("sr_9")
+
+
+def test_a_condition_may_differ_by_game():
+    env = RoleTrustJaxEnv(roletrust_env.Scenario(agents=[{"role": "SR"}, {"role": "SP"}], max_cycles=3), "mean")
+    keys = jax.random.split(jax.random.key(0), 3)
+    _, states = jax.vmap(env.reset)(keys)
+    actions = {agent: jnp.full((3, 1), 0.4) for agent in env.agents}
+    plays = jnp.array([True, False, True])
+
+    def perhaps(plays, key, state, actions):
+        return jax.lax.cond(plays, lambda: env.step_env(key, state, actions)[1], lambda: state)
+
+    after = jax.jit(jax.vmap(perhaps))(plays, keys, states, actions)
+    assert after.round.tolist() == [1, 0, 1]

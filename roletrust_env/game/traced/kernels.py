@@ -52,11 +52,17 @@ class Kernel:
         ValueError: The number of threads is not at least 1, or there is no C compiler.
 
     Example:
+        >>> from roletrust_env import Actions, Game, make_scenario
         >>> game = Game(make_scenario("paper-3x3"), like=np.zeros((), np.float32))
         >>> def play(state, actions, key):
         ...     state, rewards = game.step(state, actions, game.noise(key, state.round.shape))
         ...     return state, rewards, game.observations(state)
-        >>> play = Kernel(play, threads=2)
+        >>> kernel, random = Kernel(play, threads=2), game.random(seed=0)
+        >>> state = game.start(game.draw(random, (5000,), start=True))
+        >>> actions = Actions(random.uniform((3, 5000)), random.uniform((3, 3, 5000)))
+        >>> state, rewards, observations = kernel(state, actions, random.round_key())
+        >>> rewards.shape
+        (6, 5000)
     """
 
     def __init__(self, step: Callable[..., tuple[Any, ...]], threads: int = 1) -> None:
