@@ -13,9 +13,6 @@ from roletrust_env.game.traced.c_code import TYPES, c_body, prelude
 from roletrust_env.game.traced.compiler import SharedObject, compiler
 from roletrust_env.game.traced.tape import Element, Operation, Symbol, Tape, Untraceable
 
-FLAGS = ("-O1", "-ffp-contract=off", "-fno-math-errno")
-"""Flags of the compiler: exact arithmetic; a higher level takes twice the time and gains nothing."""
-
 _running: list[SharedObject] = []
 """What the compiler makes in the background: at most one at a time, as other work on the machine is to go on."""
 
@@ -92,7 +89,7 @@ class CompiledRound:
                 return False
             try:
                 self._source = self._source or self._written(*self._round)
-                self._object = SharedObject(self._source, FLAGS)
+                self._object = SharedObject(self._source)
             except (Untraceable, OSError):  # such as a full disk
                 return True
             self._round = None
