@@ -53,7 +53,7 @@ class JointAction:
                 outside [0, 1].
         """
         if len(agents) == len(self._dtypes):
-            joint = self._single(actions, agents)
+            joint = self._singles(actions, agents)
             if joint is not None:
                 return joint
         try:
@@ -66,7 +66,7 @@ class JointAction:
             raise ValueError(self._complaint(actions, agents))
         return joint
 
-    def _single(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64] | None:
+    def _singles(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64] | None:
         """Return the actions of all agents in one vector; None if they are not valid arrays of float32."""
         try:
             parts = [*map(actions.__getitem__, agents)]

@@ -43,7 +43,7 @@ def games_last(function: Callable[..., Any], differentiated: Callable[..., Any] 
             array = array if has_games else jnp.broadcast_to(array, (games, *array.shape))
             return jnp.moveaxis(array, 0, -1)
 
-        found = _in_plain_arithmetic(function)(*jax.tree.map(last, arguments, tuple(batched[1:])))
+        found = _in_plain_arithmetic(function, *jax.tree.map(last, arguments, tuple(batched[1:])))
         return jax.tree.map(_games_first, found), jax.tree.map(lambda _: True, found)
 
     def play(*arguments: Any) -> Any:
@@ -70,16 +70,11 @@ def _games_first(array: Array) -> Array:
     return with_layout_constraint(array, Layout((*range(1, array.ndim), 0)))
 
 
-def _in_plain_arithmetic(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that plays what JAX records of a function, with other operations for those of `_RULES`."""
-
-    def play(*arguments: Any) -> Any:
-        leaves, tree = jax.tree.flatten(arguments)
-        flat = jax.make_jaxpr(lambda *leaves: function(*jax.tree.unflatten(tree, leaves)), return_shape=True)
-        record, shapes = flat(*leaves)
-        return jax.tree.unflatten(jax.tree.structure(shapes), _replay(record.jaxpr, record.consts, leaves))
-
-    return play
+def _in_plain_arithmetic(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function returns, by what JAX records of it, with other operations for those of `_RULES`."""
+    record, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
+    found = _replay(record.jaxpr, record.consts, jax.tree.leaves(arguments))
+    return jax.tree.unflatten(jax.tree.structure(shapes), found)
 
 
 def _replay(record: Jaxpr, constants: Iterable[Array], arguments: Iterable[Array]) -> list[Array]:

@@ -12,14 +12,12 @@ import numpy as np
 from roletrust_env.arrays import Array
 from roletrust_env.game.traced.c_code import TYPES, c_body, prelude
 from roletrust_env.game.traced.compiler import SharedObject, compiler
-from roletrust_env.game.traced.rounds import Layout, Leaf, elements_of, map_named
+from roletrust_env.game.traced.rounds import MOST_FORMS, Layout, Leaf, elements_of, map_named, on_numpy
 from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable
 from roletrust_env.trees import leaves, map_leaves
 
 MOST_OPERATIONS = 10_000
 """Number of operations in a round above which the compiler would take minutes; at 6,000 it takes one."""
-
-_MOST_FORMS = 16
 
 _FLAGS = (
     *("-O2", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fopenmp-simd"),
@@ -85,12 +83,12 @@ class Kernel:
         """
         last = self._last  # another thread may set it
         before = last if last is not None and state is last.state else _Batch.of(state)
-        games, given = before.games, [_checked(leaf, before.games) for leaf in leaves(inputs) if _is_array(leaf)]
+        games, given = before.games, [_checked(leaf, before.games) for leaf in leaves(inputs) if on_numpy(leaf)]
         key = before.layout.key, *((array.dtype, array.shape[:-1]) for array in given)
         form = self._forms.get(key)
         if form is None:
-            if len(self._forms) >= _MOST_FORMS:
-                raise ValueError(f"there is no kernel: the rounds have more than {_MOST_FORMS} forms")
+            if len(self._forms) >= MOST_FORMS:
+                raise ValueError(f"there is no kernel: the rounds have more than {MOST_FORMS} forms")
             form = self._forms[key] = _form(self._step, before, inputs)
         made = [_addressed(np.empty((*shape, games), dtype)) for shape, dtype in form.made]
         read = [*(before.arrays[k][1] for k in form.read[0]), *(_addressed(given[k])[1] for k in form.read[1])]
@@ -130,10 +128,10 @@ class _Batch(NamedTuple):
     @classmethod
     def of(cls, state: Any) -> "_Batch":
         """Return a state of which nothing is known. Arrays of flags that are all equal are constants."""
-        games = next((leaf.shape[-1] for leaf in leaves(state) if _is_array(leaf) and leaf.ndim), 0)
+        games = next((leaf.shape[-1] for leaf in leaves(state) if on_numpy(leaf) and leaf.ndim), 0)
         if games == 0:
             raise ValueError("the state is of no batch: its arrays must have the games as their last axis")
-        arrays = [_checked(leaf, games) for leaf in leaves(state) if _is_array(leaf)]
+        arrays = [_checked(leaf, games) for leaf in leaves(state) if on_numpy(leaf)]
         return cls(state, _layout(state, constant_flags=True), games, list(map(_addressed, arrays)))
 
 
@@ -169,10 +167,6 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads - 1)
 
 
-def _is_array(leaf: Any) -> bool:
-    return isinstance(leaf, np.ndarray | np.generic)
-
-
 def _checked(array: Array, games: int) -> Array:
     """Return an array in C order that is of so many games, or of keys."""
     if array.dtype != np.uint32 and array.shape[-1:] != (games,):
@@ -193,7 +187,7 @@ def _layout(tree: Any, constant_flags: bool) -> Layout:
     """Return the layout of a batch, in which all numbers may change, and flags where they are not all equal."""
 
     def leaf(name: str, part: Any) -> Any:
-        if not _is_array(part):
+        if not on_numpy(part):
             return part
         one = _of_one(part)
         fixed = constant_flags and one.dtype == bool and one.size > 0 and bool((part == one.flat[0]).all())
@@ -209,18 +203,18 @@ def _form(step: Callable[..., Any], before: _Batch, inputs: Any) -> _Form:
         ValueError: The function cannot be written in C.
     """
     tape = Tape(MOST_OPERATIONS, for_c=True)
-    examples = map_leaves(lambda leaf: _of_one(leaf) if _is_array(leaf) else leaf, (before.state, inputs))
+    examples = map_leaves(lambda leaf: _of_one(leaf) if on_numpy(leaf) else leaf, (before.state, inputs))
     layouts = before.layout, _layout(inputs, constant_flags=False)
     try:
         state, given = (layout.symbols(one, tape)[0] for layout, one in zip(layouts, examples, strict=True))
         after, *results = step(state, *given)
         code = _Code(tape, "double" if any(array.dtype == np.float64 for array, _ in before.arrays) else "float")
         read = [
-            [k for k, leaf in enumerate(filter(_is_array, leaves(tree))) if code.read(leaf)] for tree in (state, given)
+            [k for k, leaf in enumerate(filter(on_numpy, leaves(tree))) if code.read(leaf)] for tree in (state, given)
         ]
-        places = {_identity(leaf): (0, k) for k, leaf in enumerate(filter(_is_array, leaves(state)))}
+        places = {_identity(leaf): (0, k) for k, leaf in enumerate(filter(on_numpy, leaves(state)))}
         constants: list[Any] = []
-        for leaf in filter(_is_array, leaves(after)):
+        for leaf in filter(on_numpy, leaves(after)):
             if _identity(leaf) in places:
                 continue
             if any(map(_is_symbol, elements_of(leaf))):
@@ -228,8 +222,8 @@ def _form(step: Callable[..., Any], before: _Batch, inputs: Any) -> _Form:
             else:
                 places[_identity(leaf)] = 2, len(constants)
                 constants.append(leaf)
-        arrays = [places[_identity(leaf)] for leaf in leaves(after) if _is_array(leaf)]
-        arrays += [(1, code.make(leaf)) for leaf in leaves(tuple(results)) if _is_array(leaf)]  # nobody else's
+        arrays = [places[_identity(leaf)] for leaf in leaves(after) if on_numpy(leaf)]
+        arrays += [(1, code.make(leaf)) for leaf in leaves(tuple(results)) if on_numpy(leaf)]  # nobody else's
         source = code.source()
     except Untraceable as error:
         raise ValueError(f"there is no kernel for these games: {error}") from None
@@ -241,7 +235,7 @@ def _form(step: Callable[..., Any], before: _Batch, inputs: Any) -> _Form:
     def full(games: int) -> list[tuple[Array, int]]:
         return [_addressed(np.repeat(np.asarray(leaf)[..., None], games, axis=-1)) for leaf in constants]
 
-    tree = map_leaves(lambda leaf: _ARRAY if _is_array(leaf) else leaf, (after, *results))
+    tree = map_leaves(lambda leaf: _ARRAY if on_numpy(leaf) else leaf, (after, *results))
     return _Form(library.play, read, tuple(code.made), cache(full), tree, arrays, layouts[0].following(after)[0])
 
 

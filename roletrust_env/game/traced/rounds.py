@@ -26,7 +26,7 @@ MOST_PAIRS = 100
 MOST_OPERATIONS = 6000
 """Number of operations in a round up to which straight-line Python is faster than NumPy."""
 
-_MOST_FORMS = 16
+MOST_FORMS = 16
 """Number of forms of a round above which a game would be traced again and again."""
 
 _CHECKED = 4
@@ -106,7 +106,7 @@ class Layout:
         """Return the layout of a state, in which every number may change."""
 
         def leaf(name: str, part: Any) -> Any:
-            if not isinstance(part, np.ndarray | np.generic):
+            if not on_numpy(part):
                 return part
             numbers = part.ravel().tolist()
             fixed = constant_flags and part.dtype.kind == "b"
@@ -116,7 +116,7 @@ class Layout:
 
     def numbers(self, state: Any) -> list[Any]:
         """Return the numbers of a state that are no constants."""
-        arrays = [part for part in leaves(state) if isinstance(part, np.ndarray | np.generic)]
+        arrays = list(filter(on_numpy, leaves(state)))
         return [
             number
             for leaf, array in zip(self._leaves, arrays, strict=True)
@@ -164,7 +164,7 @@ class Layout:
 
         def leaf(name: str, part: Any) -> Any:
             was = before[min(next(place), len(before) - 1)]
-            if not isinstance(part, np.ndarray | np.generic):
+            if not on_numpy(part):
                 return part
             example = part.example if isinstance(part, Symbols) else part
             elements, whole = elements_of(part), not isinstance(part, Symbols)
@@ -446,8 +446,8 @@ class Rounds:
         """
         layout, known, state, began = self._layout, self._known, self.state, perf_counter()
         assert layout is not None  # it is None for games that are not traced
-        if len(self.forms) >= _MOST_FORMS:
-            raise Untraceable(f"its rounds have more than {_MOST_FORMS} forms")
+        if len(self.forms) >= MOST_FORMS:
+            raise Untraceable(f"its rounds have more than {MOST_FORMS} forms")
         tape = Tape(MOST_OPERATIONS)
         symbols, numbers = layout.symbols(state, tape)
         inputs = {"state": numbers}
@@ -495,6 +495,11 @@ def _strange(state: Any) -> str | None:
     """Return the type of a leaf that is no array, number, flag or text; None without any."""
     known = np.ndarray | np.generic | int | float | str | None
     return next((type(leaf).__name__ for leaf in leaves(state) if not isinstance(leaf, known)), None)
+
+
+def on_numpy(leaf: Any) -> bool:
+    """Return whether a leaf of a tree is an array or a number of NumPy."""
+    return isinstance(leaf, np.ndarray | np.generic)
 
 
 def elements_of(array: Any) -> list[Element]:
