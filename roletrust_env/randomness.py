@@ -22,6 +22,18 @@ _KEYS_AT_ONCE = 64
 """Number of rounds whose keys are made at once."""
 
 
+def stream_key(key: Array | Sequence[Array], stream: Any, index: Any) -> list[Array]:
+    """Return the key of a stream, four words.
+
+    Args:
+        key: Key of the source, four words of one shape.
+        stream: Number of the stream.
+        index: Number of the round, or of the call among those of policies.
+    """
+    words = key[0] + index, key[1] + stream, key[2], key[3]
+    return counter_rng.scramble(namespace(key[0]).broadcast_arrays(*words))
+
+
 class Random:
     """Source of random numbers for NumPy or torch: it draws one key after the other and makes numbers from each.
 
@@ -101,9 +113,7 @@ class Random:
         return np.stack(self._subkey(np.arange(STREAMS, dtype=np.uint32), index), axis=-1)
 
     def _subkey(self, stream: Any, index: Keys) -> list[Keys]:
-        k = self._key
-        words = np.broadcast_arrays(k[:1] + index, k[1:2] + np.asarray(stream, np.uint32), k[2:3], k[3:])
-        return counter_rng.scramble(words)
+        return stream_key(np.split(self._key, 4), np.asarray(stream, np.uint32), index)
 
     def _on_device(self, key: Keys) -> Array:
         if isinstance(self.like, np.ndarray):

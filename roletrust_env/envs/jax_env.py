@@ -25,7 +25,7 @@ from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.state import Actions, Noise, State
-from roletrust_env.randomness import POLICIES, STREAMS, Random
+from roletrust_env.randomness import POLICIES, STREAMS, Random, stream_key
 from roletrust_env.trees import is_array, map_leaves
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
@@ -317,17 +317,13 @@ class _KeyRandom(Random):
 
     def round_key(self) -> Array:
         """Return the key of the round, words of shape (STREAMS, 4, ...)."""
-        return jnp.stack([jnp.stack(self._stream_key(stream, 0)) for stream in range(STREAMS)])
+        return jnp.stack([jnp.stack(stream_key(self._key, stream, 0)) for stream in range(STREAMS)])
 
     def _numbers(self, distribution: Callable[..., Array], shape: Sequence[int]) -> Array:
-        key = [word.reshape(-1) for word in self._stream_key(POLICIES, self._calls)]
+        key = [word.reshape(-1) for word in stream_key(self._key, POLICIES, self._calls)]
         self._calls += 1
         game = counter_rng.counters(self.like, 1)
         return distribution(self.like, math.prod(shape[:1]), game, key).reshape(tuple(shape))
-
-    def _stream_key(self, stream: int, index: int) -> list[Array]:
-        k = self._key
-        return counter_rng.scramble((k[0] + index, k[1] + stream, k[2], k[3]))
 
 
 def _always(_: Array, begin: Callable[[Any], Any], __: Callable[[Any], Any], after: Any) -> Any:
