@@ -1,4 +1,4 @@
-"""Accounts that providers keep of their raters: what each rater thinks of a provider, as far as the provider sees it."""
+"""Accounts that providers keep of their raters: what each rater thinks of a provider, by the ratings that arrived."""
 
 from typing import NamedTuple, Self
 
