@@ -25,6 +25,7 @@ class Curves(NamedTuple):
         rewards: Rewards of the agents, shape (T, N, E).
         offered: Quality on offer, shape (T, P, E), or shape (T, S, P, E) where a provider treats raters differently,
             see `Game.offered`.
+        weights: Weights of the rounds in means, shape (T,), see `Scenario.round_weights`; None weights all alike.
     """
 
     time_s: Floats
@@ -33,6 +34,7 @@ class Curves(NamedTuple):
     trust: Floats
     rewards: Floats
     offered: Floats
+    weights: Floats | None = None
 
 
 def curve_bytes(joint_policy: JointPolicy) -> int:
@@ -47,7 +49,7 @@ def curve_bytes(joint_policy: JointPolicy) -> int:
 def record_curves(
     joint_policy: JointPolicy, seed: int, *, games: int = 1, on_round: Callable[[State], None] = lambda state: None
 ) -> Curves:
-    """Play games to the end of the scenario as one batch, and return their curves.
+    """Play games of `max_cycles` rounds as one batch, and return their curves.
 
     The noise of the games and the random numbers of the policies are drawn apart: with the same seed games have the
     same noise under any policies, so that a run under attack can be paired with one without.
@@ -66,7 +68,7 @@ def record_curves(
     offered: list[Floats] = []
     roster, length = game.roster, game.scenario.max_cycles
     noise, chance = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
-    for before, actions, state, rewards in rollout(joint_policy, noise, chance, (games,)):
+    for before, actions, state, rewards, _ in rollout(joint_policy, noise, chance, (games,)):
         offered.append(game.offered(before, actions, state))
         here = game.present(state)
         present = np.ones(rewards.shape, dtype=bool) if here is None else here
@@ -81,5 +83,9 @@ def record_curves(
         )
         on_round(state)
     time_s = np.arange(1, length + 1, dtype=np.float64) * game.scenario.period_s
-    columns = [*(np.stack(column) for column in zip(*rows, strict=True)), stack_offered(offered)]
+    columns = [
+        *(np.stack(column) for column in zip(*rows, strict=True)),
+        stack_offered(offered),
+        game.scenario.round_weights,
+    ]
     return Curves(time_s, *columns)

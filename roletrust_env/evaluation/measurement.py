@@ -34,7 +34,7 @@ class AttackedRound(NamedTuple):
 
     Attributes:
         round: The round.
-        outcome: Outcome for the attacker; 0 in games that are over for it.
+        outcome: Outcome for the attacker, times the weight of the round; 0 in games that are over for it.
     """
 
     round: Round
@@ -85,7 +85,10 @@ def judged_rollout(
 
 
 def judged(task: AttackTask, rounds: Iterator[Round]) -> Iterator[AttackedRound]:
-    """Yield the rounds with the outcome for the attacker; a game in which it has been caught brings 0 from then on."""
+    """Yield the rounds with the outcome for the attacker, times the weight of the round.
+
+    A game in which the attacker has been caught brings 0 from then on.
+    """
     ended: Array | None = None
     for played in rounds:
         outcome = task.judge(played.before, played.actions, played.state)
@@ -93,6 +96,9 @@ def judged(task: AttackTask, rounds: Iterator[Round]) -> Iterator[AttackedRound]
             ended = played.state.round < 0 if ended is None else ended  # nobody yet
             reward, objective, cost = (namespace(part).where(ended, 0 * part, part) for part in outcome[:3])
             ended = ended | outcome.caught
+            outcome = outcome._replace(reward=reward, objective=objective, cost=cost)
+        if played.weight < 1:
+            reward, objective, cost = (played.weight * part for part in outcome[:3])
             outcome = outcome._replace(reward=reward, objective=objective, cost=cost)
         yield AttackedRound(played, outcome)
 
@@ -123,7 +129,7 @@ def check_games_memory(task: AttackTask, games: int) -> None:
 def mean_rewards(
     task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int], kind: int
 ) -> list[Array]:
-    """Return the mean reward, objective and cost per round of the full length, each of shape (K, G).
+    """Return the mean reward, objective and cost per round, each of shape (K, G); the rounds have their weights.
 
     Args:
         task: Task that is played.
@@ -139,7 +145,7 @@ def mean_rewards(
     total: list[Array] = [0.0, 0.0, 0.0]
     for _, outcome in judged_rollout(task, attacker, batch, *random_sources(task, seed, kind)):
         total = [whole + part for whole, part in zip(total, outcome[:3], strict=True)]
-    return [part / task.game.scenario.max_cycles for part in total]
+    return [part / task.game.scenario.mean_length for part in total]
 
 
 def is_certain(arguments: TaskArguments) -> bool:
@@ -171,8 +177,9 @@ class GameRecord(NamedTuple):
 
     Attributes:
         trust: Trust of the agents by role, shape (T, N, K, G); NaN where an agent was absent.
-        bought: Qualities that consumers got, shape (T - 1, K, G). The first round has no trust to go by.
-        published: Qualities that consumers would have got by published trust.
+        bought: Qualities that consumers got, times the weight of the round, shape (T - 1, K, G). The first round has no
+            trust to go by.
+        published: Qualities that consumers would have got by published trust, in the same way.
     """
 
     trust: Floats
@@ -224,11 +231,12 @@ def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int
         ValueError: An attacker or a trust model fails, or an action is NaN or outside [0, 1].
     """
     game, trusts, bought, published = task.game, [], [], []
-    for before, actions, state, _ in attacked_rollout(task, attacker, batch, *random_sources(task, seed, HELD_OUT)):
+    sources = random_sources(task, seed, HELD_OUT)
+    for before, actions, state, _, weight in attacked_rollout(task, attacker, batch, *sources):
         trust, present = game.agent_trust(state), game.present(state)
         trusts.append(trust if present is None else np.where(present, trust, np.nan))
-        bought.append(task.bought(before, actions, state))
-        published.append(task.bought_by_published(before, actions, state))
+        bought.append([weight * part for part in task.bought(before, actions, state)])
+        published.append([weight * part for part in task.bought_by_published(before, actions, state)])
     rounds = (Bought(*(np.stack(part) for part in zip(*got[1:], strict=True))) for got in (bought, published))
     return GameRecord(np.stack(trusts), *rounds)
 
@@ -253,13 +261,13 @@ def score(
     Raises:
         ValueError: See `watch`.
     """
-    judged = _judged(task)
+    judged, weights = _judged(task), task.game.scenario.round_weights
     seen = watch(task, attacker, seed, batch)
     twin = watch_honest(task, seed, batch[1]) if twin is None else twin
     honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
-    damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest).value
-    auc = _detection(task, seen.trust, judged)
-    return GameScores({**_read(seen, honest), "damage": damage, "auc": auc}, seen.bought, twin.bought)
+    damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest, weights).value
+    auc = _detection(task, mean_or_nan(seen.trust, 0, weights), judged)
+    return GameScores({**_read(seen, honest, weights), "damage": damage, "auc": auc}, seen.bought, twin.bought)
 
 
 def measure(
@@ -283,8 +291,8 @@ def measure_honest(task: AttackTask, seed: int, games: int) -> SplitScores:
     judged = _judged(task)
     agents = [i for i, name in enumerate(task.game.roster.names) if name in judged]
     nothing = np.full((1, 2 * games), np.nan)
-    seen = watch_honest(task, seed, 2 * games)
-    return SplitScores.halves({**_read(seen, agents), "damage": nothing, "auc": nothing}, seen.bought)
+    seen, weights = watch_honest(task, seed, 2 * games), task.game.scenario.round_weights
+    return SplitScores.halves({**_read(seen, agents, weights), "damage": nothing, "auc": nothing}, seen.bought)
 
 
 def _judged(task: AttackTask) -> tuple[str, ...]:
@@ -293,24 +301,24 @@ def _judged(task: AttackTask) -> tuple[str, ...]:
     return roster.names if Traits.of(task.game.model).rates_raters else roster.provider_names
 
 
-def _read(seen: GameRecord, honest: list[int]) -> Scores:
+def _read(seen: GameRecord, honest: list[int], weights: Floats) -> Scores:
     """Return the scores that need no other games for comparison."""
     got, best, blind = seen.bought
     return {
         "utility": metrics.share_of_best(got, best).value,
         "published": metrics.share_of_best(seen.published.got, seen.published.best).value,
         "blind": metrics.share_of_best(blind, best).value,
-        "false_alarms": metrics.false_alarms(seen.trust, honest).value,
+        "false_alarms": metrics.false_alarms(seen.trust, honest, weights=weights).value,
     }
 
 
-def _detection(task: AttackTask, trust: Floats, judged: tuple[str, ...]) -> Floats:
-    """Return the AUC of mean trust, averaged over the roles that have attackers and a trust."""
-    mean, roster = mean_or_nan(trust, axis=0), task.game.roster
+def _detection(task: AttackTask, mean: Floats, judged: tuple[str, ...]) -> Floats:
+    """Return the AUC of mean trust, (N, K, G), averaged over the roles that have attackers and a trust."""
+    roster = task.game.roster
     found = []
     for names in (roster.rater_names, roster.provider_names):
         indices = [i for i, name in enumerate(roster.names) if name in names and name in judged]
         bad = [k for k, i in enumerate(indices) if roster.names[i] in task.identities]
         if bad:
             found.append(metrics.auc(mean[indices], bad).value)
-    return mean_or_nan(np.stack(found), axis=0) if found else np.full(trust.shape[2:], np.nan)
+    return mean_or_nan(np.stack(found), axis=0) if found else np.full(mean.shape[1:], np.nan)

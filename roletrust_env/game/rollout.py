@@ -40,12 +40,14 @@ class Round(NamedTuple):
         actions: Actions of all agents.
         state: State after the round.
         rewards: Rewards of the agents, shape (N, ...).
+        weight: Probability that the round is played, see `Scenario.round_weights`; 1 unless games end at random.
     """
 
     before: State
     actions: Actions
     state: State
     rewards: Array
+    weight: float
 
 
 class History(NamedTuple):
@@ -87,7 +89,7 @@ class History(NamedTuple):
 def rollout(
     players: Players, noise: Random, chance: Random, batch: tuple[int, ...] = (), *, rows: int | None = None
 ) -> Iterator[Round]:
-    """Play games round by round, to the end of the scenario. Every other loop over rounds is this one.
+    """Play games round by round, `max_cycles` rounds. Every other loop over rounds is this one.
 
     Args:
         players: Behaviour of all agents.
@@ -107,15 +109,17 @@ def rollout(
     game = players.game
     state = game.start(_draw(game, noise, batch, rows, start=True))
     memory = players.begin(chance, batch if rows is None else (rows, *batch))
-    for _ in range(game.scenario.max_cycles):
+    for weight in game.scenario.round_weights.tolist():
         actions, memory = players.checked_act(state, memory, chance)
         before = state
         state, rewards = game.step(before, actions, _draw(game, noise, batch, rows))
-        yield Round(before, actions, state, rewards)
+        yield Round(before, actions, state, rewards, weight)
 
 
 def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = ()) -> History:
-    """Play games to the end of the scenario and return the record.
+    """Play games of `max_cycles` rounds and return the record.
+
+    Where games end at random, metrics take `Scenario.round_weights`, by which the rounds count.
 
     Args:
         joint_policy: Game and policies of its agents.
@@ -134,7 +138,7 @@ def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = (
     """
     game = joint_policy.game
     rows, offered = [], []
-    for before, actions, state, rewards in rollout(joint_policy, random, random, batch):
+    for before, actions, state, rewards, _ in rollout(joint_policy, random, random, batch):
         offered.append(game.offered(before, actions, state))
         tor, top = game.published(state)
         trust = game.agent_trust(state)

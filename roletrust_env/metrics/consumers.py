@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from roletrust_env.game.consumer import Bought, buy
-from roletrust_env.metrics.score import Flags, Floats, Score, ratio
+from roletrust_env.metrics.score import Flags, Floats, Score, in_rounds, ratio
 
 _ROUNDING = 1e-9  # a blind choice that is so near to the best one has no other that is better
 
 
-def utility(trust: Floats, offered: Floats) -> Score:
+def utility(trust: Floats, offered: Floats, weights: Floats | None = None) -> Score:
     """Return the quality that a consumer gets from the most trusted provider, as a share of the best quality offered.
 
         utility = sum over rounds t of offered[t, argmax trust[t - 1]] / sum over rounds t of max offered[t]
@@ -22,12 +22,13 @@ def utility(trust: Floats, offered: Floats) -> Score:
         trust: Trust of the providers, shape (T, P, ...); NaN where one is absent.
         offered: Quality that each provider offers, shape (T, P, ...), or offers to each rater, shape (T, S, P, ...);
             NaN where it does not serve, see `Game.offered`.
+        weights: Weights of the rounds, shape (T,), see `Scenario.round_weights`; None weights all alike.
     """
-    bought = _bought(trust, offered)
+    bought = _bought(trust, offered, weights)
     return share_of_best(bought.got, bought.best)
 
 
-def blind_utility(trust: Floats, offered: Floats) -> Score:
+def blind_utility(trust: Floats, offered: Floats, weights: Floats | None = None) -> Score:
     """Return the utility of a consumer that chooses providers uniformly at random, as a baseline for `utility`.
 
         utility = sum over rounds t of mean offered[t] / sum over rounds t of max offered[t]
@@ -35,8 +36,9 @@ def blind_utility(trust: Floats, offered: Floats) -> Score:
     Args:
         trust: See `utility`. It determines which providers can be chosen.
         offered: See `utility`.
+        weights: See `utility`.
     """
-    bought = _bought(trust, offered)
+    bought = _bought(trust, offered, weights)
     return share_of_best(bought.blind, bought.best)
 
 
@@ -87,8 +89,9 @@ def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> 
     return Score.where(total > 0, share, "no honest rater was ever served")
 
 
-def _bought(trust: Floats, offered: Floats) -> Bought:
-    return buy(np.asarray(trust, np.float64)[:-1], np.asarray(offered, np.float64)[1:], axis=1)
+def _bought(trust: Floats, offered: Floats, weights: Floats | None) -> Bought:
+    bought = buy(np.asarray(trust, np.float64)[:-1], np.asarray(offered, np.float64)[1:], axis=1)
+    return Bought(*(in_rounds(part, None if weights is None else weights[1:]) for part in bought))
 
 
 def share_of_best(got: Floats, best: Floats) -> Score:

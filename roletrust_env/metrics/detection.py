@@ -97,7 +97,9 @@ def rounds_to_detection(trust: Floats, attackers: Sequence[int], start: int = 0,
     return Score.where(detected.any(axis=0), detected.argmax(axis=0), "the attackers were never detected")
 
 
-def false_alarms(trust: Floats, honest: Sequence[int], threshold: float = 0.5) -> Score:
+def false_alarms(
+    trust: Floats, honest: Sequence[int], threshold: float = 0.5, *, weights: Floats | None = None
+) -> Score:
     """Return how often the trust of honest agents is below the threshold, for example because of a perturbation.
 
         share = mean over rounds t and honest agents k of [trust[t, k] < threshold]
@@ -106,9 +108,10 @@ def false_alarms(trust: Floats, honest: Sequence[int], threshold: float = 0.5) -
         trust: Trust of shape (T, N, ...), NaN where an agent is absent.
         honest: Indices of the honest agents.
         threshold: Threshold of trust.
+        weights: Weights of the rounds, shape (T,), see `Scenario.round_weights`; None weights all alike.
     """
     of_honest = trust[:, list(honest)]
-    share = mean_or_nan(np.where(np.isnan(of_honest), np.nan, of_honest < threshold), axis=(0, 1))
+    share = mean_or_nan(np.where(np.isnan(of_honest), np.nan, of_honest < threshold), (0, 1), weights)
     return Score.where(~np.isnan(share), share, "no honest agent was ever present")
 
 

@@ -19,7 +19,7 @@ class WorstAttack(NamedTuple):
     damage: float
 
 
-def damage(trust: Floats, paired: Floats, agents: Sequence[int]) -> Score:
+def damage(trust: Floats, paired: Floats, agents: Sequence[int], weights: Floats | None = None) -> Score:
     """Return the mean trust that an attack takes from some agents.
 
         damage = mean over rounds t and agents k of paired[t, k] - trust[t, k]
@@ -32,10 +32,11 @@ def damage(trust: Floats, paired: Floats, agents: Sequence[int]) -> Score:
         trust: Trust under the attack, shape (T, N, ...), NaN where an agent is absent.
         paired: Trust in the paired run, of the same shape.
         agents: Indices of the agents: the honest ones, or the attackers for the trust that they lost themselves.
+        weights: Weights of the rounds, shape (T,), see `Scenario.round_weights`; None weights all alike.
     """
     absent = np.isnan(paired) & np.isnan(trust)
     difference = np.where(absent, np.nan, _fill_forward(paired) - _fill_forward(trust))[:, list(agents)]
-    loss = mean_or_nan(difference, axis=(0, 1))
+    loss = mean_or_nan(difference, (0, 1), weights)
     return Score.where(~np.isnan(loss), loss, "none of the agents was ever present")
 
 

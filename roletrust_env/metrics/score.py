@@ -2,10 +2,10 @@
 
 In arrays of recorded trust, axis 0 is the round, axis 1 is the agent, and all further axes are the games of a batch, as
 in `History`. The trust of an absent agent is NaN. A score has one number for each game: NaN where the metric is
-undefined, with the reason.
+undefined, with the reason. Rounds of games that end at random count by their weights, see `Scenario.round_weights`.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -44,10 +44,23 @@ def as_numbers(score: Score | npt.ArrayLike) -> Floats:
     return np.asarray(score.value if isinstance(score, Score) else score, np.float64)
 
 
-def mean_or_nan(values: Floats, axis: int | tuple[int, ...]) -> Floats:
-    """Return the mean along some axes over all values but NaN; NaN if there are none."""
-    known = ~np.isnan(values)
-    return ratio(np.where(known, values, 0.0).sum(axis=axis), known.sum(axis=axis))
+def mean_or_nan(values: Floats, axis: int | tuple[int, ...], weights: Floats | None = None) -> Floats:
+    """Return the mean along some axes over all values but NaN; NaN if there are none.
+
+    Args:
+        values: Values; with weights, of shape (T, ...).
+        axis: Axes.
+        weights: Weights of the rounds, shape (T,); None weights all alike.
+    """
+    known, share = np.where(np.isnan(values), 0.0, values), ~np.isnan(values)
+    if weights is not None:
+        known, share = in_rounds(known, weights), in_rounds(share, weights)
+    return ratio(known.sum(axis=axis), share.sum(axis=axis))
+
+
+def in_rounds(values: npt.NDArray[Any], weights: Floats | None) -> Floats:
+    """Return values of shape (T, ...), times the weights of the rounds, shape (T,), if there are any."""
+    return values if weights is None else values * weights.reshape(-1, *[1] * (values.ndim - 1))
 
 
 def ratio(part: npt.ArrayLike, whole: npt.ArrayLike) -> Floats:

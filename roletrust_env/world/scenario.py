@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import (
     Field,
     NonNegativeFloat,
@@ -16,7 +18,7 @@ from pydantic import (
 )
 
 from roletrust_env.errors import explain
-from roletrust_env.parameters import Lam, Share
+from roletrust_env.parameters import Factor, Lam, Share
 from roletrust_env.world.group import AgentGroup, FrozenModel
 
 
@@ -145,7 +147,9 @@ class Scenario(FrozenModel):
     rewards: Rewards = Rewards()
     """Weights in the rewards of honest agents."""
     max_cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 120
-    """Length of the game, in rounds."""
+    """Length of the game, in rounds; the longest with a `continuation` below 1."""
+    continuation: Factor = 1.0
+    """Probability that the game goes on after a round, up to `max_cycles`; no agent knows when it ends."""
     period_s: PositiveFloat = 0.5
     """Length of a round, in seconds."""
     lam: Lam = 0.5
@@ -176,6 +180,20 @@ class Scenario(FrozenModel):
         if self.playback == "loop" and not isinstance(self.frames, str):
             raise ValueError(f"playback is 'loop', for a video or a folder of images; frames is {self.frames!r}")
         return self
+
+    @property
+    def round_weights(self) -> npt.NDArray[np.float64]:
+        """Weights of the rounds, shape (max_cycles,): the probability `continuation`^t that round t is played.
+
+        Games that measure or search last `max_cycles` rounds, and a round counts by its weight. This is the expectation
+        over the length of the game, without the noise of lengths that are drawn.
+        """
+        return np.power(self.continuation, np.arange(self.max_cycles))
+
+    @property
+    def mean_length(self) -> float:
+        """Mean number of rounds, the sum of the weights of the rounds."""
+        return float(self.round_weights.sum())
 
     def _providers_to_meet(self) -> int:
         """Return the number of providers that every rater can meet, with identities in reserve; nobody meets itself."""

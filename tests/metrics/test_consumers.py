@@ -5,7 +5,16 @@ import pytest
 
 from roletrust_baselines.provider import OnOff
 from roletrust_env import Game, JointPolicy, make_scenario, record
-from roletrust_env.metrics import auc, damage, present_trust, robustness, skill, utility
+from roletrust_env.metrics import (
+    auc,
+    blind_utility,
+    damage,
+    false_alarms,
+    present_trust,
+    robustness,
+    skill,
+    utility,
+)
 
 
 def test_utility_goes_by_the_trust_of_the_round_before() -> None:
@@ -62,6 +71,23 @@ def test_metrics_take_recorded_games() -> None:
     assert (auc(trust[-1, 3:], [2]).value == 1).all()
     assert (utility(attacked.top, attacked.offered).value > 0.9).all()
     assert robustness(attacked.served, [0, 1, 2], [0, 1]).value == pytest.approx(1 / 3)
+
+
+def test_rounds_count_by_their_weights() -> None:
+    random = np.random.default_rng(0)
+    trust, other, offered = (random.random((6, 3, 2)) for _ in range(3))
+    trust[4:, 1] = np.nan
+    metrics = (
+        lambda part, **weights: damage(trust[part], other[part], [0, 1], **weights),
+        lambda part, **weights: false_alarms(trust[part], [0, 1], **weights),
+        lambda part, **weights: utility(trust[part], offered[part], **weights),
+        lambda part, **weights: blind_utility(trust[part], offered[part], **weights),
+    )
+    for metric in metrics:
+        first, whole = (metric(slice(0, end)).value for end in (3, 6))
+        assert np.all(first != whole)
+        np.testing.assert_array_equal(metric(slice(0, 6), weights=np.array([1.0, 1, 1, 0, 0, 0])).value, first)
+        np.testing.assert_array_equal(metric(slice(0, 6), weights=np.ones(6)).value, whole)
 
 
 def test_nobody_goes_to_who_is_absent() -> None:

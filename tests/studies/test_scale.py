@@ -53,7 +53,7 @@ def test_harm_is_the_skill_that_is_lost_in_the_same_luck():
         for seed in (3, 4):
             random = game.random(seed)
             sums = np.zeros(3)
-            for before, actions, after, _ in rollout(JointPolicy(game, policies), random, random):
+            for before, actions, after, *_ in rollout(JointPolicy(game, policies), random, random):
                 for i, met in enumerate(after.met):
                     top, offer = game.published(before)[1][met], game.offered(before, actions, after)[met]
                     served = after.awaiting[i]

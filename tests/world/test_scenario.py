@@ -27,6 +27,8 @@ AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
         ({"max_cycles": 0}, ["max_cycles", "0", "greater than"]),
         ({"max_cycles": 2.5}, ["max_cycles", "2.5", "integer"]),
         ({"max_cycles": True}, ["max_cycles", "True"]),
+        ({"continuation": 0}, ["continuation", "0", "(0, 1]"]),
+        ({"continuation": 1.01}, ["continuation", "1.01", "(0, 1]"]),
         ({"period_s": 0}, ["period_s", "0", "greater than"]),
         ({"period_s": float("inf")}, ["period_s", "inf", "finite"]),
         ({"values": []}, ["values", "[]", "at least 1"]),

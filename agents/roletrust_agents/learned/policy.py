@@ -163,7 +163,7 @@ def learned(path: str, accomplices: tuple[int, ...] = ()) -> Policy:
 
 
 def play_task(task: AttackTask, network: Network | DeepSet | None, *, games: int, seed: int) -> Array:
-    """Return the score of each game, shape (E,): the mean reward per round of the full length, 0 after the end.
+    """Return the score of each game, shape (E,): the mean reward per round, 0 after the attacker has been caught.
 
     Args:
         task: Task to play, on NumPy.
@@ -180,4 +180,4 @@ def play_task(task: AttackTask, network: Network | DeepSet | None, *, games: int
     random, score = task.game.random(seed), np.zeros(games)
     for _, outcome in judged(task, rollout(AttackedPlayers(task, attacker), random, random, (games,))):
         score += outcome.reward
-    return score / task.game.scenario.max_cycles
+    return score / task.game.scenario.mean_length

@@ -230,6 +230,7 @@ def check_certain(scenario: Scenario) -> None:
         "ratings get lost or come late": rules.ratings.lost > 0 or rules.ratings.late > 0,
         "agents come and go": any(group.open for group in groups),
         "agents can be cut off": rules.admission is not None,
+        "games end at random": rules.continuation < 1,
         "agents play both roles": any(group.role == "SR+SP" for group in groups),
     }
     reasons = [text for text, holds in obstacles.items() if holds]

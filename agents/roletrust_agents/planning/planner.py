@@ -105,7 +105,7 @@ class Planner:
 
         attacker = OpenLoop(torch.sigmoid(logits))
         rounds = judged_rollout(task, attacker, (logits.shape[2], samples), noise, chance)
-        score = sum(outcome.reward for _, outcome in rounds).mean(dim=1) / len(logits)
+        score = sum(outcome.reward for _, outcome in rounds).mean(dim=1) / task.game.scenario.mean_length
         adam.zero_grad()
         (-score.sum()).backward()
         # Other trust models can have kinks of their own, where the gradient is not finite; it is replaced by 0.

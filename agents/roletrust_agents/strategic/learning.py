@@ -24,7 +24,7 @@ LEARNED, MEASURED, DEVIATED, SEARCHED_BEST = range(4)
 
 
 class Played(NamedTuple):
-    """What games came to, means over their rounds.
+    """What games came to, means over their rounds with the weights of these.
 
     Attributes:
         rewards: Reward of each agent, raters first, shape (N, ...).
@@ -54,8 +54,8 @@ def mean_rewards(
     noise = game.random(int(np.random.SeedSequence(seed).generate_state(1)[0]))
     total: Floats | float = 0.0
     for played in rollout(population.seated(game), noise, noise, batch, rows=rows):
-        total = total + played.rewards
-    return np.asarray(total, np.float64) / game.scenario.max_cycles
+        total = total + played.weight * played.rewards
+    return np.asarray(total, np.float64) / game.scenario.mean_length
 
 
 def play(game: Game, population: StrategyProfile, seed: tuple[int, ...], batch: tuple[int, ...], rows: int) -> Played:
@@ -72,7 +72,9 @@ def play(game: Game, population: StrategyProfile, seed: tuple[int, ...], batch: 
     noise = game.random(int(np.random.SeedSequence(seed).generate_state(1)[0]))
     weight, roster = game.scenario.rewards.provider_trust, game.roster
     sums: list[Floats | float] = [0.0] * 5
-    for before, actions, state, rewards in rollout(population.seated(game), noise, noise, batch, rows=rows):
+    for before, actions, state, rewards, round_weight in rollout(
+        population.seated(game), noise, noise, batch, rows=rows
+    ):
         offered = game.offered(before, actions, state)
         trust = game.known_trust(before)
         bought = buy(trust, np.broadcast_to(offered[None, ...], trust.shape), axis=1)
@@ -84,8 +86,8 @@ def play(game: Game, population: StrategyProfile, seed: tuple[int, ...], batch: 
             bought.best.mean(axis=0),
             cost.mean(axis=0),
         )
-        sums = [whole + part for whole, part in zip(sums, parts, strict=True)]
-    earned, quality, got, best, cost = (np.asarray(part, np.float64) / game.scenario.max_cycles for part in sums)
+        sums = [whole + round_weight * part for whole, part in zip(sums, parts, strict=True)]
+    earned, quality, got, best, cost = (np.asarray(part, np.float64) / game.scenario.mean_length for part in sums)
     return Played(earned, quality, got - cost, np.divide(got, best, out=np.zeros_like(got), where=best > 0))
 
 

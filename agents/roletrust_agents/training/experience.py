@@ -1,6 +1,7 @@
 """Experience of learners: staggered games, whole games, actions whose spread narrows, and calls after updates."""
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -39,12 +40,17 @@ class StaggeredGames(AttackVecEnv):
 class WholeGames(AttackVecEnv):
     """A batch in which the end of a game ends its rewards: learners do not bootstrap, since they observe the clock.
 
-    Arguments as for `AttackVecEnv`.
+    Rewards are times the weight of the round, see `Scenario.round_weights`. Arguments as for `AttackVecEnv`.
     """
 
     def _play(self, actions: Floats) -> Step:
         step = super()._play(actions)
-        return step._replace(terminated=step.terminated | step.truncated, truncated=np.zeros_like(step.truncated))
+        rewards = step.rewards * self._weights[self._batch.games.round - 1]
+        return Step(rewards, step.terminated | step.truncated, np.zeros_like(step.truncated), step.infos)
+
+    @cached_property
+    def _weights(self) -> Floats:
+        return self.task.game.scenario.round_weights.astype(np.float32)
 
 
 class Narrowing(BaseCallback):

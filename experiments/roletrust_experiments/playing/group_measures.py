@@ -65,7 +65,7 @@ def measure(
             label = f"{label} ({roster.names[places[0]]} ...)"
         trust, rewards = curves.trust[:, places], curves.rewards[:, places]
         present = estimate((~np.isnan(trust[-1])).sum(axis=0).astype(np.float64))
-        measures = _measures(trust, rewards, since)
+        measures = _measures(trust, rewards, since, curves.weights)
         if not _rated(roster.role(roster.names[places[0]]), rates_raters):
             measures |= dict.fromkeys(_OF_TRUST, Estimate(np.nan, np.nan, _UNRATED))
         groups.append(Group(label, policy is None, len(places), present, measures))
@@ -110,7 +110,7 @@ def damage(
     unrated = _undefined(curves.trust.shape[-1], _UNRATED)
     return {
         label: _scored(
-            metrics.damage(curves.trust, twin.trust, places)
+            metrics.damage(curves.trust, twin.trust, places, curves.weights)
             if all(_rated(roster.role(roster.names[i]), rates_raters) for i in places)
             else unrated
         )
@@ -134,7 +134,7 @@ def under_attack(
         For each attacking role the AUC of mean trust under the attack and of trust at the end; the false alarms among
         honest agents; the utility of choosing by ToP, under the attack and without it; and the rounds of recovery.
     """
-    rounds, games = len(curves.trust), curves.trust.shape[-1]
+    rounds, games, weights = len(curves.trust), curves.trust.shape[-1], curves.weights
     start, stop = attack_rounds(attackers, rounds)
     judged = [i for i, name in enumerate(roster.names) if _rated(roster.role(name), rates_raters)]
     honest = [i for i in judged if roster.names[i] not in attackers]
@@ -144,17 +144,19 @@ def under_attack(
         trust = curves.trust[:, places]
         if bad:
             unrated = None if places[0] in judged else _undefined(games, _UNRATED)
-            meanwhile = metrics.auc(mean_or_nan(trust[start:stop], axis=0), bad)
+            meanwhile = metrics.auc(
+                mean_or_nan(trust[start:stop], 0, None if weights is None else weights[start:stop]), bad
+            )
             meanwhile = meanwhile if start < rounds else _undefined(games, _NEVER)
             found[f"{AUC_MEANWHILE}, {role}"] = unrated or meanwhile
             found[f"{AUC_FINALLY}, {role}"] = unrated or metrics.auc(trust[-1], bad)
-    found["false alarms"] = metrics.false_alarms(curves.trust, honest)
-    found["utility"] = metrics.utility(curves.top, curves.offered)
+    found["false alarms"] = metrics.false_alarms(curves.trust, honest, weights=weights)
+    found["utility"] = metrics.utility(curves.top, curves.offered, weights)
     if twin is None:
         why = "a live camera shows nothing twice, so there are no games without the attack"
         found |= {UTILITY_WITHOUT: _undefined(games, why), RECOVERY: _undefined(games, why)}
     else:
-        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.offered)
+        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.offered, weights)
         why = _NEVER if start >= rounds else "the attack lasts to the end"
         over = start < stop < rounds
         back = metrics.recovery(curves.trust, twin.trust, honest, stop) if over else _undefined(games, why)
@@ -162,15 +164,15 @@ def under_attack(
     return {name: _scored(score) for name, score in found.items()}
 
 
-def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]:
+def _measures(trust: Floats, rewards: Floats, since: int, weights: Floats | None) -> dict[str, Estimate]:
     """Return the mean over games of each measure; both arrays have the shape (T, agents, games)."""
     each_round = mean_or_nan(trust, axis=1)
     lowest = np.where(np.isnan(each_round), np.inf, each_round)[since:].min(axis=0)
     per_game = (
-        mean_or_nan(trust, axis=(0, 1)),
+        mean_or_nan(trust, (0, 1), weights),
         np.where(np.isinf(lowest), np.nan, lowest),
         each_round[-1],
-        mean_or_nan(rewards, axis=(0, 1)),
+        mean_or_nan(rewards, (0, 1), weights),
     )
     return {name: estimate(values) for name, values in zip(MEASURES, per_game, strict=True)}
 

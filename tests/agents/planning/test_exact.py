@@ -179,6 +179,7 @@ def test_polishing_only_improves(task):
         ({"access": {"kind": "choice"}}, "not everyone"),
         ({"admission": {"threshold": 0.1}}, "cut off"),
         ({"service": "hog"}, "camera"),
+        ({"continuation": 0.9}, "games end at random"),
         ({"agents": [{"role": "SR+SP", "count": 3}]}, "both roles"),
         ({"agents": [{"role": "SR", "count": 3, "leaves": 9}, {"role": "SP"}]}, "come and go"),
     ],

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from roletrust_agents.strategic.learning import LearningSettings, best_response, best_welfare, learn
+from roletrust_agents.strategic.learning import (
+    LearningSettings,
+    best_response,
+    best_welfare,
+    learn,
+    mean_rewards,
+    play,
+)
 from roletrust_agents.strategic.strategies import (
     BOUNDS,
     departure,
@@ -108,3 +115,15 @@ def test_a_best_response_is_that_of_a_loop_over_the_grid():
 def test_the_best_welfare_is_honest_where_trust_is_informed():
     played = game("mean", cost=0.25)
     np.testing.assert_allclose(best_welfare(played, 0, 3, 4), 0.75, atol=1e-9)
+
+
+def test_rounds_have_the_weights_of_the_scenario():
+    """A game that hardly ever goes on is one of a single round."""
+    found = []
+    for changes in ({"continuation": 1e-9}, {"max_cycles": 1}):
+        played = Game(game("mean").scenario.change(**changes), "mean")
+        population = uniform_population(played, np.full((2, 1), 0.5), np.full((2, 1), 0.5), (1, 1))
+        asked = played, population, (0,), (1, 3), 1
+        found.append((mean_rewards(*asked), *play(*asked)))
+    for first, only in zip(*found, strict=True):
+        np.testing.assert_allclose(first, only, rtol=1e-6, atol=1e-8)

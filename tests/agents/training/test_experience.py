@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
-from roletrust_agents.training.experience import Narrowing, StaggeredGames
+from roletrust_agents.training.experience import Narrowing, StaggeredGames, WholeGames
 from roletrust_agents.training.learners import make_model
 from roletrust_agents.training.settings import make_settings
 from roletrust_env.game.make_task import make_task
@@ -46,3 +46,15 @@ def test_the_spread_falls_below_the_limit():
     model.learn(100, callback=Look(1.0, -3.0, 80))
     assert spread == pytest.approx([1.0, 0.0, -1.0, -2.0, -3.0], abs=0.05)
     assert np.all(np.array(spread) <= np.array([1.0, 0.0, -1.0, -2.0, -3.0]) + 1e-6)
+
+
+def test_whole_games_weight_their_rewards():
+    rewards = []
+    for continuation in (1.0, 0.5):
+        env = WholeGames(task(continuation=continuation), 3, seed=0)
+        env.reset()
+        played = [env.step(np.zeros((3, 1), np.float32)) for _ in range(20)]
+        assert [dones.tolist() for _, _, dones, _ in played] == [[t % 10 == 9] * 3 for t in range(20)]
+        rewards.append(np.stack([reward for _, reward, _, _ in played]))
+    weights = np.tile(0.5 ** np.arange(10), 2)[:, None]
+    np.testing.assert_allclose(rewards[1], rewards[0] * weights, rtol=1e-6)
