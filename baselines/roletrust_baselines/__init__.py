@@ -5,6 +5,7 @@ from roletrust_baselines.coalition import (
     Collusion,
     MilkingRing,
     Orchestrated,
+    PersonalMilkingRing,
     Promotion,
     RankLies,
     ReviewBurst,
@@ -12,11 +13,9 @@ from roletrust_baselines.coalition import (
     Sleeper,
     SwapEnds,
 )
-from roletrust_baselines.identity import Sybil, SybilRing, Whitewashing, WhitewashingRing
+from roletrust_baselines.identity import PersonalSybilRing, Sybil, SybilRing, Whitewashing, WhitewashingRing
 from roletrust_baselines.provider import (
     Camouflage,
-    Conflicting,
-    Discrimination,
     Exit,
     OnOff,
     Opportunistic,
@@ -37,6 +36,13 @@ from roletrust_baselines.rater import (
     Silent,
     TransitiveLying,
 )
+from roletrust_baselines.treatment import (
+    Conflicting,
+    Discrimination,
+    PersonalMilking,
+    QuietDiscrimination,
+    Rotation,
+)
 from roletrust_env.game.policy import registry
 
 registry.register("on-off", OnOff)
@@ -48,6 +54,9 @@ registry.register("opportunistic", Opportunistic)
 registry.register("reputation-lag", ReputationLag)
 registry.register("threshold-surfing", ThresholdSurfing)
 registry.register("value-imbalance", ValueImbalance)
+registry.register("personal-milking", PersonalMilking)
+registry.register("quiet-discrimination", QuietDiscrimination)
+registry.register("rotation", Rotation)
 registry.register("bad-mouthing", BadMouthing)
 registry.register("ballot-stuffing", BallotStuffing)
 registry.register("camouflage-rating", CamouflageRating)
@@ -69,10 +78,12 @@ registry.register("sleeper", Sleeper)
 registry.register("review-burst", ReviewBurst)
 registry.register("cheating-ring", CheatingRing)
 registry.register("milking-ring", MilkingRing)
+registry.register("personal-milking-ring", PersonalMilkingRing)
 registry.register("whitewashing", Whitewashing)
 registry.register("sybil", Sybil)
 registry.register("whitewashing-ring", WhitewashingRing)
 registry.register("sybil-ring", SybilRing)
+registry.register("personal-sybil-ring", PersonalSybilRing)
 
 __all__ = [
     "BadMouthing",
@@ -91,13 +102,18 @@ __all__ = [
     "Opportunistic",
     "Optimistic",
     "Orchestrated",
+    "PersonalMilking",
+    "PersonalMilkingRing",
+    "PersonalSybilRing",
     "Pessimistic",
     "Promotion",
+    "QuietDiscrimination",
     "RandomRating",
     "RankLies",
     "RepTrap",
     "ReputationLag",
     "ReviewBurst",
+    "Rotation",
     "SelfPromotion",
     "Silent",
     "Sleeper",

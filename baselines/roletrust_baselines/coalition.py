@@ -7,6 +7,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 
 from roletrust_baselines.agent_indices import AgentIndices, index_mask, provider_mask
 from roletrust_baselines.rater import LyingRater, praise
+from roletrust_baselines.treatment import approval, no_accounts, shares
 from roletrust_env.arrays import Array, cast, mean_places, namespace
 from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView, RaterView
@@ -483,3 +484,43 @@ class MilkingRing(CheatingRing):
         """Return praise of the ring and lies about the best others while active. See `AgreeingRater.ratings`."""
         ratings, estimates = super().ratings(view, memory[0], random)
         return ratings, (estimates, memory[1])
+
+
+@checked_dataclass
+class PersonalMilkingRing(MilkingRing):
+    """Personal milking ring: a milking ring whose providers cheat exactly those raters that think well of them.
+
+    Its providers serve by `personal-milking`. Its raters lift them and sink the best of the others, so that more raters
+    come to know them where access is by trust. This variant is not from a paper.
+
+    Attributes:
+        patience: Number of ratings by a rater before a provider cheats it.
+        threshold: Mean rating of a provider by a rater from which on it is cheated, in [0, 1].
+        bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
+        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
+        sink: Share by which their ratings are reduced, in [0, 1].
+        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
+            first; `"published"` is published trust.
+        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
+        start: First round of the attack.
+        stop: First round after the attack; None attacks to the end.
+    """
+
+    patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1)] = 1
+    threshold: Annotated[Share, GridValues(0.5, 0.6, 0.8)] = 0.55
+    cut: Annotated[Share, GridValues(0.1, 0.4)] = 0.4
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment", "ratings"})
+
+    def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
+        """Return a memory without perceptions and accounts. See `Policy.begin`."""
+        return Estimates.nothing(random, shape), no_accounts(random, shape)
+
+    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """Return 1: it is up to the treatment. See `Policy.quality`."""
+        return 0 * view.trust + 1, memory
+
+    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """Return bad shares for the raters that think well of it while active, and 1 else. See `Policy.treats`."""
+        accounts = memory[1].hear(view.ratings, view.rated)
+        cheated = approval(accounts, self.threshold, self.patience) & self.active(view.round)
+        return shares(view, cheated, self.bad), (memory[0], accounts)

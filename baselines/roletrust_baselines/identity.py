@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, NonNegativeInt, PositiveInt
 
-from roletrust_baselines.coalition import Ring
+from roletrust_baselines.coalition import PersonalMilkingRing, Ring
 from roletrust_baselines.provider import OnOff
 from roletrust_baselines.rater import BadMouthing
 from roletrust_env.arrays import Array
@@ -161,6 +161,36 @@ class SybilRing(Ring):
     threshold: Annotated[Share, GridValues(0.3, 0.7)] = 0.5
     cut: Annotated[Share, GridValues(0.4, 1.0)] = 0.4
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings", "presence"})
+
+    def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """Return the identities called until now. See `Policy.presence`."""
+        return called(view, self.reserve, self.start, self.every), memory
+
+
+@checked_dataclass
+class PersonalSybilRing(PersonalMilkingRing):
+    """Personal Sybil ring: an attacker with many identities that cheat exactly those raters that think well of them.
+
+    A `sybil-ring` whose providers serve by `personal-milking`. This variant is not from a paper.
+
+    Attributes:
+        reserve: Number of identities in reserve that it takes besides its first one, 1 or more.
+        every: Number of rounds between two identities; 0 calls all at once.
+        patience: Number of ratings by a rater before a provider cheats it.
+        threshold: Mean rating of a provider by a rater from which on it is cheated, in [0, 1].
+        bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
+        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
+        sink: Share by which their ratings are reduced, in [0, 1].
+        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
+            first; `"published"` is published trust.
+        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
+        start: First round of the attack, in which it calls its first identity in reserve.
+        stop: First round after the attack; the identities stay. None attacks to the end.
+    """
+
+    reserve: Annotated[PositiveInt, Identities()] = 1
+    every: Annotated[NonNegativeInt, SearchRange(0, 10), GridValues(0)] = 0
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment", "ratings", "presence"})
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the identities called until now. See `Policy.presence`."""

@@ -5,7 +5,6 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import NonNegativeInt, PositiveInt
 
-from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView
@@ -108,72 +107,6 @@ class Camouflage(CheatingProvider):
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether its trust has been high enough in an active round. See `CheatingProvider.cheats`."""
         return wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)
-
-
-@checked_dataclass
-class Conflicting(WindowedAttack):
-    """Conflicting behaviour: a provider that serves chosen raters badly and all others well.
-
-    Sun, Han and Liu (2008), "Defense of Trust Management Vulnerabilities in Distributed Networks": the ratings of
-    honest raters contradict each other, so that honest raters look like liars to one another. Dellarocas (2000)
-    describes the same behaviour of sellers as discrimination against buyers. The number of raters that are served badly
-    is not specified there.
-
-    Attributes:
-        raters: Indices of the raters that it serves badly; None is the first half of all raters, rounded up.
-        bad: Quality for these raters as a share of the quality for the others, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
-    """
-
-    raters: AgentIndices | None = None
-    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment"})
-
-    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
-        """Return the share of quality for each rater: bad for the chosen ones while active. See `Policy.treats`."""
-        half = tuple(range((len(view.ratings) + 1) // 2))
-        chosen = half if self.raters is None else self.raters
-        return treatment(view, chosen, self.bad, self.active(view.round)), memory
-
-
-def treatment(view: ProviderView, raters: tuple[int, ...], bad: float, active: Array) -> Array:
-    """Return the share of quality for each rater, shape (S, ...): `bad` for some while the attack is active, else 1.
-
-    Args:
-        view: View of the provider.
-        raters: Indices of the raters that it serves badly.
-        bad: Quality for these raters as a share of the quality for the others.
-        active: Whether the attack is active, boolean.
-    """
-    zero = 0 * view.ratings
-    badly = index_mask(raters, zero, "raters", axis="rater") & active
-    return namespace(zero).where(badly, zero + bad, zero + 1)
-
-
-@checked_dataclass
-class Discrimination(WindowedAttack):
-    """Discrimination: a provider that serves a few raters badly, so few that their ratings pass for lies or outliers.
-
-    Dellarocas (2000), "Immunizing Online Reputation Reporting Systems against Unfair Ratings and Discriminatory
-    Behavior", describes sellers that serve a few buyers differently. The number is not specified there. Half of the
-    raters, as under `conflicting`, can outvote the others; a few are what a filter of ratings drops.
-
-    Attributes:
-        share: Share of the raters that it serves badly, in [0, 1], rounded, at least one: the first ones.
-        bad: Quality for these raters as a share of the quality for the others, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
-    """
-
-    share: Annotated[Share, SearchRange(0.05, 0.5)] = 0.3
-    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment"})
-
-    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
-        """Return the share of quality for each rater: bad for a few while active. See `Policy.treats`."""
-        few = max(1, round(self.share * len(view.ratings)))
-        return treatment(view, tuple(range(few)), self.bad, self.active(view.round)), memory
 
 
 @checked_dataclass
