@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from roletrust_env.arrays import Array
+from roletrust_env.benchmarking.conditions import FLAT
 from roletrust_env.benchmarking.schema import reason
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import PLANNER, WITHOUT_SEARCH, Suite
 from roletrust_env.benchmarking.worst_case import AttackScores, Condition
-from roletrust_env.evaluation.search import Progress
+from roletrust_env.evaluation.search import late_gain
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import Actions
@@ -22,7 +23,6 @@ from roletrust_env.trust.random_order import RandomOrder
 _SAME = 1e-9
 _ROUNDING = 1e-6  # of sums in another order
 _GAMES, _ROUNDS = 4, 12
-_FLAT = 0.01  # of the mean reward per round
 _POINTS = 4  # a course with fewer says nothing of its end
 
 
@@ -41,6 +41,7 @@ def caveats(
         *_model_caveats(suite, attacks, models),
         *_search_caveats(attacks),
         *_progress_caveats(stored),
+        *_start_caveats(attacks),
         *_idle_caveats(suite, stored),
         *_condition_caveats(suite, attacks),
         *_failures(stored),
@@ -132,11 +133,11 @@ def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
                 gains.setdefault(cell.method, []).append((late_gain(row.progress), cell.key))
                 short[cell.method] += len(row.progress) < _POINTS
     for method, found in gains.items():
-        rising = sum(gain > _FLAT for gain, _ in found)
+        rising = sum(gain > FLAT for gain, _ in found)
         if rising:
             gain, key = max(found)
             yield (
-                f"{method}: the last doubling of its rounds gained more than {_FLAT:g} in {rising} of {len(found)} "
+                f"{method}: the last doubling of its rounds gained more than {FLAT:g} in {rising} of {len(found)} "
                 f"cells, at most {gain:.3f} in {key}; a larger budget might find worse"
             )
         if short[method]:
@@ -146,15 +147,17 @@ def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
             )
 
 
-def late_gain(progress: Progress) -> float:
-    """Return how much the reward of a search rose with the last doubling of its rounds.
-
-    Args:
-        progress: Course of the search, one point or more.
-    """
-    rounds, last = progress[-1]
-    earlier = [best for played, best in progress if 2 * played <= rounds]
-    return last - earlier[-1] if earlier else 0.0
+def _start_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
+    """Yield searches that found something else with another seed."""
+    for method in dict.fromkeys(one.method for one in attacks):
+        found = [one for one in attacks if one.method == method and not np.isnan(one.difference)]
+        apart = [one for one in found if one.difference > FLAT]
+        if apart:
+            most = max(apart, key=lambda one: one.difference)
+            yield (
+                f"{method}: starts with other seeds differ by more than {FLAT:g} in {len(apart)} of {len(found)} "
+                f"searches, at most by {most.difference:.3f} on {most.model} in {most.condition.description}"
+            )
 
 
 def _idle_caveats(suite: Suite, stored: Sequence[StoredCell]) -> Iterator[str]:

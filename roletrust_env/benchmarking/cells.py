@@ -33,6 +33,7 @@ from roletrust_env.evaluation.measurement import (
     exact_task,
     measure,
     measure_honest,
+    watch,
     watch_honest,
 )
 from roletrust_env.evaluation.scripts import AttackKind, Scripts, with_paper
@@ -40,11 +41,15 @@ from roletrust_env.evaluation.search import Budget, Progress, SearchMethod, Unsu
 from roletrust_env.evaluation.specs import is_own_model, parse_kinds, parse_named, parse_trust_model
 from roletrust_env.game.attack_task import AttackTask, Objective
 from roletrust_env.game.policy import Policy
+from roletrust_env.metrics.consumers import share_of_best
 from roletrust_env.trust.model_checks import needs_watching
 from roletrust_env.trust.random_order import RandomOrder
 from roletrust_env.world.roster import Roster
 
 Item = TypeVar("Item")
+
+_COMMON = 0, 1
+"""Seed of the games that all seeds of a suite have in common."""
 
 _CELLS = 200_000
 """Maximum number of ratings that are computed at once in a round."""
@@ -243,15 +248,15 @@ def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = Fa
 
 def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) -> CellResult:
     began = perf_counter()
-    task = exact_task(arguments)
+    task, games = exact_task(arguments), 2 * suite.games_of(cell)
+    steps = games * task.game.scenario.max_cycles
     if cell.method == HONEST:
         nobody = AttackBatch((HONEST,), Scripted({}), 0, "everyone honest")
-        row = _row(nobody, 0, measure_honest(task, cell.seed, suite.games))
-        return CellResult((row,), perf_counter() - began, env_steps=2 * suite.games * task.game.scenario.max_cycles)
+        row = _row(nobody, 0, measure_honest(task, cell.seed, games // 2))
+        return CellResult((row,), perf_counter() - began, env_steps=steps)
     rows: list[AttackResult] = []
     failed: list[str] = []
-    steps = 2 * suite.games * task.game.scenario.max_cycles
-    twin = cache(lambda: watch_honest(task, cell.seed, 2 * suite.games))  # the same for all attacks of the cell
+    twin = cache(lambda: watch_honest(task, cell.seed, games))  # the same for all attacks of the cell
     try:
         for batch in _attacks(suite, cell, task, arguments, record):
             try:
@@ -261,7 +266,10 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
                     raise
                 good, errors = [], [f"attack {', '.join(batch.names)}: {reason(error)}"]
             rows, failed = rows + good, failed + errors
-            steps += batch.rounds + 2 * len(batch.names) * suite.games * task.game.scenario.max_cycles
+            steps += batch.rounds + len(batch.names) * games * task.game.scenario.max_cycles
+            if cell.method in suite.searches and suite.seeds[1:]:
+                rows = [row._replace(common=_in_common(task, batch.attacker, games)) for row in rows]
+                steps += games * task.game.scenario.max_cycles
     except UnsuitableError as error:
         return CellResult((), perf_counter() - began, unsuitable=str(error))
     return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
@@ -320,13 +328,13 @@ def _attacks(
         return
     kinds = cell_kinds(suite, cell, task)
     if cell.method == "scripted":
-        yield from scripted_batches(task, kinds, 2 * suite.games)
+        yield from scripted_batches(task, kinds, 2 * suite.games_of(cell))
         return
     known = suite.known_in(cell[1:4])
     if cell.method == "known":
         if not known:
             raise UnsuitableError("there is no known attack for this condition")
-        yield from known_batches(task, known, 2 * suite.games)
+        yield from known_batches(task, known, 2 * suite.games_of(cell))
         return
     method = make_search(cell.method, list(kinds.values()), [one.record for one in known])
     search = method.search(arguments, Budget(suite.budget_of(cell.method, cell.scenario)), cell.seed)
@@ -346,7 +354,7 @@ def _measure_batch(
     """
     rows, failed = [], []
     try:
-        scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games), twin())
+        scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games_of(cell)), twin())
         rows = [_row(batch, k, scores) for k in range(len(batch.names))]
     except Exception as error:  # plug-in code may raise anything
         for single in batch.split() if batch.names[1:] else ():
@@ -364,7 +372,13 @@ def _row(batch: AttackBatch, k: int, scores: SplitScores) -> AttackResult:
     chosen, measured = ({name: _plain(values[k]) for name, values in half.items()} for half in scores[:2])
     curve = [None if x is None else round(x, 3) for x in _plain(scores.by_round[:, k])]
     found = batch.names[k], batch.words, batch.rounds
-    return AttackResult(*found, chosen, measured, curve, batch.record, batch.progress)
+    return AttackResult(*found, chosen, measured, curve, batch.record, batch.progress, bool(scores.treats[k]))
+
+
+def _in_common(task: AttackTask, attacker: Attacker, games: int) -> tuple[list[float | None], ...]:
+    """Return the scores of a single attack in games that all seeds have in common, see `AttackResult.common`."""
+    got, best, blind = watch(task, attacker, _COMMON, (1, games)).bought
+    return tuple(_plain(share_of_best(part[:, 0], best[:, 0]).value) for part in (got, blind))
 
 
 def _plain(values: npt.NDArray[np.float64]) -> list[float | None]:

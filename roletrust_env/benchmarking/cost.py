@@ -79,14 +79,14 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
         suite: Suite of the cell.
         cell: The cell.
     """
-    each = 2 * suite.games * attacked_scenario(suite, cell).scenario.max_cycles
+    each = 2 * suite.games_of(cell) * attacked_scenario(suite, cell).scenario.max_cycles
     if cell.method == HONEST:
         return 0, each
     if cell.method == "scripted":
         return 0, each * (len(suite.attack_names) + 1)
     if cell.method == "known":
         return 0, each * (len(suite.known_in(cell[1:4])) + 1)
-    return suite.budget_of(cell.method, cell.scenario), 2 * each
+    return suite.budget_of(cell.method, cell.scenario), (2 + bool(suite.seeds[1:])) * each
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:

@@ -7,6 +7,7 @@ blind choice is 0. A leaderboard displays as a table and converts to other forma
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import gcd
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -40,6 +41,7 @@ class LeaderboardRow(NamedTuple):
         model: Name of the model.
         clean: Mean score over the tracks on which all agents are honest, on the scale of the suite.
         worst: Mean score of the worst case over the conditions.
+        alike: Mean score of the worst case if only attacks count whose providers serve all raters alike.
         published: Mean score of the worst case if the consumers went by published trust.
         ensemble: Mean score of the worst case without the known attacks that others have found.
         open_worst: Mean score of the worst case if methods with more knowledge than a real attacker count, too.
@@ -50,6 +52,8 @@ class LeaderboardRow(NamedTuple):
         missing: Number of cells that failed, entirely or in part, or that have not been played.
         worst_attack: Name of the attack in the condition with the least score. Empty if none was played.
         worst_condition: Description of that condition.
+        alike_tier: Tier by `alike`.
+        alike_rank: Rank by `alike`.
     """
 
     tier: int | None
@@ -57,6 +61,7 @@ class LeaderboardRow(NamedTuple):
     model: str
     clean: Estimate
     worst: Estimate
+    alike: Estimate
     published: Estimate
     ensemble: Estimate
     open_worst: Estimate
@@ -67,6 +72,8 @@ class LeaderboardRow(NamedTuple):
     missing: int
     worst_attack: str = ""
     worst_condition: str = ""
+    alike_tier: int | None = None
+    alike_rank: int = 0
 
     def line(self) -> list[object]:
         """Return the row as plain values in the order of `HEADER`."""
@@ -107,15 +114,16 @@ def leaderboard_rows(
     entered = {(one.name, one.condition) for one in suite.known if one.finder}
     own = [one for one in attacks if (one.attack, tuple(one.condition)) not in entered]
     black_box, without, white_box = worst_cases(attacks), worst_cases(own), worst_cases(attacks, white_box=True)
+    serving_alike = worst_cases(attacks, alike=True)
     clean = [one for one in black_box.values() if one.condition.track in honest]
-    attacked, ensemble, open_attacked = (
+    attacked, alike, ensemble, open_attacked = (
         [one for one in cases.values() if one.condition.track not in honest]
-        for cases in (black_box, without, white_box)
+        for cases in (black_box, serving_alike, without, white_box)
     )
-    worst = score_table(attacked, models)
     columns = {
         "clean": score_table(clean, models),
-        "worst": worst,
+        "worst": score_table(attacked, models),
+        "alike": score_table(alike, models),
         "published": score_table(attacked, models, lambda one: one.published),
         "ensemble": score_table(ensemble, models),
         "open_worst": score_table(open_attacked, models),
@@ -124,32 +132,55 @@ def leaderboard_rows(
         "detection": score_table(attacked, models, lambda one: one.measured["auc"]),
     }
     estimates = {name: over_seeds(values, len(models)).estimates for name, values in columns.items()}
+    missing = [
+        cells_each - sum(cell.model == model and not result.failed for cell, result in stored) for model in models
+    ]
+    means = {name: [one.mean for one in estimates[name]] for name in ("clean", "worst", "alike")}
+    places, own_places = (_places(columns[name], means[name], means["clean"], missing) for name in ("worst", "alike"))
     rows = []
     for k, model in enumerate(models):
-        complete = sum(cell.model == model and not result.failed for cell, result in stored)
         lowest = min((one for one in attacked if one.model == model), key=lambda one: one.mean, default=None)
         row = LeaderboardRow(
-            tier=None,
-            rank=0,
+            tier=places.tiers.get(k),
+            rank=places.ranks[k],
             model=model,
             **{name: found[k] for name, found in estimates.items()},
-            holds=np.nan,
-            missing=cells_each - complete,
+            holds=places.holds.get(k, np.nan),
+            missing=missing[k],
             worst_attack="" if lowest is None else lowest.attack,
             worst_condition="" if lowest is None else lowest.condition.description,
+            alike_tier=own_places.tiers.get(k),
+            alike_rank=own_places.ranks[k],
         )
         rows.append(row)
-    keys = [(row.missing > 0, *_order(row.worst.mean, row.clean.mean)) for row in rows]
-    order = sorted(range(len(rows)), key=lambda k: keys[k])
+    return [rows[k] for k in places.ranks]
+
+
+class _Places(NamedTuple):
+    """Ranks, tiers and the probability that a rank holds, by the number of the model, the best first."""
+
+    ranks: dict[int, int]
+    tiers: dict[int, int]
+    holds: dict[int, float]
+
+
+def _places(scores: Floats, means: Sequence[float], clean: Sequence[float], missing: Sequence[int]) -> _Places:
+    """Return the places of models.
+
+    Args:
+        scores: Score of each model, seed and game, shape (M, S, G).
+        means: Mean score of each model.
+        clean: Mean score while all agents are honest, which decides between equal ones.
+        missing: Number of cells that each model lacks; a model that lacks some is last and has no tier.
+    """
+    keys = [(lacking > 0, *_order(*pair)) for lacking, *pair in zip(missing, means, clean, strict=True)]
+    order = sorted(range(len(keys)), key=lambda k: keys[k])
     in_order = [keys[k] for k in order]
-    ranks = [in_order.index(key) + 1 for key in in_order]  # equal keys share the rank of the first one
-    judged = [k for k in order if not rows[k].missing and not np.isnan(rows[k].worst.mean)]
-    found = verdict(worst[judged])
+    ranks = {k: in_order.index(keys[k]) + 1 for k in order}  # equal keys share the rank of the first one
+    judged = [k for k in order if not missing[k] and not np.isnan(means[k])]
+    found = verdict(scores[judged])
     tiers, holds = dict(zip(judged, found.tiers, strict=True)), dict(zip(judged, found.holds, strict=True))
-    return [
-        rows[k]._replace(tier=tiers.get(k), rank=rank, holds=holds.get(k, np.nan))
-        for k, rank in zip(order, ranks, strict=True)
-    ]
+    return _Places(ranks, tiers, holds)
 
 
 def _order(worst: float, clean: float) -> tuple[float, float]:
@@ -162,16 +193,73 @@ def score_table(
 ) -> Floats:
     """Return the mean over the conditions for each model, seed and game, shape (M, S, G); NaN without a condition.
 
+    Where a condition has several times as many games as another, the mean of so many of them counts as one.
+
     Args:
         cases: Worst cases of the models.
         models: Names of the models.
         value: Function that returns the value of a worst case, shape (S, G).
     """
-    table = np.full((len(models), *(cases[0].score.shape if cases else (1, 1))), np.nan)
+    shapes = {one.score.shape for one in cases} or {(1, 1)}
+    seeds, games = min(shapes)[0], gcd(*(shape[1] for shape in shapes))
+    table = np.full((len(models), seeds, games), np.nan)
     for k, model in enumerate(models):
-        if mine := [value(one) for one in cases if one.model == model]:
-            table[k] = mean_or_nan(np.stack(mine), axis=0)
+        if mine := [value(one).reshape(seeds, games, -1) for one in cases if one.model == model]:
+            table[k] = mean_or_nan(np.stack([mean_or_nan(part, axis=-1) for part in mine]), axis=0)
     return table
+
+
+class MovedRow(NamedTuple):
+    """A model with and without attacks whose providers treat raters differently.
+
+    Attributes:
+        model: Name of the model.
+        tier: Tier by the worst case.
+        rank: Rank by the worst case.
+        alike_tier: Tier without these attacks.
+        alike_rank: Rank without these attacks.
+        worst: Mean score of the worst case.
+        alike: The same without these attacks.
+        loss: What these attacks cost, in the same games.
+        loss_half_95: Half the 95% interval of the loss.
+        condition: Condition in which they cost most.
+        condition_loss: What they cost there.
+        attack: Worst attack there.
+    """
+
+    model: str
+    tier: int | None
+    rank: int
+    alike_tier: int | None
+    alike_rank: int
+    worst: float
+    alike: float
+    loss: float
+    loss_half_95: float
+    condition: str
+    condition_loss: float
+    attack: str
+
+
+def moved_rows(rows: Sequence[LeaderboardRow], attacks: Sequence[AttackScores]) -> list[MovedRow]:
+    """Return what attacks cost each model whose providers treat raters differently, in the order of the leaderboard.
+
+    Args:
+        rows: Rows of the leaderboard.
+        attacks: Scores of the attacks in conditions with attackers.
+    """
+    models, worst, alike = [row.model for row in rows], worst_cases(attacks), worst_cases(attacks, alike=True)
+    both = [key for key in worst if key in alike]
+    tables = (score_table([cases[key] for key in both], models) for cases in (alike, worst))
+    losses = over_seeds(np.subtract(*tables), len(models)).estimates
+    found = []
+    for row, loss in zip(rows, losses, strict=True):
+        mine = {key: alike[key].mean - worst[key].mean for key in both if key[0] == row.model}
+        most = max(mine, key=mine.__getitem__, default=None)
+        where, attack = ("", "") if most is None else (most[1].description, worst[most].attack)
+        places, means = (row.tier, row.rank, row.alike_tier, row.alike_rank), (row.worst.mean, row.alike.mean)
+        found.append(MovedRow(row.model, *places, *means, *loss[:2], where, mine.get(most, np.nan), attack))
+    return found
 
 
 _MEANINGS = {
@@ -180,6 +268,7 @@ _MEANINGS = {
     "model": "",
     "clean": "all agents honest",
     "worst": "mean of the worst case over the conditions, chosen in other games",
+    "alike": "the worst case of attacks that serve all raters alike, and the place by it",
     "published": "the worst case if consumers went by published trust",
     "ensemble": "the worst case without the attacks that others have found",
     "worst attack": "the attack in the condition with the least {score}",
@@ -231,10 +320,10 @@ class Leaderboard:
     def columns(self) -> tuple[str, ...]:
         """Names of the columns that say something in this run.
 
-        All of `COLUMNS`, but `published` only if the consumers are raters, and `ensemble` only if others have found
-        attacks.
+        All of `COLUMNS`, but `alike` only if some attack treats raters differently, `published` only if the consumers
+        are raters, and `ensemble` only if others have found attacks.
         """
-        idle = set()
+        idle = set() if any(one.treats for one in self.attacks) else {"alike"}
         if self.suite.consumers == "public":
             idle.add("published")
         if not any(one.finder for one in self.suite.known):
@@ -312,6 +401,7 @@ def row_texts(row: LeaderboardRow, between: str) -> dict[str, str]:
         "model": row.model,
         "clean": _estimate(row.clean, between),
         "worst": _estimate(row.worst, between),
+        "alike": f"{_estimate(row.alike, between)} ({row.alike_rank}, tier {row.alike_tier or '-'})",
         "published": _estimate(row.published, between),
         "ensemble": _estimate(row.ensemble, between),
         "worst attack": worst,

@@ -21,7 +21,7 @@ from roletrust_env.errors import explain
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import check_file
 
-FORMAT = 4
+FORMAT = 5
 """Version of the file format."""
 
 _TABLES = """
@@ -33,7 +33,7 @@ CREATE TABLE cells (
 CREATE TABLE attacks (
     cell TEXT NOT NULL REFERENCES cells (key), attack TEXT NOT NULL, words TEXT NOT NULL, rounds INTEGER NOT NULL,
     chosen TEXT NOT NULL, measured TEXT NOT NULL, by_round TEXT NOT NULL,
-    record TEXT NOT NULL, progress TEXT NOT NULL,
+    record TEXT NOT NULL, progress TEXT NOT NULL, treats INTEGER NOT NULL, common TEXT NOT NULL,
     PRIMARY KEY (cell, attack)
 ) WITHOUT ROWID;
 """
@@ -132,13 +132,16 @@ class Store:
         """
         row = (cell.key, json.dumps(cell._asdict()), *result[1:], platform.node())
         attacks = [
-            (cell.key, *part[:3], *map(json.dumps, part[3:6]), part.record, json.dumps(part.progress))
+            (
+                *(cell.key, *part[:3], *map(json.dumps, part[3:6])),
+                *(part.record, json.dumps(part.progress), part.treats, json.dumps(part.common)),
+            )
             for part in result.rows
         ]
         with self._transaction() as file:
             file.execute("DELETE FROM attacks WHERE cell = ?", (cell.key,))
             file.execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)
-            file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", attacks)
+            file.executemany(f"INSERT INTO attacks VALUES ({', '.join('?' * 11)})", attacks)
 
     def finished_keys(self) -> set[str]:
         """Return the keys of the cells that were played without a failure."""
@@ -154,10 +157,11 @@ class Store:
         """Return all cells with their results, in the order of their keys."""
         with self._reading() as file:
             attacks: dict[str, list[AttackResult]] = {}
-            for key, *plain, chosen, measured, by_round, record, progress in file.execute(
+            for key, *plain, chosen, measured, by_round, record, progress, treats, common in file.execute(
                 "SELECT * FROM attacks ORDER BY 1, 2"
             ):
-                row = (*plain, *map(json.loads, (chosen, measured, by_round)), record, json.loads(progress))
+                found = map(json.loads, (chosen, measured, by_round))
+                row = (*plain, *found, record, json.loads(progress), treats, json.loads(common))
                 attacks.setdefault(key, []).append(_ATTACK.validate_python(row))
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"

@@ -95,6 +95,8 @@ class Claim(UntrustedModel):
     """Mean utility of a blind choice in these games."""
     measured: ClaimedMetrics
     """Scores in the games for measuring."""
+    treats: bool
+    """Whether a provider kept back a part of its quality from some rater."""
     record: Annotated[str, Field(max_length=MAX_RECORD)] = ""
     """Record of the attacker that a search found, see `AttackResult`."""
 
@@ -142,7 +144,7 @@ class CellClaim(UntrustedModel):
         for one in self.attacks:
             measured = {name: [score.mean] for name, score in one.measured}
             chosen: dict[str, list[float | None]] = {"utility": [one.chosen], "blind": [one.chosen_blind]}
-            rows.append(AttackResult(one.attack, "", one.rounds, chosen, measured))
+            rows.append(AttackResult(one.attack, "", one.rounds, chosen, measured, treats=one.treats))
         return StoredCell(self.cell, CellResult(tuple(rows), 0.0))
 
 
@@ -151,6 +153,7 @@ class ModelScores(UntrustedModel):
 
     clean: ClaimedScore
     worst: ClaimedScore
+    alike: ClaimedScore
     published: ClaimedScore
     ensemble: ClaimedScore
     open_worst: ClaimedScore
@@ -177,7 +180,7 @@ class Software(UntrustedModel):
 class Submission(UntrustedModel):
     """Content of a submission file."""
 
-    format: Literal[3] = 3
+    format: Literal[4] = 4
     software: Software
     processor: Word
     """Processor that played all cells. Empty if several machines played them."""
@@ -305,6 +308,7 @@ def make_claim(cell: Cell, result: CellResult) -> CellClaim:
             chosen=_mean(row.chosen["utility"]),
             chosen_blind=_mean(row.chosen["blind"]),
             measured=ClaimedMetrics(**{name: ClaimedScore.of(values) for name, values in row.measured.items()}),
+            treats=row.treats,
             record=row.record,
         )
         for row in result.rows

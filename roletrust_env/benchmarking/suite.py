@@ -96,6 +96,8 @@ class Track(FrozenModel):
     """Roles of the compromised agents: raters, providers or both. Without a role all agents are honest."""
     shares: tuple[_Part, ...] = ()
     """Shares of compromised agents in each of these roles. The number is rounded and at least one."""
+    games: Annotated[int, Field(ge=2, le=100_000)] | None = None
+    """Number of games that are measured on the track, a multiple of those of the suite. None means as many."""
     reserve: Annotated[int, Field(ge=0, le=100)] = 0
     """Number of reserve identities of each compromised agent. If positive, only attacks that use them are played."""
     counted: Literal["agents", "identities"] = "agents"
@@ -174,6 +176,9 @@ class Suite(SuiteSchema):
             raise ValueError(f"methods must not contain {HONEST!r}, which is played where all agents are honest")
         check_unique(methods=self.methods)
         check_names(self.known)
+        for name, track in self.tracks.items():
+            if track.games is not None and track.games % self.games:
+                raise ValueError(f"games of track {name!r} are {track.games}, which is no multiple of {self.games}")
         self._check_stages()
         self._check_known()
         for what, names in (("models", self.models), ("attacks", self.attacks)):
@@ -209,6 +214,11 @@ class Suite(SuiteSchema):
                 raise ValueError(f"known attack {one.name!r} is for {where}, which the suite does not have")
             if one.name in self.methods or (self.attacks != "all" and one.name in self.attacks):
                 raise ValueError(f"known attack {one.name!r} has the name of another attack of the suite")
+
+    @property
+    def worlds(self) -> dict[str, Scenario]:
+        """Scenarios by name, without the changes of tracks."""
+        return {name: stage.scenario() for name, stage in self.scenarios.items()}
 
     @property
     def searches(self) -> tuple[str, ...]:
@@ -255,6 +265,10 @@ class Suite(SuiteSchema):
         """Return the budget of a method in a cell of a scenario, in game rounds."""
         return self.scenarios[scenario].budgets.get(method, self.budgets.get(method, self.budget))
 
+    def games_of(self, cell: Cell) -> int:
+        """Return the number of games that are measured in a cell."""
+        return self.tracks[cell.track].games or self.games
+
     def cells(self) -> list[Cell]:
         """Return all cells, ordered by trust model."""
         found = []
@@ -277,10 +291,11 @@ class Suite(SuiteSchema):
     def rules(self, cell: Cell) -> tuple[object, ...]:
         """Return all fields that the result of a cell depends on."""
         stage, track = self.scenarios[cell.scenario], self.tracks[cell.track]
-        world = stage.preset, stage.set, track.model_copy(update={"shares": ()}), self.places, self.consumers
+        track = track.model_copy(update={"shares": (), "games": None})
+        world = stage.preset, stage.set, track, self.places, self.consumers
         known = self.known_in(cell[1:4]) if cell.method == "known" or _starts_from_known(cell.method) else []
         attacks = known, self.attack_names, self.budget_of(cell.method, cell.scenario)
-        return *world, *attacks, self.games, self.limit_s
+        return *world, *attacks, self.games_of(cell), self.limit_s
 
 
 def _starts_from_known(method: str) -> bool:

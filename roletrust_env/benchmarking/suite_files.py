@@ -12,10 +12,14 @@ from roletrust_env.benchmarking.known_attacks import merge_attacks, read_known_a
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.schema import SuiteSchema
 from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.worlds import draw_worlds
 from roletrust_env.errors import explain, suggest
 
 AnySuite = Suite | LearnersSuite
 """Suite of any type that a file may have."""
+
+_WORLDS = ", worlds "
+"""Part of the name of a suite before the seed of its worlds."""
 
 _FOLDER = Path(__file__).parent / "suites"
 
@@ -25,21 +29,33 @@ def suites() -> dict[str, str]:
     return {name: load_suite(name).description for name in _names()}
 
 
-def load_suite(suite: str | Path) -> AnySuite:
-    """Return a suite by name, or from a TOML file.
+def load_suite(suite: str | Path, worlds: int | None = None) -> AnySuite:
+    """Return a suite by name, or from a TOML file. Its worlds are drawn, see `roletrust_env.benchmarking.worlds`.
 
     Args:
         suite: Name of a suite, or path of a file that ends in `.toml`.
+        worlds: Seed of its worlds. None means those of the file; with another one the suite has another name.
 
     Raises:
-        ValueError: The name is unknown, or the file cannot be read or does not contain a valid suite.
+        ValueError: The name is unknown, the file cannot be read or does not contain a valid suite, or it has no worlds
+            that are drawn.
     """
     path = Path(suite)
     if path.suffix != ".toml":
         if str(suite) not in (names := _names()):
             raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, names)}, or the path of a .toml file")
         path = _FOLDER / f"{suite}.toml"
-    return read_suite({"name": path.stem, **_fields(path)}, f"suite {suite}")
+    fields = {"name": path.stem, **_fields(path)}
+    if worlds is not None:
+        if "worlds" not in fields:
+            raise ValueError(f"suite {suite} has no table of worlds, so none can be drawn with another seed")
+        fields["name"] = f"{fields['name']}{_WORLDS}{worlds}"
+    if "worlds" in fields:
+        try:
+            fields["scenarios"] = draw_worlds(fields.pop("worlds"), worlds, fields.get("scenarios", {}))
+        except ValueError as error:
+            raise ValueError(f"suite {suite}: {error}") from None
+    return read_suite(fields, f"suite {suite}")
 
 
 def read_suite(data: Mapping[str, Any], source: str) -> AnySuite:
@@ -113,15 +129,17 @@ def reproduction_command(suite: SuiteSchema, path: Path) -> str:
         Command for a shell. A suite that is not part of the project is given by the name of its file, and known attacks
         by the file `known.json`.
     """
-    options = ["--suite", f"{suite.name}.toml"]
-    if suite.name in suites():
-        bundled = load_suite(suite.name)
+    name, _, seed = suite.name.partition(_WORLDS)
+    drawn = ["--worlds", seed] if seed else []
+    options = ["--suite", f"{name}.toml", *drawn]
+    if name in suites():
+        bundled = load_suite(name, int(seed) if seed else None)
         names = {field: getattr(suite, field) for field in ("models", "attacks", "learners") if hasattr(suite, field)}
         more = isinstance(suite, Suite) and isinstance(bundled, Suite) and suite.known != bundled.known
         if more:
             names |= {field: getattr(suite, field) for field in ("known", "methods")}
         if type(bundled) is type(suite) and bundled.model_copy(update=names) == suite:
-            options = ["--suite", suite.name, *_options(bundled, suite), *(["--known", "known.json"] if more else [])]
+            options = ["--suite", name, *drawn, *_options(bundled, suite), *(["--known", "known.json"] if more else [])]
     return shlex.join(["roletrust", "benchmark", *options, "--out", str(path.parent)])
 
 

@@ -88,6 +88,8 @@ def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
         wrong = [name for name in claimed if claimed[name] != own[name]]
         return Check(subject, not wrong, f"{wrong[0]}: other numbers" if wrong else "the same to the last bit")
     for name, one in claimed.items():
+        if one.treats != own[name].treats:
+            return Check(subject, False, f"{name}: treats raters alike only {'here' if one.treats else 'in the claim'}")
         pairs = [(metric, score, getattr(own[name].measured, metric)) for metric, score in one.measured]
         for metric, score, own_score in [*pairs, *_chosen(one, result)]:
             if not within(score, own_score):

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from roletrust_env.benchmarking.schema import AttackResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Scale, Suite
+from roletrust_env.evaluation.search import late_gain
 from roletrust_env.metrics.consumers import skill
 from roletrust_env.metrics.score import mean_or_nan
 
@@ -59,6 +60,10 @@ class AttackScores(NamedTuple):
         score: Score in the games for measuring, on the scale of the suite, shape (S, G).
         published: Same score if the consumers went by published trust.
         by_round: Mean utility over the games for measuring in each round from the second on, shape (T - 1,).
+        treats: Whether a provider kept back a part of its quality from some rater, with any seed.
+        gain: What the last doubling of the rounds of the search gained, the most of its seeds; NaN without a course.
+        difference: Difference of the score between the starts of a search with two seeds, in the same games; of several
+            the greatest, NaN for a single start.
     """
 
     model: str
@@ -72,6 +77,9 @@ class AttackScores(NamedTuple):
     score: Floats
     published: Floats
     by_round: Floats
+    treats: bool = False
+    gain: float = np.nan
+    difference: float = np.nan
 
 
 class WorstCase(NamedTuple):
@@ -122,14 +130,12 @@ def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScor
         for row in result.rows:
             condition = Condition(cell.scenario, cell.track, cell.share)
             groups.setdefault((cell.model, condition, row.attack, cell.method), {})[cell.seed] = row
-    every = [row for rows in groups.values() for row in rows.values()]
     seeds = sorted({seed for rows in groups.values() for seed in rows})
-    lengths = (len(values) for row in every for part in (row.chosen, row.measured) for values in part.values())
-    games = max(lengths, default=0)
 
     def table(rows: Mapping[int, AttackResult], part: str, name: str) -> Floats:
         """Return a score of an attack, (S, G)."""
-        values = np.full((len(seeds), games), np.nan)
+        lengths = (len(found) for row in rows.values() for half in row[3:5] for found in half.values())
+        values = np.full((len(seeds), max(lengths)), np.nan)
         for k, seed in enumerate(seeds):
             if seed in rows:
                 own = as_array(getattr(rows[seed], part)[name])
@@ -148,21 +154,33 @@ def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScor
         by_skill = suite.score == "skill"
         to_choose = skill_by_seed(chosen["utility"], chosen["blind"]) if by_skill else chosen["utility"]
         scores = to_choose, measured, *counted
-        white_box = suite.is_white_box(method)
-        found.append(AttackScores(model, condition, attack, method, white_box, words, *scores, by_round))
+        white_box, treats = suite.is_white_box(method), any(row.treats for row in rows.values())
+        gain = max((late_gain(row.progress) for row in rows.values() if row.progress), default=np.nan)
+        course = treats, gain, _difference(rows.values(), suite.score)
+        found.append(AttackScores(model, condition, attack, method, white_box, words, *scores, by_round, *course))
     return found
 
 
-def worst_cases(attacks: Iterable[AttackScores], *, white_box: bool = False) -> dict[tuple[str, Condition], WorstCase]:
+def _difference(rows: Iterable[AttackResult], scale: Scale) -> float:
+    """Return the difference of the score between the starts of a search, the greatest one; NaN for a single start."""
+    played = [np.array(row.common, float)[:, None] for row in rows if row.common]
+    scores = [least_mean(_to_count({"utility": own, "blind": blind}, scale)) for own, blind in played]
+    return max(scores) - min(scores) if scores[1:] else np.nan
+
+
+def worst_cases(
+    attacks: Iterable[AttackScores], *, white_box: bool = False, alike: bool = False
+) -> dict[tuple[str, Condition], WorstCase]:
     """Return the worst case of each model and condition, for each seed the attack with the least score when it chooses.
 
     Args:
         attacks: Scores of all attacks.
         white_box: Whether methods with more knowledge than a real attacker count, too.
+        alike: Whether only attacks count whose providers serve all raters alike.
     """
     groups: dict[tuple[str, Condition], list[AttackScores]] = {}
     for one in attacks:
-        if white_box or not one.white_box:
+        if (white_box or not one.white_box) and not (alike and one.treats):
             groups.setdefault((one.model, one.condition), []).append(one)
     return {key: _worst_case(group) for key, group in groups.items()}
 

@@ -180,11 +180,13 @@ class GameRecord(NamedTuple):
         bought: Qualities that consumers got, times the weight of the round, shape (T - 1, K, G). The first round has no
             trust to go by.
         published: Qualities that consumers would have got by published trust, in the same way.
+        treats: Whether a provider kept back a part of its quality from some rater, shape (K,).
     """
 
     trust: Floats
     bought: Bought
     published: Bought
+    treats: npt.NDArray[np.bool_]
 
 
 class GameScores(NamedTuple):
@@ -194,11 +196,13 @@ class GameScores(NamedTuple):
         scores: Scores by the names of `MEASURED`, each of shape (K, G).
         bought: Qualities that consumers got under the attacks.
         clean: Qualities that consumers got in the same games with everybody honest, once for all attacks.
+        treats: See `GameRecord`, shape (K,).
     """
 
     scores: Scores
     bought: Bought
     clean: Bought
+    treats: npt.NDArray[np.bool_]
 
 
 class SplitScores(NamedTuple):
@@ -209,36 +213,43 @@ class SplitScores(NamedTuple):
         measured: Scores in the second half, which measure the worst case.
         by_round: Mean utility over the second half in each round from the second on, shape (T - 1, K); NaN where no
             provider served well.
+        treats: See `GameRecord`, shape (K,); in any of the games.
     """
 
     chosen: Scores
     measured: Scores
     by_round: Floats
+    treats: npt.NDArray[np.bool_]
 
     @classmethod
-    def halves(cls, scores: Scores, bought: Bought) -> Self:
+    def halves(cls, scores: Scores, bought: Bought, treats: npt.NDArray[np.bool_]) -> Self:
         """Split scores of shape (K, 2 G), and what consumers got in the same games."""
         first, second = zip(*(np.split(values, 2, axis=-1) for values in scores.values()), strict=True)
         got, best = (np.split(part, 2, axis=-1)[1] for part in (bought.got, bought.best))
         chosen, measured = (dict(zip(scores, half, strict=True)) for half in (first, second))
-        return cls(chosen, measured, mean_or_nan(ratio(got, best), axis=-1))
+        return cls(chosen, measured, mean_or_nan(ratio(got, best), axis=-1), treats)
 
 
-def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> GameRecord:
+def watch(
+    task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int]
+) -> GameRecord:
     """Play held-out games to the end and return what is measured. Arguments as for `attacked_rollout`.
 
     Raises:
         ValueError: An attacker or a trust model fails, or an action is NaN or outside [0, 1].
     """
     game, trusts, bought, published = task.game, [], [], []
+    treats = np.zeros(batch[0], bool)
     sources = random_sources(task, seed, HELD_OUT)
     for before, actions, state, _, weight in attacked_rollout(task, attacker, batch, *sources):
         trust, present = game.agent_trust(state), game.present(state)
         trusts.append(trust if present is None else np.where(present, trust, np.nan))
         bought.append([weight * part for part in task.bought(before, actions, state)])
         published.append([weight * part for part in task.bought_by_published(before, actions, state)])
-    rounds = (Bought(*(np.stack(part) for part in zip(*got[1:], strict=True))) for got in (bought, published))
-    return GameRecord(np.stack(trusts), *rounds)
+        if actions.treatment is not None:
+            treats |= (actions.treatment < 1).any(axis=(0, 1, 3))
+    own, public = (Bought(*(np.stack(part) for part in zip(*got[1:], strict=True))) for got in (bought, published))
+    return GameRecord(np.stack(trusts), own, public, treats)
 
 
 def watch_honest(task: AttackTask, seed: int, games: int) -> GameRecord:
@@ -267,7 +278,8 @@ def score(
     honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
     damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest, weights).value
     auc = _detection(task, mean_or_nan(seen.trust, 0, weights), judged)
-    return GameScores({**_read(seen, honest, weights), "damage": damage, "auc": auc}, seen.bought, twin.bought)
+    scores = {**_read(seen, honest, weights), "damage": damage, "auc": auc}
+    return GameScores(scores, seen.bought, twin.bought, seen.treats)
 
 
 def measure(
@@ -283,7 +295,7 @@ def measure(
         twin: The 2 G honest games, see `score`.
     """
     scored = score(task, attacker, seed, (batch[0], 2 * batch[1]), twin)
-    return SplitScores.halves(scored.scores, scored.bought)
+    return SplitScores.halves(scored.scores, scored.bought, scored.treats)
 
 
 def measure_honest(task: AttackTask, seed: int, games: int) -> SplitScores:
@@ -292,7 +304,8 @@ def measure_honest(task: AttackTask, seed: int, games: int) -> SplitScores:
     agents = [i for i, name in enumerate(task.game.roster.names) if name in judged]
     nothing = np.full((1, 2 * games), np.nan)
     seen, weights = watch_honest(task, seed, 2 * games), task.game.scenario.round_weights
-    return SplitScores.halves({**_read(seen, agents, weights), "damage": nothing, "auc": nothing}, seen.bought)
+    scores = {**_read(seen, agents, weights), "damage": nothing, "auc": nothing}
+    return SplitScores.halves(scores, seen.bought, seen.treats)
 
 
 def _judged(task: AttackTask) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from small_suites import small
 from roletrust_env.benchmarking import verdict
 from roletrust_env.benchmarking.caveats import caveats, late_gain
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.leaderboard import Leaderboard, leaderboard_rows
+from roletrust_env.benchmarking.leaderboard import Leaderboard, leaderboard_rows, moved_rows, score_table
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Cell
@@ -101,6 +101,40 @@ def test_the_leaderboard_by_hand() -> None:
     assert (first.tier, second.tier) == (1, None)  # an incomplete model is not judged
     assert second.worst.mean == pytest.approx(0.5)  # 0.4 by trust, but 0.5 by a blind choice
     assert second.missing == 1  # the planner has not attacked it
+
+
+def test_attacks_that_serve_all_raters_alike_have_a_column_of_their_own() -> None:
+    """The model that is best against all attacks is not the best one against these."""
+    discrimination = row("discrimination", [0.2, 0.2], [0.3, 0.5])._replace(treats=True)
+    lies = row("lies", [0.5, 0.5], [0.8, 0.8])
+    run = [stored("mean", lies, discrimination), stored("median", lies._replace(attack="more lies"), lies)]
+    run[1].result.rows[0].chosen["utility"] = [0.4, 0.4]
+    run[1] = run[1]._replace(result=CellResult((row("lies", [0.4, 0.4], [0.5, 0.7]),), 1.0))
+    board = Leaderboard.of(SUITE, run)
+    assert [(one.model, one.worst.mean, one.alike.mean, one.rank, one.alike_rank) for one in board.rows] == [
+        ("median", pytest.approx(0.6), pytest.approx(0.6), 1, 2),
+        ("mean", pytest.approx(0.4), pytest.approx(0.8), 2, 1),
+    ]
+    assert "| alike |" in board.to_markdown()
+    assert "0.800 (1, tier -)" in board.to_markdown().replace(" ± 0.000", "")  # the planner has not attacked
+    moved = moved_rows(board.rows, board.attacks)
+    assert [one.loss for one in moved] == pytest.approx([0.0, 0.4])
+    assert (moved[1].condition, moved[1].attack) == ("market, raters 50%", "discrimination")
+    assert moved[1].condition_loss == pytest.approx(0.4)
+    assert "alike" not in Leaderboard.of(SUITE, RUN).columns
+
+
+def test_conditions_count_alike_however_many_games_they_have() -> None:
+    """Four games of a condition count as two of another one, each the mean of two."""
+    tracks = TRACKS | {"providers": {"roles": ["SP"], "shares": [0.5], "games": 4}}
+    suite = small(models=["mean"], games=2, tracks=tracks)
+    more = row("on-off", [0.5] * 4, [0.2, 0.4, 0.6, 0.8])._replace(by_round=[])
+    for name in ("blind", "damage", "auc", "false_alarms"):
+        more.measured[name] = [0.1] * 4
+    run = [stored("mean", row("lies", [0.5, 0.7], [0.9, 0.7])), stored("mean", more)]
+    run[1] = run[1]._replace(cell=Cell("mean", "market", "providers", 0.5, "scripted", 0))
+    cases = list(worst_cases(attack_scores(suite, run)).values())
+    assert score_table(cases, ["mean"]) == pytest.approx(np.array([[[(0.9 + 0.3) / 2, (0.7 + 0.7) / 2]]]))
 
 
 def test_published_trust_has_a_column_of_its_own() -> None:

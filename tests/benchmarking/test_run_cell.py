@@ -130,3 +130,39 @@ def test_a_model_cannot_know_liars_by_their_place():
 
     assert utility("last") > utility("random") + 0.02
     assert utility("random", "mean") == utility("last", "mean")
+
+
+def test_a_track_may_measure_more_games():
+    tracks = {"raters": {"roles": ["SR"], "shares": [0.5]}, "providers": {"roles": ["SP"], "shares": [0.3], "games": 9}}
+    suite = tiny(models=["mean"], methods=["scripted"], tracks=tracks)
+    found = {cell.track: play_cell(suite, cell) for cell in suite.cells()}
+    assert {track: len(done.rows[0].measured["utility"]) for track, done in found.items()} == {
+        "raters": 3,
+        "providers": 9,
+    }
+    assert found["providers"].env_steps == 5 * 2 * 9 * (len(found["providers"].rows) + 1)
+    with pytest.raises(ValueError, match="games of track 'providers' are 8, which is no multiple of 3"):
+        tiny(tracks=tracks | {"providers": tracks["providers"] | {"games": 8}})
+
+
+def test_an_attack_treats_raters_differently_if_it_did_so_in_its_games():
+    tracks = {"providers": {"roles": ["SP"], "shares": [0.3]}}
+    suite = tiny(models=["mean"], methods=["scripted"], attacks=["discrimination", "on-off"], tracks=tracks)
+    (cell,) = suite.cells()
+    assert {row.attack: row.treats for row in play_cell(suite, cell).rows} == {"discrimination": True, "on-off": False}
+
+
+def test_starts_of_a_search_compare_in_games_that_they_have_in_common():
+    suite = tiny(models=["mean"], methods=["random search", "scripted"], budget=2000, seeds=[0, 1])
+    found = {cell: play_cell(suite, cell) for cell in suite.cells() if cell.share == 0.5}
+    (first,), (second,) = (
+        done.rows for cell, done in found.items() if cell.method == "random search" for done in [found[cell]]
+    )
+    cells = [cell for cell in found if cell.method == "random search"]
+    assert first.common != second.common
+    (again,) = play_cell(suite, cells[1], first.record).rows
+    assert again.common == first.common
+    assert again.measured != first.measured
+    assert not any(row.common for cell, done in found.items() if cell.method == "scripted" for row in done.rows)
+    (alone,) = play_cell(tiny(models=["mean"], methods=["random search"], budget=2000), cells[0]).rows
+    assert alone == first._replace(common=())

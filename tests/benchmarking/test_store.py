@@ -16,7 +16,20 @@ from roletrust_env.benchmarking.suite import Cell
 SUITE = tiny()
 SCORES = {"utility": [0.25, None, 1.0]}
 RESULT = CellResult(
-    (AttackResult("bad-mouthing", "at its defaults", 0, SCORES, SCORES, [0.5, None], "{}", ((10, 0.25), (20, 0.5))),),
+    (
+        AttackResult(
+            "bad-mouthing",
+            "at its defaults",
+            0,
+            SCORES,
+            SCORES,
+            [0.5, None],
+            "{}",
+            ((10, 0.25), (20, 0.5)),
+            True,
+            ([0.5, None], [0.25, 0.0]),
+        ),
+    ),
     1.5,
     env_steps=15,
 )

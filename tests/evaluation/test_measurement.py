@@ -22,7 +22,7 @@ from roletrust_env.game.make_task import make_task
 def test_the_first_half_of_the_games_chooses_and_the_second_measures() -> None:
     scores = {"utility": np.array([[0.1, 0.2, 0.8, 0.9]])}
     got = np.array([[[0.0, 0.0, 0.5, 0.25]]])  # one round, one attack, four games
-    measured = SplitScores.halves(scores, Bought(got, np.ones_like(got), np.ones_like(got)))
+    measured = SplitScores.halves(scores, Bought(got, np.ones_like(got), np.ones_like(got)), np.zeros(len(got), bool))
     assert measured.chosen["utility"].tolist() == [[0.1, 0.2]]
     assert measured.measured["utility"].tolist() == [[0.8, 0.9]]
     assert measured.by_round.tolist() == [[0.375]]

@@ -29,6 +29,7 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite, with_known
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite, reproduction_command
 from roletrust_env.benchmarking.verification import check_installed_names
+from roletrust_env.benchmarking.worlds import WorldRow
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
@@ -90,7 +91,8 @@ def benchmark(
         ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only estimate the time.")] = False,
+    worlds: Annotated[int | None, typer.Option(min=0, help="Seed of other worlds, if the suite draws some.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show the worlds and estimate the time.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Start again, and overwrite the results in --out.")] = False,
     out: Out = Path("results/benchmark"),
 ) -> None:
@@ -130,7 +132,7 @@ def benchmark(
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     if ray is not None:
         require("--ray", "ray", "ray")
-    asked = _asked(load_suite(suite), model, attack, learner, allow_code)
+    asked = _asked(load_suite(suite, worlds), model, attack, learner, allow_code)
     if known:
         if isinstance(asked, LearnersSuite):
             raise ValueError(f"--known is not for the suite {asked.name}, which is one for {asked.kind}")
@@ -240,6 +242,10 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
             table.add_row(escape(name), f"{trials * len(suite.budgets):,}", f"{rounds:,}")
         console.print(table)
         return
+    worlds = number_table("Worlds", "", *WorldRow._fields[1:])
+    for one in suite.worlds.items():
+        worlds.add_row(*map(escape, map(str, WorldRow.of(*one))))
+    console.print(worlds)
     found = estimate_cost(suite, suite.cells())
     caption = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
     table = number_table(f"{suite.name}, estimated", caption, "cells", "rounds", "time")

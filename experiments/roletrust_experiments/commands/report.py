@@ -53,12 +53,12 @@ def report(
     [cyan]roletrust report results/quick/results.sqlite results/learners/results.sqlite[/]
     """
     require("the report", "train", "scipy", "cma", "jinja2")  # to read a suite of the benchmark, and for the page
+    from roletrust_env.benchmarking.conditions import ConditionRow
     from roletrust_experiments.commands.leaderboard import leaderboard_markdown
     from roletrust_experiments.report.content import read
     from roletrust_experiments.report.figures import write_figures
     from roletrust_experiments.report.games import write_games
     from roletrust_experiments.report.page import page
-    from roletrust_experiments.report.robustness import ConditionRow
 
     paths = results or [Path("results/benchmark/results.sqlite")]
     content = read(paths, allow_code=allow_code)

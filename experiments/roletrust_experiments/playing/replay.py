@@ -10,7 +10,7 @@ from roletrust_env.benchmarking.cells import FoundAttack, find_attack
 from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, GameRecord, attacked_rollout, random_sources, watch
-from roletrust_env.game.consumer import buy
+from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.state import State, one_game
 from roletrust_env.metrics import share_of_best
 from roletrust_env.metrics.score import mean_or_nan, ratio
@@ -72,16 +72,16 @@ class Replay(NamedTuple):
         Raises:
             ValueError: See `find_attack`.
         """
-        found = find_attack(suite, cell, attack, record)
+        found, games = find_attack(suite, cell, attack, record), suite.games_of(cell)
         attacked, honest = (
-            _measured(watch(found.task, attacker, cell.seed, (rows, 2 * suite.games)), row, suite.games)
+            _measured(watch(found.task, attacker, cell.seed, (rows, 2 * games)), row, games)
             for attacker, row, rows in ((found.batch.attacker, found.row, found.rows), (Scripted({}), 0, 1))
         )
         under, calm = attacked.bought, honest.bought
         return cls(
             found,
             cell.seed,
-            suite.games,
+            games,
             ratio(under.got, under.best),
             ratio(calm.got, calm.best),
             share_of_best(under.got, under.best).value,
@@ -104,8 +104,8 @@ class Replay(NamedTuple):
 
 def _measured(seen: GameRecord, row: int, games: int) -> GameRecord:
     """Return the record of the games that measure the attack in a row."""
-    rounds = (type(bought)(*(part[:, row, games:] for part in bought)) for bought in seen[1:])
-    return GameRecord(seen.trust[:, :, row, games:], *rounds)
+    own, public = (Bought(*(part[:, row, games:] for part in got)) for got in (seen.bought, seen.published))
+    return GameRecord(seen.trust[:, :, row, games:], own, public, seen.treats[[row]])
 
 
 def _believed(found: FoundAttack, trust: Floats) -> Floats:

@@ -102,7 +102,10 @@ def _leaderboard(robustness: Robustness) -> Figure:
     standings = robustness.leaderboard.rows
     figure = Figure(figsize=(_WIDTH, _ROW * (len(standings) + 4)), layout="constrained")
     axes, places = figure.subplots(), np.arange(len(standings))
-    for name, field, colour, mark in (("clean", "clean", HONEST[0], "o"), ("worst case", "worst", ATTACKER, "s")):
+    marks = [("clean", "clean", HONEST[0], "o"), ("worst case", "worst", ATTACKER, "s")]
+    if "alike" in robustness.leaderboard.columns:
+        marks.insert(1, ("of attacks that serve all raters alike", "alike", ATTACKERS[1], "D"))
+    for name, field, colour, mark in marks:
         found = [getattr(row, field) for row in standings]
         halves = [0 if np.isnan(one.half) else one.half for one in found]
         axes.errorbar([one.mean for one in found], places, xerr=halves, fmt=mark, color=colour, label=name, capsize=2.5)
@@ -117,7 +120,7 @@ def _leaderboard(robustness: Robustness) -> Figure:
         f"{robustness.suite.score} of going by trust, with 95% intervals; dotted lines between tiers", color=INK
     )
     quiet(axes, "x")
-    axes.legend(frameon=False, loc="lower left", ncols=2, bbox_to_anchor=(0, 1), labelcolor=INK)
+    axes.legend(frameon=False, loc="lower left", ncols=len(marks), bbox_to_anchor=(0, 1), labelcolor=INK)
     return figure
 
 

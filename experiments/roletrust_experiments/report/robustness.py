@@ -7,11 +7,12 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.leaderboard import HEADER, Leaderboard
+from roletrust_env.benchmarking.conditions import ConditionRow, Convergence, condition_rows
+from roletrust_env.benchmarking.leaderboard import HEADER, Leaderboard, MovedRow, moved_rows
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Scale, Suite
 from roletrust_env.benchmarking.suite_files import reproduction_command
-from roletrust_env.benchmarking.verdict import told_apart
+from roletrust_env.benchmarking.worlds import WorldRow
 from roletrust_env.benchmarking.worst_case import (
     AttackScores,
     Condition,
@@ -27,6 +28,7 @@ _POINTS = 40
 """Maximum number of points of a curve; the rounds of longer games are averaged a few at a time."""
 
 Floats = npt.NDArray[np.float64]
+_Worst = Mapping[tuple[str, Condition], WorstCase]
 
 
 class Table(NamedTuple):
@@ -40,28 +42,6 @@ class Table(NamedTuple):
         return {name: [row[k] for row in self.rows] for k, name in enumerate(self.header)}
 
 
-class ConditionRow(NamedTuple):
-    """A condition with attackers.
-
-    Attributes:
-        condition: Description.
-        mean: Mean score of the worst cases over the models.
-        least: Least of these scores.
-        most: Greatest of these scores.
-        spread: Standard deviation of these scores.
-        told_apart: Share of the pairs of models that differ by a paired test at 5%.
-        attack: Attack that is the worst case of most models.
-    """
-
-    condition: str
-    mean: float
-    least: float
-    most: float
-    spread: float
-    told_apart: float
-    attack: str
-
-
 class Robustness(NamedTuple):
     """The trust models' part of a report.
 
@@ -73,6 +53,7 @@ class Robustness(NamedTuple):
         leaderboard: The leaderboard of the run.
         blind: Score of choosing blindly in the games of the first one's worst cases.
         conditions: Conditions with attacks.
+        convergence: Convergence of all searches.
         tables: Tables by the name of their figure.
     """
 
@@ -83,6 +64,7 @@ class Robustness(NamedTuple):
     leaderboard: Leaderboard
     blind: float
     conditions: list[ConditionRow]
+    convergence: Convergence
     tables: dict[str, Table]
 
     @classmethod
@@ -109,12 +91,14 @@ class Robustness(NamedTuple):
             "curves": _curves(suite, attacks, cases),
             "breakdown": _breakdown(suite, cases),
             "tradeoff": _tradeoff(attacks, cases),
+            "moved": Table(MovedRow._fields, list(moved_rows(rows, struck))),
+            "worlds": Table(WorldRow._fields, [WorldRow.of(*one) for one in suite.worlds.items()]),
         }
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"]) for one in first] or [np.nan]))
         blind = 0.0 if suite.score == "skill" else blind
-        where = _condition_rows(cases, suite.conditions)
-        return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, tables)
+        where, course = condition_rows(cases, struck, suite.conditions), Convergence.of(struck)
+        return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, course, tables)
 
     @property
     def warnings(self) -> list[str]:
@@ -132,27 +116,6 @@ class Robustness(NamedTuple):
         return [row.model for row in self.leaderboard.rows]
 
 
-def _condition_rows(
-    cases: Mapping[tuple[str, Condition], WorstCase], conditions: Sequence[tuple[str, str, float]]
-) -> list[ConditionRow]:
-    """Return the conditions in which models were attacked, in the order of the suite.
-
-    Args:
-        cases: Worst cases by model and condition.
-        conditions: Conditions of the suite.
-    """
-    rows = []
-    for place in (Condition(*one) for one in conditions):
-        found = [case for (_, where), case in cases.items() if where == place]
-        if found:
-            scores, attacks = np.array([case.mean for case in found]), [case.attack for case in found]
-            spread = float(scores.std(ddof=1)) if len(found) > 1 else np.nan
-            apart = told_apart(np.stack([case.score for case in found]))
-            ends = float(scores.mean()), float(scores.min()), float(scores.max())
-            rows.append(ConditionRow(place.description, *ends, spread, apart, max(attacks, key=attacks.count)))
-    return rows
-
-
 def _places(suite: Suite, order: Sequence[str]) -> Callable[[AttackScores], tuple[Any, ...]]:
     """Sorts by condition, as the suite has them, and in each the best model first."""
     scenarios, tracks = list(suite.scenarios), list(suite.tracks)
@@ -165,9 +128,6 @@ def _places(suite: Suite, order: Sequence[str]) -> Callable[[AttackScores], tupl
     return place
 
 
-_Worst = dict[tuple[str, Condition], WorstCase]
-
-
 def _is_worst(one: AttackScores, cases: _Worst) -> bool:
     """Return whether an attack is the worst case; with several seeds, whether most of them choose it."""
     case = cases.get((one.model, one.condition))
@@ -178,14 +138,14 @@ def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Tab
     """Return what each attack leaves; in each condition the attack with the most harm to all models comes first."""
     header = (
         "condition", "attack", "model", "method",
-        "utility", "utility_half_95", "skill", "skill_half_95", "blind", "worst",
+        "utility", "utility_half_95", "skill", "skill_half_95", "blind", "worst", "treats",
     )  # fmt: skip
     measured = [(one.measured["utility"], one.measured["blind"]) for one in struck]
     scales = _estimates([by_trust for by_trust, _ in measured]), _estimates([skill_by_seed(*pair) for pair in measured])
     rows: list[tuple[Any, ...]] = []
     for one, utility, skill in zip(struck, *scales, strict=True):
         blind = _mean(one.measured["blind"])
-        rows.append((*_name(one), one.method, *utility[:2], *skill[:2], blind, _is_worst(one, cases)))
+        rows.append((*_name(one), one.method, *utility[:2], *skill[:2], blind, _is_worst(one, cases), one.treats))
     place, harm = header.index(scale), dict[tuple[str, str], list[float]]()
     for row in rows:
         harm.setdefault(row[:2], []).append(row[place])
@@ -269,4 +229,8 @@ def _mean(values: Floats) -> float:
 
 def _estimates(values: Sequence[Floats]) -> list[Estimate]:
     """Return means over seeds and games, (S, G) each, with half their intervals; all show how much seeds differ."""
-    return over_seeds(np.stack(values), len(values)).estimates if values else []
+    shapes = np.array([one.shape for one in values] or [(1, 1)])
+    table = np.full((len(values), *shapes.max(axis=0)), np.nan)  # conditions differ in the number of games
+    for place, one in zip(table, values, strict=True):
+        place[:, : one.shape[1]] = one
+    return over_seeds(table, len(values)).estimates if values else []

@@ -67,8 +67,8 @@ def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | N
         "objective": "mislead",
     }
     seen = watch(exact_task(arguments), Scripted(attackers or {}), effort.seed, (1, effort.games))
-    rounds = (Bought(*(part[:, 0] for part in bought)) for bought in (seen.bought, seen.published))
-    return GameRecord(seen.trust[:, :, 0], *rounds)
+    own, public = (Bought(*(part[:, 0] for part in bought)) for bought in (seen.bought, seen.published))
+    return GameRecord(seen.trust[:, :, 0], own, public, seen.treats)
 
 
 def lost(seen: GameRecord, twin: GameRecord, agents: Iterable[int]) -> Floats:

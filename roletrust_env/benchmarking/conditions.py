@@ -1,0 +1,90 @@
+"""Conditions of a run: how well each tells models apart, and whether the searches in it converged."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_env.benchmarking.verdict import told_apart
+from roletrust_env.benchmarking.worst_case import AttackScores, Condition, WorstCase
+
+FLAT = 0.01
+"""Limit of a gain, in the mean reward per round, and of a difference between starts, in the score of the suite."""
+
+
+class Convergence(NamedTuple):
+    """Shares of searches, each with all its seeds; NaN where none can say.
+
+    Attributes:
+        flat: Share in which the last doubling of rounds gained `FLAT` at most.
+        repeated: Share in which starts with other seeds differ by `FLAT` at most, in the same games.
+        converged: Share in which both hold.
+    """
+
+    flat: float
+    repeated: float
+    converged: float
+
+    @classmethod
+    def of(cls, attacks: Iterable[AttackScores]) -> "Convergence":
+        """Return the shares among attacks; those that no search found say nothing."""
+        pairs = np.array([(one.gain, one.difference) for one in attacks], np.float64).reshape(-1, 2)
+        shares = []
+        for part in (pairs[:, :1], pairs[:, 1:], pairs):
+            known = ~np.isnan(part).any(axis=1)
+            shares.append(float((part[known] <= FLAT).all(axis=1).mean()) if known.any() else np.nan)
+        return cls(*shares)
+
+
+class ConditionRow(NamedTuple):
+    """A condition with attackers.
+
+    Attributes:
+        condition: Description.
+        mean: Mean score of the worst cases over the models.
+        least: Least of these scores.
+        most: Greatest of these scores.
+        spread: Standard deviation of these scores.
+        told_apart: Share of the pairs of models that differ by a paired test at 5%.
+        attack: Attack that is the worst case of most models.
+        flat: Share of searches that are flat, see `Convergence`.
+        repeated: Share of searches whose starts agree.
+        converged: Share of searches that are both.
+    """
+
+    condition: str
+    mean: float
+    least: float
+    most: float
+    spread: float
+    told_apart: float
+    attack: str
+    flat: float
+    repeated: float
+    converged: float
+
+
+def condition_rows(
+    cases: Mapping[tuple[str, Condition], WorstCase],
+    struck: Sequence[AttackScores],
+    conditions: Sequence[tuple[str, str, float]],
+) -> list[ConditionRow]:
+    """Return the conditions in which models were attacked, in the order of the suite.
+
+    Args:
+        cases: Worst cases by model and condition.
+        struck: Scores of all attacks.
+        conditions: Conditions of the suite.
+    """
+    rows = []
+    for place in (Condition(*one) for one in conditions):
+        found = [case for (_, where), case in cases.items() if where == place]
+        if found:
+            scores, attacks = np.array([case.mean for case in found]), [case.attack for case in found]
+            spread = float(scores.std(ddof=1)) if len(found) > 1 else np.nan
+            apart = told_apart(np.stack([case.score for case in found]))
+            ends = float(scores.mean()), float(scores.min()), float(scores.max())
+            usual = max(attacks, key=attacks.count)
+            course = Convergence.of(one for one in struck if one.condition == place)
+            rows.append(ConditionRow(place.description, *ends, spread, apart, usual, *course))
+    return rows

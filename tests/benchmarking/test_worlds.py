@@ -1,0 +1,95 @@
+"""Worlds that the file of a suite draws."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from roletrust_env.benchmarking.suite_files import load_suite, reproduction_command
+from roletrust_env.benchmarking.worlds import WorldRow, draw_worlds
+
+TABLE: dict[str, Any] = {
+    "preset": "market",
+    "number": 3,
+    "shares": {"raters": [{"low": 0.1, "high": 0.3}]},
+    "set": {
+        "max_cycles": {"low": 7, "high": 9},
+        "agents": [
+            {"role": "SR", "count": 4, "bias": {"choices": [0.0, [{"low": -0.2, "high": 0.0}, 0.1]]}},
+            {"role": "SP", "count": {"low": 3, "high": 5}, "ability": [0.3, 1.0]},
+        ],
+    },
+}
+PINNED = [(8, 0.122, 0.0), (8, 0.298, [-0.091, 0.1]), (8, 0.175, [-0.061, 0.1])]
+FILE = """
+tracks = { raters = { roles = ["SR"], shares = [0.2] } }
+worlds = { drawn = { preset = "market", number = 2, set = { max_cycles = { low = 7, high = 900 } } } }
+"""
+
+
+def rounds(worlds: dict[str, Any]) -> list[int]:
+    return [world["set"]["max_cycles"] for world in worlds.values()]
+
+
+def test_worlds_are_the_same_everywhere_and_in_their_ranges() -> None:
+    found = draw_worlds({"drawn": TABLE})
+    assert list(found) == ["drawn-1", "drawn-2", "drawn-3"]
+    assert [
+        (world["set"]["max_cycles"], world["shares"]["raters"][0], world["set"]["agents"][0]["bias"])
+        for world in found.values()
+    ] == PINNED
+    many = draw_worlds({"drawn": TABLE | {"number": 100}}).values()
+    assert {world["set"]["max_cycles"] for world in many} == {7, 8, 9}
+    assert {type(world["set"]["agents"][0]["bias"]) for world in many} == {float, list}
+    assert all(0.1 <= world["shares"]["raters"][0] <= 0.3 for world in many)
+    assert all(world["set"]["agents"][1]["ability"] == [0.3, 1.0] for world in many)
+
+
+def test_more_worlds_and_further_draws_leave_the_others_as_they_are() -> None:
+    found = draw_worlds({"drawn": TABLE})
+    more = draw_worlds({"drawn": TABLE | {"number": 9}, "others": TABLE}, scenarios={"mine": {"preset": "market"}})
+    assert {name: more[name] for name in found} == found
+    assert rounds({name: more[name] for name in found}) == rounds(found)
+    further = TABLE | {"set": TABLE["set"] | {"ratings": {"lost": {"low": 0.1, "high": 0.9}}}}
+    assert [world["shares"] for world in draw_worlds({"drawn": further}).values()] == [
+        world["shares"] for world in found.values()
+    ]
+    seeds = [str(draw_worlds({"drawn": TABLE}, seed)) for seed in range(3)]
+    assert len(set(seeds)) == 3
+    assert seeds[0] == str(found)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"number": 0}, "worlds drawn: number"),
+        ({"color": 1}, "there is no field 'color'"),
+        ({"set": {"max_cycles": {"low": 9, "high": 7}}}, "low is 9 and high 7; they must be numbers, the lower one"),
+        ({"set": {"max_cycles": {"low": "few", "high": 7}}}, "low is 'few'"),
+        ({"set": {"max_cycles": {"choices": []}}}, "drawn-1.*max_cycles: choices are .*one value or more"),
+    ],
+)
+def test_a_wrong_table_is_one_clear_error(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        draw_worlds({"drawn": TABLE | change})
+
+
+def test_a_file_shows_its_worlds_and_draws_others_by_another_seed(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(FILE)
+    suite, other = load_suite(path), load_suite(path, 7)
+    assert [WorldRow.of(*one).scenario for one in suite.worlds.items()] == ["drawn-1", "drawn-2"]
+    assert suite.scenarios != other.scenarios
+    assert suite.conditions == other.conditions  # known attacks of the one play in the other
+    assert (suite.name, other.name) == ("mine", "mine, worlds 7")
+    assert reproduction_command(other, path) == f"roletrust benchmark --suite mine.toml --worlds 7 --out {tmp_path}"
+    with pytest.raises(ValueError, match="suite quick has no table of worlds"):
+        load_suite("quick", 7)
+    for text, message in (
+        (FILE + '[scenarios.drawn-1]\npreset = "market"\n', "there is a scenario 'drawn-1', too"),
+        (FILE.replace("max_cycles = {", "cycles = {"), "drawn-1.*there is no field 'cycles'|unknown.*cycles|cycles"),
+        ("worlds = 3\n", "must be tables by name"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ValueError, match=message):
+            load_suite(path)
