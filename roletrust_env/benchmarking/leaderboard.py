@@ -5,7 +5,7 @@ model that ignores ratings has exactly this utility in every condition, and is r
 blind choice is 0. A leaderboard displays as a table and converts to other formats.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import gcd
 from pathlib import Path
@@ -19,7 +19,7 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.verdict import DIGITS, verdict
 from roletrust_env.benchmarking.worst_case import AttackScores, WorstCase, attack_scores, worst_cases
-from roletrust_env.metrics.confidence import Estimate, over_seeds
+from roletrust_env.metrics.confidence import Estimate, Interval, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.markdown import markdown_table
@@ -256,9 +256,11 @@ def moved_rows(rows: Sequence[LeaderboardRow], attacks: Sequence[AttackScores]) 
     for row, loss in zip(rows, losses, strict=True):
         mine = {key: alike[key].mean - worst[key].mean for key in both if key[0] == row.model}
         most = max(mine, key=mine.__getitem__, default=None)
-        where, attack = ("", "") if most is None else (most[1].description, worst[most].attack)
+        where, cost, attack = ("", np.nan, "")
+        if most is not None:
+            where, cost, attack = most[1].description, mine[most], worst[most].attack
         places, means = (row.tier, row.rank, row.alike_tier, row.alike_rank), (row.worst.mean, row.alike.mean)
-        found.append(MovedRow(row.model, *places, *means, *loss[:2], where, mine.get(most, np.nan), attack))
+        found.append(MovedRow(row.model, *places, *means, *loss[:2], where, cost, attack))
     return found
 
 
@@ -271,6 +273,7 @@ _MEANINGS = {
     "alike": "the worst case of attacks that serve all raters alike, and the place by it",
     "published": "the worst case if consumers went by published trust",
     "ensemble": "the worst case without the attacks that others have found",
+    "real": "what a model keeps in replays of real logs with hostile accounts, the mean over goals and logs",
     "worst attack": "the attack in the condition with the least {score}",
     "damage": "loss of trust of honest agents in the worst case",
     "alarms": "share of honest agents with trust below 0.5 while all agents are honest",
@@ -295,6 +298,7 @@ class Leaderboard:
         caveats: Limitations of the numbers, one line each.
         cells: All cells with their results.
         attacks: Scores of all attacks.
+        real: What models keep in replays of real logs, by name, see `roletrust_env.benchmarking.real_logs`.
     """
 
     suite: Suite
@@ -302,32 +306,36 @@ class Leaderboard:
     caveats: list[str]
     cells: list[StoredCell]
     attacks: list[AttackScores]
+    real: Mapping[str, Interval]
 
     @classmethod
-    def of(cls, suite: Suite, stored: Sequence[StoredCell]) -> Self:
+    def of(cls, suite: Suite, stored: Sequence[StoredCell], real: Mapping[str, Interval] | None = None) -> Self:
         """Return the leaderboard of a run.
 
         Args:
             suite: Suite of the run.
             stored: Cells of the run with their results.
+            real: What models keep in replays of real logs, by name.
         """
         names = suite.model_names
         attacks = attack_scores(suite, stored)
         rows = leaderboard_rows(suite, stored, names, len(suite.cells()) // len(names), attacks)
-        return cls(suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks)
+        return cls(suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks, real or {})
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns that say something in this run.
 
         All of `COLUMNS`, but `alike` only if some attack treats raters differently, `published` only if the consumers
-        are raters, and `ensemble` only if others have found attacks.
+        are raters, `ensemble` only if others have found attacks, and `real` only with replays of logs.
         """
         idle = set() if any(one.treats for one in self.attacks) else {"alike"}
         if self.suite.consumers == "public":
             idle.add("published")
         if not any(one.finder for one in self.suite.known):
             idle.add("ensemble")
+        if not self.real:
+            idle.add("real")
         return tuple(name for name in COLUMNS if name not in idle)
 
     @property
@@ -364,14 +372,14 @@ class Leaderboard:
         """Return the rows as a table in Markdown, with the columns of `columns`."""
         lines = []
         for row in self.rows:
-            texts = row_texts(row, " ± ")
+            texts = row_texts(row, " ± ", self.real)
             texts["model"] = f"`{texts['model']}`"
             lines.append([texts[name] for name in self.columns])
         return markdown_table(self.columns, lines, names=_LEFT)
 
     def __repr__(self) -> str:
         """Return the rows as a table of plain text."""
-        lines = [dict(zip(COLUMNS, COLUMNS, strict=True)), *(row_texts(row, "±") for row in self.rows)]
+        lines = [dict(zip(COLUMNS, COLUMNS, strict=True)), *(row_texts(row, "±", self.real) for row in self.rows)]
         widths = {name: max(len(line[name]) for line in lines) for name in self.columns}
         text = [
             "  ".join(f"{line[name]:{'<' if name in _LEFT else '>'}{width}}" for name, width in widths.items())
@@ -386,13 +394,15 @@ class Leaderboard:
         return f"**Leaderboard, suite {self.suite.name}**\n\n{self.to_markdown()}\n\n{self.caption}.\n\n{notes}"
 
 
-def row_texts(row: LeaderboardRow, between: str) -> dict[str, str]:
+def row_texts(row: LeaderboardRow, between: str, real: Mapping[str, Interval] | None = None) -> dict[str, str]:
     """Return a row as text, by the names in `COLUMNS`.
 
     Args:
         row: Row of a leaderboard.
         between: Text between a mean and half its interval.
+        real: What models keep in replays of real logs, by name.
     """
+    kept = (real or {}).get(row.model)
     worst = f"{row.worst_attack} ({row.worst_condition})" if row.worst_attack else "-"
     holds = "-" if row.holds != row.holds else f"{row.holds:.0%}"
     return {
@@ -404,6 +414,7 @@ def row_texts(row: LeaderboardRow, between: str) -> dict[str, str]:
         "alike": f"{_estimate(row.alike, between)} ({row.alike_rank}, tier {row.alike_tier or '-'})",
         "published": _estimate(row.published, between),
         "ensemble": _estimate(row.ensemble, between),
+        "real": "-" if kept is None else f"{kept.value:.3f} ({kept.low:.3f}, {kept.high:.3f})",
         "worst attack": worst,
         "damage": _estimate(row.damage),
         "alarms": _estimate(row.false_alarms),

@@ -28,6 +28,13 @@ def report(
             help="Address of the folder with the pages of the trust models, to which the report then links.",
         ),
     ] = "",
+    logs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="comparison.csv",
+            help="What `roletrust rate --compare` wrote of your logs: adds a column of their replays.",
+        ),
+    ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/report"),
 ) -> None:
@@ -54,6 +61,7 @@ def report(
     """
     require("the report", "train", "scipy", "cma", "jinja2")  # to read a suite of the benchmark, and for the page
     from roletrust_env.benchmarking.conditions import ConditionRow
+    from roletrust_env.benchmarking.real_logs import read_replays
     from roletrust_experiments.commands.leaderboard import leaderboard_markdown
     from roletrust_experiments.report.content import read
     from roletrust_experiments.report.figures import write_figures
@@ -61,13 +69,13 @@ def report(
     from roletrust_experiments.report.page import page
 
     paths = results or [Path("results/benchmark/results.sqlite")]
-    content = read(paths, allow_code=allow_code)
+    content = read(paths, allow_code=allow_code, real=read_replays(logs) if logs else None)
     prepare_folder(out)
     for name, table in content.tables.items():
         write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
     drawn = write_figures(out, content, ".png", ".pdf")
     pictures = {name: (out / f"{name}.png").read_bytes() for name in drawn}
-    linked = ["--pages", pages] if pages else []
+    linked = [*(["--pages", pages] if pages else []), *(["--logs", str(logs)] if logs else [])]
     command = shlex.join(["roletrust", "report", *map(str, paths), *linked, "--out", str(out)])
     write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/")))
     written = "report.html"

@@ -1,6 +1,6 @@
 """Content of a report: a benchmark of trust models, of learners, or both."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -101,12 +101,13 @@ class Content(NamedTuple):
         return {name: table for part in self.parts for name, table in part.tables.items()}
 
 
-def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
+def read(paths: Iterable[Path], *, allow_code: bool = False, real: Mapping[str, Interval] | None = None) -> Content:
     """Return the content of the files of runs.
 
     Args:
         paths: Paths of the files.
         allow_code: True if they may name trust models that are not installed.
+        real: What trust models keep in replays of real logs.
 
     Raises:
         ValueError: A file cannot be read, is empty or names an uninstalled model, or two files have the same kind.
@@ -125,5 +126,5 @@ def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
         else:
             if not allow_code:
                 check_installed(trust_models, suite.model_names)
-            content = content._replace(robustness=Robustness.of(suite, stored, software, path))
+            content = content._replace(robustness=Robustness.of(suite, stored, software, path, real))
     return content

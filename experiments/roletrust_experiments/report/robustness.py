@@ -21,7 +21,7 @@ from roletrust_env.benchmarking.worst_case import (
     skill_by_seed,
     worst_cases,
 )
-from roletrust_env.metrics.confidence import Estimate, over_seeds
+from roletrust_env.metrics.confidence import Estimate, Interval, over_seeds
 from roletrust_env.metrics.score import mean_or_nan, ratio
 
 _POINTS = 40
@@ -68,13 +68,20 @@ class Robustness(NamedTuple):
     tables: dict[str, Table]
 
     @classmethod
-    def of(cls, suite: Suite, stored: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
-        """Return the results of a run. Arguments as for `roletrust_experiments.report.content.Learners.of`.
+    def of(
+        cls,
+        suite: Suite,
+        stored: Sequence[StoredCell],
+        software: dict[str, Any],
+        path: Path,
+        real: Mapping[str, Interval] | None = None,
+    ) -> Self:
+        """Return the results of a run. Arguments as for `roletrust_experiments.report.content.read` and `Learners.of`.
 
         Raises:
             ValueError: No attack has been played.
         """
-        leaderboard = Leaderboard.of(suite, stored)
+        leaderboard = Leaderboard.of(suite, stored, real)
         attacks = list(leaderboard.attacks)
         struck = [one for one in attacks if suite.tracks[one.condition.track].roles]
         if not struck:
