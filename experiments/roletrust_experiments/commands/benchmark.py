@@ -242,10 +242,10 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
             table.add_row(escape(name), f"{trials * len(suite.budgets):,}", f"{rounds:,}")
         console.print(table)
         return
-    worlds = number_table("Worlds", "", *WorldRow._fields[1:])
     for one in suite.worlds.items():
-        worlds.add_row(*map(escape, map(str, WorldRow.of(*one))))
-    console.print(worlds)
+        name, *values = WorldRow.of(*one)
+        world = ", ".join(f"{field} {value}" for field, value in zip(WorldRow._fields[1:], values, strict=True))
+        console.print(f"{escape(name)}: [dim]{escape(world)}[/]", soft_wrap=True)
     found = estimate_cost(suite, suite.cells())
     caption = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
     table = number_table(f"{suite.name}, estimated", caption, "cells", "rounds", "time")
