@@ -6,7 +6,7 @@ from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.sources import Source
 from roletrust_env.benchmarking.submission import CellClaim, ClaimedScore, make_claim
 from roletrust_env.benchmarking.suite import Cell
-from roletrust_env.benchmarking.verification import _check_sources, check_bias, within
+from roletrust_env.benchmarking.verification import _check_sources, check_bias, check_cell, within
 
 
 def test_two_means_may_differ_by_the_noise_of_two_samples() -> None:
@@ -48,6 +48,15 @@ def test_honest_runs_are_accepted_however_far_rounding_leads_them() -> None:
     for apart in (True, False):
         pairs = [(run(2 * k), run(2 * k + 1) if apart else run(2 * k, noise=1e-9)) for k in range(5)]
         assert all(check.ok for mine, here in pairs for check in check_bias(claimed(mine), here))
+
+
+def test_an_attack_treats_raters_as_the_claim_says_also_on_another_processor() -> None:
+    (mine,) = run(0, cells=1)
+    rows = tuple(row._replace(treats=True) for row in mine.rows)
+    (claim,) = claimed([mine._replace(rows=rows)])
+    assert check_cell(claim, mine._replace(rows=rows), same=False).ok
+    found = check_cell(claim, mine, same=False)
+    assert (found.ok, found.message) == (False, "0: treats raters alike only here")
 
 
 def test_claims_that_are_a_little_too_high_everywhere_are_not() -> None:

@@ -163,13 +163,28 @@ def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:
 
 def test_the_leaderboard_in_markdown_has_the_numbers_of_the_other(folder: Path) -> None:
     text = (folder / "out" / "leaderboard.md").read_text(encoding="utf-8").splitlines()
-    assert text[0] == "| tier | rank | model | clean | worst | worst attack | damage | alarms | AUC | holds |"
+    assert text[0] == "| tier | rank | model | clean | worst | alike | worst attack | damage | alarms | AUC | holds |"
     assert f"Made by `roletrust benchmark --suite custom.toml --out {folder}`." in text[-1]
     for line, row in zip(text[2:-2], lines(folder, "leaderboard"), strict=True):
         tier, rank, model, clean, worst, *_ = line.strip("| ").split(" | ")
         assert (tier, rank, model) == (row["tier"], row["rank"], f"`{row['model']}`")
         for found, name in ((clean, "clean"), (worst, "worst")):
             assert found == f"{float(row[name]):.3f} ± {float(row[f'{name}_half_95']):.3f}"
+
+
+def test_what_treatment_costs_and_the_worlds_have_tables(folder: Path) -> None:
+    moved, board = lines(folder, "moved"), lines(folder, "leaderboard")
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    for line, row in zip(moved, board, strict=True):
+        assert [line[name] for name in ("model", "rank", "worst", "alike")] == [
+            row[name] for name in ("model", "rank", "worst", "alike")
+        ]
+        assert float(line["loss"]) == pytest.approx(float(row["alike"]) - float(row["worst"]), abs=2e-6)
+    assert [(line["scenario"], line["raters"], line["rounds"]) for line in lines(folder, "worlds")] == [
+        ("market", "4", "12")
+    ]
+    assert "What moves if providers treat raters differently" in page
+    assert "The worlds" in page
 
 
 def test_what_is_no_run_is_refused(folder: Path, tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def better(said: Any) -> None:
     for one in said["cells"]:
         for attack in one["attacks"] if one["model"] == "mean" else ():
             attack["chosen"] = attack["measured"]["utility"]["mean"] = attack["measured"]["published"]["mean"] = 1.0
-    for name in ("clean", "worst", "published", "ensemble", "open_worst"):
+    for name in ("clean", "worst", "alike", "published", "ensemble", "open_worst"):
         said["standings"]["mean"][name]["mean"] = 1.0
 
 
@@ -197,7 +197,7 @@ def test_utilities_that_are_hardly_too_high_are_found_over_all_cells(tmp_path: P
         path.write_text(json.dumps(said))
         found, as_said = read_submission(path)
         scores = model_scores(as_said, [claim.as_single_game() for claim in found.cells])
-        for name in ("clean", "worst", "published", "ensemble", "open_worst"):
+        for name in ("clean", "worst", "alike", "published", "ensemble", "open_worst"):
             said["standings"]["mean"][name]["mean"] = getattr(scores["mean"], name).mean
         path.write_text(json.dumps(said))
         result = run("verify", str(path), "--own-suite", "--workers", "2")
@@ -339,7 +339,7 @@ def test_a_hostile_file_is_one_line(
         (lambda text: text[: len(text) // 2], "Expecting|Unterminated|delimiter"),
         (lambda text: "[" * 200_000, "nested too deeply"),
         (lambda text: '{"cells": ' * 200_000, "nested too deeply"),
-        (lambda text: text.replace('"format": 3', '"format": 3, "format": 3'), "two fields of one name"),
+        (lambda text: text.replace('"format": 4', '"format": 4, "format": 4'), "two fields of one name"),
         (lambda text: text.replace('"chosen": 0', '"chosen": 1e999, "x": 0', 1), "chosen is inf|ghost|x is"),
         (lambda text: "", "Expecting value"),
         (lambda text: "\udcff", "utf-8"),
