@@ -98,7 +98,8 @@ class WorldRow(NamedTuple):
         scale: Scale of raters.
         ability: Ability of providers.
         access: Which providers serve a rater.
-        rounds: Length of a game.
+        rounds: Length of a game, the longest.
+        continuation: Probability that it goes on after a round.
     """
 
     scenario: str
@@ -111,6 +112,7 @@ class WorldRow(NamedTuple):
     ability: str
     access: str
     rounds: int
+    continuation: float
 
     @classmethod
     def of(cls, name: str, world: Scenario) -> "WorldRow":
@@ -128,6 +130,7 @@ class WorldRow(NamedTuple):
             ability=_text(group.ability for group in providers),
             access=f"{world.access.kind} {access}".rstrip(),
             rounds=world.max_cycles,
+            continuation=world.continuation,
         )
 
 

@@ -230,9 +230,7 @@ class SplitScores(NamedTuple):
         return cls(chosen, measured, mean_or_nan(ratio(got, best), axis=-1), treats)
 
 
-def watch(
-    task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int]
-) -> GameRecord:
+def watch(task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int]) -> GameRecord:
     """Play held-out games to the end and return what is measured. Arguments as for `attacked_rollout`.
 
     Raises:
