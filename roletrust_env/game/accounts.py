@@ -2,7 +2,23 @@
 
 from typing import NamedTuple, Self
 
-from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.arrays import Array, cast, largest, namespace
+
+ACCOUNT_FEATURES = (
+    "account",
+    "known",
+    "last",
+    "lead",
+    "own_lead",
+    "deviation",
+    "voice",
+    "given",
+    "ally",
+    "place",
+)
+"""Names of the features of a rater's account, see `account_features`."""
+
+_LEADS = 2.0  # differences of accounts decide; this brings them near the size of other features
 
 
 class Accounts(NamedTuple):
@@ -43,3 +59,45 @@ class Accounts(NamedTuple):
     def mean(self, unknown: Array | float) -> Array:
         """Return the mean rating of each rater, shape (S, n, ...); `unknown` where there is none."""
         return namespace(self.total).where(self.count > 0, self.total / (self.count + (self.count == 0)), unknown)
+
+
+def account_features(
+    accounts: Accounts, *, published: Array, best_other: Array, given: Array, ally: Array, place: Array
+) -> Array:
+    """Return the features of the account of each rater with each provider, shape (A, S, n, ...), in [-1, 1].
+
+    In the order of `ACCOUNT_FEATURES`:
+
+    - `account`: mean rating of the rater for the provider; the provider's published trust where there is none.
+    - `known`: N / (2 + N) for N ratings; `last`: the last rating, or the account without one.
+    - `lead`: twice the account less the quality of the best provider of others, cut to [-1, 1].
+    - `own_lead`: the account less the rater's best account with any of the n providers.
+    - `deviation`: the account less the mean account over the raters.
+    - `voice`: number of the rater's ratings as a share of those of the rater who has sent most.
+    - `given`: quality of the last service to the rater, as the provider chose it.
+    - `ally`: 1 for a rater of the coalition, else 0; `place`: a number in [0, 1] that is different for each rater.
+
+    Args:
+        accounts: Accounts with the ratings that have arrived, shape (S, n, ...).
+        published: Published trust of the providers, shape (n, ...).
+        best_other: Quality of the best provider of others, shape (...).
+        given: See above, shape (S, n, ...).
+        ally: See above, shape (S, 1, ...).
+        place: See above, shape (S, 1, ...).
+    """
+    xp, nothing, count = namespace(accounts.total), 0 * accounts.total, accounts.count
+    account = accounts.mean(published)
+    most = largest(count)
+    rows = (
+        account,
+        count / (2 + count),
+        xp.where(count > 0, accounts.last, account),
+        xp.clip(_LEADS * (account - best_other), -1.0, 1.0),
+        account - largest(account, axis=1)[:, None, ...],
+        account - account.mean(axis=0),
+        count / (most + (most == 0)),
+        given,
+        nothing + ally,
+        nothing + place,
+    )
+    return xp.stack(rows)

@@ -5,6 +5,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from roletrust_env.arrays import Array, cast, largest, mean_or_zero, mean_places, namespace
+from roletrust_env.game.accounts import Accounts, account_features
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import Actions, State
 from roletrust_env.world.presence import PRESENT
@@ -44,12 +45,16 @@ class CoalitionMemory(NamedTuple):
         count: Number of these perceptions, shape (P, ...).
         published: Published trust of each provider as far as it is seen, to four digits, shape (P, ...).
         change: Change of that trust in the last round, shape (P, ...).
+        accounts: Accounts of the raters with the own providers; None where nobody treats raters by them.
+        given: Quality of the last service of each own provider to each rater, as it was chosen, shape (S, n, ...).
     """
 
     total: Array
     count: Array
     published: Array
     change: Array
+    accounts: Accounts | None = None
+    given: Array | None = None
 
     @classmethod
     def begin(cls, published: Array) -> Self:
@@ -167,31 +172,54 @@ IDENTITY_FEATURES = ("turn", "trust", "present", "succeeds", "provides", "clock"
 """Names of the features of an identity, see `Coalition.identity_features`."""
 
 
+class Decision(NamedTuple):
+    """The decision of a coalition in a round, in [0, 1]. None is what a coalition without these agents decides.
+
+    Attributes:
+        lie: Lie about each provider, which all its raters tell, see `lie_ratings`, shape (P, ...).
+        silence: Above 0.5, its raters do not rate the provider, shape (P, ...); None rates all.
+        quality: Quality of each provider, shape (P, ...); those of providers of others are ignored.
+        treatment: Share of that quality for each rater by each own provider, shape (S, n, ...); None serves all alike.
+    """
+
+    lie: Array | None = None
+    silence: Array | None = None
+    quality: Array | None = None
+    treatment: Array | None = None
+
+
 class Coalition:
     """The compromised agents of a game as one mind.
 
     Args:
         game: Game.
         identities: Names of the compromised agents and of their identities in reserve.
+        wide: Whether its raters can be silent, and its providers keep accounts of the raters, to treat each by its own.
 
     Attributes:
         rates: Whether any of them rates.
         raters: Indices of its raters on the rater axis.
         providers: Indices of its providers on the provider axis.
-        action_size: Size of a decision, see `actions`.
+        silent: Whether it decides on silence.
+        treats: Whether its providers keep accounts.
         has_reserve: Whether any of them has identities in reserve.
     """
 
-    def __init__(self, game: Game, identities: tuple[str, ...]) -> None:
+    def __init__(self, game: Game, identities: tuple[str, ...], *, wide: bool = False) -> None:
         roster = game.roster
         self._game = game
         self.raters = places(identities, roster.rater_names)
         self.providers = places(identities, roster.provider_names)
         self.rates = bool(self.raters)
-        self.action_size = roster.n_providers * (self.rates + bool(self.providers))
+        self.silent, self.treats = wide and self.rates, wide and bool(self.providers)
         own = np.isin(np.arange(roster.n_providers), self.providers)
         xp, like = namespace(game.like), game.like
         self._accomplice = xp.asarray(own, dtype=like.dtype, device=like.device)
+        ally = np.isin(np.arange(roster.n_raters), self.raters).astype(float)
+        whom = np.stack([ally, np.arange(roster.n_raters) / max(1, roster.n_raters - 1)])
+        self._whom = xp.asarray(whom, dtype=like.dtype, device=like.device)
+        columns = [self.providers.index(p) if p in self.providers else -1 for p in range(roster.n_providers)]
+        self._columns = columns  # of a treatment by own providers; the last one is that of others
         self._agents = places(identities, roster.names)
         turn = np.asarray([roster.identity_index[place] for place in self._agents], float)
         self._before = [roster.previous_identity[place] for place in self._agents]
@@ -203,11 +231,18 @@ class Coalition:
 
     def begin(self, state: State) -> CoalitionMemory:
         """Return the memory before the first round."""
-        return CoalitionMemory.begin(0 * state.quality + self._game.scenario.initial_trust)
+        memory = CoalitionMemory.begin(0 * state.quality + self._game.scenario.initial_trust)
+        if not self.treats:
+            return memory
+        nothing = 0 * state.ratings[:, self.providers, ...]
+        return memory._replace(accounts=Accounts.begin(nothing), given=nothing)
 
     def remember(self, state: State, memory: CoalitionMemory) -> CoalitionMemory:
         """Return the memory with what the coalition sees in a state. Call it once in every round."""
         memory = memory.remember(self._published(state))
+        if memory.accounts is not None:
+            mine = state.ratings[:, self.providers, ...], state.rated[:, self.providers, ...]
+            memory = memory._replace(accounts=memory.accounts.hear(*mine))
         if not self.rates:
             return memory
         return memory.perceive(state.service[self.raters, ...], state.awaiting[self.raters, ...])
@@ -234,6 +269,25 @@ class Coalition:
             own_trust=self._own_trust(state),
             own_share=self._share,
             clock=cast(state.round, perceived.dtype) / self._game.scenario.max_cycles,
+        )
+
+    def account_features(self, memory: CoalitionMemory) -> Array:
+        """Return the features of the accounts of raters with own providers, (A, S, n, ...), see `account_features`.
+
+        The best provider of others is the one with the best perceived quality, see `CoalitionMemory`.
+        """
+        if memory.accounts is None or memory.given is None:
+            raise ValueError("the memory has no accounts: the coalition is not wide, or has no providers")
+        perceived, xp = memory.perceived, namespace(memory.total)
+        others = self._accomplice.reshape(-1, *[1] * (perceived.ndim - 1)) == 0
+        ally, place = self._whom.reshape(2, -1, *[1] * perceived.ndim)
+        return account_features(
+            memory.accounts,
+            published=memory.published[self.providers, ...],
+            best_other=largest(xp.where(others, perceived, 0 * perceived)),
+            given=memory.given,
+            ally=ally,
+            place=place,
         )
 
     def identity_features(self, state: State) -> Array:
@@ -265,23 +319,50 @@ class Coalition:
         order = [self._agents.index(place) if place in self._agents else len(self._agents) for place in range(n)]
         return xp.concat([chosen, chosen[:1, ...] & False])[order, ...]
 
-    def actions(self, decision: Array, memory: CoalitionMemory) -> Actions:
+    def decision(self, flat: Array) -> Decision:
+        """Return the decision of an action, shape (action_size, ...), in [0, 1].
+
+        As far as the coalition decides on them: lies about each provider, qualities of each provider, silence about
+        each provider, and the treatment of each rater by each own provider.
+        """
+        p, at, parts = self._game.roster.n_providers, 0, dict[str, Array]()
+        there = {"lie": self.rates, "quality": bool(self.providers), "silence": self.silent}
+        for name in (name for name, given in there.items() if given):
+            parts[name], at = flat[at : at + p, ...], at + p
+        if self.treats:
+            shape = (self._game.roster.n_raters, len(self.providers), *flat.shape[1:])
+            parts["treatment"] = flat[at:, ...].reshape(shape)
+        return Decision(**parts)
+
+    @property
+    def action_size(self) -> int:
+        """Size of an action, see `decision`."""
+        raters, providers = self._game.roster.n_raters, self._game.roster.n_providers
+        each = self.rates + bool(self.providers) + self.silent
+        return providers * each + self.treats * raters * len(self.providers)
+
+    def actions(self, decision: Decision, memory: CoalitionMemory) -> Actions:
         """Return the actions of all agents that follow from a decision; those of other agents have no meaning.
 
         Args:
-            decision: Decision of shape (action_size, ...), in [0, 1]. If the coalition rates, the first P numbers are
-                its lie about each provider, which all its raters tell, see `lie_ratings`. If it provides, the last P
-                numbers are the qualities of the providers, and those of providers of others are ignored.
+            decision: Decision, see `Decision`.
             memory: Memory after `remember`.
         """
-        p = memory.total.shape[0]
-        said = quality = 0 * memory.total + 1
-        if self.rates:
-            said = lie_ratings(memory, decision[:p, ...])
-        if self.providers:
-            quality = decision[-p:, ...]
-        ratings = namespace(said).broadcast_to(said[None, ...], (self._game.roster.n_raters, *said.shape))
-        return Actions(quality, ratings)
+        xp, s, nothing = namespace(memory.total), self._game.roster.n_raters, 0 * memory.total
+        lie, silence, quality, treatment = decision
+        said = nothing + 1 if lie is None else lie_ratings(memory, lie)
+        ratings = xp.broadcast_to(said[None, ...], (s, *said.shape))
+        withheld = None if silence is None else xp.broadcast_to(silence[None, ...] > 0.5, ratings.shape)
+        if treatment is not None:
+            treatment = xp.concat([treatment, 0 * treatment[:, :1, ...] + 1], axis=1)[:, self._columns, ...]
+        return Actions(nothing + 1 if quality is None else quality, ratings, None, withheld, treatment)
+
+    def gave(self, memory: CoalitionMemory, actions: Actions) -> CoalitionMemory:
+        """Return the memory with the services that the own providers chose in this round."""
+        if memory.given is None or actions.treatment is None:
+            return memory
+        chosen = (actions.treatment * actions.quality[None, ...])[:, self.providers, ...]
+        return memory._replace(given=chosen)
 
     def _published(self, state: State) -> Array:
         """Return the published trust that the coalition sees, to four digits, shape (P, ...).

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from roletrust_env.arrays import Array
-from roletrust_env.game.attack_task import AttackTask, TaskState
-from roletrust_env.game.coalition import FEATURES, Coalition, CoalitionMemory
-from roletrust_env.game.state import Actions, State
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
+from roletrust_env.game.coalition import Coalition, CoalitionMemory
+from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import Random
 
 
@@ -14,21 +14,23 @@ class CoalitionTask(AttackTask):
 
     Rewards and rules are those of `AttackTask`. The observation holds the features of each provider, and the action a
     decision about each provider, so that a network with shared weights plays with any number of them. This is what the
-    coalitions of `roletrust_agents` learn with.
+    coalitions of `roletrust_agents` learn with. A wide one also observes the accounts of raters with own providers, and
+    decides on silence and on the treatment of each rater.
 
     Args:
         *arguments: Arguments of `AttackTask`.
+        wide: Whether the coalition is wide, see `Coalition`.
         **options: Further arguments of `AttackTask`.
 
     Raises:
         ValueError: The knowledge is not `"black_box"`, or see `AttackTask`.
     """
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
+    def __init__(self, *arguments: Any, wide: bool = False, **options: Any) -> None:
         super().__init__(*arguments, **options)
         if self.knowledge != "black_box":
             raise ValueError(f"knowledge is {self.knowledge!r}; a coalition has black_box knowledge")
-        self.coalition = Coalition(self.game, self.identities)
+        self.coalition = Coalition(self.game, self.identities, wide=wide)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -37,7 +39,7 @@ class CoalitionTask(AttackTask):
 
     @property
     def action_size(self) -> int:
-        """Size A of an action: P lies if the coalition rates, then P qualities if it provides, see `Coalition`."""
+        """Size A of an action, see `Coalition.decision`."""
         return self.coalition.action_size
 
     def follow(self, game: State, memories: tuple[Any, ...], before: TaskState | None) -> TaskState:
@@ -48,13 +50,28 @@ class CoalitionTask(AttackTask):
     def joint(self, state: TaskState, action: Array | Actions, random: Random) -> tuple[Actions, tuple[Any, ...]]:
         """Return the actions of all agents and the memories of the scripted ones. See `AttackTask.joint`."""
         if not isinstance(action, Actions):
-            action = self.coalition.actions(action, _known(state))
+            action = self.coalition.actions(self.coalition.decision(action), _known(state))
         return super().joint(state, action, random)
 
+    def advance(
+        self, state: TaskState, actions: Actions, memories: tuple[Any, ...], noise: Noise
+    ) -> tuple[TaskState, Outcome]:
+        """Play one round, and remember the services that were given. See `AttackTask.advance`."""
+        return super().advance(
+            state._replace(coalition=self.coalition.gave(_known(state), actions)), actions, memories, noise
+        )
+
     def observe(self, state: TaskState) -> Array:
-        """Return the features of the providers, shape (F P, ...): each feature for all providers, in their order."""
-        features = self.coalition.features(state.game, _known(state))
-        return features.reshape(len(FEATURES) * features.shape[1], *features.shape[2:])
+        """Return the observation, shape (F P, ...), or (F P + A S n, ...) of a wide coalition with n providers.
+
+        Each of F features for all providers, in their order; then each of A features for all accounts, rater by rater.
+        """
+        batch = state.game.round.shape
+        features = self.coalition.features(state.game, _known(state)).reshape(-1, *batch)
+        if not self.coalition.treats:
+            return features
+        accounts = self.coalition.account_features(_known(state)).reshape(-1, *batch)
+        return namespace(features).concat([features, accounts])
 
 
 def _known(state: TaskState) -> CoalitionMemory:

@@ -11,11 +11,11 @@ import numpy as np
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.network import Decider
 from roletrust_agents.learned.weights import read_weights, weights_bytes
-from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.arrays import Array, cast
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.game.attack_task import AttackTask, Knowledge, TaskState
-from roletrust_env.game.coalition import Coalition
-from roletrust_env.game.state import Actions
+from roletrust_env.game.coalition import Coalition, CoalitionMemory, Decision
+from roletrust_env.game.state import Actions, State
 from roletrust_env.randomness import Random
 
 
@@ -64,20 +64,18 @@ class CoalitionAttacker:
 
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:
         """See `roletrust_env.evaluation.attackers.Attacker`."""
-        return Coalition(task.game, task.identities), None
+        return Coalition(task.game, task.identities, wide=self.network.architecture.wide), None
 
     def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Actions, Any]:
         """See `roletrust_env.evaluation.attackers.Attacker`."""
         coalition, remembered = memory
         game = state.game
         remembered = coalition.remember(game, coalition.begin(game) if remembered is None else remembered)
-        actions = coalition.actions(
-            joint_decision(coalition, self.network.decide(coalition.features(game, remembered))), remembered
-        )
+        actions = coalition.actions(decide(coalition, self.network, game, remembered), remembered)
         if coalition.has_reserve:
             there = self.network.presence(coalition.identity_features(game))
             actions = actions._replace(presence=coalition.wanted(there))
-        return actions, (coalition, remembered)
+        return actions, (coalition, coalition.gave(remembered, actions))
 
     def stacks_with(self, other: Attacker) -> bool:
         """See `roletrust_env.evaluation.attackers.Stackable`."""
@@ -115,16 +113,24 @@ def recorded_coalition(units: int, weights: str) -> CoalitionAttacker:
     arrays = read_weights(data)
     if any(weights.dtype not in (np.float32, np.float64) for weights in arrays.values()):
         raise ValueError("the weights of a recorded coalition must be numbers of single or double precision")
-    network = DeepSet(DeepSetArchitecture(units=units), arrays)
+    network = DeepSet(DeepSetArchitecture.of(units, wide="treatment1.bias" in arrays), arrays)
     if network.weights["layer2.bias"].ndim != 1:
         raise ValueError("the weights of a recorded coalition must be those of one network")
     return CoalitionAttacker(network)
 
 
-def joint_decision(coalition: Coalition, decided: Array) -> Array:
-    """Return the decision of a coalition, see `Coalition.actions`, from lies and qualities, shape (2, P, ...)."""
-    parts = [decided[k] for k, there in enumerate((coalition.rates, bool(coalition.providers))) if there]
-    return namespace(decided).concat(parts)
+def decide(coalition: Coalition, network: DeepSet, state: State, memory: CoalitionMemory) -> Decision:
+    """Return the decision of a coalition by its network, from its memory after `Coalition.remember`."""
+    features = coalition.features(state, memory)
+    lie, quality, *silence = network.decide(features)
+    return Decision(
+        lie if coalition.rates else None,
+        silence[0] if coalition.silent else None,
+        quality if coalition.providers else None,
+        network.treatment(coalition.account_features(memory), features[:, coalition.providers, ...])
+        if coalition.treats
+        else None,
+    )
 
 
 def attacker_for(network: Decider | DeepSet, knowledge: Knowledge | None = None) -> Attacker:

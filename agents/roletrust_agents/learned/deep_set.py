@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.game.accounts import ACCOUNT_FEATURES
 from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES
 
 UNITS = 12
 """Number of units of each layer, unless another is given."""
 
-_IDENTITY_UNITS = 6
+_IDENTITY_UNITS, _ACCOUNT_UNITS = 6, 8
 
 GAIN = 3.0
 """Factor of the last layer: the best lies and qualities are often all or nothing."""
@@ -31,17 +32,31 @@ class DeepSetArchitecture(BaseModel):
     """Names of the features of a provider."""
     identity_features: tuple[str, ...] = IDENTITY_FEATURES
     """Names of the features of an identity."""
+    account_features: tuple[str, ...] = ()
+    """Names of the features of an account of a wide network, which also decides on silence and on the treatment of each
+    rater; empty for one that does not."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if (self.features, self.identity_features) != (FEATURES, IDENTITY_FEATURES):
+        of_accounts = self.account_features in ((), ACCOUNT_FEATURES)
+        if not of_accounts or (self.features, self.identity_features) != (FEATURES, IDENTITY_FEATURES):
             raise ValueError("the features are not those of this version of the package")
         return self
+
+    @classmethod
+    def of(cls, units: int = UNITS, *, wide: bool) -> Self:
+        """Return an architecture with all features of this version of the package."""
+        return cls(units=units, account_features=ACCOUNT_FEATURES if wide else ())
+
+    @property
+    def wide(self) -> bool:
+        """Whether the network also decides on silence and on the treatment of each rater."""
+        return bool(self.account_features)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the shape of each weight by its name."""
         units, seen, known = self.units, len(self.features), len(self.identity_features)
-        return {
+        shapes: dict[str, tuple[int, ...]] = {
             "layer0.weight": (units, seen),
             "layer0.bias": (units,),
             "layer1.weight": (units, units),
@@ -55,6 +70,20 @@ class DeepSetArchitecture(BaseModel):
             "presence1.weight": (1, _IDENTITY_UNITS),
             "presence1.bias": (1,),
         }
+        if self.wide:
+            accounts = len(self.account_features)
+            shapes |= {
+                "silence.weight": (1, units),
+                "silence.skip": (1, seen),
+                "silence.bias": (1,),
+                "treatment0.weight": (_ACCOUNT_UNITS, accounts),
+                "treatment0.provider": (_ACCOUNT_UNITS, seen),
+                "treatment0.bias": (_ACCOUNT_UNITS,),
+                "treatment1.weight": (1, _ACCOUNT_UNITS),
+                "treatment1.skip": (1, accounts),
+                "treatment1.bias": (1,),
+            }
+        return shapes
 
     @property
     def size(self) -> int:
@@ -70,6 +99,10 @@ class DeepSet:
     is the truth, and the quality q_i if the provider is an accomplice. The gate g_i lets a liar tell the truth most of
     the time, and so keep its trust. A second, smaller network decides for each identity in reserve whether it shall be
     present.
+
+    A wide network also decides on silence, s_i = 0.5 + 0.5 tanh(3 (S v_i + T x_i + s)), and on the treatment of each
+    rater k with the account z_ki by its own provider i: 0.5 + 0.5 tanh(3 (H w_ki + K z_ki + h)) with
+    w_ki = tanh(F z_ki + G x_i + f). It treats all raters by the same rule.
 
     K networks of one architecture play side by side in a batch of shape (K, G).
 
@@ -112,7 +145,11 @@ class DeepSet:
         return namespace(parts[0]).concat(parts, axis=-1)
 
     def decide(self, features: Array) -> Array:
-        """Return lies and qualities, shape (2, P, ...), in [0, 1], from features, shape (F, P, ...)."""
+        """Return lies, qualities and of a wide network silence, shape (2 or 3, P, ...), in [0, 1].
+
+        Args:
+            features: Features of the providers, shape (F, P, ...).
+        """
         seen, own = self._rows(features), self._constants(features)
         xp, (k, _, cells) = namespace(features), seen.shape
         p = features.shape[1]
@@ -120,9 +157,30 @@ class DeepSet:
         pooled = own["layer1.mean"] @ x.reshape(k, -1, p, cells // p).mean(axis=2)
         x = (own["layer1.weight"] @ x).reshape(k, -1, p, cells // p) + pooled[:, :, None, :]
         x = xp.tanh(x + own["layer1.bias"][..., None, None]).reshape(k, -1, cells)
-        x = own["layer2.weight"] @ x + own["layer2.skip"] @ seen + own["layer2.bias"][..., None]
-        lie, quality, gate = self._decisions(GAIN * x, features)
-        return xp.stack([0.5 + (lie - 0.5) * gate, quality])
+
+        def outputs(name: str) -> Array:
+            linear = own[f"{name}.weight"] @ x + own[f"{name}.skip"] @ seen + own[f"{name}.bias"][..., None]
+            return self._decisions(GAIN * linear, features)
+
+        lie, quality, gate = outputs("layer2")
+        decided = xp.stack([0.5 + (lie - 0.5) * gate, quality])
+        return xp.concat([decided, outputs("silence")]) if self.architecture.wide else decided
+
+    def treatment(self, accounts: Array, features: Array) -> Array:
+        """Return the treatment of each rater by each own provider, shape (S, n, ...), in [0, 1].
+
+        Args:
+            accounts: Features of the accounts, shape (A, S, n, ...).
+            features: Features of the own providers, shape (F, n, ...).
+        """
+        a, s, n, *batch = accounts.shape
+        flat, own = accounts.reshape(a, s * n, *batch), self._constants(features)
+        z, of_provider = self._rows(flat), own["treatment0.provider"] @ self._rows(features)
+        k, units, cells = of_provider.shape
+        hidden = (own["treatment0.weight"] @ z).reshape(k, units, s, cells) + of_provider[:, :, None, :]
+        hidden = namespace(z).tanh(hidden + own["treatment0.bias"][..., None, None]).reshape(k, units, -1)
+        x = own["treatment1.weight"] @ hidden + own["treatment1.skip"] @ z + own["treatment1.bias"][..., None]
+        return self._decisions(GAIN * x, flat)[0].reshape(s, n, *batch)
 
     def presence(self, features: Array) -> Array:
         """Return whether each identity shall be present, boolean, shape (n, ...), from features, shape (I, n, ...)."""
@@ -162,3 +220,44 @@ def random_weights(architecture: DeepSetArchitecture, random: np.random.Generato
         spread = 0.0 if name.endswith("bias") else shape[-1] ** -0.5
         parts.append(spread * random.standard_normal(prod(shape)))
     return np.concatenate(parts)
+
+
+_TREATMENTS: tuple[dict[str, float], ...] = (
+    {"bias": 15.0, "account": -20.0},
+    {"bias": 21.0, "account": -20.0, "known": -20.0},
+)
+"""Treatments from which trainings of wide networks begin, by their weights in the last layer: bad where the mean rating
+of the rater is above 0.75, and bad above a threshold that falls from 0.72 after one rating to 0.35 after five."""
+
+_ALIKE = 1.0  # bias of the treatment that serves all raters alike
+_TALKATIVE = -0.5  # bias of silence: every rating is sent, and a training soon meets silence
+_WELL = 1.5  # bias of the quality of providers that decide by treatment alone
+
+
+def widened(network: DeepSet) -> list[DeepSet]:
+    """Return wide networks that lie and call identities as a network does, and differ in how they serve.
+
+    The first one serves as the network does. The others serve each rater by its account, with the network's quality as
+    the best one and with full quality.
+
+    Args:
+        network: Network; a wide one is returned as it is.
+    """
+    if network.architecture.wide:
+        return [network]
+    architecture = DeepSetArchitecture.of(network.architecture.units, wide=True)
+    shapes = {name: shape for name, shape in architecture.shapes().items() if name not in network.weights}
+
+    def wide(treatment: Mapping[str, float], weights: Mapping[str, Array]) -> DeepSet:
+        further = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
+        further["silence.bias"] += _TALKATIVE
+        further["treatment1.bias"] += treatment["bias"]
+        for place, name in enumerate(ACCOUNT_FEATURES):
+            further["treatment1.skip"][:, place] = treatment.get(name, 0.0)
+        return DeepSet(architecture, {**weights, **further})
+
+    well = {name: np.array(weight) for name, weight in network.weights.items()}
+    for name in ("layer2.weight", "layer2.skip", "layer2.bias"):
+        well[name][1] = _WELL if name == "layer2.bias" else 0.0
+    served = (network.weights, well)
+    return [wide({"bias": _ALIKE}, network.weights), *(wide(one, own) for own in served for one in _TREATMENTS)]

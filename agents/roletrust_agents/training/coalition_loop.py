@@ -78,7 +78,9 @@ def _training(run: Run) -> CoalitionTraining[Any]:
     observation: Observation = "coalition" if isinstance(settings, CoalitionPPOSettings) else "agents"
     models = (run.trust_model, *run.further_models)
     tasks = [task_from_card(run.task, model, run.scenario, observation) for model in models]
-    return _KINDS[type(settings)](tasks, settings, run.seed, run.steps, known_starts(settings.start))
+    return _KINDS[type(settings)](
+        tasks, settings, run.seed, run.steps, known_starts(settings.start, wide=settings.wide)
+    )
 
 
 def _save(training: CoalitionTraining[Any], curve: list[CurvePoint], folder: RunFolder) -> None:

@@ -36,11 +36,13 @@ class CoalitionSearch(ABC):
         start: `"universal"` begins with the best of the universal coalitions, of known ones and of random networks,
             `"random"` with the best of random networks.
         known: Records of attackers that others found in the same condition. A training may start from the coalitions.
+        wide: Whether the network also decides on silence, and on the treatment of each rater.
         name: Name in tables.
     """
 
     start: Start = "universal"
     known: tuple[str, ...] = ()
+    wide: bool = False
     name: str = "coalition"
 
     _training: ClassVar[type[CoalitionTraining[Any]]]
@@ -67,7 +69,7 @@ class CoalitionSearch(ABC):
             )
         budget.spend(_LOOK * length)
         limit, spent, progress = budget.left, 0, list[tuple[int, float]]()
-        known = known_starts(self.start, self.known)
+        known = known_starts(self.start, self.known, wide=self.wide)
         training = self._training([task], settings, seed, limit, known)
         for judged in chain([True], training.within(limit)):  # a known network is judged before the first step
             if judged and training.best is not None:

@@ -16,12 +16,13 @@ from roletrust_env.metrics.confidence import GameMean, over_games
 
 Floats = npt.NDArray[np.float64]
 
-_VALIDATION, _START = 1_000_000_000, 1_000_000_001
+_VALIDATION, _START, _AGAIN = 1_000_000_000, 1_000_000_001, 1_000_000_002
 """Places of the games for validation and of those that choose the start, beside the numbers of the steps."""
 
 _DRAW = 1  # random numbers of the tasks of a step, beside those of its candidates
 
 _START_GAMES = 4  # but no more than a validation has
+_LEADING = 16  # starts that are tried again
 _KNOWN = 4  # known networks that are validated at the beginning, as far as a tenth of the rounds allows
 _TASKS_AT_ONCE = 2
 _CELLS = 400_000  # limit on the ratings of a round in one batch
@@ -69,7 +70,7 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     ) -> None:
         self._shares = shares
         self.tasks, self.settings, self.seed, self.budget = tuple(tasks), settings, seed, budget
-        self.architecture = DeepSetArchitecture(units=settings.units)
+        self.architecture = DeepSetArchitecture.of(settings.units, wide=settings.wide)
         self.steps = self.rounds = 0
         self.best: Validated | None = None
         fitting = [weights for weights in known if len(weights) == self.architecture.size]
@@ -208,4 +209,19 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         else:
             scores = np.average(np.mean(played, axis=2), axis=0, weights=self._shares)
         self.rounds += k * each
-        return [candidates[k] for k in np.argsort(-scores, kind="stable")]
+        order = np.argsort(-scores, kind="stable")
+        if self.settings.wide:  # with several treatments for each known network, few games tell the starts apart badly
+            order = self._retried(candidates, order)
+        return [candidates[k] for k in order]
+
+    def _retried(self, candidates: list[Floats], order: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+        """Return the order of the candidates with the best of them in the order of further games."""
+        leading = order[:_LEADING]
+        games = min(self.settings.validation, self.budget // 10 // (len(leading) * self.length * len(self.tasks)))
+        if games <= _START_GAMES:
+            return order
+        networks = self.networks(np.stack([candidates[k] for k in leading]))
+        played = [self.play(task, networks, games, _AGAIN) for task in self.tasks]
+        scores = np.average(np.mean(played, axis=2), axis=0, weights=self._shares)
+        self.rounds += len(leading) * games * self.length * len(self.tasks)
+        return np.concatenate([leading[np.argsort(-scores, kind="stable")], order[len(leading) :]])

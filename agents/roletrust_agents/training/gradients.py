@@ -111,3 +111,7 @@ class _Unswayed(DeepSet):
     def decide(self, features: Array) -> Array:
         """See `DeepSet.decide`."""
         return super().decide(features.detach())
+
+    def treatment(self, accounts: Array, features: Array) -> Array:
+        """See `DeepSet.treatment`."""
+        return super().treatment(accounts.detach(), features.detach())

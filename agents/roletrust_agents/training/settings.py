@@ -90,6 +90,8 @@ class CoalitionSettings(BaseModel, ABC):
     """Number of games of a step, of evolution for each candidate."""
     units: Annotated[int, Field(ge=1, le=256)] = UNITS
     """Number of units of each layer of the network."""
+    wide: bool = False
+    """Whether the network also decides on silence, and on the treatment of each rater."""
     start: Start = "universal"
     """Networks to start from: the universal coalitions and random networks, or only the latter."""
     candidates: Natural = 64

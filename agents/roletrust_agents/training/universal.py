@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
-from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, widened
 from roletrust_agents.learned.saved import load_attacker, zoo
 from roletrust_agents.training.coalition_training import Floats
 from roletrust_agents.training.settings import Start
@@ -35,12 +35,14 @@ def universal_coalitions() -> dict[str, DeepSet]:
     }
 
 
-def known_starts(start: Start, records: Sequence[str] = ()) -> list[Floats]:
+def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = False) -> list[Floats]:
     """Return the weights of the known networks from which a training may start, shape (n,) each.
 
     Args:
         start: `"universal"` allows the universal coalitions and those of records, `"random"` allows none.
         records: Records of attackers, see `read_record`. Those that are no coalitions are left out.
+        wide: Whether the training is of a wide network. A network that is not wide then becomes several, one for each
+            of `widened`.
 
     Raises:
         ValueError: A record is not valid.
@@ -48,7 +50,10 @@ def known_starts(start: Start, records: Sequence[str] = ()) -> list[Floats]:
     if start == "random":
         return []
     recorded = [attacker.network for attacker in map(read_record, records) if isinstance(attacker, CoalitionAttacker)]
-    return [network.flatten().astype(np.float64) for network in (*universal_coalitions().values(), *recorded)]
+    known = [*universal_coalitions().values(), *recorded]
+    if wide:
+        known = [one for network in known for one in widened(network)]
+    return [network.flatten().astype(np.float64) for network in known if network.architecture.wide == wide]
 
 
 @refuse_unknown
