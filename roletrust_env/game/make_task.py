@@ -15,8 +15,9 @@ from roletrust_env.game.policy import Policy
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 
-Observation = Literal["agents", "coalition"]
-"""What an attacker observes and decides: agent by agent, or provider by provider for the coalition as one mind."""
+Observation = Literal["agents", "coalition", "accounts"]
+"""What an attacker observes and decides: agent by agent; provider by provider for the coalition as one mind; or also
+rater by rater, by the accounts that its providers keep."""
 
 
 def make_task(
@@ -47,7 +48,8 @@ def make_task(
         accomplices: Names of the providers of `"promote"`.
         consumers: Who consumes, `"public"` or `"raters"`, see `AttackTask`.
         observation: `"agents"`, the observations and actions of the compromised agents one by one, see `AttackTask`; or
-            `"coalition"`, features and a decision for each provider, see `CoalitionTask`.
+            `"coalition"`, features and a decision for each provider; or `"accounts"`, a wide coalition, see
+            `CoalitionTask`.
         like: Array of the library, dtype and device to play with; by default NumPy's float32.
         **changes: Other values of fields of the scenario, such as `max_cycles=200` or `noise=0.0`.
 
@@ -59,13 +61,14 @@ def make_task(
     game = Game(scenario, trust_model, np.zeros((), np.float32) if like is None else like)
     if observation not in get_args(Observation):
         raise ValueError(f"unknown observation {observation!r}{suggest(observation, get_args(Observation))}")
-    return (AttackTask if observation == "agents" else CoalitionTask)(
-        game,
-        compromised,
-        objective=objective,
-        stealth=make_stealth(stealth),
-        knowledge=knowledge,
-        others=others,
-        accomplices=accomplices,
-        consumers=consumers,
-    )
+    options: dict[str, Any] = {
+        "objective": objective,
+        "stealth": make_stealth(stealth),
+        "knowledge": knowledge,
+        "others": others,
+        "accomplices": accomplices,
+        "consumers": consumers,
+    }
+    if observation == "agents":
+        return AttackTask(game, compromised, **options)
+    return CoalitionTask(game, compromised, wide=observation == "accounts", **options)

@@ -115,7 +115,7 @@ def test_a_decision_is_a_lie_about_each_provider_and_a_quality_of_each_accomplic
     coalition = Coalition(task.game, task.identities)
     for state, _, _ in play(task, at_random, (), seed=3):
         felt = state.coalition.perceived
-        actions = coalition.actions(np.asarray(decision), state.coalition)
+        actions = coalition.actions(coalition.decision(np.asarray(decision)), state.coalition)
         for p in range(3):
             for s in range(4):
                 assert actions.ratings[s, p] == np.clip(felt[p] + REACH * (2 * decision[p] - 1), 0, 1)
@@ -126,7 +126,7 @@ def test_the_truth_has_less_noise_than_an_honest_rating():
     task = task_of(("sr_2", "sr_3"))
     *_, (state, _, _) = play(task, lambda rng, size, batch: np.full((size, *batch), 0.5), (200,))
     game, true = state.game, state.game.quality
-    lie_ratings = task.coalition.actions(np.full((3, 200), 0.5), state.coalition).ratings[0]
+    lie_ratings = task.coalition.actions(task.coalition.decision(np.full((3, 200), 0.5)), state.coalition).ratings[0]
     assert abs(lie_ratings - true).mean() < 0.7 * abs(game.service[0] - true).mean()
 
 

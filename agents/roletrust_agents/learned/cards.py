@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from roletrust_agents.learned.deep_set import DeepSetArchitecture
 from roletrust_agents.learned.network import Architecture
-from roletrust_env.game.attack_task import Knowledge, Objective
+from roletrust_env.game.attack_task import Consumers, Knowledge, Objective
 from roletrust_env.game.views import AgentView, ProviderView, RaterView
 from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_env.trust import TrustModel, make_trust_model
@@ -53,6 +53,7 @@ class TaskCard(UntrustedModel):
     stealth: Price = Price()
     knowledge: Knowledge = "black_box"
     accomplices: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
+    consumers: Consumers = "public"
 
 
 class InputField(UntrustedModel):

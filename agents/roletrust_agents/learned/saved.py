@@ -59,6 +59,7 @@ def task_from_card(
         stealth=Stealth(task.stealth.weight, task.stealth.tolerance),
         knowledge=task.knowledge,
         accomplices=task.accomplices,
+        consumers=task.consumers,
         observation=observation,
     )
 

@@ -22,7 +22,7 @@ _VALIDATION, _START, _AGAIN = 1_000_000_000, 1_000_000_001, 1_000_000_002
 _DRAW = 1  # random numbers of the tasks of a step, beside those of its candidates
 
 _START_GAMES = 4  # but no more than a validation has
-_LEADING = 16  # starts that are tried again
+_LEADING, _WIDE_GAMES = 16, 16  # starts of wide networks that are tried again, and games of each before that
 _KNOWN = 4  # known networks that are validated at the beginning, as far as a tenth of the rounds allows
 _TASKS_AT_ONCE = 2
 _CELLS = 400_000  # limit on the ratings of a round in one batch
@@ -202,26 +202,23 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         ]
         if len(candidates) == 1:
             return candidates
-        networks, k = self.networks(np.stack(candidates)), len(candidates)
-        played = [self.play(task, networks, games, _START) for task in self.tasks]
-        if self._shares is None:
-            scores = np.mean(played, axis=(0, 2))
-        else:
-            scores = np.average(np.mean(played, axis=2), axis=0, weights=self._shares)
-        self.rounds += k * each
-        order = np.argsort(-scores, kind="stable")
-        if self.settings.wide:  # with several treatments for each known network, few games tell the starts apart badly
-            order = self._retried(candidates, order)
+        wide = self.settings.wide  # has several starts for each known network: a few games tell them apart badly
+        if wide:
+            games = min(_WIDE_GAMES, max(games, self.budget // 8 // (len(candidates) * self.length * len(self.tasks))))
+        order = np.argsort(-self._scores(candidates, games, _START), kind="stable")
+        leading = [candidates[k] for k in order[:_LEADING]]
+        again = min(self.settings.validation, self.budget // 8 // (len(leading) * self.length * len(self.tasks)))
+        if wide and again > games:
+            order[:_LEADING] = order[np.argsort(-self._scores(leading, again, _AGAIN), kind="stable")]
         return [candidates[k] for k in order]
 
-    def _retried(self, candidates: list[Floats], order: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-        """Return the order of the candidates with the best of them in the order of further games."""
-        leading = order[:_LEADING]
-        games = min(self.settings.validation, self.budget // 10 // (len(leading) * self.length * len(self.tasks)))
-        if games <= _START_GAMES:
-            return order
-        networks = self.networks(np.stack([candidates[k] for k in leading]))
-        played = [self.play(task, networks, games, _AGAIN) for task in self.tasks]
-        scores = np.average(np.mean(played, axis=2), axis=0, weights=self._shares)
-        self.rounds += len(leading) * games * self.length * len(self.tasks)
-        return np.concatenate([leading[np.argsort(-scores, kind="stable")], order[len(leading) :]])
+    def _scores(self, candidates: list[Floats], games: int, place: int) -> Floats:
+        """Return the mean score of each candidate in games with each task."""
+        networks = self.networks(np.stack(candidates))
+        played = [self.play(task, networks, games, place) for task in self.tasks]
+        self.rounds += len(candidates) * games * self.length * len(self.tasks)
+        if self._shares is None:
+            means: Floats = np.mean(played, axis=(0, 2))
+        else:
+            means = np.average(np.mean(played, axis=2), axis=0, weights=self._shares)
+        return means

@@ -10,7 +10,7 @@ from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model
-from roletrust_env.game.attack_task import Knowledge, Objective
+from roletrust_env.game.attack_task import Consumers, Knowledge, Objective
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
@@ -85,6 +85,9 @@ def train(
     ] = 0.0,
     stealth_tolerance: Annotated[float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")] = 0.1,
     knowledge: Annotated[Knowledge, typer.Option(help="Threat model: what the attacker observes.")] = "black_box",
+    consumers: Annotated[
+        Consumers, typer.Option(help="Who consumes: the public by published trust, or raters.")
+    ] = "public",
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the run in --out from its last checkpoint.")
     ] = False,
@@ -170,6 +173,7 @@ def train(
                 stealth=Price(weight=stealth_weight, tolerance=stealth_tolerance),
                 knowledge=knowledge,
                 accomplices=tuple(accomplice or ()),
+                consumers=consumers,
             ),
             trust_model=models[0],
             further_models=tuple(models[1:]),
