@@ -51,10 +51,12 @@ def test_every_point_of_a_search_space_is_the_same_after_its_record() -> None:
         assert again.policies == attack
 
 
+@pytest.mark.parametrize("wide", [False, True])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_coalition_plays_the_same_game_to_the_last_bit_after_its_record(dtype: type) -> None:
-    weights = random_weights(DeepSetArchitecture(), np.random.default_rng(1)).astype(dtype)
-    attacker = CoalitionAttacker(DeepSet.unflatten(DeepSetArchitecture(), weights))
+def test_a_coalition_plays_the_same_game_to_the_last_bit_after_its_record(dtype: type, wide: bool) -> None:
+    architecture = DeepSetArchitecture.of(wide=wide)
+    weights = random_weights(architecture, np.random.default_rng(1)).astype(dtype)
+    attacker = CoalitionAttacker(DeepSet.unflatten(architecture, weights))
     again = read_record(record_of(attacker))
     assert np.array_equal(trust(attacker), trust(again))
     assert not np.array_equal(trust(attacker), trust(CoalitionAttacker(universal_coalitions()["universal-raters"])))

@@ -11,6 +11,7 @@ from roletrust_env import Actions, AttackVecEnv, make_scenario, make_task
 from roletrust_env.envs.attack_env import TaskBatch
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
+from roletrust_env.game.accounts import ACCOUNT_FEATURES
 from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES, REACH, Coalition
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.game import Game
@@ -90,6 +91,58 @@ def test_the_features_are_those_of_a_loop(compromised):
             before[:, g] = known
 
 
+@pytest.mark.parametrize("compromised", [TEAM, ("sp_1", "sp_2")])
+def test_the_features_of_accounts_are_those_of_a_loop(compromised):
+    task = task_of(compromised, observation="accounts", access={"kind": "everyone"}, ratings={"lost": 0.5})
+    raters = [int(name[3:]) for name in compromised if name.startswith("sr")]
+    own = [int(name[3:]) for name in compromised if name.startswith("sp")]
+    heard = {(s, p, g): [] for s in range(4) for p in own for g in range(3)}
+    given = np.zeros((4, len(own), 3))
+    for state, seen, decision in play(task, at_random):
+        game, known = state.game, state.coalition
+        found = seen[len(FEATURES) * 3 :].reshape(len(ACCOUNT_FEATURES), 4, len(own), 3)
+        for (s, p, g), ratings in heard.items():
+            if game.rated[s, p, g]:
+                ratings.append(game.ratings[s, p, g])
+        for g in range(3):
+            top = known.published[:, g]
+            mean = {(s, p): np.mean(r) if (r := heard[s, p, g]) else top[p] for s in range(4) for p in own}
+            best = max(known.perceived[p, g] for p in range(3) if p not in own)
+            for s in range(4):
+                for k, p in enumerate(own):
+                    count = [len(heard[other, p, g]) for other in range(4)]
+                    expected = {
+                        "account": mean[s, p],
+                        "known": count[s] / (2 + count[s]),
+                        "last": heard[s, p, g][-1] if count[s] else mean[s, p],
+                        "lead": np.clip(2 * (mean[s, p] - best), -1, 1),
+                        "own_lead": mean[s, p] - max(mean[s, other] for other in own),
+                        "deviation": mean[s, p] - np.mean([mean[other, p] for other in range(4)]),
+                        "voice": count[s] / max(1, *count),
+                        "given": given[s, k, g],
+                        "ally": s in raters,
+                        "place": s / 3,
+                    }
+                    for name, value in zip(ACCOUNT_FEATURES, found[:, s, k, g], strict=True):
+                        assert value == pytest.approx(float(expected[name]), abs=1e-12), (name, s, p, g)
+        chosen = task.coalition.decision(decision)
+        given = chosen.treatment * chosen.quality[None, own]
+    assert (abs(found) <= 1).all()
+
+
+def test_a_wide_coalition_is_silent_and_treats_each_rater():
+    task = task_of(observation="accounts")
+    flat = np.concatenate([np.full(3, 0.5), [1, 1, 0.8], [0.1, 0.9, 0.5], [0, 0.25, 0.5, 1]])
+    assert task.action_size == len(flat)
+    random = task.game.random(0)
+    state = task.start(task.game.draw(random, (), start=True), random)
+    actions, _ = task.joint(state, flat, random)
+    assert np.array_equal(actions.withheld, [[False] * 3] * 2 + [[False, True, False]] * 2)
+    assert np.array_equal(actions.treatment[:, 2], [0, 0.25, 0.5, 1])
+    assert (actions.treatment[:, :2] == 1).all()
+    assert actions.quality[2] == 0.8
+
+
 def test_rounding_errors_decide_no_rank(monkeypatch):
     """All providers begin alike, and differences as of another order of a sum leave them alike."""
     task = task_of()
@@ -130,8 +183,9 @@ def test_the_truth_has_less_noise_than_an_honest_rating():
     assert abs(lie_ratings - true).mean() < 0.7 * abs(game.service[0] - true).mean()
 
 
-def test_every_game_of_a_batch_is_the_single_game():
-    task = task_of()
+@pytest.mark.parametrize("observation", ["coalition", "accounts"])
+def test_every_game_of_a_batch_is_the_single_game(observation):
+    task = task_of(observation=observation)
     random = task.game.random(1)
     noise = [task.game.draw(random, (4,), start=True), *(task.game.draw(random, (4,)) for _ in range(5))]
     rng = np.random.default_rng(0)
@@ -165,6 +219,11 @@ def test_gymnasium_accepts_the_environment():
     check_env(env.unwrapped, skip_render_check=True)
     assert env.observation_space.shape == (len(FEATURES) * 10,)
     assert env.action_space.shape == (20,)
+    wide = gymnasium.make("RoleTrust/CollusionAttack-v0", observation="accounts", max_cycles=6)
+    check_env(wide.unwrapped, skip_render_check=True)
+    own = len(wide.unwrapped.task.coalition.providers)
+    assert wide.observation_space.shape == (len(FEATURES) * 10 + len(ACCOUNT_FEATURES) * 10 * own,)
+    assert wide.action_space.shape == (30 + 10 * own,)
 
 
 def test_a_game_that_restarts_alone_forgets_alone():

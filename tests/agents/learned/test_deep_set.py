@@ -5,12 +5,14 @@ import pytest
 import torch
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
-from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights, widened
 from roletrust_env import make_scenario, make_task
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
+from roletrust_env.game.accounts import ACCOUNT_FEATURES
 from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES
 
 SMALL = DeepSetArchitecture(units=3)
+WIDE = DeepSetArchitecture.of(3, wide=True)
 
 
 def vector(seed=0, architecture=SMALL):
@@ -55,6 +57,58 @@ def slow(net, features):
 def test_it_decides_as_the_loops_do(providers):
     features = np.random.default_rng(1).uniform(-1, 1, (len(FEATURES), providers))
     assert np.allclose(network().decide(features), slow(network(), features), atol=1e-12)
+
+
+def accounts(*shape):
+    random = np.random.default_rng(3)
+    return random.uniform(-1, 1, (len(ACCOUNT_FEATURES), 4, *shape)), random.uniform(-1, 1, (len(FEATURES), *shape))
+
+
+def test_treatment_and_silence_are_those_of_the_loops():
+    wide, (of_raters, of_providers) = network(0, WIDE), accounts(2)
+    w, found = wide.weights, network(0, WIDE).treatment(*accounts(2))
+    for s in range(4):
+        for i in range(2):
+            z, x = of_raters[:, s, i], of_providers[:, i]
+            hidden = np.tanh(w["treatment0.weight"] @ z + w["treatment0.provider"] @ x + w["treatment0.bias"])
+            linear = w["treatment1.weight"] @ hidden + w["treatment1.skip"] @ z + w["treatment1.bias"]
+            assert found[s, i] == pytest.approx(0.5 + 0.5 * np.tanh(3 * linear[0]), abs=1e-12)
+    order = [2, 0, 3, 1]  # the same rule for all raters
+    np.testing.assert_allclose(wide.treatment(of_raters[:, order], of_providers), found[order], atol=1e-12)
+    features = np.random.default_rng(1).uniform(-1, 1, (len(FEATURES), 5))
+    narrow = DeepSet(SMALL, {name: w[name] for name in SMALL.shapes()})
+    silent = DeepSet(
+        SMALL,
+        {
+            **narrow.weights,
+            **{f"layer2.{n}": np.vstack([w[f"silence.{n}"]] * 3) for n in ("weight", "skip")},
+            "layer2.bias": np.repeat(w["silence.bias"], 3),
+        },
+    )
+    decided = wide.decide(features)
+    np.testing.assert_allclose(decided[:2], narrow.decide(features), atol=1e-12)
+    np.testing.assert_allclose(decided[2], silent.decide(features)[1], atol=1e-12)
+
+
+def test_wide_networks_side_by_side_and_on_torch_decide_as_each_alone():
+    together = DeepSet.unflatten(WIDE, np.stack([vector(seed, WIDE) for seed in range(3)]))
+    of_raters, of_providers = accounts(2, 3, 5)
+    found = together.treatment(of_raters, of_providers)
+    on_torch = together.treatment(torch.as_tensor(of_raters), torch.as_tensor(of_providers)).numpy()
+    np.testing.assert_allclose(on_torch, found, atol=1e-12)
+    for k in range(3):
+        alone = network(k, WIDE).treatment(of_raters[..., k, :], of_providers[..., k, :])
+        np.testing.assert_allclose(found[..., k, :], alone, atol=1e-12)
+
+
+def test_a_widened_network_begins_as_the_network_plays():
+    team = ("sr_8", "sr_9", "sp_9")
+    task = make_task("crowd-10x10", team, objective="mislead", max_cycles=12, like=np.zeros(()), consumers="raters")
+    first, *others = widened(network())
+    plays = [mean_rewards(task, CoalitionAttacker(one), 0, (1, 6), SEARCHED)[0] for one in (network(), first, *others)]
+    np.testing.assert_allclose(plays[1], plays[0], atol=0.01)
+    assert max(abs(play - plays[0]).max() for play in plays[2:]) > 0.001
+    assert widened(first) == [first]
 
 
 def test_it_treats_all_providers_alike():
