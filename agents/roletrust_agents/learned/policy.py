@@ -10,7 +10,7 @@ from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.learned.network import Decider, Network
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.evaluation.attackers import AttackedPlayers, Scripted
+from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker, Scripted
 from roletrust_env.evaluation.measurement import judged
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
@@ -177,6 +177,11 @@ def play_task(task: AttackTask, network: Network | DeepSet | None, *, games: int
     if isinstance(network, Network) and network.architecture.outputs != task.action_size:
         raise ValueError(f"the network has {network.architecture.outputs} actions, the task {task.action_size}")
     attacker = Scripted({}) if network is None else attacker_for(network)
+    return play_attacker(task, attacker, games=games, seed=seed)
+
+
+def play_attacker(task: AttackTask, attacker: Attacker, *, games: int, seed: int) -> Array:
+    """Return the score of each game of any attacker, see `play_task`."""
     random, score = task.game.random(seed), np.zeros(games)
     for _, outcome in judged(task, rollout(AttackedPlayers(task, attacker), random, random, (games,))):
         score += outcome.reward

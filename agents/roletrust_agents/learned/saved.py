@@ -8,6 +8,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,17 +52,21 @@ def task_from_card(
     task: TaskCard, trust_model: ModelCard, scenario: Scenario, observation: Observation = "agents"
 ) -> AttackTask:
     """Return the task described by cards, on NumPy in float32; see `make_task` for `observation`."""
-    return make_task(
-        scenario,
-        task.compromised,
-        trust_model=trust_model.make(),
-        objective=task.objective,
-        stealth=Stealth(task.stealth.weight, task.stealth.tolerance),
-        knowledge=task.knowledge,
-        accomplices=task.accomplices,
-        consumers=task.consumers,
-        observation=observation,
-    )
+    return make_task(**arguments_from_card(task, trust_model, scenario), observation=observation)
+
+
+def arguments_from_card(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> dict[str, Any]:
+    """Return the arguments of `make_task` for the task described by cards."""
+    return {
+        "scenario": scenario,
+        "compromised": task.compromised,
+        "trust_model": trust_model.make(),
+        "objective": task.objective,
+        "stealth": Stealth(task.stealth.weight, task.stealth.tolerance),
+        "knowledge": task.knowledge,
+        "accomplices": task.accomplices,
+        "consumers": task.consumers,
+    }
 
 
 def digest(data: bytes) -> str:

@@ -33,7 +33,7 @@ from roletrust_agents.training.runs import (
     score_of,
 )
 from roletrust_agents.training.settings import OnPolicySettings, learner_settings
-from roletrust_env.evaluation.resources import trial_size, try_out
+from roletrust_env.evaluation.resources import check_memory, trial_size, try_out
 from roletrust_env.game.attack_task import AttackTask
 
 _EVALUATIONS = 20
@@ -76,8 +76,15 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
     return finish(run, task, watch.best(), curve, rounds), curve
 
 
-def game_memory(run: Run) -> float:
-    """Return the memory of each game of the learner in bytes: to play, and to update."""
+def check_games(run: Run) -> None:
+    """Refuse a run whose games do not fit into the memory: to play, and to update. See `check_memory`."""
+    games = run.settings["games"]
+    if games > MANY:
+        check_memory("--learner games", games, _game_memory(run))
+
+
+def _game_memory(run: Run) -> float:
+    """Return the memory of each game of the learner in bytes."""
     task = task_from_card(run.task, run.trust_model, run.scenario)
     settings = learner_settings(run.task.id, run.algo, run.settings).model_copy(update={"games": _FEW})
 

@@ -79,6 +79,30 @@ class RunFolder:
             raise ValueError(f"{file} holds no run; start again with another --out")
         return config
 
+    def run(self, planned: "Run | None", resume: bool) -> "Run":
+        """Return the run to train: the planned one, or the one that the folder holds.
+
+        Args:
+            planned: Run that is asked for; None continues that of the folder.
+            resume: Whether a run of the folder may be continued.
+
+        Raises:
+            ValueError: There is neither, or the folder holds a run that must not be continued.
+        """
+        config, out = self.config(), self.path
+        if config is None:
+            if planned is None:
+                several = next(out.parent.glob("seed-*") if out.name.startswith("seed-") else out.glob("seed-*"), None)
+                how = "give the whole command again, with --resume" if several else "name a task to begin one"
+                raise ValueError(f"there is no run in {out} to continue; {how}" if resume else "name a task")
+            return planned
+        run = Run.read(config.get("run"))
+        if not resume:
+            raise ValueError(f"{out} holds a run; continue it with --resume, or choose another --out")
+        if planned is not None and planned != run:
+            raise ValueError(f"{out} holds another run, see its config.json; leave the task out to continue that one")
+        return run
+
     def prepare(self) -> None:
         """Check that the run can be written, and remove unfinished files of a killed run.
 

@@ -4,34 +4,56 @@ import json
 import math
 import re
 from collections.abc import Mapping
+from time import monotonic
 from typing import Any
 
+from rich import progress
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 ALLOW_CODE = "Accept files that name classes that are not installed, as package.module:Class. This runs their code."
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
 
+_PERIOD = 10.0  # seconds
+
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
 
-def progress_bar(where: Console = console, *, counted: bool = True) -> Progress:
-    """Return a progress bar that disappears when it is done.
+class _ProgressLog(progress.Progress):
+    """Progress as lines, where no bar can move: at most one in `_PERIOD` seconds, so short commands print none."""
 
-    It is shown on a terminal only. In a file, a pipe or a notebook it would be printed again and again, and all of
-    these may ask for colours through `FORCE_COLOR`.
+    def __init__(self, *columns: progress.ProgressColumn, **options: Any) -> None:
+        super().__init__(*columns, **options, disable=True)
+        self._parts, self._due = columns, monotonic() + _PERIOD
+
+    def update(self, task_id: progress.TaskID, **fields: Any) -> None:
+        """Print a line if one is due. See `Progress.update`."""
+        super().update(task_id, **fields)
+        if monotonic() >= self._due:
+            self._due = monotonic() + _PERIOD
+            self.console.print(*(part(self._tasks[task_id]) for part in self._parts), soft_wrap=True)
+
+    def advance(self, task_id: progress.TaskID, advance: float = 1) -> None:
+        """See `Progress.advance`."""
+        self.update(task_id, advance=advance)
+
+
+def progress_bar(where: Console = console, *, counted: bool = True) -> progress.Progress:
+    """Return a progress bar that disappears when it is done; in a file, a pipe or a notebook, lines in its place.
+
+    There a bar would be printed again and again, although all of these may ask for colours through `FORCE_COLOR`.
 
     Args:
         where: Console that shows it.
         counted: Whether it shows how many steps are done. Else steps may differ in length, and come seldom.
     """
-    ends = (MofNCompleteColumn(), TimeRemainingColumn())[not counted :]
-    columns, period = (TextColumn("{task.description}"), BarColumn(), *ends), 30.0 if counted else math.inf
-    shown = where.file.isatty()
-    return Progress(*columns, console=where, transient=True, disable=not shown, speed_estimate_period=period)
+    ends = (progress.MofNCompleteColumn(), progress.TimeRemainingColumn())[not counted :]
+    bar = where.file.isatty()
+    kind, share = (progress.Progress, progress.BarColumn()) if bar else (_ProgressLog, progress.TaskProgressColumn())
+    columns, period = (progress.TextColumn("{task.description}"), share, *ends), 30.0 if counted else math.inf
+    return kind(*columns, console=where, transient=True, speed_estimate_period=period)
 
 
 def print_json(data: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ from roletrust_experiments.commands.catalogue import (
     unfit,
     where_searched,
 )
-from roletrust_experiments.commands.console import console, plain_table, print_json, progress_bar, short
+from roletrust_experiments.commands.console import console, errors, plain_table, print_json, progress_bar, short
 from roletrust_experiments.commands.extras import require
 
 
@@ -127,7 +127,7 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
     for attacker in attackers.values():
         mind = attacker_for(attacker.network, attacker.card.task.knowledge)
         check_memory("--games", games, task_memory(attacker.task(), mind))
-    with progress_bar() as progress:
+    with progress_bar(errors) as progress:
         for name, attacker in progress.track(attackers.items(), description="Playing"):
             saved = entries[name]["score"]
             measured = estimate(play_task(attacker.task(), attacker.network, games=games, seed=0))

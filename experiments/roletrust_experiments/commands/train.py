@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model
 from roletrust_env.game.attack_task import Consumers, Knowledge, Objective
 from roletrust_env.storage.files import write_csv
@@ -181,7 +181,7 @@ def train(
         )
     planned = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
     folders = [RunFolder(out / f"seed-{seed + k}" if runs > 1 else out) for k in range(runs)]
-    for one, folder in [(_run_in(folder, plan, resume), folder) for plan, folder in zip(planned, folders, strict=True)]:
+    for one, folder in [(folder.run(plan, resume), folder) for plan, folder in zip(planned, folders, strict=True)]:
         try:
             _train(one, folder)
         except KeyboardInterrupt:
@@ -192,43 +192,17 @@ def train(
             raise typer.Exit(130) from None
 
 
-def _run_in(folder: "RunFolder", planned: "Run | None", resume: bool) -> "Run":
-    """Return the run to train in a folder: the planned one, or the one that the folder holds.
-
-    Raises:
-        ValueError: There is neither, or the folder holds a run that must not be continued.
-    """
-    from roletrust_agents.training.runs import Run
-
-    config, out = folder.config(), folder.path
-    if config is None:
-        if planned is None:
-            several = next(out.parent.glob("seed-*") if out.name.startswith("seed-") else out.glob("seed-*"), None)
-            how = "give the whole command again, with --resume" if several else "name a task to begin one"
-            raise ValueError(f"there is no run in {out} to continue; {how}" if resume else "name a task")
-        return planned
-    run = Run.read(config.get("run"))
-    if not resume:
-        raise ValueError(f"{out} holds a run; continue it with --resume, or choose another --out")
-    if planned is not None and planned != run:
-        raise ValueError(f"{out} holds another run, see its config.json; leave the task out to continue that one")
-    return run
-
-
 def _train(run: "Run", folder: "RunFolder") -> None:
     """Train a run from its last checkpoint or from the beginning."""
     from roletrust_agents.learned import save_attacker
     from roletrust_agents.learned.saved import task_from_card
     from roletrust_agents.training import coalition_loop, loop
     from roletrust_agents.training.runs import versions, write_bytes
+    from roletrust_agents.training.yardsticks import yardsticks
     from roletrust_experiments.plots.learners import learning_figure
 
-    coalition, games = run.algo in _COALITIONS.values(), run.settings["games"]
-    learn = coalition_loop.train if coalition else loop.train
-    if coalition:
-        coalition_loop.check_games(run)
-    elif games > loop.MANY:
-        check_memory("--learner games", games, loop.game_memory(run))
+    learner = coalition_loop if run.algo in _COALITIONS.values() else loop
+    learner.check_games(run)
     game = task_from_card(run.task, run.trust_model, run.scenario).game  # raises before anything is written
     folder.prepare()
     if folder.config() is None:
@@ -244,18 +218,19 @@ def _train(run: "Run", folder: "RunFolder") -> None:
             score = f": score {scores[-1]:.4f}, best {max(scores):.4f}" if scores else ""
             progress.update(job, completed=report.steps, description=title + score)
 
-        attacker, curve = learn(run, folder, show)
+        attacker, curve = learner.train(run, folder, show)
     write_csv(folder.path / "curve.csv", ("steps", "seconds", "score", "half_95"), curve)
     write_figure(folder.path / "curve.png", learning_figure(run.algo, attacker, curve))
     save_attacker(attacker, folder.path / "attacker", write_bytes)
     score = attacker.card.score
+    others = ", ".join(f"{one.name} {one.score:.4f}" for one in yardsticks(attacker))
     console.print(
         f"[bold]{name}[/], {run.algo}, seed {run.seed}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} "
-        f"held-out games, honest play {score.honest:.4f}; {attacker.card.training.seconds:.0f} s",
+        f"held-out games; {attacker.card.training.seconds:.0f} s\n{escape(f'In the same games: {others}')}\n"
+        "More attackers, and what they need: From weak to strong, in docs/how/threats.md\n"
+        f"Written to {folder.path}: attacker.json, attacker.safetensors, curve.csv, curve.png",
         soft_wrap=True,
     )
-    written = "attacker.json, attacker.safetensors, curve.csv, curve.png"
-    console.print(f"Written to {folder.path}: {written}", soft_wrap=True)
 
 
 def _model_card(text: str, rules: Scenario) -> "ModelCard":

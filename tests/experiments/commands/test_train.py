@@ -21,6 +21,7 @@ from roletrust_agents.learned.saved import ZOO, load_attacker
 from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_agents.training.settings import make_settings
+from roletrust_agents.training.yardsticks import Yardstick
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.make_task import make_task
 from roletrust_experiments.cli import app
@@ -28,6 +29,13 @@ from roletrust_experiments.cli import app
 TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
 SMALL = "games=8,hidden=[8],batch_size=40"
 PPO = [*TINY, "--learner", f"PPO:{SMALL},n_steps=10,n_epochs=1", "--steps", "1600"]
+
+
+@pytest.fixture(autouse=True)
+def _few_yardsticks(monkeypatch):
+    """Which have a test of their own, and take longer than these trainings."""
+    found = [Yardstick("honest play", 0.0), Yardstick("best script (sp_2: on-off:raters=[0,1])", 0.2)]
+    monkeypatch.setattr("roletrust_agents.training.yardsticks.yardsticks", lambda attacker: found)
 
 
 def run(*arguments):
@@ -55,6 +63,8 @@ def test_a_run_and_what_it_leaves_behind(tmp_path):
     assert len(list((tmp_path / "checkpoints").iterdir())) == 2
     score, card = attacker.card.score, attacker.card
     assert f"score {score.mean:.4f}" in printed
+    assert "In the same games: honest play 0.0000, best script (sp_2: on-off:raters=[0,1]) 0.2000\n" in printed
+    assert "From weak to strong, in docs/how/threats.md" in printed
     again = play_task(attacker.task(), attacker.network, games=score.games, seed=score.seed)
     assert again.mean() == pytest.approx(score.mean)
     assert score.mean >= max(float(row["score"]) for row in rows) - 1e-6

@@ -34,6 +34,12 @@ EACH = pytest.mark.parametrize(
 )
 
 
+@pytest.fixture(autouse=True)
+def _no_yardsticks(monkeypatch):
+    """Which have a test of their own, and take longer than these trainings."""
+    monkeypatch.setattr("roletrust_agents.training.yardsticks.yardsticks", lambda attacker: [])
+
+
 def train(out, *arguments, code=0):
     texts = ["train", *map(str, arguments), "--out", str(out)]
     result = CliRunner().invoke(app, texts)

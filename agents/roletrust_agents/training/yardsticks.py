@@ -1,0 +1,69 @@
+"""Scores that a trained attacker is compared with: honest play, the best script, and the optimum where it is known."""
+
+from contextlib import suppress
+from typing import NamedTuple
+
+from roletrust_agents.learned.policy import play_attacker
+from roletrust_agents.learned.saved import SavedAttacker, arguments_from_card
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import TaskArguments
+from roletrust_env.evaluation.scripts import Scripts, describe_attack, with_paper
+from roletrust_env.evaluation.search import UnsuitableError, find, search_methods
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.policy import registry as attackers
+
+
+class Yardstick(NamedTuple):
+    """A score to compare with.
+
+    Attributes:
+        name: Name of the attack, or of the bound.
+        score: Mean reward per round.
+    """
+
+    name: str
+    score: float
+
+
+def yardsticks(attacker: SavedAttacker) -> list[Yardstick]:
+    """Return the scores to compare with, in the held-out games of the attacker's own score.
+
+    Args:
+        attacker: Trained attacker.
+    """
+    card, score = attacker.card, attacker.card.score
+    script = best_script(attacker.task(), games=score.games, seed=score.seed)
+    known = known_scores(arguments_from_card(card.task, card.trust_model, card.scenario), score.seed)
+    return [Yardstick("honest play", score.honest), *([script] if script else []), *known]
+
+
+def best_script(task: AttackTask, *, games: int, seed: int) -> Yardstick | None:
+    """Return the best of the scripts with default parameters that the compromised agents can play; None without any.
+
+    Where raters and providers are compromised, the script of one role goes with the paper's attack of the other.
+    """
+    found = []
+    for name in attackers.names():
+        try:
+            kind = attackers.factory(name)
+            attack = Scripts.of(task, with_paper(task, kind)).default
+        except ValueError:  # another role, no ring, no identities in reserve, a file that is missing
+            continue
+        score = play_attacker(task, Scripted(attack), games=games, seed=seed).mean()
+        found.append(Yardstick(f"best script ({describe_attack(attack)})", float(score)))
+    return max(found, key=lambda one: one.score, default=None)
+
+
+def known_scores(arguments: TaskArguments, seed: int) -> list[Yardstick]:
+    """Return the score of the exact optimum of a provider, or of the best known lies of raters; most tasks have none.
+
+    Args:
+        arguments: Arguments of the task.
+        seed: Random seed; without effect where an optimum is known, since nothing is random there.
+    """
+    known = []
+    for name, words in (("exact", "optimum"), ("best known", "best known")):
+        with suppress(UnsuitableError):
+            found = find(search_methods.make(name), arguments, budget=0, seed=seed, games=1)
+            known.append(Yardstick(words, float(found.scores.mean())))
+    return known
