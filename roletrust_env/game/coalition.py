@@ -177,14 +177,14 @@ class Decision(NamedTuple):
 
     Attributes:
         lie: Lie about each provider, which all its raters tell, see `lie_ratings`, shape (P, ...).
-        silence: Above 0.5, its raters do not rate the provider, shape (P, ...); None rates all.
         quality: Quality of each provider, shape (P, ...); those of providers of others are ignored.
+        silence: Above 0.5, its raters do not rate the provider, shape (P, ...); None rates all.
         treatment: Share of that quality for each rater by each own provider, shape (S, n, ...); None serves all alike.
     """
 
     lie: Array | None = None
-    silence: Array | None = None
     quality: Array | None = None
+    silence: Array | None = None
     treatment: Array | None = None
 
 
@@ -349,7 +349,7 @@ class Coalition:
             memory: Memory after `remember`.
         """
         xp, s, nothing = namespace(memory.total), self._game.roster.n_raters, 0 * memory.total
-        lie, silence, quality, treatment = decision
+        lie, quality, silence, treatment = decision
         said = nothing + 1 if lie is None else lie_ratings(memory, lie)
         ratings = xp.broadcast_to(said[None, ...], (s, *said.shape))
         withheld = None if silence is None else xp.broadcast_to(silence[None, ...] > 0.5, ratings.shape)

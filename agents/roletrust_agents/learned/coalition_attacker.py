@@ -14,8 +14,8 @@ from roletrust_agents.learned.weights import read_weights, weights_bytes
 from roletrust_env.arrays import Array, cast
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.game.attack_task import AttackTask, Knowledge, TaskState
-from roletrust_env.game.coalition import Coalition, CoalitionMemory, Decision
-from roletrust_env.game.state import Actions, State
+from roletrust_env.game.coalition import Coalition, Decision
+from roletrust_env.game.state import Actions
 from roletrust_env.randomness import Random
 
 
@@ -71,7 +71,9 @@ class CoalitionAttacker:
         coalition, remembered = memory
         game = state.game
         remembered = coalition.remember(game, coalition.begin(game) if remembered is None else remembered)
-        actions = coalition.actions(decide(coalition, self.network, game, remembered), remembered)
+        accounts = coalition.account_features(remembered) if coalition.treats else None
+        decision = decide(coalition, self.network, coalition.features(game, remembered), accounts)
+        actions = coalition.actions(decision, remembered)
         if coalition.has_reserve:
             there = self.network.presence(coalition.identity_features(game))
             actions = actions._replace(presence=coalition.wanted(there))
@@ -119,17 +121,21 @@ def recorded_coalition(units: int, weights: str) -> CoalitionAttacker:
     return CoalitionAttacker(network)
 
 
-def decide(coalition: Coalition, network: DeepSet, state: State, memory: CoalitionMemory) -> Decision:
-    """Return the decision of a coalition by its network, from its memory after `Coalition.remember`."""
-    features = coalition.features(state, memory)
+def decide(coalition: Coalition, network: DeepSet, features: Array, accounts: Array | None = None) -> Decision:
+    """Return the decision of a coalition by its network.
+
+    Args:
+        coalition: Coalition; it is wide if the network is.
+        network: Network.
+        features: Features of the providers, see `Coalition.features`.
+        accounts: Features of the accounts, see `Coalition.account_features`; None where nobody is treated by them.
+    """
     lie, quality, *silence = network.decide(features)
     return Decision(
         lie if coalition.rates else None,
-        silence[0] if coalition.silent else None,
         quality if coalition.providers else None,
-        network.treatment(coalition.account_features(memory), features[:, coalition.providers, ...])
-        if coalition.treats
-        else None,
+        silence[0] if coalition.silent else None,
+        None if accounts is None else network.treatment(accounts, features[:, coalition.providers, ...]),
     )
 
 

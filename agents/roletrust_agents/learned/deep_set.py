@@ -14,7 +14,7 @@ from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES
 UNITS = 12
 """Number of units of each layer, unless another is given."""
 
-_IDENTITY_UNITS, _ACCOUNT_UNITS = 6, 8
+_IDENTITY_UNITS, ACCOUNT_UNITS = 6, 8
 
 GAIN = 3.0
 """Factor of the last layer: the best lies and qualities are often all or nothing."""
@@ -76,10 +76,10 @@ class DeepSetArchitecture(BaseModel):
                 "silence.weight": (1, units),
                 "silence.skip": (1, seen),
                 "silence.bias": (1,),
-                "treatment0.weight": (_ACCOUNT_UNITS, accounts),
-                "treatment0.provider": (_ACCOUNT_UNITS, seen),
-                "treatment0.bias": (_ACCOUNT_UNITS,),
-                "treatment1.weight": (1, _ACCOUNT_UNITS),
+                "treatment0.weight": (ACCOUNT_UNITS, accounts),
+                "treatment0.provider": (ACCOUNT_UNITS, seen),
+                "treatment0.bias": (ACCOUNT_UNITS,),
+                "treatment1.weight": (1, ACCOUNT_UNITS),
                 "treatment1.skip": (1, accounts),
                 "treatment1.bias": (1,),
             }
@@ -229,8 +229,8 @@ _TREATMENTS: tuple[dict[str, float], ...] = (
 """Treatments from which trainings of wide networks begin, by their weights in the last layer: bad where the mean rating
 of the rater is above 0.75, and bad above a threshold that falls from 0.72 after one rating to 0.35 after five."""
 
-_ALIKE = 1.0  # bias of the treatment that serves all raters alike
-_TALKATIVE = -0.5  # bias of silence: every rating is sent, and a training soon meets silence
+ALIKE = 1.0  # bias of the treatment that serves all raters alike
+TALKATIVE = -0.5  # bias of silence: every rating is sent, and a training soon meets silence
 _WELL = 1.5  # bias of the quality of providers that decide by treatment alone
 
 
@@ -250,7 +250,7 @@ def widened(network: DeepSet) -> list[DeepSet]:
 
     def wide(treatment: Mapping[str, float], weights: Mapping[str, Array]) -> DeepSet:
         further = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
-        further["silence.bias"] += _TALKATIVE
+        further["silence.bias"] += TALKATIVE
         further["treatment1.bias"] += treatment["bias"]
         for place, name in enumerate(ACCOUNT_FEATURES):
             further["treatment1.skip"][:, place] = treatment.get(name, 0.0)
@@ -260,4 +260,4 @@ def widened(network: DeepSet) -> list[DeepSet]:
     for name in ("layer2.weight", "layer2.skip", "layer2.bias"):
         well[name][1] = _WELL if name == "layer2.bias" else 0.0
     served = (network.weights, well)
-    return [wide({"bias": _ALIKE}, network.weights), *(wide(one, own) for own in served for one in _TREATMENTS)]
+    return [wide({"bias": ALIKE}, network.weights), *(wide(one, own) for own in served for one in _TREATMENTS)]

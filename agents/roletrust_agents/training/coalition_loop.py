@@ -75,7 +75,8 @@ def _training(run: Run) -> CoalitionTraining[Any]:
     settings = _settings(run)
     if run.task.knowledge != "black_box":
         raise ValueError(f"knowledge is {run.task.knowledge!r}; a coalition has black_box knowledge")
-    observation: Observation = "coalition" if isinstance(settings, CoalitionPPOSettings) else "agents"
+    of_ppo: Observation = "accounts" if settings.wide else "coalition"
+    observation: Observation = of_ppo if isinstance(settings, CoalitionPPOSettings) else "agents"
     models = (run.trust_model, *run.further_models)
     tasks = [task_from_card(run.task, model, run.scenario, observation) for model in models]
     return _KINDS[type(settings)](

@@ -11,7 +11,7 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
 from roletrust_agents.training.settings import CoalitionPPOSettings, Start, settings_of
-from roletrust_agents.training.universal import best_universal, choice_rounds, universal_coalitions
+from roletrust_agents.training.universal import best_universal, choice_rounds, starts_of, universal_coalitions
 from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, check_games_memory, mean_rewards
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
@@ -72,7 +72,7 @@ def make_ppo(
             gamma=settings.gamma,
             gae_lambda=settings.gae_lambda,
             clip_range=settings.clip_range,
-            policy_kwargs=policy_arguments(task.coalition, settings.units, _CRITIC_UNITS, spread),
+            policy_kwargs=policy_arguments(task, settings.units, _CRITIC_UNITS, spread),
             seed=seed,
             device="cpu",
         )
@@ -155,6 +155,7 @@ class CoalitionPpo:
 
     Attributes:
         start: `"universal"` begins with the best of the universal coalitions, `"random"` with a random network.
+        wide: Whether the network also decides on silence, and on the treatment of each rater.
         learning_rate: Initial learning rate, which falls linearly to a tenth of it; None is 0.003 for a universal
             coalition and 0.01 for a random network.
         gamma: Discount factor.
@@ -167,6 +168,7 @@ class CoalitionPpo:
     """
 
     start: Start = "universal"
+    wide: bool = False
     learning_rate: float | None = None
     gamma: float = 0.95
     gae_lambda: float = 0.95
@@ -190,15 +192,16 @@ class CoalitionPpo:
         from roletrust_agents.training.experience import AfterUpdates
 
         settings = self._settings()
-        task = _task(arguments, self.name)
+        task = _task(arguments, self.name, self.wide)
         rounds = task.game.scenario.max_cycles
         universal = self.start == "universal"
-        least = _LEAST * rounds + universal * choice_rounds(task)
+        ready = starts_of(universal_coalitions(), wide=self.wide) if universal else {}
+        least = _LEAST * rounds + choice_rounds(task, ready)
         if budget.left < least:
             raise UnsuitableError(
                 f"the budget of {budget.rounds} rounds is too small for {self.name}; give {least} or more"
             )
-        first = universal_coalitions()[best_universal(task, budget, seed)] if universal else None
+        first = best_universal(task, ready, budget, seed)[1] if universal else None
         plan = _Plan.of(budget.left // rounds, universal)
         rollout = plan.games * rounds
         rate = LinearSchedule(settings.first_rate, _LAST_RATE * settings.first_rate, 1.0)
@@ -253,11 +256,11 @@ class _Plan(NamedTuple):
         return cls(games, updates, compared, validation)
 
 
-def _task(arguments: TaskArguments, name: str) -> CoalitionTask:
+def _task(arguments: TaskArguments, name: str, wide: bool) -> CoalitionTask:
     """Return the task of the coalition as one mind."""
     knowledge = arguments.get("knowledge", "black_box")
     if knowledge != "black_box":
         raise UnsuitableError(f"{name} is for black_box knowledge, and the task has {knowledge}")
-    task = make_task(**{**arguments, "observation": "coalition"}, like=np.zeros((), np.float32))
+    task = make_task(**{**arguments, "observation": "accounts" if wide else "coalition"}, like=np.zeros((), np.float32))
     assert isinstance(task, CoalitionTask)
     return task

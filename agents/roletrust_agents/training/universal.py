@@ -1,6 +1,6 @@
 """The universal coalitions of the project: starts of trainings, and a search method that only tries them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -27,12 +27,25 @@ def universal_coalitions() -> dict[str, DeepSet]:
     """Return the universal coalitions that come with the project, by name."""
     names = [name for name in zoo() if name.startswith("universal-")]
     networks = {name: load_attacker(name).network for name in names}
-    usual = DeepSetArchitecture()
+    usual = [DeepSetArchitecture.of(wide=wide) for wide in (False, True)]
     return {
         name: network
         for name, network in networks.items()
-        if isinstance(network, DeepSet) and network.architecture == usual
+        if isinstance(network, DeepSet) and network.architecture in usual
     }
+
+
+def starts_of(named: Mapping[str, DeepSet], *, wide: bool) -> dict[str, DeepSet]:
+    """Return the networks from which a training may start, by name.
+
+    Args:
+        named: Known networks by name.
+        wide: Whether the training is of a wide network. A network that is not wide can then begin in several ways, see
+            `widened`; otherwise wide ones are left out.
+    """
+    if not wide:
+        return {name: network for name, network in named.items() if not network.architecture.wide}
+    return {f"{name}, start {k}": one for name, network in named.items() for k, one in enumerate(widened(network))}
 
 
 def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = False) -> list[Floats]:
@@ -41,19 +54,17 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = Fals
     Args:
         start: `"universal"` allows the universal coalitions and those of records, `"random"` allows none.
         records: Records of attackers, see `read_record`. Those that are no coalitions are left out.
-        wide: Whether the training is of a wide network. A network that is not wide then becomes several, one for each
-            of `widened`.
+        wide: Whether the training is of a wide network.
 
     Raises:
         ValueError: A record is not valid.
     """
     if start == "random":
         return []
-    recorded = [attacker.network for attacker in map(read_record, records) if isinstance(attacker, CoalitionAttacker)]
-    known = [*universal_coalitions().values(), *recorded]
-    if wide:
-        known = [one for network in known for one in widened(network)]
-    return [network.flatten().astype(np.float64) for network in known if network.architecture.wide == wide]
+    attackers = enumerate(map(read_record, records))
+    recorded = {f"record {k}": one.network for k, one in attackers if isinstance(one, CoalitionAttacker)}
+    starts = starts_of(universal_coalitions() | recorded, wide=wide).values()
+    return [network.flatten().astype(np.float64) for network in starts]
 
 
 @refuse_unknown
@@ -71,36 +82,38 @@ class Universal:
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
-        task = make_task(**arguments)
-        rounds = choice_rounds(task)
-        if budget.left < rounds:
-            raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small; give {rounds} or more")
-        best = best_universal(task, budget, seed)
-        attacker = CoalitionAttacker(universal_coalitions()[best])
-        return SearchResult(attacker, budget.spent, f"{best}, not trained further")
+        best, network = best_universal(make_task(**arguments), universal_coalitions(), budget, seed)
+        return SearchResult(CoalitionAttacker(network), budget.spent, f"{best}, not trained further")
 
 
-def choice_rounds(task: AttackTask) -> int:
+def choice_rounds(task: AttackTask, ready: Mapping[str, DeepSet]) -> int:
     """Return the number of rounds that `best_universal` plays."""
-    return len(universal_coalitions()) * _GAMES * task.game.scenario.max_cycles
+    return len(ready) * _GAMES * task.game.scenario.max_cycles
 
 
-def best_universal(task: AttackTask, budget: Budget, seed: int) -> str:
-    """Return the name of the universal coalition that is the best in a few games.
+def best_universal(task: AttackTask, ready: Mapping[str, DeepSet], budget: Budget, seed: int) -> tuple[str, DeepSet]:
+    """Return the network that is the best in a few games, and its name.
 
     Args:
         task: Task that the coalitions play.
+        ready: Networks by name.
         budget: Budget, which pays for the games.
         seed: Random seed.
 
     Raises:
-        UnsuitableError: No universal coalition is installed.
+        UnsuitableError: There is no network, or the budget is too small.
     """
-    ready = universal_coalitions()
     if not ready:
         raise UnsuitableError("no universal coalition is installed")
-    weights = np.stack([network.flatten() for network in ready.values()])
-    attacker = CoalitionAttacker(DeepSet.unflatten(DeepSetArchitecture(), weights))
-    scores = mean_rewards(task, attacker, (seed, _PLACE), (len(ready), _GAMES), SEARCHED)[0].mean(axis=1)
-    budget.spend(choice_rounds(task))
-    return list(ready)[int(np.argmax(scores))]
+    rounds = choice_rounds(task, ready)
+    if budget.left < rounds:
+        raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small; give {rounds} or more")
+    scores = dict[str, float]()
+    for architecture in dict.fromkeys(network.architecture for network in ready.values()):
+        names = [name for name, network in ready.items() if network.architecture == architecture]
+        attacker = CoalitionAttacker(DeepSet.unflatten(architecture, np.stack([ready[one].flatten() for one in names])))
+        played = mean_rewards(task, attacker, (seed, _PLACE), (len(names), _GAMES), SEARCHED)[0].mean(axis=1)
+        scores |= dict(zip(names, played.tolist(), strict=True))
+    budget.spend(rounds)
+    best = max(ready, key=lambda name: scores[name])
+    return best, ready[best]

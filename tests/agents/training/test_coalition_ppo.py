@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from stable_baselines3 import PPO
 from torch.distributions import Normal
 
-from roletrust_agents.learned.coalition_attacker import CoalitionAttacker, joint_decision
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker, decide
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_agents.training.coalition_policy import CoalitionPolicy, begin_with, deep_set_of, policy_arguments
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
@@ -20,6 +20,7 @@ from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import make_task
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchMethod, UnsuitableError
+from roletrust_env.game.accounts import ACCOUNT_FEATURES
 from roletrust_env.game.coalition import FEATURES
 
 BOTH, RATERS, PROVIDERS = ("sr_8", "sr_9", "sp_9"), ("sr_8", "sr_9"), ("sp_9",)
@@ -31,10 +32,10 @@ def arguments(compromised=BOTH, **changes):
     return {"scenario": "crowd-10x10", "compromised": compromised, "max_cycles": ROUNDS, **changes}
 
 
-def model_of(compromised=BOTH, seed=0):
+def model_of(compromised=BOTH, seed=0, observation="coalition"):
     """A learner with weights that are far from those at the beginning."""
-    task = make_task(**arguments(compromised), observation="coalition")
-    shape = policy_arguments(task.coalition, 5, 4, -1.0)
+    task = make_task(**arguments(compromised), observation=observation)
+    shape = policy_arguments(task, 5, 4, -1.0)
     env = WholeGames(task, GAMES, seed=seed)
     model = PPO(CoalitionPolicy, env, n_steps=ROUNDS, batch_size=9, policy_kwargs=shape, seed=seed, device="cpu")
     with torch.no_grad():
@@ -111,15 +112,19 @@ def test_the_policy_treats_providers_alike(order):
     torch.testing.assert_close(value, same, atol=1e-5, rtol=1e-4)
 
 
+@pytest.mark.parametrize("observation", ["coalition", "accounts"])
 @pytest.mark.parametrize("compromised", [BOTH, RATERS, PROVIDERS])
-def test_the_network_decides_as_the_policy_does_without_noise(compromised):
-    model, task, env = model_of(compromised)
+def test_the_network_decides_as_the_policy_does_without_noise(compromised, observation):
+    model, task, env = model_of(compromised, observation=observation)
     network, seen = deep_set_of(model.policy), env.reset()
     for _ in range(ROUNDS):
         expected, _ = model.predict(seen, deterministic=True)
-        features = seen.T.reshape(len(FEATURES), -1, GAMES)
-        decided = joint_decision(task.coalition, network.decide(features))
-        np.testing.assert_allclose(2 * decided.T - 1, expected, atol=1e-5)
+        split, coalition = len(FEATURES) * task.game.roster.n_providers, task.coalition
+        features, later = seen.T[:split].reshape(len(FEATURES), -1, GAMES), seen.T[split:]
+        shape = len(ACCOUNT_FEATURES), task.game.roster.n_raters, len(coalition.providers), GAMES
+        decided = decide(coalition, network, features, later.reshape(shape) if coalition.treats else None)
+        flat = np.concatenate([part.reshape(-1, GAMES) for part in decided if part is not None])
+        np.testing.assert_allclose(2 * flat.T - 1, expected, atol=1e-5)
         seen, *_ = env.step(expected)
     assert not network.presence(np.ones((6, 2, GAMES), np.float32)).any()
 
