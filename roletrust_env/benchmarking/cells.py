@@ -14,7 +14,9 @@ import numpy.typing as npt
 
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.benchmarking.schema import AttackResult, CellResult, reason
+from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import HONEST, PLANNER, WITHOUT_SEARCH, Cell, Suite, attacked_scenario
+from roletrust_env.benchmarking.worst_case import attack_scores, worst_cases
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attackers import (
     Attacker,
@@ -33,6 +35,7 @@ from roletrust_env.evaluation.measurement import (
     exact_task,
     measure,
     measure_honest,
+    score,
     watch,
     watch_honest,
 )
@@ -50,6 +53,9 @@ Item = TypeVar("Item")
 
 _COMMON = 0, 1
 """Seed of the games that all seeds of a suite have in common."""
+
+_FURTHER = 2
+"""Second part of the seed of further games that measure the worst attacks of a track."""
 
 _CELLS = 200_000
 """Maximum number of ratings that are computed at once in a round."""
@@ -248,7 +254,7 @@ def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = Fa
 
 def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) -> CellResult:
     began = perf_counter()
-    task, games = exact_task(arguments), 2 * suite.games_of(cell)
+    task, games = exact_task(arguments), 2 * suite.games
     steps = games * task.game.scenario.max_cycles
     if cell.method == HONEST:
         nobody = AttackBatch((HONEST,), Scripted({}), 0, "everyone honest")
@@ -256,6 +262,7 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
         return CellResult((row,), perf_counter() - began, env_steps=steps)
     rows: list[AttackResult] = []
     failed: list[str] = []
+    singles: dict[str, AttackBatch] = {}
     twin = cache(lambda: watch_honest(task, cell.seed, games))  # the same for all attacks of the cell
     try:
         for batch in _attacks(suite, cell, task, arguments, record):
@@ -266,10 +273,15 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
                     raise
                 good, errors = [], [f"attack {', '.join(batch.names)}: {reason(error)}"]
             rows, failed = rows + good, failed + errors
+            singles |= {one.names[0]: one for one in (batch.split() if batch.names[1:] else [batch])}
             steps += batch.rounds + len(batch.names) * games * task.game.scenario.max_cycles
             if cell.method in suite.searches and suite.seeds[1:]:
                 rows = [row._replace(common=_in_common(task, batch.attacker, games)) for row in rows]
                 steps += games * task.game.scenario.max_cycles
+        if more := suite.tracks[cell.track].games:
+            again = _measure_worst(suite, cell, task, rows, singles)
+            rows = [again.get(row.attack, row) for row in rows]
+            steps += (len(again) + 1) * more * task.game.scenario.max_cycles
     except UnsuitableError as error:
         return CellResult((), perf_counter() - began, unsuitable=str(error))
     return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
@@ -328,13 +340,13 @@ def _attacks(
         return
     kinds = cell_kinds(suite, cell, task)
     if cell.method == "scripted":
-        yield from scripted_batches(task, kinds, 2 * suite.games_of(cell))
+        yield from scripted_batches(task, kinds, 2 * suite.games)
         return
     known = suite.known_in(cell[1:4])
     if cell.method == "known":
         if not known:
             raise UnsuitableError("there is no known attack for this condition")
-        yield from known_batches(task, known, 2 * suite.games_of(cell))
+        yield from known_batches(task, known, 2 * suite.games)
         return
     method = make_search(cell.method, list(kinds.values()), [one.record for one in known])
     search = method.search(arguments, Budget(suite.budget_of(cell.method, cell.scenario)), cell.seed)
@@ -354,7 +366,7 @@ def _measure_batch(
     """
     rows, failed = [], []
     try:
-        scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games_of(cell)), twin())
+        scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games), twin())
         rows = [_row(batch, k, scores) for k in range(len(batch.names))]
     except Exception as error:  # plug-in code may raise anything
         for single in batch.split() if batch.names[1:] else ():
@@ -365,6 +377,35 @@ def _measure_batch(
         if not rows:
             raise error
     return rows, failed
+
+
+def _measure_worst(
+    suite: Suite, cell: Cell, task: AttackTask, rows: Sequence[AttackResult], attacks: Mapping[str, AttackBatch]
+) -> dict[str, AttackResult]:
+    """Measure the worst attack of a cell, and the worst that serves all raters alike, in further games of the track.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+        task: Task of the cell.
+        rows: Results of all attacks.
+        attacks: Each attack by itself, by name.
+
+    Returns:
+        The results that replace those of these attacks, by name.
+    """
+    games, seed = suite.tracks[cell.track].games or suite.games, (cell.seed, _FURTHER)
+    scores = attack_scores(suite, [StoredCell(cell, CellResult(tuple(rows), 0.0))])
+    own = [one for one in scores if (one.attack, cell[1:4]) not in suite.entered]
+    counted = scores, [one for one in scores if not one.treats], own  # each has a column in the leaderboard
+    names = {case.attack for part in counted for case in worst_cases(part, white_box=True).values()}
+    twin = watch_honest(task, seed, games)
+    results = {}
+    for row in rows:
+        if row.attack in names:
+            scored = score(task, attacks[row.attack].attacker, seed, (1, games), twin).scores
+            results[row.attack] = row._replace(measured={name: _plain(values[0]) for name, values in scored.items()})
+    return results
 
 
 def _row(batch: AttackBatch, k: int, scores: SplitScores) -> AttackResult:

@@ -79,14 +79,15 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
         suite: Suite of the cell.
         cell: The cell.
     """
-    each = 2 * suite.games_of(cell) * attacked_scenario(suite, cell).scenario.max_cycles
+    rounds, more = attacked_scenario(suite, cell).scenario.max_cycles, suite.tracks[cell.track].games or 0
+    each = 2 * suite.games * rounds
     if cell.method == HONEST:
         return 0, each
     if cell.method == "scripted":
-        return 0, each * (len(suite.attack_names) + 1)
+        return 0, each * (len(suite.attack_names) + 1) + 3 * more * rounds
     if cell.method == "known":
-        return 0, each * (len(suite.known_in(cell[1:4])) + 1)
-    return suite.budget_of(cell.method, cell.scenario), (2 + bool(suite.seeds[1:])) * each
+        return 0, each * (len(suite.known_in(cell[1:4])) + 1) + 3 * more * rounds
+    return suite.budget_of(cell.method, cell.scenario), (2 + bool(suite.seeds[1:])) * each + 3 * more * rounds
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:

@@ -111,8 +111,7 @@ def leaderboard_rows(
     """
     attacks = attack_scores(suite, stored) if attacks is None else attacks
     honest = {name for name, track in suite.tracks.items() if not track.roles}
-    entered = {(one.name, one.condition) for one in suite.known if one.finder}
-    own = [one for one in attacks if (one.attack, tuple(one.condition)) not in entered]
+    own = [one for one in attacks if (one.attack, tuple(one.condition)) not in suite.entered]
     black_box, without, white_box = worst_cases(attacks), worst_cases(own), worst_cases(attacks, white_box=True)
     serving_alike = worst_cases(attacks, alike=True)
     clean = [one for one in black_box.values() if one.condition.track in honest]

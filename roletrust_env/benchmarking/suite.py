@@ -97,7 +97,8 @@ class Track(FrozenModel):
     shares: tuple[_Part, ...] = ()
     """Shares of compromised agents in each of these roles. The number is rounded and at least one."""
     games: Annotated[int, Field(ge=2, le=100_000)] | None = None
-    """Number of games that are measured on the track, a multiple of those of the suite. None means as many."""
+    """Number of games that measure the worst attacks of the track, a multiple of those of the suite. Each method then
+    measures its worst attack, and the worst that serves all raters alike, in further games. None means as many."""
     reserve: Annotated[int, Field(ge=0, le=100)] = 0
     """Number of reserve identities of each compromised agent. If positive, only attacks that use them are played."""
     counted: Literal["agents", "identities"] = "agents"
@@ -252,6 +253,11 @@ class Suite(SuiteSchema):
             for share in shares
         ]
 
+    @property
+    def entered(self) -> set[tuple[str, tuple[str, str, float]]]:
+        """Names and conditions of the known attacks that others have found."""
+        return {(one.name, one.condition) for one in self.known if one.finder}
+
     def known_in(self, condition: tuple[str, str, float]) -> list[KnownAttack]:
         """Return the known attacks of a condition: scenario, track and share."""
         return [one for one in self.known if one.condition == condition]
@@ -264,10 +270,6 @@ class Suite(SuiteSchema):
     def budget_of(self, method: str, scenario: str) -> int:
         """Return the budget of a method in a cell of a scenario, in game rounds."""
         return self.scenarios[scenario].budgets.get(method, self.budgets.get(method, self.budget))
-
-    def games_of(self, cell: Cell) -> int:
-        """Return the number of games that are measured in a cell."""
-        return self.tracks[cell.track].games or self.games
 
     def cells(self) -> list[Cell]:
         """Return all cells, ordered by trust model."""
@@ -291,11 +293,11 @@ class Suite(SuiteSchema):
     def rules(self, cell: Cell) -> tuple[object, ...]:
         """Return all fields that the result of a cell depends on."""
         stage, track = self.scenarios[cell.scenario], self.tracks[cell.track]
-        track = track.model_copy(update={"shares": (), "games": None})
+        track = track.model_copy(update={"shares": ()})
         world = stage.preset, stage.set, track, self.places, self.consumers
         known = self.known_in(cell[1:4]) if cell.method == "known" or _starts_from_known(cell.method) else []
         attacks = known, self.attack_names, self.budget_of(cell.method, cell.scenario)
-        return *world, *attacks, self.games_of(cell), self.limit_s
+        return *world, *attacks, self.games, self.limit_s
 
 
 def _starts_from_known(method: str) -> bool:

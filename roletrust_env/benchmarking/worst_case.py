@@ -195,7 +195,10 @@ def _worst_case(attacks: Sequence[AttackScores]) -> WorstCase:
 
 def _by_seed(scores: Sequence[Floats]) -> Floats:
     """Return the games of the s-th seed under the s-th attack for all s, shape (S, G)."""
-    return np.stack([games[seed] for seed, games in enumerate(scores)])
+    found = np.full((len(scores), max(games.shape[1] for games in scores)), np.nan)  # only the worst has further games
+    for seed, games in enumerate(scores):
+        found[seed, : games.shape[1]] = games[seed]
+    return found
 
 
 def least_mean(score: Floats) -> float:

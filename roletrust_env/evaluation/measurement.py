@@ -250,13 +250,17 @@ def watch(task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], bat
     return GameRecord(np.stack(trusts), own, public, treats)
 
 
-def watch_honest(task: AttackTask, seed: int, games: int) -> GameRecord:
+def watch_honest(task: AttackTask, seed: int | tuple[int, ...], games: int) -> GameRecord:
     """Play held-out games with everybody honest, the twins of attacked games, shape (1, G). See `watch`."""
     return watch(task, Scripted({}), seed, (1, games))
 
 
 def score(
-    task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], twin: GameRecord | None = None
+    task: AttackTask,
+    attacker: Attacker,
+    seed: int | tuple[int, ...],
+    batch: tuple[int, int],
+    twin: GameRecord | None = None,
 ) -> GameScores:
     """Play attacks side by side, compare them with the same games with everybody honest, and return the scores.
 

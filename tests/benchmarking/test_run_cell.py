@@ -132,17 +132,28 @@ def test_a_model_cannot_know_liars_by_their_place():
     assert utility("random", "mean") == utility("last", "mean")
 
 
-def test_a_track_may_measure_more_games():
-    tracks = {"raters": {"roles": ["SR"], "shares": [0.5]}, "providers": {"roles": ["SP"], "shares": [0.3], "games": 9}}
-    suite = tiny(models=["mean"], methods=["scripted"], tracks=tracks)
-    found = {cell.track: play_cell(suite, cell) for cell in suite.cells()}
-    assert {track: len(done.rows[0].measured["utility"]) for track, done in found.items()} == {
-        "raters": 3,
-        "providers": 9,
+def test_a_track_measures_its_worst_attacks_in_more_games():
+    """The worst of all, and the worst that serves all raters alike, in games that are those of no other attack."""
+    tracks = {"providers": {"roles": ["SP"], "shares": [0.3], "games": 9}}
+    names = ["discrimination:share=1.0", "on-off:bad=0.9", "camouflage:start=90"]
+    few, many = ({"providers": tracks["providers"] | {"games": games}} for games in (None, 9))
+    plain, found = (
+        play_cell(suite, suite.cells()[0])
+        for suite in (tiny(models=["mean"], methods=["scripted"], attacks=names, tracks=one) for one in (few, many))
+    )
+    assert [len(row.measured["utility"]) for row in plain.rows] == [3, 3, 3]
+    assert {row.attack: len(row.measured["utility"]) for row in found.rows} == {
+        "discrimination:share=1.0": 9,
+        "on-off:bad=0.9": 9,
+        "camouflage:start=90": 3,
     }
-    assert found["providers"].env_steps == 5 * 2 * 9 * (len(found["providers"].rows) + 1)
+    for row, before in zip(found.rows, plain.rows, strict=True):
+        assert row.chosen == before.chosen
+        assert (row.measured == before.measured) == (row.attack == "camouflage:start=90")
+        assert not set(before.measured["utility"]) & set(row.measured["utility"][3:])
+    assert found.env_steps == plain.env_steps + 5 * 9 * 3  # and the honest twin
     with pytest.raises(ValueError, match="games of track 'providers' are 8, which is no multiple of 3"):
-        tiny(tracks=tracks | {"providers": tracks["providers"] | {"games": 8}})
+        tiny(tracks={"providers": tracks["providers"] | {"games": 8}})
 
 
 def test_an_attack_treats_raters_differently_if_it_did_so_in_its_games():

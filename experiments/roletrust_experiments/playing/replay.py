@@ -72,7 +72,7 @@ class Replay(NamedTuple):
         Raises:
             ValueError: See `find_attack`.
         """
-        found, games = find_attack(suite, cell, attack, record), suite.games_of(cell)
+        found, games = find_attack(suite, cell, attack, record), suite.games
         attacked, honest = (
             _measured(watch(found.task, attacker, cell.seed, (rows, 2 * games)), row, games)
             for attacker, row, rows in ((found.batch.attacker, found.row, found.rows), (Scripted({}), 0, 1))
