@@ -16,7 +16,7 @@ from roletrust_env.benchmarking.leaderboard import leaderboard_rows
 from roletrust_env.benchmarking.schema import FORBIDDEN, AttackResult, CellResult, Name, check_unique
 from roletrust_env.benchmarking.sources import Sha256, Source, Word, model_source, source_of
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Cell, Stage, Suite
+from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Cell, Suite
 from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
 from roletrust_env.errors import explain, suggest
 from roletrust_env.evaluation.attackers import MAX_RECORD, Scripted, record_of
@@ -251,7 +251,7 @@ def self_contained(suite: Suite, names: Sequence[str]) -> Suite:
         names: Names of the models.
     """
     stages = {
-        name: Stage(preset=BASE_PRESET, set=stage.scenario().model_dump(mode="json"))
+        name: stage.model_copy(update={"preset": BASE_PRESET, "set": stage.scenario().model_dump(mode="json")})
         for name, stage in suite.scenarios.items()
     }
     return suite.model_copy(update={"models": tuple(names), "attacks": tuple(suite.attack_names), "scenarios": stages})

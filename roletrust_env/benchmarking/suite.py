@@ -75,6 +75,8 @@ class Stage(FrozenModel):
     shares: dict[Label, tuple[_Part, ...]] | None = None
     """Tracks that are played in the scenario, and the shares of compromised agents there. None means all tracks of the
     suite with all their shares."""
+    methods: tuple[Label, ...] | None = None
+    """Methods that are played in the scenario. None means all of the suite."""
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
     """Budgets of single methods in the scenario where they differ from those of the suite."""
 
@@ -196,6 +198,8 @@ class Suite(SuiteSchema):
             if method not in self.methods:
                 raise ValueError(f"budgets names {method!r}, which is none of the methods {', '.join(self.methods)}")
         for name, stage in self.scenarios.items():
+            if unknown := set(stage.methods or ()) - set(self.methods):
+                raise ValueError(f"methods of scenario {name!r} names {min(unknown)!r}, which is none of the suite's")
             for track, shares in (stage.shares or {}).items():
                 if track not in self.tracks:
                     raise ValueError(f"shares of scenario {name!r} names the track {track!r}, which does not exist")
@@ -267,6 +271,11 @@ class Suite(SuiteSchema):
         own = self.scenarios[scenario].shares
         return {name: track.shares for name, track in self.tracks.items()} if own is None else own
 
+    def methods_in(self, scenario: str) -> tuple[str, ...]:
+        """Return the methods that are played in a scenario."""
+        own = self.scenarios[scenario].methods
+        return self.methods if own is None else own
+
     def budget_of(self, method: str, scenario: str) -> int:
         """Return the budget of a method in a cell of a scenario, in game rounds."""
         return self.scenarios[scenario].budgets.get(method, self.budgets.get(method, self.budget))
@@ -277,7 +286,9 @@ class Suite(SuiteSchema):
         for model in self.model_names:
             for scenario in self.scenarios:
                 for track, shares in self.shares_in(scenario).items():
-                    pairs = [(share, method) for share in shares for method in self.methods] or [(0.0, HONEST)]
+                    pairs = [(share, method) for share in shares for method in self.methods_in(scenario)] or [
+                        (0.0, HONEST)
+                    ]
                     found += [Cell(model, scenario, track, *pair, seed) for pair in pairs for seed in self.seeds]
         return found
 

@@ -405,8 +405,11 @@ def _suite(submission: Submission) -> Suite:
     _check_same("attacks", suite.attacks, submission.attacks)
     _check_same("methods", suite.searches, submission.methods)
     _check_same("standings", suite.models, submission.standings)
-    conditions = [shares for scenario in suite.scenarios for shares in suite.shares_in(scenario).values()]
-    cells_each = sum(len(shares) * len(suite.methods) or 1 for shares in conditions)
+    cells_each = sum(
+        len(shares) * len(suite.methods_in(scenario)) or 1
+        for scenario in suite.scenarios
+        for shares in suite.shares_in(scenario).values()
+    )
     number = len(suite.models) * cells_each * len(suite.seeds)
     if number != len(submission.cells):  # checked before the cells are created
         raise ValueError(f"cells: there are {len(submission.cells)}; the suite has {number}")

@@ -26,6 +26,7 @@ class _Worlds(FrozenModel):
     preset: Any
     set: dict[str, Any] = Field(default_factory=dict)
     shares: Any = None
+    methods: Any = None
     budgets: dict[str, Any] = Field(default_factory=dict)
 
 

@@ -11,6 +11,7 @@ from roletrust_env import attackers, make_attacker
 from roletrust_env.benchmarking import Leaderboard, benchmark, suite_files
 from roletrust_env.benchmarking.cells import objective, play_cell
 from roletrust_env.benchmarking.known_attacks import read_known_attacks
+from roletrust_env.benchmarking.submission import self_contained
 from roletrust_env.benchmarking.suite import Cell, Track, attacked_scenario
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from roletrust_env.evaluation import Budget, SearchResult, register_search_method
@@ -83,6 +84,26 @@ def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None
     assert [where for where in suite.conditions if where[0] == "square"] == [("square", "raters", 0.25)]
     assert len(suite.conditions) == 1 + 4
     assert (suite.budget_of("random search", "square"), suite.budget_of("random search", "market")) == (70, 90)
+
+
+def test_a_scenario_may_have_some_of_the_methods() -> None:
+    square = {**MARKET, "methods": ["scripted"]}
+    suite = small(scenarios={"square": square, "market": MARKET}, methods=["scripted", "random search"], games=4)
+    found = {cell.scenario: cell.method for cell in suite.cells() if cell.method == "random search"}
+    assert list(found) == ["market"]
+    with pytest.raises(ValueError, match="methods of scenario 'market' names 'PPO', which is none of the suite's"):
+        small(scenarios={"market": {**MARKET, "methods": ["PPO"]}})
+
+
+def test_a_suite_without_other_files_has_the_same_cells() -> None:
+    for name in ("quick", "standard"):
+        suite = load_suite(name).model_copy(update={"models": ("mean",)})
+        alone = self_contained(suite, ["mean"])
+        assert alone.cells() == suite.cells()
+        assert all(
+            alone.budget_of(one.method, one.scenario) == suite.budget_of(one.method, one.scenario)
+            for one in alone.cells()
+        )
 
 
 @pytest.mark.parametrize(
