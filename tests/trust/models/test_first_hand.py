@@ -9,22 +9,35 @@ from judged import SHAPES, Matrix, Published, assert_follows, assert_gradients_a
 from roletrust_env.trust import make_trust_model
 
 PRIOR, POWER, DOUBT, INITIAL = 0.2, 6.0, 0.8, 0.5
+WARY = {"repeats": 4.0, "patience": 8.0}
 
 
 class Slow:
     """The formulas, judge by judge, from the lists of all ratings."""
 
-    def __init__(self, raters: int, providers: int, keep: float = 1.0, own: float = 5.0, limit: float = 0.3) -> None:
+    def __init__(
+        self,
+        raters: int,
+        providers: int,
+        keep: float = 1.0,
+        own: float = 5.0,
+        limit: float = 0.3,
+        repeats: float = 0.0,
+        patience: float = 0.0,
+    ) -> None:
         self.raters, self.providers = range(raters), range(providers)
-        self.keep, self.own, self.limit = keep, own, limit
+        self.keep, self.own, self.limit, self.repeats, self.patience = keep, own, limit, repeats, patience
         self.given: dict[tuple[int, int], list[float]] = {}
 
+    def weights(self, i: int, j: int) -> list[float]:
+        count = len(self.given.get((i, j), []))
+        return [self.keep ** float(count - 1 - at) * (1 + self.repeats * (at > 0)) for at in range(count)]
+
     def number(self, i: int, j: int) -> float:
-        return sum(self.keep**age for age in range(len(self.given.get((i, j), []))))
+        return sum(self.weights(i, j))
 
     def mean(self, i: int, j: int) -> float:
-        newest = self.given[i, j][::-1]
-        return sum(self.keep**age * f for age, f in enumerate(newest)) / self.number(i, j)
+        return sum(w * f for w, f in zip(self.weights(i, j), self.given[i, j], strict=True)) / self.number(i, j)
 
     def voice(self, i: int, j: int) -> float:
         return self.number(i, j) / (1 + self.limit * self.number(i, j))
@@ -42,7 +55,8 @@ class Slow:
         said, weight = PRIOR * INITIAL, PRIOR
         for k in self.raters:
             if (k, j) in self.given:
-                w = self.own * self.number(i, j) if k == i else self.credence(i, k) * self.voice(k, j)
+                n = self.number(k, j)
+                w = self.own * n * n / (n + self.patience) if k == i else self.credence(i, k) * self.voice(k, j)
                 said, weight = said + w * self.mean(k, j), weight + w
         return said / weight
 
@@ -63,12 +77,13 @@ def test_it_is_the_formula(shape: tuple[int, int]) -> None:
 
 
 def test_it_is_the_formula_with_other_parameters() -> None:
-    model = make_trust_model("first-hand", keep=0.7, own=1, limit=1)
-    assert_follows(model, lambda s, p: Slow(s, p, 0.7, 1, 1), (4, 3))
+    model = make_trust_model("first-hand", keep=0.7, own=1, limit=1, repeats=3, patience=2)
+    assert_follows(model, lambda s, p: Slow(s, p, 0.7, 1, 1, 3, 2), (4, 3))
 
 
-def test_gradients_are_finite() -> None:
-    assert_gradients_are_finite(make_trust_model("first-hand"))
+@pytest.mark.parametrize("extra", [0.0, 2.0])
+def test_gradients_are_finite(extra: float) -> None:
+    assert_gradients_are_finite(make_trust_model("first-hand", repeats=extra, patience=extra))
 
 
 def judged(model: Any, *rounds: Any) -> np.ndarray:
@@ -96,3 +111,13 @@ def test_nobody_is_believed_more_for_repeating_itself_without_end(lies: int) -> 
     model = make_trust_model("first-hand", power=0, prior=1)
     trust = judged(model, *[[[None], [1.0]]] * lies)
     assert trust[0, 0] < (0.5 + 1 / 0.3) / (1 + 1 / 0.3)
+
+
+def test_judges_that_were_cheated_warn_one_that_was_not_yet() -> None:
+    """A provider serves each of four judges well once, and cheats it from then on; the last one has not come back."""
+    honest = [0.6, 0.8, 0.3, 0.7]
+    rounds = [[[0.9, *honest]] * 4, *[[*[[0.0, *honest]] * 3, [None, *honest]]] * 2]
+    plain, wary = (judged(make_trust_model("first-hand", **extra), *rounds)[:, 0] for extra in ({}, WARY))
+    assert plain[3] > 0.65
+    assert wary[3] < 0.2
+    assert (wary[:3] < plain[:3]).all()

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from pydantic import NonNegativeFloat
+
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power
@@ -14,15 +16,15 @@ from roletrust_env.trust.personal import (
     others,
     product,
 )
-from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.ratings import Ratings, occurred
 
 
 class FirstHandState(NamedTuple):
     """Memory of the judges.
 
     Attributes:
-        sums: Sum of the ratings of each pair, faded, shape (S, P, ...).
-        counts: Number of these ratings, faded alike, shape (S, P, ...).
+        sums: Sum of the ratings of each pair, weighted and faded, shape (S, P, ...).
+        counts: Number of these ratings, weighted and faded alike, shape (S, P, ...).
         trust: Trust of each judge in each provider, shape (S, P, ...).
         credence: Credence of each judge in each rater, shape (S, S, ...).
     """
@@ -37,16 +39,22 @@ class FirstHandState(NamedTuple):
 class FirstHand(Personal):
     """First-hand trust: what a judge has seen itself counts most, and agreement with it makes others count.
 
-        s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1        only where i rated j
+        s[i, j] <- keep s[i, j] + w f[i, j],   n[i, j] <- keep n[i, j] + w      only where i rated j
+        w        = 1 for the first rating of a pair, 1 + repeats for later ones
         x[i, j]  = s[i, j] / n[i, j],   v[i, j] = n[i, j] / (1 + limit n[i, j])
         C[i, k]  = ((doubt + sum over j of v[i, j] v[k, j] (1 - |x[i, j] - x[k, j]|))
                     / (1 + sum over j of v[i, j] v[k, j]))^power
-        T[i, j]  = (prior initial + own n[i, j] x[i, j] + sum over k of C[i, k] v[k, j] x[k, j])
-                    / (prior + own n[i, j] + sum over k of C[i, k] v[k, j]),   k other than i
+        o[i, j]  = own n[i, j] n[i, j] / (n[i, j] + patience)
+        T[i, j]  = (prior initial + o[i, j] x[i, j] + sum over k of C[i, k] v[k, j] x[k, j])
+                    / (prior + o[i, j] + sum over k of C[i, k] v[k, j]),   k other than i
 
     It is `leave-one-out` for a judge that has experience of its own: a liar that is the majority misleads nobody who
     has met the provider, and who contradicts a judge in one place is not believed by it in others. Credence is
     computed anew from all ratings, so a lie of long ago that the judge now sees through counts, too.
+
+    A provider may serve each judge well until that one has rated it well, and cheat it from then on. First ratings then
+    tell nothing, and judges that were cheated know best. With `repeats`, later ratings of a pair count more than its
+    first. With `patience`, a judge with few ratings of its own listens to others more; with many, as little as ever.
 
     Attributes:
         initial: Trust without any rating, in [0, 1].
@@ -56,6 +64,9 @@ class FirstHand(Personal):
         power: Exponent that turns agreement into credence, in [0, 8].
         doubt: Agreement with a rater that has rated no provider of the judge's, in [0, 1]; it counts as one comparison.
         limit: Inverse of the largest weight of a pair, in [0, 1].
+        repeats: Further weight of a rating whose rater has rated its provider before, 0 or more.
+        patience: Number of ratings of the judge's own with which each counts half of `own`, 0 or more. With 0 each
+            counts in full from the first one on.
     """
 
     initial: Share = 0.5
@@ -65,6 +76,8 @@ class FirstHand(Personal):
     power: Power = 6.0
     doubt: Share = 0.8
     limit: Share = 0.3
+    repeats: NonNegativeFloat = 0.0
+    patience: NonNegativeFloat = 0.0
     rates_raters = True
     cost = "S^2 P"
 
@@ -78,7 +91,8 @@ class FirstHand(Personal):
         xp = namespace(ratings.values)
         rated, met = ratings.values, ratings.weights
         kept = 1 - (1 - self.keep) * met
-        sums, counts = kept * state.sums + rated, kept * state.counts + met
+        weight = met * (1 + self.repeats * occurred(state.counts))
+        sums, counts = kept * state.sums + weight * rated, kept * state.counts + weight
         means, voice = mean(sums, counts), counts / (1 + self.limit * counts)
 
         def agree(judges: slice, advisers: slice) -> Array:
@@ -88,7 +102,7 @@ class FirstHand(Personal):
         compared = product(voice, voice.swapaxes(0, 1))
         agreement = xp.clip((self.doubt + by_pairs(agree, voice)) / (1 + compared), 0.0, 1.0)
         credence = safe_power(agreement, self.power)
-        heard, own = others(voice) * credence, self.own * counts
+        heard, own = others(voice) * credence, self.own * counts * mean(counts, counts + self.patience)
         said = self.prior * self.initial + own * means + credence_sum(heard, voice * means)
         trust = said / (self.prior + own + credence_sum(heard, voice))
         return FirstHandState(sums, counts, xp.clip(trust, 0.0, 1.0), credence)
