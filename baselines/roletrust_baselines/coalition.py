@@ -8,7 +8,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from roletrust_baselines.agent_indices import AgentIndices, index_mask, provider_mask
 from roletrust_baselines.rater import LyingRater, praise
 from roletrust_baselines.treatment import approval, no_accounts, shares
-from roletrust_env.arrays import Array, cast, mean_places, namespace
+from roletrust_env.arrays import Array, cast, largest, mean_places, namespace
 from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.parameters import Accomplices, GridValues, SearchRange, Share, checked_dataclass
@@ -490,8 +490,10 @@ class MilkingRing(CheatingRing):
 class PersonalMilkingRing(MilkingRing):
     """Personal milking ring: a milking ring whose providers cheat exactly those raters that think well of them.
 
-    Its providers serve by `personal-milking`. Its raters lift them and sink the best of the others, so that more raters
-    come to know them where access is by trust. This variant is not from a paper.
+    Its providers serve by `personal-milking`, and share their accounts: only that provider cheats a rater of which it
+    thinks best, since it goes to no other. The others serve it well, and take over when it is disappointed. The raters
+    of the ring lift its providers and sink the best of the others, so that more raters come to know them where access
+    is by trust. This variant is not from a paper.
 
     Attributes:
         patience: Number of ratings by a rater before a provider cheats it.
@@ -507,7 +509,7 @@ class PersonalMilkingRing(MilkingRing):
     """
 
     patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1)] = 1
-    threshold: Annotated[Share, GridValues(0.5, 0.6, 0.8)] = 0.55
+    threshold: Annotated[Share, GridValues(0.5, 0.6, 0.8)] = 0.6
     cut: Annotated[Share, GridValues(0.1, 0.4)] = 0.4
     attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment", "ratings"})
 
@@ -522,5 +524,7 @@ class PersonalMilkingRing(MilkingRing):
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """Return bad shares for the raters that think well of it while active, and 1 else. See `Policy.treats`."""
         accounts = memory[1].hear(view.ratings, view.rated)
-        cheated = approval(accounts, self.threshold, self.patience) & self.active(view.round)
+        means = accounts.mean(0.0)
+        best = means == largest(means, axis=1)[:, None]
+        cheated = best & approval(accounts, self.threshold, self.patience) & self.active(view.round)
         return shares(view, cheated, self.bad), (memory[0], accounts)

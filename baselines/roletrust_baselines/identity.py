@@ -171,7 +171,7 @@ class SybilRing(Ring):
 class PersonalSybilRing(PersonalMilkingRing):
     """Personal Sybil ring: an attacker with many identities that cheat exactly those raters that think well of them.
 
-    A `sybil-ring` whose providers serve by `personal-milking`. This variant is not from a paper.
+    A `sybil-ring` whose providers serve as those of a `personal-milking-ring`. This variant is not from a paper.
 
     Attributes:
         reserve: Number of identities in reserve that it takes besides its first one, 1 or more.

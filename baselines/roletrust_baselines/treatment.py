@@ -163,7 +163,7 @@ class PersonalMilking(UnequalProvider):
     """
 
     start: Annotated[NonNegativeInt, SearchRange(0, 50), GridValues(0)] = 0
-    threshold: Annotated[Share, GridValues(0.5, 0.6, 0.7, 0.9)] = 0.55
+    threshold: Annotated[Share, GridValues(0.5, 0.6, 0.7, 0.9)] = 0.6
     patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1, 3)] = 1
     bad: Annotated[Share, GridValues(0.0)] = 0.0
 

@@ -56,6 +56,16 @@ def test_only_raters_that_think_well_of_it_are_cheated(policy: Policy) -> None:
     assert treated(policy, rounds) == [[1, 1, 1], [0.1, 1, 1], [1, 1, 1], [0.1, 0.1, 1]]
 
 
+def test_of_a_ring_only_the_provider_that_a_rater_thinks_best_of_cheats_it() -> None:
+    """By hand: rater 0 thinks best of the first, rater 1 of the second, rater 2 of both alike, rater 3 well of none."""
+    ratings, zero = np.array([[1.0, 0.9], [0.7, 0.8], [1.0, 1.0], [0.5, 0.0]]), np.zeros(2)
+    view, random = ProviderView(*[zero] * 4, ratings, ratings >= 0), Random(np.random.default_rng(0))
+    ring, alone = PersonalMilkingRing(accomplices=(0, 1)), PersonalMilking()
+    together, apart = (policy.treats(view, policy.begin(random, (2,)), random)[0] for policy in (ring, alone))
+    assert np.array_equal(together, [[0, 1], [1, 0], [0, 0], [1, 1]])
+    assert np.array_equal(apart, [[0, 0], [0, 0], [0, 0], [1, 1]])
+
+
 def test_patience_counts_ratings_and_the_window_rounds() -> None:
     rounds = [[1.0, NAN], [1.0, NAN], [NAN, 1.0], [NAN, NAN]]
     assert treated(PersonalMilking(patience=2), rounds) == [[1, 1], [0, 1], [0, 1], [0, 1]]
