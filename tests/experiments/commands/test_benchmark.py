@@ -54,6 +54,17 @@ def board(here: Path) -> dict[str, dict[str, str]]:
         return {row["model"]: row for row in csv.DictReader(file)}
 
 
+def test_a_dry_run_shows_the_worlds_of_a_seed(here: Path) -> None:
+    drawn = SUITE.replace("[scenarios.market]", "[worlds.drawn]\nnumber = 2")
+    (here / "tiny.toml").write_text(drawn.replace("count = 4", "count = { low = 2, high = 99 }"))
+    shown = [benchmark("--dry-run", *seed)[1] for seed in ((), ("--worlds", "7"))]
+    first, other = ([line for line in lines if line.startswith("drawn-")] for lines in shown)
+    assert len(first) == len(other) == 2
+    assert first != other
+    assert "providers 3, lost 0.05, noise 0, bias 0, scale 1, ability 0.3 to 1, access choice 2, 0.1" in first[0]
+    assert not (here / "out").exists()
+
+
 @pytest.mark.slow
 def test_models_that_misbehave_are_a_line_for_each_cell_and_harm_no_other(here: Path) -> None:
     (here / "tiny.toml").write_text(SUITE.partition("[tracks.raters]")[0])

@@ -145,6 +145,19 @@ def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path, undr
     assert "../models" not in (folder / "out" / "report.html").read_text(encoding="utf-8")
 
 
+def test_replays_of_logs_have_a_column(folder: Path, tmp_path: Path, undrawn: None) -> None:
+    lines = ["log,sha256,round,protocol,model,measure,value,low,high"]
+    lines += [f'otc,ab,9,attack,mean,"{goal}, 3 new",0.25,0.2,0.3' for goal in ("sink", "lift")]
+    (tmp_path / "comparison.csv").write_text("\n".join(lines) + "\n")
+    options = "--logs", str(tmp_path / "comparison.csv"), "--out", str(tmp_path / "out")
+    made = run("report", str(folder / "results.sqlite"), *options)
+    assert made.exit_code == 0, made.output
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert '<td data-value="0.5">0.500<span class="half"> 0.45 to 0.55</span></td>' in page
+    assert "--logs" in page
+    assert "| 0.500 (0.450, 0.550) |" in (tmp_path / "out" / "leaderboard.md").read_text(encoding="utf-8")
+
+
 def test_every_file_that_the_page_links_to_is_there(folder: Path) -> None:
     links = set(re.findall(r'href="([^#"]+\.\w+)"', (folder / "out" / "report.html").read_text(encoding="utf-8")))
     assert {"worst_cases.csv", "heatmap.pdf", "learners.csv"} <= links
