@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env import counter_rng
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, namespace, whole_dtype
 
 Keys = npt.NDArray[np.uint32]
 
@@ -17,6 +17,9 @@ STREAMS = 12
 
 POLICIES = 8
 """Stream of the numbers that policies draw. Streams that were added later have higher numbers."""
+
+_LENGTHS = STREAMS
+"""Stream of the lengths of games, which is none of a round: games that end sooner have the same rounds until then."""
 
 _KEYS_AT_ONCE = 64
 """Number of rounds whose keys are made at once."""
@@ -99,6 +102,21 @@ class Random:
     def normal(self, shape: Sequence[int]) -> Array:
         """Return random numbers from N(0, 1), see `uniform`."""
         return self._numbers(counter_rng.normal, shape)
+
+    def lengths(self, continuation: float, most: int, batch: tuple[int, ...]) -> Array:
+        """Return the lengths of games that begin now, in rounds, from the geometric distribution, of the batch's shape.
+
+        Args:
+            continuation: Probability that a game goes on after a round, in (0, 1).
+            most: Greatest length.
+            batch: Shape of the batch.
+        """
+        key = self._on_device(np.stack(self._subkey(_LENGTHS, np.asarray([self._rounds], np.uint32))))
+        games = counter_rng.counters(self.like, math.prod(batch))
+        chance = counter_rng.uniform(self.like, 1, games, key).reshape(batch)
+        xp = namespace(chance)
+        whole = 1 + xp.floor(xp.log1p(-chance) / math.log(continuation))
+        return xp.astype(xp.clip(whole, None, most), whole_dtype(chance))
 
     def _numbers(self, distribution: Callable[..., Array], shape: Sequence[int]) -> Array:
         index = np.asarray([self._calls], np.uint32)

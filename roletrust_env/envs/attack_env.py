@@ -44,21 +44,28 @@ class TaskBatch:
         shape: Shape of the batch: `()` for one game, `(E,)` for E games.
         rounds: Length of an episode, if less than that of a game; None is a whole game.
         threads: Number of threads on which a `Kernel` plays; 0 is NumPy.
+        whole: Whether no game ends at random.
 
     Attributes:
-        rounds: Length of an episode.
+        rounds: Greatest length of an episode.
 
     Raises:
         ValueError: There is no kernel for the task.
     """
 
     def __init__(
-        self, task: AttackTask, shape: tuple[int, ...] = (), rounds: int | None = None, threads: int = 0
+        self,
+        task: AttackTask,
+        shape: tuple[int, ...] = (),
+        rounds: int | None = None,
+        threads: int = 0,
+        whole: bool = False,
     ) -> None:
         self.task = task
         self.shape = shape
         self.rounds = min(rounds or task.game.scenario.max_cycles, task.game.scenario.max_cycles)
         self.state: TaskState | None = None
+        self._whole, self._end = whole, self.rounds + 1
         self._seen: tuple[Any, Array] = (None, None)  # a state, and what is observed then
         self._kernel: Kernel | None = None
         if threads != 0:
@@ -72,12 +79,15 @@ class TaskBatch:
     def restart(self, random: Random, ended: Array | None = None) -> None:
         """Restart all games, or only those that have ended, boolean, (E,)."""
         fresh = self.task.start(self.task.game.draw(random, self.shape, start=True), random)
-        self.state = fresh if ended is None else _choose(ended, fresh, self.state)
+        begun = fresh, self._end if self._whole else self.task.game.random_end(random, self.shape)
+        self.state, self._end = begun if ended is None else choose(ended, begun, (self.state, self._end))
 
-    def step(self, action: Array, random: Random, waiting: Array | None = None) -> Outcome:
+    def step(self, action: Array, random: Random, waiting: Array | None = None) -> tuple[Outcome, Array, Array]:
         """Play one round of all games except those that wait, boolean, (E,); `action` has shape (A, ...).
 
-        The outcome has no meaning for a game that waits.
+        Returns:
+            The outcome; whether an episode has terminated, as all compromised agents are gone or the game has ended at
+            random; and whether it is truncated at its greatest length. They have no meaning for a game that waits.
         """
         if self.state is None:
             raise RuntimeError("call reset() before step(): there is no episode")
@@ -87,10 +97,10 @@ class TaskBatch:
         else:
             after, outcome, seen = self._kernel(self.state, action, random.round_key())
             self._seen = after, seen
-        self.state = after if waiting is None else _choose(waiting, self.state, after)
-        if self.rounds < self.task.game.scenario.max_cycles:
-            outcome = outcome._replace(over=after.game.round >= self.rounds)
-        return outcome
+        self.state = after if waiting is None else choose(waiting, self.state, after)
+        round = after.game.round
+        terminated = outcome.caught | (round >= self._end)
+        return outcome, terminated, (round >= self.rounds) & ~terminated
 
     def observe(self) -> Array:
         """Return the observation of the attacker, shape (K, ...)."""
@@ -111,7 +121,7 @@ class TaskBatch:
         return self.state.game
 
 
-def _choose(condition: Array, yes: Any, no: Any) -> Any:
+def choose(condition: Array, yes: Any, no: Any) -> Any:
     """Choose between two trees of the same structure, by game."""
     xp = namespace(condition)
     return _map(lambda a, b: xp.where(condition, a, b), yes, no)
@@ -173,7 +183,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     ## Episode End
 
     Truncation after the scenario's `max_cycles` steps, the value of `spec.max_episode_steps`. Termination when all
-    compromised agents are gone for good: they left, or admission control cut them off.
+    compromised agents are gone for good: they left, or admission control cut them off. With a `continuation` below 1
+    also after each step with probability 1 - `continuation`; no observation tells when.
 
     ## Information
 
@@ -204,7 +215,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self.render_mode = render_mode
         self.rounds = Rounds(self.task.game, self._play, self.task.key, self.task.joint_policy.policies.values())
         self._random: Random | None = None
-        self._playing = False
+        self._playing, self._end, self._length = False, 0, 0
         self._spectator = Spectator(self.task.game, render_mode)
         self._spectator.attackers = self.task.compromised
         self._spec: EnvSpec | None = None
@@ -233,7 +244,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
             self._random = Random(self.np_random, self.task.game.like)
         state = self.task.start(self.task.game.draw(self._random, start=True), self._random)
         self.rounds.begin(state)
-        self._playing = True
+        self._playing, self._end = True, int(self.task.game.random_end(self._random))
+        self._length = min(self._end, self.task.game.scenario.max_cycles)
         if self.render_mode is not None:
             self._spectator.follow(state.game)
         return self.task.observe(state).astype(np.float32), {"objective": 0.0, "cost": 0.0}
@@ -250,12 +262,14 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         if not self._playing or self._random is None:
             raise RuntimeError("call reset() before step(): the episode has not begun or is over")
         outcome, seen = self.rounds.play(action, self.task.game.draw(self._random), self._random)
-        reward, objective, cost, caught, over = map(float, outcome)
+        reward, objective, cost, caught, round = map(float, outcome)
+        over = round >= self._length
         self._playing = not (caught or over)
+        terminated = bool(caught) or (over and round >= self._end)
         if self.render_mode is not None:
             self._spectator.follow(self.rounds.state.game)
         info = {"objective": objective, "cost": cost}
-        return np.array(seen, np.float32), reward, bool(caught), bool(over and not caught), info
+        return np.array(seen, np.float32), reward, terminated, over and not terminated, info
 
     def render(self) -> Any:
         """Show the state of the game by `render_mode`."""
@@ -273,9 +287,9 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     def _play(
         self, state: TaskState, action: Array, noise: Noise, random: Random
     ) -> tuple[TaskState, tuple[Array, Array]]:
-        """Return the state after a round; and the parts of its outcome, and what is observed then."""
+        """Return the state after a round; and its outcome with the number of rounds, and what is observed then."""
         after, outcome = self.task.step(state, action, noise, random)
-        return after, (np.stack(outcome), self.task.observe(after))
+        return after, (np.stack([*outcome, after.game.round]), self.task.observe(after))
 
 
 def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vector:

@@ -143,6 +143,14 @@ class JaxEnv(ABC):
     ) -> tuple[Any, dict[str, Array], dict[str, Array], dict[str, Array]]:
         """Return the state after a round, rewards, dones and infos."""
 
+    def _over(self, round: Array, random: Random) -> Array:
+        """Return whether games are over after their number of rounds, shape (...), some of them at random."""
+        rules = self.game.scenario
+        over = round >= rules.max_cycles
+        if rules.continuation == 1:
+            return over
+        return over | (random.uniform((1, *round.shape))[0] >= rules.continuation)
+
     def _begin_games(self, words: Array) -> tuple[Observations, Any]:
         """Return the observations and the state at the start, for the batch of the keys, words of shape (4, ...)."""
         random = _KeyRandom(words, self.game.like)
@@ -196,8 +204,9 @@ class RoleTrustJaxEnv(JaxEnv):
 
     ## Episode End
 
-    An agent is done when it has left or is cut off. All are done after the scenario's `max_cycles` steps, and when
-    nobody is present any more; `step` then begins another episode.
+    An agent is done when it has left or is cut off. All are done after the scenario's `max_cycles` steps, with a
+    `continuation` below 1 after each step with probability 1 - `continuation`, and when nobody is present any more;
+    `step` then begins another episode.
 
     ## Information
 
@@ -250,7 +259,7 @@ class RoleTrustJaxEnv(JaxEnv):
             ratings=jnp.stack([actions[name][-roster.n_providers :] for name in roster.rater_names]),
         )
         after, rewards = game.step(state, joint, noise)
-        over = after.round >= game.scenario.max_cycles
+        over = self._over(after.round, random)
         gone, present = jnp.zeros(rewards.shape, bool), jnp.ones(rewards.shape, bool)
         if state.population is not None and after.population is not None:
             gone, present = after.population.phase > PRESENT, after.population.phase == PRESENT
@@ -304,7 +313,7 @@ class AttackJaxEnv(JaxEnv):
         self, state: Any, actions: Mapping[str, Array], noise: Noise, random: Random
     ) -> tuple[Any, dict[str, Array], dict[str, Array], dict[str, Array]]:
         after, outcome = self.task.step(state, actions["attacker"], noise, random)
-        done = outcome.caught | outcome.over
+        done = outcome.caught | self._over(after.game.round, random)
         infos = {"objective": outcome.objective, "cost": outcome.cost, "caught": outcome.caught}
         return after, {"attacker": outcome.reward}, {"attacker": done, "__all__": done}, infos
 

@@ -89,10 +89,11 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     ## Episode End
 
-    All agents are truncated after the scenario's `max_cycles` steps. An agent is terminated when it leaves or when
-    admission control cuts it off, both for good. Agents that join later are then added to `agents`. The episode is also
-    over when no agent is present any more, even if others would have joined later: PettingZoo has no step without
-    agents. Identities in reserve stay absent, since no action of PettingZoo brings them in.
+    All agents are truncated after the scenario's `max_cycles` steps. With a `continuation` below 1 all are terminated
+    after each step with probability 1 - `continuation`; no observation tells when. An agent is terminated when it
+    leaves or when admission control cuts it off, both for good. Agents that join later are then added to `agents`. The
+    episode is also over when no agent is present any more, even if others would have joined later: PettingZoo has no
+    step without agents. Identities in reserve stay absent, since no action of PettingZoo brings them in.
 
     ## Information
 
@@ -150,6 +151,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.state_space = Box(0.0, 1.0, (summary_size(self.game),), np.float32)
         self.np_random: np.random.Generator | None = None
         self._random: Random | None = None
+        self._end = self._length = 0
         self.rounds = Rounds(self.game, self._play, "parallel")
 
     def __repr__(self) -> str:
@@ -203,6 +205,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
                 space.seed(seed + i)
         self.attackers = self._spectator.attackers = tuple(attackers)
         state = self.game.start(self.game.draw(self._random, start=True))
+        self._end = int(self.game.random_end(self._random))
+        self._length = min(self._end, self.game.scenario.max_cycles)
         self.rounds.begin(state)
         present = self.game.present(state)
         self.agents = [a for i, a in enumerate(self.possible_agents) if present is None or present[i]]
@@ -241,7 +245,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         assert self._random is not None  # there is an episode
         rewards, seen, told, received, phase = self.rounds.play(joint, self.game.draw(self._random))
         told = _numbers(told)
-        over = told[0] >= self.game.scenario.max_cycles
+        over = told[0] >= self._length
         agents = self.agents
         if phase is None:
             reward = dict(zip(agents, _numbers(rewards), strict=True))
@@ -255,6 +259,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             reward = {a: earned[a] if a in acted else 0.0 for a in agents}
             terminations = {a: not there[a] for a in agents}
             staying = [a for a in agents if there[a]]
+        if over and told[0] >= self._end:
+            terminations = dict.fromkeys(agents, True)
         truncations = {a: not gone for a, gone in terminations.items()} if over else dict.fromkeys(agents, False)
         self.agents = [] if over else list(staying)
         if self.render_mode is not None:

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from roletrust_env.envs.arguments import check_number
-from roletrust_env.envs.attack_env import TaskBatch, check_action, task_spaces
+from roletrust_env.envs.attack_env import TaskBatch, check_action, choose, task_spaces
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.brief import game_facts
@@ -210,8 +210,8 @@ class AttackVecEnv(BatchVecEnv):
     """An attack task for Stable-Baselines3: E games of the task, played as one batch.
 
     Spaces and rewards are those of the task's `AttackEnv`, except for the range of the actions. A game that ends is
-    restarted in the same step, as SB3 expects it. `TimeLimit.truncated` is true where the game ended by its length, so
-    that learners bootstrap.
+    restarted in the same step, as SB3 expects it. `TimeLimit.truncated` is true where the game ended after `max_cycles`
+    rounds, so that learners bootstrap, and false where it ended at random.
 
     The infos of a game hold, in every step: `objective`, the objective of the round; `cost`, its unweighted cost;
     `trust`, the trust of each compromised agent by name (ToR, ToP or ToA by its role); and `honest_trust`, the mean
@@ -236,6 +236,8 @@ class AttackVecEnv(BatchVecEnv):
         (256, 10)
     """
 
+    _whole = False  # whether no game ends at random
+
     def __init__(
         self,
         task: AttackTask,
@@ -250,7 +252,7 @@ class AttackVecEnv(BatchVecEnv):
             raise ValueError(f"task is {task!r}; it must be an attack task, such as make_task() makes")
         check_number("num_envs", num_envs)
         self.task = task
-        self._batch = TaskBatch(task, (num_envs,), threads=threads)
+        self._batch = TaskBatch(task, (num_envs,), threads=threads, whole=self._whole)
         roster = task.game.roster
         self._compromised = [(name, roster.names.index(name)) for name in task.compromised]
         attackers = {*task.identities, *task.joint_policy.attackers}
@@ -262,7 +264,7 @@ class AttackVecEnv(BatchVecEnv):
         self._batch.restart(self._random, ended)
 
     def _play(self, actions: Floats) -> Step:
-        outcome = self._batch.step(actions.T, self._random)
+        outcome, terminated, truncated = self._batch.step(actions.T, self._random)
         trust = self.task.game.agent_trust(self._batch.games)
         names = [name for name, _ in self._compromised]
         own = trust[[place for _, place in self._compromised]].T.tolist()
@@ -271,7 +273,7 @@ class AttackVecEnv(BatchVecEnv):
             {"objective": objective, "cost": cost, "trust": dict(zip(names, row, strict=True)), "honest_trust": honest}
             for objective, cost, row, honest in zip(*rows, strict=True)
         ]
-        return Step(outcome.reward, outcome.caught, outcome.over & ~outcome.caught, infos)
+        return Step(outcome.reward, terminated, truncated, infos)
 
     def _honest_trust(self, trust: Floats) -> Floats:
         """Return the mean trust of the honest agents that are present, (E,); NaN without any."""
@@ -294,7 +296,7 @@ class RoleVecEnv(BatchVecEnv):
 
     The game is that of `RoleTrustParallelEnv`, E times. Each agent has its own observation, action and reward, those
     of the PettingZoo environment. Slot `i * E + e` is the i-th agent of the role in game e. The agents of the other
-    roles play honestly or by given policies. All slots of a game end together, by its length.
+    roles play honestly or by given policies. All slots of a game end together, as the game does.
 
     Args:
         game: Game on NumPy, for example `Game(make_scenario("crowd-10x10"), like=np.zeros((), np.float32))`.
@@ -356,14 +358,18 @@ class RoleVecEnv(BatchVecEnv):
         done = (self._providers is not None) + roster.n_providers * (self._raters is not None)
         self._state: State | None = None
         self._memories: tuple[Any, ...] = ()
+        self._end: Any = 0
         spaces = Box(0.0, 1.0, (seen,), np.float32), Box(0.0, 1.0, (done,), np.float32)
         slots = len(self.agents) * games
         super().__init__(slots, game, *spaces, scaled=scaled, seed=seed, render_mode=render_mode)
 
     def _restart(self, ended: Flags | None) -> None:
-        # All games have the same length, so that they all end at once.
-        self._state = self.game.start(self.game.draw(self._random, (self._games,), start=True))
-        self._memories = self._joint_policy.begin(self._random, (self._games,))
+        batch = (self._games,)
+        state = self.game.start(self.game.draw(self._random, batch, start=True))
+        fresh = state, self._joint_policy.begin(self._random, batch), self.game.random_end(self._random, batch)
+        if ended is not None and not ended.all():
+            fresh = choose(ended[: self._games], fresh, (self._state, self._memories, self._end))
+        self._state, self._memories, self._end = fresh
 
     def _play(self, actions: Floats) -> Step:
         if self._state is None:
@@ -378,8 +384,10 @@ class RoleVecEnv(BatchVecEnv):
             ratings[self._raters] = own[size - game.roster.n_providers :].swapaxes(0, 1)
         noise = game.draw(self._random, (self._games,))
         self._state, rewards = game.step(self._state, scripted._replace(quality=quality, ratings=ratings), noise)
-        over = np.full(self.num_envs, int(self._state.round[0]) >= game.scenario.max_cycles)
-        return Step(rewards[self._rows].reshape(-1), np.zeros_like(over), over, [{} for _ in range(self.num_envs)])
+        ended = self._state.round >= self._end
+        cut = (self._state.round >= game.scenario.max_cycles) & ~ended
+        terminated, truncated = np.tile([ended, cut], n)
+        return Step(rewards[self._rows].reshape(-1), terminated, truncated, [{} for _ in range(self.num_envs)])
 
     def _observe(self) -> Floats:
         if self._state is None:

@@ -147,8 +147,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
                 self._ended, never, nothing = None, begins & ~begins, self._zeros()
                 self._spectator.follow(self._batch.games)
                 return self._observe(), nothing, never, xp.asarray(never, copy=True), self._infos(nothing, nothing)
-        outcome = self._batch.step(actions.T, self._random, begins)
-        terminations, truncations = outcome.caught, outcome.over & ~outcome.caught
+        outcome, terminations, truncations = self._batch.step(actions.T, self._random, begins)
         rewards, objective, cost = outcome.reward, outcome.objective, outcome.cost
         if begins is not None:
             rewards, objective, cost = (xp.where(begins, 0.0, values) for values in (rewards, objective, cost))

@@ -197,14 +197,12 @@ class Outcome(NamedTuple):
         objective: Objective of the round, in [0, 1].
         cost: Mean over the compromised agents of the trust gap to the honest agents beyond the tolerance, in [0, 1].
         caught: Whether all compromised agents are gone for good, cut off or left, without identities in reserve.
-        over: Whether the game has reached its length.
     """
 
     reward: Array
     objective: Array
     cost: Array
     caught: Array
-    over: Array
 
 
 class AttackTask:
@@ -373,9 +371,8 @@ class AttackTask:
         gap = self._side.gap((tor, top), (raters, providers), phase, self.stealth.tolerance)
         cost = namespace(gap).where(gap > 0, gap, 0 * gap).mean(axis=0)
         caught = after.round < 0 if phase is None else self._side.gone(phase)  # without a phase never
-        over = after.round >= game.scenario.max_cycles
         reward = objective - self.stealth.weight * cost
-        return Outcome(reward, objective, cost, caught, over)
+        return Outcome(reward, objective, cost, caught)
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
         """Return the qualities that consumers got in a round by the trust before it. See `Game.offered`."""

@@ -27,8 +27,9 @@ def game_facts(game: Any, batch: tuple[int, ...] | None = None) -> str:
     like = game.like
     library = "" if isinstance(like, np.ndarray) and str(like.dtype) == "float64" else f", {library_of(like)}"
     games = "" if not batch else f", batch {batch}"
-    rounds, agents = game.scenario.max_cycles, population(game.roster)
-    return f"{game.scenario.name!r}, {game.model!r}, agents: {agents}, rounds: {rounds}{games}{library}"
+    rules, agents = game.scenario, population(game.roster)
+    rounds = f"{'' if rules.continuation == 1 else 'up to '}{rules.max_cycles}"
+    return f"{rules.name!r}, {game.model!r}, agents: {agents}, rounds: {rounds}{games}{library}"
 
 
 def shapes(record: Any) -> str:

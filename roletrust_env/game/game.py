@@ -132,6 +132,22 @@ class Game:
         """
         return self._noise_source.make_round(key, batch, start)
 
+    def random_end(self, random: Random, batch: tuple[int, ...] = ()) -> Any:
+        """Return the number of rounds after which games that begin now end at random.
+
+        It is in no state, as no agent knows it. Games that measure or search do not end at random, see
+        `Scenario.round_weights`.
+
+        Args:
+            random: Source of random numbers, which has drawn the noise of the start.
+            batch: Shape of the batch.
+
+        Returns:
+            Whole numbers of the batch's shape, or one for all; above `max_cycles` where a game is cut off before.
+        """
+        never, continuation = self.scenario.max_cycles + 1, self.scenario.continuation
+        return never if continuation == 1 else random.lengths(continuation, never, batch)
+
     def start(self, noise: Noise) -> State:
         """Return the state before the first round."""
         xp, rules, roster = namespace(self.like), self.scenario, self.roster

@@ -59,7 +59,7 @@ class Loop:
             for name in ("reward", "objective", "cost"):
                 rows[name][e] = getattr(outcome, name)
             rows["terminated"][e] = outcome.caught
-            rows["truncated"][e] = outcome.over and not outcome.caught
+            rows["truncated"][e] = after.game.round >= self.task.game.scenario.max_cycles and not outcome.caught
         ended = [bool(end) for end in (rows["terminated"] + rows["truncated"])]
         if self.mode is AutoresetMode.NEXT_STEP:
             self.ended = ended

@@ -102,7 +102,7 @@ def test_tasks_are_equal_to_numpy(task_id, double):
         np.testing.assert_allclose(rewards["attacker"], outcome.reward, atol=1e-12)
         np.testing.assert_allclose(infos["objective"], outcome.objective, atol=1e-12)
         np.testing.assert_allclose(infos["cost"], outcome.cost, atol=1e-12)
-        assert bool(dones["__all__"]) == bool(outcome.over)
+        assert bool(dones["__all__"]) == (t == 3)
 
 
 @pytest.mark.parametrize("scenario", ["paper-3x3", "open-system", "robots-that-move"])
@@ -224,3 +224,31 @@ def test_a_condition_may_differ_by_game():
 
     after = jax.jit(jax.vmap(perhaps))(plays, keys, states, actions)
     assert after.round.tolist() == [1, 0, 1]
+
+
+@pytest.mark.parametrize("make", [RoleTrustJaxEnv, AttackJaxEnv])
+def test_games_end_at_random_and_have_the_same_rounds_until_then(make):
+    goes_on, most, games = 0.8, 6, 2000
+    env, endless = (make(max_cycles=most, continuation=c) for c in (goes_on, 1.0))
+    keys = jax.random.split(jax.random.key(0), games)
+    seen, state = jax.vmap(env.reset)(keys)
+    _, other = jax.vmap(endless.reset)(keys)
+    actions = {agent: jnp.full((games, *space.shape), 0.3) for agent, space in env.action_spaces.items()}
+    steps = [jax.jit(jax.vmap(one.step)) for one in (env, endless)]
+    playing, length = np.ones(games, bool), np.zeros(games, int)
+    for t in range(most):
+        keys = jax.vmap(jax.random.fold_in, (0, None))(keys, t)
+        seen, state, rewards, dones, _ = steps[0](keys, state, actions)
+        expected, other, paid, _, _ = steps[1](keys, other, actions)
+        length += playing
+        over = np.asarray(dones["__all__"])
+        for agent in env.agents:
+            np.testing.assert_allclose(rewards[agent][playing], paid[agent][playing], atol=1e-6)
+            assert np.all(np.asarray(dones[agent]) == over)
+            assert np.all(np.asarray(seen[agent])[over, 0] == 0)  # the clock of a new game
+            going = playing & ~over
+            np.testing.assert_allclose(seen[agent][going], expected[agent][going], atol=1e-6)
+        playing &= ~over
+    assert not playing.any()
+    assert abs(length.mean() - env.game.scenario.mean_length) < 4 * length.std() / games**0.5
+    assert length.max() == most

@@ -62,7 +62,6 @@ def test_a_batch_is_its_games_one_by_one(access: str, name: str) -> None:
             assert_close(single, each(one, whole))
     outcomes = [outcome for _, outcome in together[1:]]
     assert np.unique(outcomes[-1].caught).tolist() == ([False, True] if name == "dual" else [False])
-    assert np.all(outcomes[-1].over)
     assert np.unique(outcomes[-1].reward).size > 125
 
 
@@ -83,7 +82,7 @@ def test_torch_agrees_with_numpy(case: dict) -> None:
             assert_close((observation, outcome), (seen, result))
             if outcome is not None:
                 assert all(isinstance(part, torch.Tensor) for part in outcome)
-                assert [part.shape for part in outcome] == [batch] * 5
+                assert [part.shape for part in outcome] == [batch] * 4
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -103,7 +102,7 @@ def test_precision_stays(case: dict, dtype: type, tensors: bool) -> None:
         numbers = [seen] if outcome is None else [seen, outcome.reward, outcome.objective, outcome.cost]
         assert {number.dtype for number in numbers} == {cast(0.0).dtype}
         if outcome is not None:
-            assert {str(outcome.caught.dtype), str(outcome.over.dtype)} <= {"bool", "torch.bool"}
+            assert str(outcome.caught.dtype) in ("bool", "torch.bool")
             assert np.all((np.asarray(outcome.objective) >= 0) & (np.asarray(outcome.objective) <= 1))
             assert np.all((np.asarray(outcome.cost) >= 0) & (np.asarray(outcome.cost) <= 1))
 

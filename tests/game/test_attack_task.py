@@ -64,7 +64,6 @@ def slow_outcome(task: AttackTask, case: dict[str, Any], state: Any) -> dict[str
         "objective": objective,
         "cost": cost,
         "caught": all(phase[k] in (LEFT, CUT_OFF) for k in mine),
-        "over": state.round == game.scenario.max_cycles,
     }
 
 
@@ -134,7 +133,6 @@ def test_exploit_pays_for_the_trust_at_which_the_service_is_sold() -> None:
     bad = np.sinc(0.75) * np.sinc(0.75) * 0.875 * 0.25  # the note 0.25 that follows the note 1
     gains = [0.0, second * 0.75, 0.5 * bad + 0.5 * second]
     assert [o.objective for o in outcomes] == pytest.approx(gains, abs=1e-12)
-    assert [bool(o.over) for o in outcomes] == [False, False, True]
     assert not any(o.caught for o in outcomes)
 
 
@@ -155,7 +153,6 @@ def test_only_the_last_one_gone_ends_it(role: str) -> None:
     task = make(Scenario(agents=[*agents, {"role": "SP", "leaves": 1}], max_cycles=7), {"compromised": names})
     outcomes = [outcome for *_, outcome in play(task)]
     assert [bool(o.caught) for o in outcomes] == [False] * 4 + [True] * 3
-    assert [bool(o.over) for o in outcomes] == [False] * 6 + [True]
 
 
 def test_being_cut_off_is_being_caught() -> None:

@@ -40,8 +40,11 @@ class StaggeredGames(AttackVecEnv):
 class WholeGames(AttackVecEnv):
     """A batch in which the end of a game ends its rewards: learners do not bootstrap, since they observe the clock.
 
-    Rewards are times the weight of the round, see `Scenario.round_weights`. Arguments as for `AttackVecEnv`.
+    No game ends at random; rewards are times the weight of the round, see `Scenario.round_weights`. Arguments as for
+    `AttackVecEnv`.
     """
+
+    _whole = True
 
     def _play(self, actions: Floats) -> Step:
         step = super()._play(actions)
