@@ -21,13 +21,16 @@ def test_the_best_script_is_at_least_as_good_as_those_of_the_paper():
         assert best.name.startswith(f"best script ({agent}: ")
 
 
-def test_the_optimum_is_above_the_best_script_and_known_for_some_tasks():
-    """Only without noise, of one provider, or of raters; the scores are those of the attacks that are named."""
+def test_no_optimum_is_known_where_there_is_noise_or_another_objective():
+    task = {**CERTAIN, "compromised": ("sp_2",), "objective": "exploit"}
+    assert known_scores({**task, "noise": 0.1}, seed=0) == known_scores({**task, "objective": "mislead"}, seed=0) == []
+
+
+@pytest.mark.slow
+def test_the_optimum_is_above_the_best_script_and_the_best_known_lies_are_those_of_raters():
     exploit = {**CERTAIN, "compromised": ("sp_2",), "objective": "exploit"}
     (optimum,) = known_scores(exploit, seed=0)
     assert optimum.name == "optimum"
     assert best_script(make_task(**exploit), games=1, seed=0).score < optimum.score < 1
     (lies,) = known_scores({**CERTAIN, "compromised": ("sr_2",), "objective": "damage"}, seed=0)
     assert lies.name == "best known"
-    assert known_scores({**exploit, "noise": 0.1}, seed=0) == []
-    assert known_scores({**exploit, "objective": "mislead"}, seed=0) == []
