@@ -386,7 +386,7 @@ class RoleVecEnv(BatchVecEnv):
         self._state, rewards = game.step(self._state, scripted._replace(quality=quality, ratings=ratings), noise)
         ended = self._state.round >= self._end
         cut = (self._state.round >= game.scenario.max_cycles) & ~ended
-        terminated, truncated = np.tile([ended, cut], n)
+        terminated, truncated = (np.concatenate([flags] * n) for flags in (ended, cut))
         return Step(rewards[self._rows].reshape(-1), terminated, truncated, [{} for _ in range(self.num_envs)])
 
     def _observe(self) -> Floats:
