@@ -15,7 +15,15 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.preprocessing import get_action_dim
 from torch import nn
 
-from roletrust_agents.learned.deep_set import ACCOUNT_UNITS, ALIKE, GAIN, TALKATIVE, DeepSet, DeepSetArchitecture
+from roletrust_agents.learned.deep_set import (
+    ACCOUNT_UNITS,
+    ALIKE,
+    GAIN,
+    TALKATIVE,
+    TREATMENT_GAIN,
+    DeepSet,
+    DeepSetArchitecture,
+)
 from roletrust_env.game.accounts import ACCOUNT_FEATURES
 from roletrust_env.game.coalition import FEATURES
 from roletrust_env.game.coalition_task import CoalitionTask
@@ -99,7 +107,7 @@ class Treatment(nn.Module):
         for layer in (self.layer0, self.provider):
             _initialise(layer, 1.0)
         for layer in (self.layer1, self.skip):
-            _initialise(layer, _NEAR_ZERO / GAIN)
+            _initialise(layer, _NEAR_ZERO / TREATMENT_GAIN)
         nn.init.constant_(self.layer1.bias, ALIKE)
 
     def forward(self, accounts: torch.Tensor, own: torch.Tensor) -> torch.Tensor:
@@ -141,7 +149,7 @@ class Actor(nn.Module):
             parts.append(torch.tanh(GAIN * (self.silence(units) + self.silence_skip(seen)))[..., 0])
         if self.sight.treats:
             treatment = self.treatment(self.sight.accounts(observations), seen[:, list(self.sight.own)])
-            parts.append(torch.tanh(GAIN * treatment))
+            parts.append(torch.tanh(TREATMENT_GAIN * treatment))
         return torch.cat([parts[kind] for kind, _ in self.sight.sizes], dim=1)
 
 
