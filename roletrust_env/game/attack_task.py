@@ -1,8 +1,9 @@
 """The attacker's side of a game: the compromised agents with their identities, and the attack task."""
 
+import copy
 from collections.abc import Hashable, Mapping, Sequence
 from functools import reduce
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from pydantic import ConfigDict, NonNegativeFloat, ValidationError
@@ -236,6 +237,7 @@ class AttackTask:
     """
 
     temperature = 0.0  # of the choice of consumers, see `game.consumer.buy`
+    blind_share = 0.0  # of what a blind choice loses, which `mislead` then does not count, see `with_blind_share`
 
     def __init__(
         self,
@@ -293,7 +295,15 @@ class AttackTask:
     def key(self) -> Hashable:
         """All that the rounds of the task depend on beside the game."""
         policies = tuple(self.joint_policy.policies.items())
-        aim = self.compromised, self.objective, self.stealth, self.knowledge, self.accomplices, self.consumers
+        aim = (
+            self.compromised,
+            self.objective,
+            self.blind_share,
+            self.stealth,
+            self.knowledge,
+            self.accomplices,
+            self.consumers,
+        )
         return type(self), policies, aim
 
     @property
@@ -361,6 +371,8 @@ class AttackTask:
         elif self.objective == "mislead":
             bought = self.bought(before, actions, after)
             objective = bought.best - bought.got
+            if self.blind_share:
+                objective = objective - self.blind_share * (bought.best - bought.blind)
         else:
             sold = top * (1 - after.quality) * after.awaiting.any(axis=0)
             if self.objective == "promote":
@@ -373,6 +385,16 @@ class AttackTask:
         caught = after.round < 0 if phase is None else self._side.gone(phase)  # without a phase never
         reward = objective - self.stealth.weight * cost
         return Outcome(reward, objective, cost, caught)
+
+    def with_blind_share(self, share: float) -> Self:
+        """Return the same task in which `mislead` leaves out a share of what a blind choice loses to the best one.
+
+        An attack that makes a blind choice worse, too, then gains less. With the share 1 - s, an attack has a positive
+        score if and only if it leaves consumers a lower skill than s, see `roletrust_env.metrics.skill`.
+        """
+        other = copy.copy(self)
+        other.blind_share = share
+        return other
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
         """Return the qualities that consumers got in a round by the trust before it. See `Game.offered`."""

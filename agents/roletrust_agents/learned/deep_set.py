@@ -226,11 +226,12 @@ def random_weights(architecture: DeepSetArchitecture, random: np.random.Generato
 
 
 _TREATMENTS: tuple[dict[str, float], ...] = (
-    {"bias": 3.0, "account": -4.0},
+    {"bias": 2.6, "account": -4.0, "own_lead": -8.0},
     {"bias": 4.2, "account": -4.0, "known": -4.0},
 )
-"""Treatments from which trainings of wide networks begin, by their weights in the last layer: bad where the mean rating
-of the rater is above 0.75, and bad above a threshold that falls from 0.72 after one rating to 0.35 after five."""
+"""Treatments from which trainings of wide networks begin, by their weights in the last layer. One is bad where the mean
+rating of the rater is above 0.65 and no other own provider has a better one: a single provider is enough to cheat. The
+other is bad above a threshold that falls from 0.72 after one rating to 0.35 after five."""
 
 ALIKE = 0.2  # bias of the treatment that serves all raters alike
 TALKATIVE = -0.5  # bias of silence: every rating is sent, and a training soon meets silence

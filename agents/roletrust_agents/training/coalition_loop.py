@@ -54,7 +54,7 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
             curve.append(CurvePoint(training.rounds, seconds, float(score.mean), float(score.half)))
             _save(training, curve, folder)
         on_report(TrainingReport(min(training.rounds, run.steps), curve))
-    return finish(run, training.tasks[0], training.network, curve, training.rounds), curve
+    return finish(run, training.tasks[0].with_blind_share(0.0), training.network, curve, training.rounds), curve
 
 
 def check_games(run: Run) -> None:

@@ -22,6 +22,7 @@ _VALIDATION, _START, _AGAIN = 1_000_000_000, 1_000_000_001, 1_000_000_002
 _DRAW = 1  # random numbers of the tasks of a step, beside those of its candidates
 
 _START_GAMES = 4  # but no more than a validation has
+_AIM = 0.8  # share of the quotient: with all of it, an attack that changes nothing is as good as the start
 _LEADING, _WIDE_GAMES = 16, 16  # starts of wide networks that are tried again, and games of each before that
 _KNOWN = 4  # known networks that are validated at the beginning, as far as a tenth of the rounds allows
 _TASKS_AT_ONCE = 2
@@ -75,6 +76,8 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         self.best: Validated | None = None
         fitting = [weights for weights in known if len(weights) == self.architecture.size]
         self._known, self._starts = fitting, self._order(fitting)
+        if settings.wide and self.tasks[0].objective == "mislead":
+            self.tasks = tuple(self._aimed(task) for task in self.tasks)
         self._validate_known(fitting)
         self._begin()
 
@@ -211,6 +214,16 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         if wide and again > games:
             order[:_LEADING] = order[np.argsort(-self._scores(leading, again, _AGAIN), kind="stable")]
         return [candidates[k] for k in order]
+
+    def _aimed(self, task: AttackTask) -> AttackTask:
+        """Return a task in which attacks count by the skill that they leave to consumers, near that of the best start.
+
+        The method is that of Dinkelbach (1967) for quotients, with one step.
+        """
+        network, games = self.networks(self._starts[0][None, :]), self.settings.validation
+        lost, beyond = (self.play(task.with_blind_share(share), network, games, _AGAIN).mean() for share in (0.0, 1.0))
+        self.rounds += 2 * games * self.length
+        return task.with_blind_share(_AIM * min(1.0, max(0.0, lost / max(lost - beyond, 1e-9))))
 
     def _scores(self, candidates: list[Floats], games: int, place: int) -> Floats:
         """Return the mean score of each candidate in games with each task."""
