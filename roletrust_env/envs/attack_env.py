@@ -160,7 +160,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     With `observation="coalition"` the compromised agents are one mind: `Box(-1, 1, (15 P,), float32)` holds 15 features
     of each provider, feature by feature, and the action has a lie about each provider if the coalition rates, then a
-    quality for each provider if it provides. See `roletrust_env.game.coalition.Coalition`.
+    quality for each provider if it provides. With `observation="accounts"` it also observes its providers' accounts of
+    the raters, and decides on silence and treatment. See `roletrust_env.game.coalition.Coalition`.
 
     ## Rewards
 

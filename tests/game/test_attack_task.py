@@ -21,7 +21,9 @@ from attack_cases import (
 
 from roletrust_agents.planning.exact import optimal_provider, optimal_rater
 from roletrust_baselines import BadMouthing, OnOff
-from roletrust_env import Actions, Game, Scenario, make_scenario
+from roletrust_env import Actions, Game, Scenario, make_scenario, make_task
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.game.attack_task import AttackTask, Stealth
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
 
@@ -310,3 +312,18 @@ def test_who_has_yet_to_come_is_waiting() -> None:
     _, after, outcome = next(play(task))
     assert after.game.population.phase[3] == WAITING
     assert not outcome.caught
+
+
+def test_a_blind_share_turns_the_score_where_the_skill_is_crossed():
+    task = make_task("crowd-10x10", ("sp_8", "sp_9"), objective="mislead", max_cycles=20, like=np.zeros(()))
+    attacker = Scripted({"sp_8": OnOff(duty=1.0), "sp_9": OnOff(duty=1.0)})
+
+    def score(share):
+        return mean_rewards(task.with_blind_share(share), attacker, 0, (1, 8), SEARCHED)[0].mean()
+
+    lost, beyond_blind = score(0.0), score(1.0)
+    quotient = lost / (lost - beyond_blind)  # 1 - skill
+    assert 0 < quotient < 1
+    assert score(0.9 * quotient) > 0 > score(1.1 * quotient)
+    assert score(0.0) == mean_rewards(task, attacker, 0, (1, 8), SEARCHED)[0].mean()
+    assert task.with_blind_share(0.5).key != task.key

@@ -4,6 +4,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.game.accounts import Accounts, account_features
 from roletrust_env.game.coalition import CoalitionMemory, lie_ratings, provider_features, to_digits
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.views import ProviderView, RaterView
@@ -25,10 +26,16 @@ class CoalitionSize(NamedTuple):
 
 
 class _MemberMemory(NamedTuple):
-    """What the two roles of a member remember; None before the first round."""
+    """What the two roles of a member remember; None before the first round, and of a network that is not wide.
+
+    `silence` is what the network decided with the last ratings, and `serving` the features and the quality with which
+    the provider then treats raters.
+    """
 
     rater: CoalitionMemory | None = None
     provider: CoalitionMemory | None = None
+    silence: Array | None = None
+    serving: tuple[Array, Array] | None = None
 
 
 class CoalitionMember(Policy):
@@ -41,7 +48,7 @@ class CoalitionMember(Policy):
     - A provider sees its own trust only, and takes it for that of all providers, as a coalition without raters does.
 
     So raters that see the same lie in the same way. With noise, each has its own estimate of a provider, while
-    `CoalitionAttacker` pools them. Identities in reserve are not called.
+    `CoalitionAttacker` pools them. Identities in reserve are not called. A provider keeps accounts of its own.
 
     Args:
         network: Network of the coalition.
@@ -73,31 +80,62 @@ class CoalitionMember(Policy):
         before = memory.rater or CoalitionMemory.begin(published)
         known = before.remember(published).perceive(view.service[None, ...], view.awaiting[None, ...])
         xp = namespace(published)
-        decided = self._decide(
+        features = self._features(
             view,
             known,
             last_lie=xp.where(view.rated, view.ratings - known.perceived, 0 * published),
             served=cast(view.awaiting, published.dtype),
             accomplices=[place in self._accomplices for place in places],
         )
-        return lie_ratings(known, decided[0]), memory._replace(rater=known)
+        decided = self._network.decide(features)
+        silence = decided[2] if self._network.architecture.wide else None
+        return lie_ratings(known, decided[0]), memory._replace(rater=known, silence=silence)
+
+    def withholds(self, view: RaterView, memory: _MemberMemory, random: Random) -> tuple[Array | None, Any]:
+        """Return which ratings a wide network withholds. See `Policy.withholds`."""
+        return None if memory.silence is None else memory.silence > 0.5, memory
 
     def quality(self, view: ProviderView, memory: _MemberMemory, random: Random) -> tuple[Array, Any]:
         """Return the quality that the network chooses. See `Policy.quality`."""
         xp, own = namespace(view.trust), to_digits(view.trust)
         published = xp.broadcast_to(own[None, ...], (self._size.providers, *own.shape))
-        known = (memory.provider or CoalitionMemory.begin(published)).remember(published)
+        nothing = 0 * view.ratings[:, None, ...]
+        new = CoalitionMemory.begin(published)._replace(accounts=Accounts.begin(nothing), given=nothing)
+        known = (memory.provider or new).remember(published)
         mates = len(self._accomplices)  # it comes first; the order of providers has no effect
-        decided = self._decide(
+        features = self._features(
             view,
             known,
             last_lie=0 * published,
             served=0 * published,
             accomplices=[place < mates for place in range(self._size.providers)],
         )
-        return decided[1, 0], memory._replace(provider=known)
+        quality = self._network.decide(features)[1, 0]
+        if self._network.architecture.wide and known.accounts is not None:
+            heard = known.accounts.hear(view.ratings[:, None, ...], view.rated[:, None, ...])
+            known, memory = known._replace(accounts=heard), memory._replace(serving=(features[:, :1, ...], quality))
+        return quality, memory._replace(provider=known)
 
-    def _decide(
+    def treats(self, view: ProviderView, memory: _MemberMemory, random: Random) -> tuple[Array | None, Any]:
+        """Return how a wide network treats each rater. See `Policy.treats`."""
+        known = memory.provider
+        if memory.serving is None or known is None or known.accounts is None or known.given is None:
+            return None, memory
+        xp, given, (features, quality) = namespace(known.given), known.given, memory.serving
+        place = xp.arange(given.shape[0], dtype=given.dtype, device=given.device) / max(1, given.shape[0] - 1)
+        accounts = account_features(
+            known.accounts,
+            published=known.published[:1, ...],
+            best_other=known.published[0, ...],
+            given=given,
+            ally=0 * given,
+            place=place.reshape(-1, *[1] * (given.ndim - 1)),
+        )
+        treatment = self._network.treatment(accounts, features)
+        known = known._replace(given=treatment * quality)
+        return treatment[:, 0, ...], memory._replace(provider=known)
+
+    def _features(
         self,
         view: RaterView | ProviderView,
         known: CoalitionMemory,
@@ -106,9 +144,9 @@ class CoalitionMember(Policy):
         served: Array,
         accomplices: list[bool],
     ) -> Array:
-        """Return the decision of the network, lies and qualities, shape (2, P, ...)."""
+        """Return the features of the providers, shape (F, P, ...)."""
         xp, like = namespace(known.total), known.total
-        features = provider_features(
+        return provider_features(
             known,
             last_lie=last_lie,
             accomplice=xp.asarray(accomplices, dtype=like.dtype, device=like.device),
@@ -117,25 +155,24 @@ class CoalitionMember(Policy):
             own_share=self._size.rater_share,
             clock=xp.clip(cast(view.round, like.dtype) / self._size.max_cycles, 0.0, 1.0),
         )
-        return self._network.decide(features)
 
 
 class LyingMember(CoalitionMember):
     """Member of a coalition of raters."""
 
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings", "silence"})
 
 
 class CheatingMember(CoalitionMember):
     """Member of a coalition of providers."""
 
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "treatment"})
 
 
 class FullMember(CoalitionMember):
     """Member of a coalition of raters and providers."""
 
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "treatment", "ratings", "silence"})
 
 
 def member_of(

@@ -19,6 +19,10 @@ from roletrust_env.testing.attacks import check_games
 NETWORK = DeepSet.unflatten(
     DeepSetArchitecture(units=4), random_weights(DeepSetArchitecture(units=4), np.random.default_rng(0))
 )
+WIDE = DeepSet.unflatten(
+    DeepSetArchitecture.of(4, wide=True),
+    random_weights(DeepSetArchitecture.of(4, wide=True), np.random.default_rng(0)) * 0.5,
+)
 WORLD = {
     "max_cycles": 12,
     "agents": [{"role": "SR", "count": 4, "noise": 0.1}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
@@ -31,10 +35,10 @@ def task_of(*compromised, **changes):
     )
 
 
-def member(accomplices, raters):
+def member(accomplices, raters, network=NETWORK):
     """Return a member of a coalition with this number of the four raters."""
     size = CoalitionSize(3, raters / 4, WORLD["max_cycles"])
-    return member_of(NETWORK, size, accomplices, provides=bool(accomplices), description="random")
+    return member_of(network, size, accomplices, provides=bool(accomplices), description="random")
 
 
 def played(task, attacker, batch=(3,)):
@@ -70,6 +74,28 @@ def test_a_provider_decides_as_a_coalition_of_one_does():
         np.testing.assert_allclose(quality, actions.quality[1], rtol=0, atol=1e-9)
         chosen.append(quality)
     assert np.ptp(chosen) > 0.01
+
+
+def test_a_wide_provider_treats_raters_and_a_wide_rater_is_silent_as_a_coalition_of_one_is():
+    task, policy, treated = task_of("sp_1"), member((1,), 0, WIDE), []
+    memory = policy.begin(None, (3,))
+    for before, actions, *_ in played(task, CoalitionAttacker(WIDE)):
+        view = view_of(task.game.views(before)[0], 1)
+        quality, memory = policy.quality(view, memory, None)
+        treatment, memory = policy.treats(view, memory, None)
+        np.testing.assert_allclose(quality, actions.quality[1], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(treatment, actions.treatment[:, 1], rtol=0, atol=1e-9)
+        treated.append(treatment)
+    assert np.ptp(treated) > 0.1
+    task, policy, silent = task_of("sr_2"), member((), 1, WIDE), []
+    memory = policy.begin(None, (3,))
+    for before, actions, *_ in played(task, CoalitionAttacker(WIDE)):
+        view = view_of(task.game.views(before)[1], 2)
+        _, memory = policy.ratings(view, memory, None)
+        withheld, memory = policy.withholds(view, memory, None)
+        assert np.array_equal(withheld, actions.withheld[2])
+        silent.append(withheld)
+    assert 0 < np.mean(silent) < 1
 
 
 def test_raters_praise_their_accomplices_and_the_names_of_these_count():
