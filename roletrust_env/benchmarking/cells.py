@@ -275,7 +275,7 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
             rows, failed = rows + good, failed + errors
             singles |= {one.names[0]: one for one in (batch.split() if batch.names[1:] else [batch])}
             steps += batch.rounds + len(batch.names) * games * task.game.scenario.max_cycles
-            if cell.method in suite.searches and suite.seeds[1:]:
+            if batch.progress and suite.seeds[1:]:
                 rows = [row._replace(common=_in_common(task, batch.attacker, games)) for row in rows]
                 steps += games * task.game.scenario.max_cycles
         if more := suite.tracks[cell.track].games:

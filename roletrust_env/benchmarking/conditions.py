@@ -7,13 +7,14 @@ import numpy as np
 
 from roletrust_env.benchmarking.verdict import told_apart
 from roletrust_env.benchmarking.worst_case import AttackScores, Condition, WorstCase
+from roletrust_env.metrics.score import mean_or_nan
 
 FLAT = 0.01
 """Limit of a gain, in the mean reward per round, and of a difference between starts, in the score of the suite."""
 
 
 class Convergence(NamedTuple):
-    """Shares of searches, each with all its seeds; NaN where none can say.
+    """Shares of the searches that tell their course, each with all its seeds; NaN where none can say.
 
     Attributes:
         flat: Share in which the last doubling of rounds gained `FLAT` at most.
@@ -27,13 +28,10 @@ class Convergence(NamedTuple):
 
     @classmethod
     def of(cls, attacks: Iterable[AttackScores]) -> "Convergence":
-        """Return the shares among attacks; those that no search found say nothing."""
-        pairs = np.array([(one.gain, one.difference) for one in attacks], np.float64).reshape(-1, 2)
-        shares = []
-        for part in (pairs[:, :1], pairs[:, 1:], pairs):
-            known = ~np.isnan(part).any(axis=1)
-            shares.append(float((part[known] <= FLAT).all(axis=1).mean()) if known.any() else np.nan)
-        return cls(*shares)
+        """Return the shares among attacks; those without a course say nothing."""
+        pairs = np.array([(one.gain, one.difference) for one in attacks if not np.isnan(one.gain)]).reshape(-1, 2)
+        within = np.column_stack([pairs, pairs.max(axis=1)])
+        return cls(*mean_or_nan(np.where(np.isnan(within), np.nan, within <= FLAT), axis=0).tolist())
 
 
 class ConditionRow(NamedTuple):

@@ -101,7 +101,7 @@ class AttackResult(NamedTuple):
         progress: Course of the search, see `roletrust_env.evaluation.search.Progress`.
         treats: Whether a provider kept back a part of its quality from some rater in these games.
         common: Utility, and that of a blind choice, in games that all seeds have in common, so that the starts of a
-            search compare. Empty for attacks that need no search, and in a suite with one seed.
+            search compare. Empty for attacks without a course, and in a suite with one seed.
     """
 
     attack: str
