@@ -492,8 +492,8 @@ class PersonalMilkingRing(MilkingRing):
 
     Its providers serve by `personal-milking`, and share their accounts: only that provider cheats a rater of which it
     thinks best, since it goes to no other. The others serve it well, and take over when it is disappointed. The raters
-    of the ring lift its providers and sink the best of the others, so that more raters come to know them where access
-    is by trust. This variant is not from a paper.
+    of the ring praise its providers, sink the best of the others and lift the rest. Where access is by trust, more
+    raters come to know the ring, and fewer the best. This variant is not from a paper.
 
     Attributes:
         patience: Number of ratings by a rater before a provider cheats it.
@@ -501,6 +501,7 @@ class PersonalMilkingRing(MilkingRing):
         bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
         cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
         sink: Share by which their ratings are reduced, in [0, 1].
+        lift: Share of the distance to 1 that is added to the ratings of the rest, in [0, 1].
         by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
             first; `"published"` is published trust.
         accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
@@ -511,6 +512,7 @@ class PersonalMilkingRing(MilkingRing):
     patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1)] = 1
     threshold: Annotated[Share, GridValues(0.5, 0.6, 0.8)] = 0.6
     cut: Annotated[Share, GridValues(0.1, 0.4)] = 0.4
+    lift: Annotated[Share, GridValues(0.0, 1.0)] = 1.0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment", "ratings"})
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
@@ -520,6 +522,11 @@ class PersonalMilkingRing(MilkingRing):
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return 1: it is up to the treatment. See `Policy.quality`."""
         return 0 * view.trust + 1, memory
+
+    def lies(self, estimates: Array, ranks: Array) -> Array:
+        """Return reduced ratings of the best providers, and raised ones of the rest. See `AgreeingRater.lies`."""
+        reduced, raised = estimates * (1 - self.sink), praise(estimates, self.lift)
+        return namespace(ranks).where(ranks <= self.cut, reduced, raised)
 
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """Return bad shares for the raters that think well of it while active, and 1 else. See `Policy.treats`."""

@@ -181,6 +181,7 @@ class PersonalSybilRing(PersonalMilkingRing):
         bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
         cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
         sink: Share by which their ratings are reduced, in [0, 1].
+        lift: Share of the distance to 1 that is added to the ratings of the rest, in [0, 1].
         by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
             first; `"published"` is published trust.
         accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.

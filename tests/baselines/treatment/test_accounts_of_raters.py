@@ -66,6 +66,11 @@ def test_of_a_ring_only_the_provider_that_a_rater_thinks_best_of_cheats_it() -> 
     assert np.array_equal(apart, [[0, 0], [0, 0], [0, 0], [1, 1]])
 
 
+def test_raters_of_the_ring_sink_the_best_of_the_others_and_lift_the_rest() -> None:
+    ring = PersonalMilkingRing(accomplices=(0,), cut=0.4, sink=0.5, lift=0.25)
+    assert ring.lies(np.array([0.8, 0.6, 0.2]), np.array([0.0, 0.5, 1.0])) == pytest.approx([0.4, 0.7, 0.4])
+
+
 def test_patience_counts_ratings_and_the_window_rounds() -> None:
     rounds = [[1.0, NAN], [1.0, NAN], [NAN, 1.0], [NAN, NAN]]
     assert treated(PersonalMilking(patience=2), rounds) == [[1, 1], [0, 1], [0, 1], [0, 1]]
