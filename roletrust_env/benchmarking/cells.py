@@ -349,7 +349,7 @@ def _attacks(
         yield from known_batches(task, known, 2 * suite.games)
         return
     method = make_search(cell.method, list(kinds.values()), [one.record for one in known])
-    search = method.search(arguments, Budget(suite.budget_of(cell.method, cell.scenario)), cell.seed)
+    search = method.search(arguments, Budget(suite.budget_of(cell)), cell.seed)
     found = record_of(search.attacker)
     yield AttackBatch((cell.method,), search.attacker, search.rounds, search.description, found, search.progress)
 

@@ -87,7 +87,7 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
         return 0, each * (len(suite.attack_names) + 1) + 3 * more * rounds
     if cell.method == "known":
         return 0, each * (len(suite.known_in(cell[1:4])) + 1) + 3 * more * rounds
-    return suite.budget_of(cell.method, cell.scenario), (2 + bool(suite.seeds[1:])) * each + 3 * more * rounds
+    return suite.budget_of(cell), (2 + bool(suite.seeds[1:])) * each + 3 * more * rounds
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:
@@ -111,7 +111,7 @@ def _overhead(suite: Suite, cell: Cell, seconds_each: float) -> float:
         began = process_time()
         try:
             search = make_search(cell.method).search(
-                task_arguments(suite, cell), Budget(min(suite.budget_of(cell.method, cell.scenario), budget)), cell.seed
+                task_arguments(suite, cell), Budget(min(suite.budget_of(cell), budget)), cell.seed
             )
         except UnsuitableError:
             continue

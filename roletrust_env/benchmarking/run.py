@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
+from itertools import chain
 from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
@@ -119,8 +120,8 @@ def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> S
 
 def _check_methods(suite: Suite) -> None:
     """Check that there is a search method for each method of a suite, and for each that a budget names."""
-    budgets = (method for stage in suite.scenarios.values() for method in stage.budgets)
-    for method in dict.fromkeys((*suite.methods, *budgets)):
+    stages, tracks = ([one.budgets for one in part.values()] for part in (suite.scenarios, suite.tracks))
+    for method in dict.fromkeys((*suite.methods, *chain(*stages, *tracks))):
         if method not in WITHOUT_SEARCH:
             named_factory(search_methods, method)
 

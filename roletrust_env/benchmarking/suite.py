@@ -101,6 +101,8 @@ class Track(FrozenModel):
     games: Annotated[int, Field(ge=2, le=100_000)] | None = None
     """Number of games that measure the worst attacks of the track, a multiple of those of the suite. Each method then
     measures its worst attack, and the worst that serves all raters alike, in further games. None means as many."""
+    budgets: dict[str, PositiveInt] = Field(default_factory=dict)
+    """Budgets of single methods on the track where they differ from those of the suite. Those of a scenario prevail."""
     reserve: Annotated[int, Field(ge=0, le=100)] = 0
     """Number of reserve identities of each compromised agent. If positive, only attacks that use them are played."""
     counted: Literal["agents", "identities"] = "agents"
@@ -276,9 +278,10 @@ class Suite(SuiteSchema):
         own = self.scenarios[scenario].methods
         return self.methods if own is None else own
 
-    def budget_of(self, method: str, scenario: str) -> int:
-        """Return the budget of a method in a cell of a scenario, in game rounds."""
-        return self.scenarios[scenario].budgets.get(method, self.budgets.get(method, self.budget))
+    def budget_of(self, cell: Cell) -> int:
+        """Return the budget of the method of a cell, in game rounds."""
+        own = self.budgets | self.tracks[cell.track].budgets | self.scenarios[cell.scenario].budgets
+        return own.get(cell.method, self.budget)
 
     def cells(self) -> list[Cell]:
         """Return all cells, ordered by trust model."""
@@ -304,10 +307,10 @@ class Suite(SuiteSchema):
     def rules(self, cell: Cell) -> tuple[object, ...]:
         """Return all fields that the result of a cell depends on."""
         stage, track = self.scenarios[cell.scenario], self.tracks[cell.track]
-        track = track.model_copy(update={"shares": ()})
+        track = track.model_copy(update={"shares": (), "budgets": {}})
         world = stage.preset, stage.set, track, self.places, self.consumers
         known = self.known_in(cell[1:4]) if cell.method == "known" or _starts_from_known(cell.method) else []
-        attacks = known, self.attack_names, self.budget_of(cell.method, cell.scenario)
+        attacks = known, self.attack_names, self.budget_of(cell)
         return *world, *attacks, self.games, self.limit_s
 
 

@@ -83,7 +83,10 @@ def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None
     ]
     assert [where for where in suite.conditions if where[0] == "square"] == [("square", "raters", 0.25)]
     assert len(suite.conditions) == 1 + 4
-    assert (suite.budget_of("random search", "square"), suite.budget_of("random search", "market")) == (70, 90)
+    assert {cell.scenario: suite.budget_of(cell) for cell in suite.cells()} == {"square": 70, "market": 90}
+    tracks = {name: {**track, "budgets": {"random search": 80}} for name, track in TRACKS.items() if name != "honest"}
+    suite = small(scenarios=suite.scenarios, tracks={**TRACKS, **tracks}, methods=["random search"])
+    assert {one.scenario: suite.budget_of(one) for one in suite.cells() if one.share} == {"square": 70, "market": 80}
 
 
 def test_a_scenario_may_have_some_of_the_methods() -> None:
@@ -100,10 +103,7 @@ def test_a_suite_without_other_files_has_the_same_cells() -> None:
         suite = load_suite(name).model_copy(update={"models": ("mean",)})
         alone = self_contained(suite, ["mean"])
         assert alone.cells() == suite.cells()
-        assert all(
-            alone.budget_of(one.method, one.scenario) == suite.budget_of(one.method, one.scenario)
-            for one in alone.cells()
-        )
+        assert all(alone.budget_of(cell) == suite.budget_of(cell) for cell in alone.cells())
 
 
 @pytest.mark.parametrize(
