@@ -86,7 +86,7 @@ def train(
     stealth_tolerance: Annotated[float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")] = 0.1,
     knowledge: Annotated[Knowledge, typer.Option(help="Threat model: what the attacker observes.")] = "black_box",
     consumers: Annotated[
-        Consumers, typer.Option(help="Who consumes: the public by published trust, or raters.")
+        Consumers, typer.Option(help="Consumers: the public by published trust, or raters by their own.")
     ] = "public",
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the run in --out from its last checkpoint.")
