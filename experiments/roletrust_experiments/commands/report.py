@@ -32,7 +32,7 @@ def report(
         Path | None,
         typer.Option(
             metavar="comparison.csv",
-            help="What `roletrust rate --compare` wrote of your logs: adds a column of their replays.",
+            help="Results of `roletrust rate --compare` on your logs, which add a column of their replays.",
         ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
