@@ -67,6 +67,22 @@ They are trained in the crowd and in the market of the suite two-worlds, against
 scenario, its agents and the compromised ones.
 """
 
+_TREAT = (
+    "train CollusionAttack --learner evolution-strategy:wide=true,start=alike,games=8,pairs=16 --steps 3000000 "
+    "--objective mislead --consumers raters --scenario market --set max_cycles=60 --set continuation=0.97 "
+    "--set ratings={{lost=0.8}} --model own-experience --model first-hand --model subjective-logic --model fire "
+    "--model yu-singh"
+)
+_OF_12 = f'{{role="SR",count=9,noise=0.05}},{{role="SR",count=3,noise=0.05}},{{{_ABLE},count=5}},{{{_ABLE},count=2}}'
+_SPARE_12 = _OF_12.replace("count=3,noise=0.05", "count=3,noise=0.05,reserve=2").replace("count=2", "count=2,reserve=2")
+_TWO, _THREE = ["sp_5", "sp_6"], ["sr_9", "sr_10", "sr_11"]
+TREATMENT = {
+    "providers": (_OF_12, _TWO),
+    "coalition": (_OF_12, [*_THREE, *_TWO]),
+    "identities": (_SPARE_12, [*_THREE, *_TWO]),
+}
+"""Universal coalitions that treat each rater by its account, against five personal models: agents, compromised ones."""
+
 
 COMMANDS = {
     "pictures": [
@@ -104,6 +120,12 @@ COMMANDS = {
         + f" --out {{out}}/{name}"
         for name, (scenario, agents, names) in UNIVERSAL.items()
     ],
+    "treatment": [
+        f"{_TREAT} --set agents=[{agents}]"
+        + "".join(f" --compromised {agent}" for agent in names)
+        + f" --out {{out}}/{name}-treatment"
+        for name, (agents, names) in TREATMENT.items()
+    ],
     "zoo": [
         f"train ProviderAttack {_CERTAIN} --out {{out}}/provider-3x3",
         f"train RaterAttack --stealth-weight 2 {_CERTAIN} --out {{out}}/rater-3x3",
@@ -135,6 +157,7 @@ FILES = {
     "known-attacks": {},
     "colluders": {},
     "universal": _attackers(list(UNIVERSAL), "universal-"),
+    "treatment": _attackers([f"{name}-treatment" for name in TREATMENT], "universal-"),
     "zoo": _attackers(["provider-3x3", "rater-3x3", "collusion-10x10"]),
 }
 RECIPES = {name: Recipe(Options(), FILES[name]) for name in COMMANDS}

@@ -96,9 +96,9 @@ class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
         tasks = [task for task in self.tasks if isinstance(task, CoalitionTask)]
         if len(tasks) < len(self.tasks):
             raise ValueError('PPO of a coalition is for tasks with observation="coalition"')
-        if self.settings.start == "universal" and not self._known:
+        if self.settings.start != "random" and not self._known:
             raise UnsuitableError(f"no universal coalition has {self.settings.units} units; give start=random")
-        self._first = self.networks(self._starts[0]) if self.settings.start == "universal" else None
+        self._first = self.networks(self._starts[0]) if self.settings.start != "random" else None
         self._games = [WholeGames(task, self.settings.games) for task in tasks]
         self._ppo = make_ppo(tasks[0], self.settings, self._rate, self.seed, self._first)
         if self.best is None:
@@ -194,8 +194,8 @@ class CoalitionPpo:
         settings = self._settings()
         task = _task(arguments, self.name, self.wide)
         rounds = task.game.scenario.max_cycles
-        universal = self.start == "universal"
-        ready = starts_of(universal_coalitions(), wide=self.wide) if universal else {}
+        universal = self.start != "random"
+        ready = starts_of(universal_coalitions(wide=self.start == "universal"), wide=self.wide) if universal else {}
         least = _LEAST * rounds + choice_rounds(task, ready)
         if budget.left < least:
             raise UnsuitableError(

@@ -10,7 +10,7 @@ from roletrust_agents.learned.deep_set import UNITS
 from roletrust_env.errors import explain, suggest
 
 Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "gradients", "coalition-ppo"]
-Start = Literal["universal", "random"]
+Start = Literal["universal", "alike", "random"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
 Rate = Annotated[float, Field(gt=0, le=1)]
 Discount = Annotated[float, Field(ge=0, le=1)]
@@ -93,7 +93,8 @@ class CoalitionSettings(BaseModel, ABC):
     wide: bool = False
     """Whether the network also decides on silence, and on the treatment of each rater."""
     start: Start = "universal"
-    """Networks to start from: the universal coalitions and random networks, or only the latter."""
+    """Networks to start from: the universal coalitions, or those of them that serve all raters alike, and random
+    networks; or only the latter."""
     candidates: Natural = 64
     """Number of random networks of which the best is the start, as far as a tenth of the rounds allows."""
     validation: Natural = 64
@@ -189,12 +190,12 @@ class CoalitionPPOSettings(CoalitionSettings):
     @property
     def first_rate(self) -> float:
         """Initial learning rate."""
-        return self.learning_rate or (0.003 if self.start == "universal" else 0.01)
+        return self.learning_rate or (0.01 if self.start == "random" else 0.003)
 
     @property
     def first_spread(self) -> float:
         """Initial standard deviation of the actions."""
-        return self.spread or (0.2 if self.start == "universal" else 0.5)
+        return self.spread or (0.5 if self.start == "random" else 0.2)
 
 
 CoalitionSettingsT = TypeVar("CoalitionSettingsT", bound=CoalitionSettings)

@@ -23,11 +23,15 @@ _PLACE = 0  # of the games in which ready coalitions are tried
 
 
 @cache
-def universal_coalitions() -> dict[str, DeepSet]:
-    """Return the universal coalitions that come with the project, by name."""
+def universal_coalitions(*, wide: bool = False) -> dict[str, DeepSet]:
+    """Return the universal coalitions that come with the project, by name.
+
+    Args:
+        wide: Whether those that treat each rater differently are among them.
+    """
     names = [name for name in zoo() if name.startswith("universal-")]
     networks = {name: load_attacker(name).network for name in names}
-    usual = [DeepSetArchitecture.of(wide=wide) for wide in (False, True)]
+    usual = [DeepSetArchitecture.of(wide=kind) for kind in (False, wide)]
     return {
         name: network
         for name, network in networks.items()
@@ -52,7 +56,8 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = Fals
     """Return the weights of the known networks from which a training may start, shape (n,) each.
 
     Args:
-        start: `"universal"` allows the universal coalitions and those of records, `"random"` allows none.
+        start: `"universal"` allows the universal coalitions and those of records, `"alike"` leaves out universal ones
+            that treat raters differently, and `"random"` allows none.
         records: Records of attackers, see `read_record`. Those that are no coalitions are left out.
         wide: Whether the training is of a wide network.
 
@@ -63,7 +68,8 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = Fals
         return []
     attackers = enumerate(map(read_record, records))
     recorded = {f"record {k}": one.network for k, one in attackers if isinstance(one, CoalitionAttacker)}
-    starts = starts_of(universal_coalitions() | recorded, wide=wide).values()
+    ready = universal_coalitions(wide=start == "universal")
+    starts = starts_of(ready | recorded, wide=wide).values()
     return [network.flatten().astype(np.float64) for network in starts]
 
 
@@ -75,14 +81,17 @@ class Universal:
     Each was trained in turn against several trust models. The few games that choose one of them are counted.
 
     Attributes:
+        wide: Whether those that treat each rater differently play, too.
         name: Name in tables.
     """
 
+    wide: bool = False
     name: str = "universal"
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
-        best, network = best_universal(make_task(**arguments), universal_coalitions(), budget, seed)
+        ready = universal_coalitions(wide=self.wide)
+        best, network = best_universal(make_task(**arguments), ready, budget, seed)
         return SearchResult(CoalitionAttacker(network), budget.spent, f"{best}, not trained further")
 
 

@@ -10,7 +10,7 @@ from roletrust_agents.learned.deep_set import DeepSetArchitecture
 from roletrust_agents.training.coalition_methods import EvolutionSearch
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.settings import EvolutionSettings
-from roletrust_agents.training.universal import Universal, universal_coalitions
+from roletrust_agents.training.universal import Universal, known_starts, universal_coalitions
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
 
@@ -136,6 +136,9 @@ def test_the_universal_coalitions_come_with_the_project():
     in_the_market = {f"universal-{name}-market" for name in ("raters", "coalition", "identities")}
     assert set(ready) == in_the_crowd | in_the_market
     assert all(network.architecture == DeepSetArchitecture() for network in ready.values())
+    treating = {f"universal-{name}-treatment" for name in ("providers", "coalition", "identities")}
+    assert set(universal_coalitions(wide=True)) == set(ready) | treating
+    assert len(known_starts("alike", wide=True)) == 5 * len(ready) == len(known_starts("universal", wide=True)) - 3
     result = Universal().search({**TASK, "trust_model": "beta"}, Budget(10_000), 0)
     assert result.rounds == 7 * 16 * 10
     assert result.description.split(",")[0] in ready
