@@ -19,9 +19,6 @@ _IDENTITY_UNITS, ACCOUNT_UNITS = 6, 8
 GAIN = 3.0
 """Factor of the last layer: the best lies and qualities are often all or nothing."""
 
-TREATMENT_GAIN = 15.0
-"""Factor of the last layer of the treatment, which turns at a threshold: small moves of weights shift it visibly."""
-
 
 class DeepSetArchitecture(BaseModel):
     """Architecture of a `DeepSet`: two layers for each provider, of which the second sees the mean over providers."""
@@ -104,7 +101,7 @@ class DeepSet:
     present.
 
     A wide network also decides on silence, s_i = 0.5 + 0.5 tanh(3 (S v_i + T x_i + s)), and on the treatment of each
-    rater k with the account z_ki by its own provider i: 0.5 + 0.5 tanh(15 (H w_ki + K z_ki + h)) with
+    rater k with the account z_ki by its own provider i: 0.5 + 0.5 tanh(3 (H w_ki + K z_ki + h)) with
     w_ki = tanh(F z_ki + G x_i + f). It treats all raters by the same rule.
 
     K networks of one architecture play side by side in a batch of shape (K, G).
@@ -183,7 +180,7 @@ class DeepSet:
         hidden = (own["treatment0.weight"] @ z).reshape(k, units, s, cells) + of_provider[:, :, None, :]
         hidden = namespace(z).tanh(hidden + own["treatment0.bias"][..., None, None]).reshape(k, units, -1)
         x = own["treatment1.weight"] @ hidden + own["treatment1.skip"] @ z + own["treatment1.bias"][..., None]
-        return self._decisions(TREATMENT_GAIN * x, flat)[0].reshape(s, n, *batch)
+        return self._decisions(GAIN * x, flat)[0].reshape(s, n, *batch)
 
     def presence(self, features: Array) -> Array:
         """Return whether each identity shall be present, boolean, shape (n, ...), from features, shape (I, n, ...)."""
@@ -226,14 +223,14 @@ def random_weights(architecture: DeepSetArchitecture, random: np.random.Generato
 
 
 _TREATMENTS: tuple[dict[str, float], ...] = (
-    {"bias": 2.6, "account": -4.0, "own_lead": -8.0},
-    {"bias": 4.2, "account": -4.0, "known": -4.0},
+    {"bias": 4.5, "account": -7.0, "own_lead": -14.0},
+    {"bias": 7.4, "account": -7.0, "known": -7.0},
 )
 """Treatments from which trainings of wide networks begin, by their weights in the last layer. One is bad where the mean
-rating of the rater is above 0.65 and no other own provider has a better one: a single provider is enough to cheat. The
+rating of the rater is above 0.64 and no other own provider has a better one: a single provider is enough to cheat. The
 other is bad above a threshold that falls from 0.72 after one rating to 0.35 after five."""
 
-ALIKE = 0.2  # bias of the treatment that serves all raters alike
+ALIKE = 1.0  # bias of the treatment that serves all raters alike
 TALKATIVE = -0.5  # bias of silence: every rating is sent, and a training soon meets silence
 _WELL = 1.5  # bias of the quality of providers that decide by treatment alone
 

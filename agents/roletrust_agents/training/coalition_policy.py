@@ -20,7 +20,6 @@ from roletrust_agents.learned.deep_set import (
     ALIKE,
     GAIN,
     TALKATIVE,
-    TREATMENT_GAIN,
     DeepSet,
     DeepSetArchitecture,
 )
@@ -107,7 +106,7 @@ class Treatment(nn.Module):
         for layer in (self.layer0, self.provider):
             _initialise(layer, 1.0)
         for layer in (self.layer1, self.skip):
-            _initialise(layer, _NEAR_ZERO / TREATMENT_GAIN)
+            _initialise(layer, _NEAR_ZERO / GAIN)
         nn.init.constant_(self.layer1.bias, ALIKE)
 
     def forward(self, accounts: torch.Tensor, own: torch.Tensor) -> torch.Tensor:
@@ -149,7 +148,7 @@ class Actor(nn.Module):
             parts.append(torch.tanh(GAIN * (self.silence(units) + self.silence_skip(seen)))[..., 0])
         if self.sight.treats:
             treatment = self.treatment(self.sight.accounts(observations), seen[:, list(self.sight.own)])
-            parts.append(torch.tanh(TREATMENT_GAIN * treatment))
+            parts.append(torch.tanh(GAIN * treatment))
         return torch.cat([parts[kind] for kind, _ in self.sight.sizes], dim=1)
 
 

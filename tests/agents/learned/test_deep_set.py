@@ -72,7 +72,7 @@ def test_treatment_and_silence_are_those_of_the_loops():
             z, x = of_raters[:, s, i], of_providers[:, i]
             hidden = np.tanh(w["treatment0.weight"] @ z + w["treatment0.provider"] @ x + w["treatment0.bias"])
             linear = w["treatment1.weight"] @ hidden + w["treatment1.skip"] @ z + w["treatment1.bias"]
-            assert found[s, i] == pytest.approx(0.5 + 0.5 * np.tanh(15 * linear[0]), abs=1e-12)
+            assert found[s, i] == pytest.approx(0.5 + 0.5 * np.tanh(3 * linear[0]), abs=1e-12)
     order = [2, 0, 3, 1]  # the same rule for all raters
     np.testing.assert_allclose(wide.treatment(of_raters[:, order], of_providers), found[order], atol=1e-12)
     features = np.random.default_rng(1).uniform(-1, 1, (len(FEATURES), 5))
