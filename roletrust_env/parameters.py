@@ -111,6 +111,9 @@ Ridge = Annotated[float, _within("[0.001, inf)", lambda x: 0.001 <= x < float("i
 Factor = Annotated[float, _within("(0, 1]", lambda x: 0 < x <= 1)]
 """Factor of a geometric decay."""
 
+Weighting = Annotated[float, _within("[0, 1000]", lambda x: 0 <= x <= 1000)]
+"""Weight, or number of ratings that a weight compares with. With a larger one, rounding would decide."""
+
 LessThanHalf = Annotated[float, _within("[0, 0.5)", lambda x: 0 <= x < 0.5)]
 """Share that is cut off at both ends."""
 

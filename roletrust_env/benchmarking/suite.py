@@ -75,13 +75,14 @@ class Stage(FrozenModel):
     shares: dict[Label, tuple[_Part, ...]] | None = None
     """Tracks that are played in the scenario, and the shares of compromised agents there. None means all tracks of the
     suite with all their shares."""
-    methods: tuple[Label, ...] | None = None
+    methods: Annotated[tuple[Label, ...], Field(min_length=1)] | None = None
     """Methods that are played in the scenario. None means all of the suite."""
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
     """Budgets of single methods in the scenario where they differ from those of the suite."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        check_unique(methods=self.methods or ())
         self.scenario()
         return self
 
@@ -115,8 +116,9 @@ class Track(FrozenModel):
     def _check(self) -> Self:
         if bool(self.roles) != bool(self.shares):
             raise ValueError("roles and shares must both be given, or both be empty if all agents are honest")
-        if self.reserve and not self.roles:
-            raise ValueError(f"reserve is {self.reserve}, but the track has no compromised agents")
+        for field, value in (("reserve", self.reserve), ("games", self.games), ("budgets", self.budgets)):
+            if value and not self.roles:
+                raise ValueError(f"{field} is {value}, but the track has no compromised agents")
         if self.counted == "identities" and not self.reserve:
             raise ValueError("counted is 'identities', but reserve is 0: each agent has one identity")
         return self

@@ -3,6 +3,7 @@
 import shlex
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -132,8 +133,10 @@ def reproduction_command(suite: SuiteSchema, path: Path) -> str:
     name, _, seed = suite.name.partition(_WORLDS)
     drawn = ["--worlds", seed] if seed else []
     options = ["--suite", f"{name}.toml", *drawn]
-    if name in suites():
-        bundled = load_suite(name, int(seed) if seed else None)
+    bundled = None
+    with suppress(ValueError):  # a suite of another file may have any name
+        bundled = load_suite(name, int(seed) if seed else None) if name in _names() else None
+    if bundled:
         names = {field: getattr(suite, field) for field in ("models", "attacks", "learners") if hasattr(suite, field)}
         more = isinstance(suite, Suite) and isinstance(bundled, Suite) and suite.known != bundled.known
         if more:

@@ -16,6 +16,7 @@ from roletrust_env.world import Scenario
 from roletrust_env.world.group import FrozenModel
 
 _DIGITS = 3  # after the point
+_MOST = 1_000_000  # of an end of a range, either way
 
 
 class _Worlds(FrozenModel):
@@ -47,6 +48,8 @@ def draw_worlds(tables: Any, seed: int | None = None, scenarios: Any = None) -> 
         raise ValueError("worlds and scenarios must be tables by name")
     found = dict(scenarios or {})
     for name, data in tables.items():
+        if not isinstance(data, dict):
+            raise ValueError(f"worlds {name} is {data!r:.100}; it must be a table")
         try:
             table = _Worlds.model_validate(data)
         except ValidationError as error:
@@ -74,10 +77,15 @@ def _drawn(value: Any, place: str) -> Any:
     part = Random(place).random()  # in [0, 1)
     if value.keys() == {"low", "high"}:
         low, high = value["low"], value["high"]
-        if not all(type(end) in (int, float) for end in (low, high)) or low > high:
-            raise ValueError(f"{place}: low is {low!r} and high {high!r}; they must be numbers, the lower one first")
+        if not all(type(end) in (int, float) and abs(end) <= _MOST for end in (low, high)) or low > high:
+            raise ValueError(
+                f"{place}: low is {low!r:.20} and high {high!r:.20}; they must be numbers from {-_MOST} to {_MOST}, "
+                "the lower one first"
+            )
         whole = type(low) is type(high) is int
-        return low + int(part * (high - low + 1)) if whole else round(low + part * (high - low), _DIGITS)
+        if whole:
+            return low + int(part * (high - low + 1))
+        return min(max(round(low + part * (high - low), _DIGITS), low), high)
     if value.keys() == {"choices"}:
         choices = value["choices"]
         if not isinstance(choices, list) or not choices:

@@ -52,3 +52,5 @@ def test_the_stored_suite_gives_the_command():
 def test_another_suite_is_given_by_its_file():
     assert "--suite small.toml " in reproduction_command(small(name="small"), FILE)
     assert "--suite quick.toml " in reproduction_command(load_suite("quick").model_copy(update={"games": 2}), FILE)
+    for name in ("quick, worlds 3", "quick, worlds of mine"):
+        assert "--suite quick.toml " in reproduction_command(small(name=name), FILE)

@@ -64,7 +64,9 @@ def test_more_worlds_and_further_draws_leave_the_others_as_they_are() -> None:
     [
         ({"number": 0}, "worlds drawn: number"),
         ({"color": 1}, "there is no field 'color'"),
-        ({"set": {"max_cycles": {"low": 9, "high": 7}}}, "low is 9 and high 7; they must be numbers, the lower one"),
+        ({"set": {"max_cycles": {"low": 9, "high": 7}}}, "low is 9 and high 7; they must be numbers .* the lower one"),
+        ({"set": {"max_cycles": {"low": 1, "high": 10**400}}}, "high 1000"),
+        ({"set": {"continuation": {"low": float("nan"), "high": 1}}}, "low is nan"),
         ({"set": {"max_cycles": {"low": "few", "high": 7}}}, "low is 'few'"),
         ({"set": {"max_cycles": {"choices": []}}}, "drawn-1.*max_cycles: choices are .*one value or more"),
     ],
@@ -72,6 +74,12 @@ def test_more_worlds_and_further_draws_leave_the_others_as_they_are() -> None:
 def test_a_wrong_table_is_one_clear_error(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         draw_worlds({"drawn": TABLE | change})
+
+
+def test_a_draw_lies_between_its_ends_however_close_they_are() -> None:
+    for low, high in ((0.0001, 0.0004), (0.9996, 0.9999)):
+        worlds = draw_worlds({"drawn": TABLE | {"set": {"continuation": {"low": low, "high": high}}}})
+        assert all(low <= world["set"]["continuation"] <= high for world in worlds.values())
 
 
 def test_a_file_shows_its_worlds_and_draws_others_by_another_seed(tmp_path: Path) -> None:

@@ -2,10 +2,8 @@
 
 from typing import NamedTuple
 
-from pydantic import NonNegativeFloat
-
 from roletrust_env.arrays import Array, namespace, total
-from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
+from roletrust_env.parameters import Power, Ridge, Share, Weighting, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power
 from roletrust_env.trust.personal import (
     Personal,
@@ -64,9 +62,9 @@ class FirstHand(Personal):
         power: Exponent that turns agreement into credence, in [0, 8].
         doubt: Agreement with a rater that has rated no provider of the judge's, in [0, 1]; it counts as one comparison.
         limit: Inverse of the largest weight of a pair, in [0, 1].
-        repeats: Further weight of a rating whose rater has rated its provider before, 0 or more.
-        patience: Number of ratings of the judge's own with which each counts half of `own`, 0 or more. With 0 each
-            counts in full from the first one on.
+        repeats: Further weight of a rating whose rater has rated its provider before, in [0, 1000].
+        patience: Number of ratings of the judge's own with which each counts half of `own`, in [0, 1000]. With
+            0 each counts in full from the first one on.
     """
 
     initial: Share = 0.5
@@ -76,8 +74,8 @@ class FirstHand(Personal):
     power: Power = 6.0
     doubt: Share = 0.8
     limit: Share = 0.3
-    repeats: NonNegativeFloat = 0.0
-    patience: NonNegativeFloat = 0.0
+    repeats: Weighting = 0.0
+    patience: Weighting = 0.0
     rates_raters = True
     cost = "S^2 P"
 
