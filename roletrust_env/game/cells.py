@@ -47,8 +47,7 @@ class Cells:
         if isinstance(scenario.access, Encounters) and cells > MOST_CELLS:
             raise ValueError(
                 f"scenario {scenario.name!r} has {roster.n_raters:,} x {roster.n_providers:,} pairs, of which only "
-                "some meet in a round: too many for Game and for environments; roletrust_env.SparseGame plays it, in "
-                "Python or by `python -m studies.scale`"
+                "some meet in a round: too many for Game and for environments; roletrust_env.SparseGame plays it"
             )
         self.width, self._rule, self._model = roster.n_providers, scenario.access, model
         self.not_self = xp.asarray(roster.not_self, device=like.device)
