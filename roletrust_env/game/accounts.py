@@ -61,15 +61,13 @@ class Accounts(NamedTuple):
         return namespace(self.total).where(self.count > 0, self.total / (self.count + (self.count == 0)), unknown)
 
 
-def account_features(
-    accounts: Accounts, *, published: Array, best_other: Array, given: Array, ally: Array, place: Array
-) -> Array:
+def account_features(accounts: Accounts, *, best_other: Array, given: Array, ally: Array, place: Array) -> Array:
     """Return the features of the account of each rater with each provider, shape (A, S, n, ...), in [-1, 1].
 
     In the order of `ACCOUNT_FEATURES`:
 
-    - `account`: mean rating of the rater for the provider; the provider's published trust where there is none.
-    - `known`: N / (2 + N) for N ratings; `last`: the last rating, or the account without one.
+    - `account`: mean rating of the rater for the provider, `last`: its last rating; 0 where there is none.
+    - `known`: N / (2 + N) for N ratings.
     - `lead`: twice the account less the quality of the best provider of others, cut to [-1, 1].
     - `own_lead`: the account less the rater's best account with any of the n providers.
     - `deviation`: the account less the mean account over the raters.
@@ -79,19 +77,18 @@ def account_features(
 
     Args:
         accounts: Accounts with the ratings that have arrived, shape (S, n, ...).
-        published: Published trust of the providers, shape (n, ...).
         best_other: Quality of the best provider of others, shape (...).
         given: See above, shape (S, n, ...).
         ally: See above, shape (S, 1, ...).
         place: See above, shape (S, 1, ...).
     """
     xp, nothing, count = namespace(accounts.total), 0 * accounts.total, accounts.count
-    account = accounts.mean(published)
+    account = accounts.mean(nothing)
     most = largest(count)
     rows = (
         account,
         count / (2 + count),
-        xp.where(count > 0, accounts.last, account),
+        accounts.last,
         xp.clip(_LEADS * (account - best_other), -1.0, 1.0),
         account - largest(account, axis=1)[:, None, ...],
         account - account.mean(axis=0),

@@ -283,7 +283,6 @@ class Coalition:
         ally, place = self._whom.reshape(2, -1, *[1] * perceived.ndim)
         return account_features(
             memory.accounts,
-            published=memory.published[self.providers, ...],
             best_other=largest(xp.where(others, perceived, 0 * perceived)),
             given=memory.given,
             ally=ally,

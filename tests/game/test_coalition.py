@@ -105,8 +105,7 @@ def test_the_features_of_accounts_are_those_of_a_loop(compromised):
             if game.rated[s, p, g]:
                 ratings.append(game.ratings[s, p, g])
         for g in range(3):
-            top = known.published[:, g]
-            mean = {(s, p): np.mean(r) if (r := heard[s, p, g]) else top[p] for s in range(4) for p in own}
+            mean = {(s, p): np.mean(heard[s, p, g] or [0]) for s in range(4) for p in own}
             best = max(known.perceived[p, g] for p in range(3) if p not in own)
             for s in range(4):
                 for k, p in enumerate(own):
@@ -114,7 +113,7 @@ def test_the_features_of_accounts_are_those_of_a_loop(compromised):
                     expected = {
                         "account": mean[s, p],
                         "known": count[s] / (2 + count[s]),
-                        "last": heard[s, p, g][-1] if count[s] else mean[s, p],
+                        "last": heard[s, p, g][-1] if count[s] else 0,
                         "lead": np.clip(2 * (mean[s, p] - best), -1, 1),
                         "own_lead": mean[s, p] - max(mean[s, other] for other in own),
                         "deviation": mean[s, p] - np.mean([mean[other, p] for other in range(4)]),

@@ -88,7 +88,7 @@ def test_numpy_and_torch_play_alike(batch: tuple[int, ...]) -> None:
 def test_a_game_in_single_precision_stays_so(like: Any, switching: str) -> None:
     game = Game(SCENARIO, like=like)
     seated = JointPolicy(game, POLICIES | {"sp_2": OnOff(bad=0.3, switching=switching)})
-    *_, (_, _, state, rewards) = rollout(seated, luck(like), luck(like), (2,))
+    *_, (_, _, state, rewards, _) = rollout(seated, luck(like), luck(like), (2,))
     floats = [state.ratings, state.quality, state.service, state.value, rewards, *game.published(state)]
     assert {array.dtype for array in floats} == {like.dtype}
 

@@ -24,7 +24,10 @@ PARAMETERS = {
     "milking-ring": "accomplices=[sp_0]",
 }
 
-ELSEWHERE = {"self-promotion", "sybil", "sybil-ring", "whitewashing", "whitewashing-ring"}
+ELSEWHERE = {
+    *("self-promotion", "personal-milking-ring", "personal-sybil-ring"),
+    *("sybil", "sybil-ring", "whitewashing", "whitewashing-ring"),
+}
 """Attacks of agents with both roles, or with identities in reserve."""
 
 

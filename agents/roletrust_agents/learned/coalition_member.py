@@ -125,7 +125,6 @@ class CoalitionMember(Policy):
         place = xp.arange(given.shape[0], dtype=given.dtype, device=given.device) / max(1, given.shape[0] - 1)
         accounts = account_features(
             known.accounts,
-            published=known.published[:1, ...],
             best_other=known.published[0, ...],
             given=given,
             ally=0 * given,

@@ -223,11 +223,11 @@ def random_weights(architecture: DeepSetArchitecture, random: np.random.Generato
 
 
 _TREATMENTS: tuple[dict[str, float], ...] = (
-    {"bias": 4.5, "account": -7.0, "own_lead": -14.0},
+    {"bias": 5.7, "account": -10.0, "own_lead": -30.0},
     {"bias": 7.4, "account": -7.0, "known": -7.0},
 )
 """Treatments from which trainings of wide networks begin, by their weights in the last layer. One is bad where the mean
-rating of the rater is above 0.64 and no other own provider has a better one: a single provider is enough to cheat. The
+rating of the rater is above 0.57 and no other own provider has a better one: a single provider is enough to cheat. The
 other is bad above a threshold that falls from 0.72 after one rating to 0.35 after five."""
 
 ALIKE = 1.0  # bias of the treatment that serves all raters alike
