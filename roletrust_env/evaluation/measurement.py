@@ -234,9 +234,11 @@ def watch(task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], bat
     """Play held-out games to the end and return what is measured. Arguments as for `attacked_rollout`.
 
     Raises:
-        ValueError: An attacker or a trust model fails, or an action is NaN or outside [0, 1].
+        ValueError: A game has one round, an attacker or a trust model fails, or an action is NaN or outside [0, 1].
     """
     game, trusts, bought, published = task.game, [], [], []
+    if game.scenario.max_cycles < 2:
+        raise ValueError("max_cycles is 1; consumers choose by trust from the second round on, so it must be 2 or more")
     treats = np.zeros(batch[0], bool)
     sources = random_sources(task, seed, HELD_OUT)
     for before, actions, state, _, weight in attacked_rollout(task, attacker, batch, *sources):

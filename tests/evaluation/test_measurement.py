@@ -14,6 +14,7 @@ from roletrust_env.evaluation.measurement import (
     random_sources,
     score,
     watch,
+    watch_honest,
 )
 from roletrust_env.game.consumer import Bought
 from roletrust_env.game.make_task import make_task
@@ -64,3 +65,8 @@ def test_a_round_counts_by_the_probability_that_it_is_played() -> None:
 def test_the_score_of_a_network_has_the_weights_of_the_rounds() -> None:
     first, only = (make_task("paper-3x3", ("sr_2",), **kind) for kind in ({"continuation": 1e-9}, {"max_cycles": 1}))
     np.testing.assert_allclose(*(play_task(task, None, games=2, seed=0) for task in (first, only)))
+
+
+def test_a_game_of_one_round_has_no_choice_to_measure() -> None:
+    with pytest.raises(ValueError, match=r"max_cycles is 1; .* 2 or more"):
+        watch_honest(make_task("market", ["sp_5"], max_cycles=1), 0, 2)
