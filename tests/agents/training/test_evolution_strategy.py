@@ -8,7 +8,8 @@ from roletrust_agents.training.adam_training import EvolutionStrategy, slope_of
 from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.settings import StrategySettings
-from roletrust_env.evaluation.attackers import record_of
+from roletrust_env.evaluation.attackers import read_record, record_of
+from roletrust_env.evaluation.measurement import HELD_OUT, mean_rewards
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.game.make_task import make_task
 
@@ -94,3 +95,20 @@ def test_parameters_are_checked_before_a_search(method, fields, message):
 def test_a_budget_that_is_too_small_is_refused():
     with pytest.raises(UnsuitableError, match="too small for evolution strategy; give"):
         EvolutionStrategySearch().search(TASK, Budget(100), 0)
+
+
+def test_a_wide_search_finds_providers_that_treat_raters():
+    """Where raters go by their own ratings alone, only bad service hurts, and unequal service hurts most."""
+    agents = [{"role": "SR", "count": 8, "noise": 0.05}, {"role": "SP", "count": 6, "ability": [0.3, 1.0]}]
+    market = {**TASK, "compromised": ("sp_4", "sp_5"), "agents": agents, "max_cycles": 20, "ratings": {"lost": 0.5}}
+    market |= {"trust_model": "own-experience", "consumers": "raters"}
+    task, rewards = make_task(**market, like=np.zeros(())), {}
+    for wide in (False, True):
+        found = EvolutionStrategySearch(wide=wide).search(market, Budget(30_000), 1).attacker
+        rewards[wide] = mean_rewards(task, found, 0, (1, 100), HELD_OUT)[0].mean()
+    assert rewards[True] > 1.15 * rewards[False]
+    assert read_record(record_of(found)).network.architecture.wide
+
+
+def test_a_wide_training_continues():
+    assert_continues(lambda: begun(wide=True), 3)
