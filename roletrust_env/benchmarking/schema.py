@@ -99,7 +99,7 @@ class AttackResult(NamedTuple):
         record: Record of the attacker that a search found, see `roletrust_env.evaluation.attackers`. Empty for attacks
             that need no search, and for attackers that cannot be recorded.
         progress: Course of the search, see `roletrust_env.evaluation.search.Progress`.
-        treats: Whether a provider kept back a part of its quality from some rater in these games.
+        treats: Whether a provider served some honest rater better than another in these games.
         common: Utility, and that of a blind choice, in games that all seeds have in common, so that the starts of a
             search compare. Empty for attacks without a course, and in a suite with one seed.
     """

@@ -96,7 +96,7 @@ class Claim(UntrustedModel):
     measured: ClaimedMetrics
     """Scores in the games for measuring."""
     treats: bool
-    """Whether a provider kept back a part of its quality from some rater."""
+    """Whether a provider served some honest rater better than another."""
     record: Annotated[str, Field(max_length=MAX_RECORD)] = ""
     """Record of the attacker that a search found, see `AttackResult`."""
 

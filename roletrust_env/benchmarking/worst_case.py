@@ -60,7 +60,7 @@ class AttackScores(NamedTuple):
         score: Score in the games for measuring, on the scale of the suite, shape (S, G).
         published: Same score if the consumers went by published trust.
         by_round: Mean utility over the games for measuring in each round from the second on, shape (T - 1,).
-        treats: Whether a provider kept back a part of its quality from some rater, with any seed.
+        treats: Whether a provider served some honest rater better than another, with any seed.
         gain: What the last doubling of the rounds of the search gained, the most of its seeds; NaN without a course.
         difference: Difference of the score between the starts of a search with two seeds, in the same games; of several
             the greatest, NaN for a single start.

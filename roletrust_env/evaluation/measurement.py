@@ -25,6 +25,9 @@ TaskArguments = Mapping[str, Any]
 SEARCHED, HELD_OUT = 0, 1
 """The two kinds of random numbers: those of the games in a search, and those of the games that measure the result."""
 
+_UNEQUAL = 0.05
+"""Difference of treatment beyond which raters are not served alike; a network that serves all alike has tiny ones."""
+
 _ANYWHERE = 2_000_000
 """Pairs of agents in all games of a batch that fits into any memory."""
 
@@ -180,7 +183,7 @@ class GameRecord(NamedTuple):
         bought: Qualities that consumers got, times the weight of the round, shape (T - 1, K, G). The first round has no
             trust to go by.
         published: Qualities that consumers would have got by published trust, in the same way.
-        treats: Whether a provider kept back a part of its quality from some rater, shape (K,).
+        treats: Whether a provider served some honest rater better than another, by more than 0.05, shape (K,).
     """
 
     trust: Floats
@@ -240,14 +243,16 @@ def watch(task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], bat
     if game.scenario.max_cycles < 2:
         raise ValueError("max_cycles is 1; consumers choose by trust from the second round on, so it must be 2 or more")
     treats = np.zeros(batch[0], bool)
+    honest = [place for place, name in enumerate(game.roster.rater_names) if name not in task.identities]
     sources = random_sources(task, seed, HELD_OUT)
     for before, actions, state, _, weight in attacked_rollout(task, attacker, batch, *sources):
         trust, present = game.agent_trust(state), game.present(state)
         trusts.append(trust if present is None else np.where(present, trust, np.nan))
         bought.append([weight * part for part in task.bought(before, actions, state)])
         published.append([weight * part for part in task.bought_by_published(before, actions, state)])
-        if actions.treatment is not None:
-            treats |= (actions.treatment < 1).any(axis=(0, 1, 3))
+        if actions.treatment is not None and honest:
+            to_honest = actions.treatment[honest]
+            treats |= (to_honest.max(axis=0) - to_honest.min(axis=0) > _UNEQUAL).any(axis=(0, 2))
     own, public = (Bought(*(np.stack(part) for part in zip(*got[1:], strict=True))) for got in (bought, published))
     return GameRecord(np.stack(trusts), own, public, treats)
 
