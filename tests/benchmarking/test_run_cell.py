@@ -139,7 +139,7 @@ def test_a_model_cannot_know_liars_by_their_place():
 def test_a_track_measures_its_worst_attacks_in_more_games():
     """The worst of all, and the worst that serves all raters alike, in games that are those of no other attack."""
     tracks = {"providers": {"roles": ["SP"], "shares": [0.3], "games": 9}}
-    names = ["discrimination:share=1.0", "on-off:bad=0.9", "camouflage:start=90"]
+    names = ["discrimination:share=0.7", "on-off:bad=0.9", "camouflage:start=90"]
     few, many = ({"providers": tracks["providers"] | {"games": games}} for games in (None, 9))
     plain, found = (
         play_cell(suite, suite.cells()[0])
@@ -147,7 +147,7 @@ def test_a_track_measures_its_worst_attacks_in_more_games():
     )
     assert [len(row.measured["utility"]) for row in plain.rows] == [3, 3, 3]
     assert {row.attack: len(row.measured["utility"]) for row in found.rows} == {
-        "discrimination:share=1.0": 9,
+        "discrimination:share=0.7": 9,
         "on-off:bad=0.9": 9,
         "camouflage:start=90": 3,
     }

@@ -53,7 +53,11 @@ def test_attributes_of_data_are_parameters():
 
 def test_signatures_are_short():
     for what, thing, signature in (
-        ("function", damage, ("(trust: Floats, paired: Floats, agents: Sequence[int])", "Score")),
+        (
+            "function",
+            damage,
+            ("(trust: Floats, paired: Floats, agents: Sequence[int], weights: Floats | None=None)", "Score"),
+        ),
         ("class", Travos, ("(error=0.2, threshold=0.95, bins=5)", "")),
         ("method", Game.published, ("(state: State)", "tuple[Array, Array]")),
         ("attribute", 3, None),
