@@ -531,7 +531,7 @@ class PersonalMilkingRing(MilkingRing):
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """Return bad shares for the raters that think well of it while active, and 1 else. See `Policy.treats`."""
         accounts = memory[1].hear(view.ratings, view.rated)
-        means = accounts.mean(0.0)
+        means = accounts.mean
         best = means == largest(means, axis=1)[:, None]
         cheated = best & approval(accounts, self.threshold, self.patience) & self.active(view.round)
         return shares(view, cheated, self.bad), (memory[0], accounts)

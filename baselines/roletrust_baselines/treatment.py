@@ -194,4 +194,4 @@ def approval(accounts: Accounts, threshold: float, patience: int) -> Array:
         threshold: Mean rating from which on a rater does, in [0, 1].
         patience: Number of ratings before which a rater does not.
     """
-    return (accounts.count >= patience) & (accounts.mean(0.0) >= threshold)
+    return (accounts.count >= patience) & (accounts.mean >= threshold)

@@ -56,9 +56,10 @@ class Accounts(NamedTuple):
         where, met = namespace(ratings).where, cast(rated, ratings.dtype)
         return type(self)(self.total + met * ratings, self.count + met, where(rated, ratings, self.last))
 
-    def mean(self, unknown: Array | float) -> Array:
-        """Return the mean rating of each rater, shape (S, n, ...); `unknown` where there is none."""
-        return namespace(self.total).where(self.count > 0, self.total / (self.count + (self.count == 0)), unknown)
+    @property
+    def mean(self) -> Array:
+        """Mean rating of each rater, shape (S, n, ...); 0 where there is none."""
+        return self.total / (self.count + (self.count == 0))
 
 
 def account_features(accounts: Accounts, *, best_other: Array, given: Array, ally: Array, place: Array) -> Array:
@@ -83,7 +84,7 @@ def account_features(accounts: Accounts, *, best_other: Array, given: Array, all
         place: See above, shape (S, 1, ...).
     """
     xp, nothing, count = namespace(accounts.total), 0 * accounts.total, accounts.count
-    account = accounts.mean(nothing)
+    account = accounts.mean
     most = largest(count)
     rows = (
         account,

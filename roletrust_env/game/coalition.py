@@ -216,8 +216,8 @@ class Coalition:
         xp, like = namespace(game.like), game.like
         self._accomplice = xp.asarray(own, dtype=like.dtype, device=like.device)
         ally = np.isin(np.arange(roster.n_raters), self.raters).astype(float)
-        whom = np.stack([ally, np.arange(roster.n_raters) / max(1, roster.n_raters - 1)])
-        self._whom = xp.asarray(whom, dtype=like.dtype, device=like.device)
+        of_raters = np.stack([ally, np.arange(roster.n_raters) / max(1, roster.n_raters - 1)])
+        self._of_raters = xp.asarray(of_raters, dtype=like.dtype, device=like.device)
         columns = [self.providers.index(p) if p in self.providers else -1 for p in range(roster.n_providers)]
         self._columns = columns  # of a treatment by own providers; the last one is that of others
         self._agents = places(identities, roster.names)
@@ -280,7 +280,7 @@ class Coalition:
             raise ValueError("the memory has no accounts: the coalition is not wide, or has no providers")
         perceived, xp = memory.perceived, namespace(memory.total)
         others = self._accomplice.reshape(-1, *[1] * (perceived.ndim - 1)) == 0
-        ally, place = self._whom.reshape(2, -1, *[1] * perceived.ndim)
+        ally, place = self._of_raters.reshape(2, -1, *[1] * perceived.ndim)
         return account_features(
             memory.accounts,
             best_other=largest(xp.where(others, perceived, 0 * perceived)),

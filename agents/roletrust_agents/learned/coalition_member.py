@@ -99,9 +99,7 @@ class CoalitionMember(Policy):
         """Return the quality that the network chooses. See `Policy.quality`."""
         xp, own = namespace(view.trust), to_digits(view.trust)
         published = xp.broadcast_to(own[None, ...], (self._size.providers, *own.shape))
-        nothing = 0 * view.ratings[:, None, ...]
-        new = CoalitionMemory.begin(published)._replace(accounts=Accounts.begin(nothing), given=nothing)
-        known = (memory.provider or new).remember(published)
+        known = (memory.provider or self._begin_serving(published, view)).remember(published)
         mates = len(self._accomplices)  # it comes first; the order of providers has no effect
         features = self._features(
             view,
@@ -111,10 +109,18 @@ class CoalitionMember(Policy):
             accomplices=[place < mates for place in range(self._size.providers)],
         )
         quality = self._network.decide(features)[1, 0]
-        if self._network.architecture.wide and known.accounts is not None:
+        if known.accounts is not None:
             heard = known.accounts.hear(view.ratings[:, None, ...], view.rated[:, None, ...])
             known, memory = known._replace(accounts=heard), memory._replace(serving=(features[:, :1, ...], quality))
         return quality, memory._replace(provider=known)
+
+    def _begin_serving(self, published: Array, view: ProviderView) -> CoalitionMemory:
+        """Return the memory of a provider before the first round; one of a wide network keeps accounts."""
+        memory = CoalitionMemory.begin(published)
+        if not self._network.architecture.wide:
+            return memory
+        nothing = 0 * view.ratings[:, None, ...]
+        return memory._replace(accounts=Accounts.begin(nothing), given=nothing)
 
     def treats(self, view: ProviderView, memory: _MemberMemory, random: Random) -> tuple[Array | None, Any]:
         """Return how a wide network treats each rater. See `Policy.treats`."""
