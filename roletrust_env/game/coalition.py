@@ -324,21 +324,30 @@ class Coalition:
         As far as the coalition decides on them: lies about each provider, qualities of each provider, silence about
         each provider, and the treatment of each rater by each own provider.
         """
-        p, at, parts = self._game.roster.n_providers, 0, dict[str, Array]()
-        there = {"lie": self.rates, "quality": bool(self.providers), "silence": self.silent}
-        for name in (name for name, given in there.items() if given):
-            parts[name], at = flat[at : at + p, ...], at + p
+        at, parts = 0, dict[str, Array]()
+        for name, size in self.sizes.items():
+            parts[name], at = flat[at : at + size, ...], at + size
         if self.treats:
             shape = (self._game.roster.n_raters, len(self.providers), *flat.shape[1:])
-            parts["treatment"] = flat[at:, ...].reshape(shape)
+            parts["treatment"] = parts["treatment"].reshape(shape)
         return Decision(**parts)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Size of each part of an action that the coalition decides on, in the order of `Decision`."""
+        raters, providers = self._game.roster.n_raters, self._game.roster.n_providers
+        parts = {
+            "lie": providers * self.rates,
+            "quality": providers * bool(self.providers),
+            "silence": providers * self.silent,
+            "treatment": raters * len(self.providers) * self.treats,
+        }
+        return {name: size for name, size in parts.items() if size}
 
     @property
     def action_size(self) -> int:
         """Size of an action, see `decision`."""
-        raters, providers = self._game.roster.n_raters, self._game.roster.n_providers
-        each = self.rates + bool(self.providers) + self.silent
-        return providers * each + self.treats * raters * len(self.providers)
+        return sum(self.sizes.values())
 
     def actions(self, decision: Decision, memory: CoalitionMemory) -> Actions:
         """Return the actions of all agents that follow from a decision; those of other agents have no meaning.

@@ -24,10 +24,11 @@ from roletrust_agents.learned.deep_set import (
     DeepSetArchitecture,
 )
 from roletrust_env.game.accounts import ACCOUNT_FEATURES
-from roletrust_env.game.coalition import FEATURES
+from roletrust_env.game.coalition import FEATURES, Decision
 from roletrust_env.game.coalition_task import CoalitionTask
 
 _CLOCK = FEATURES.index("clock")
+_SILENCE, _TREATMENT = (Decision._fields.index(name) for name in ("silence", "treatment"))
 _NEAR_ZERO = 0.1  # scale of the last layer: the mean of an untrained network is near the truth
 
 
@@ -38,17 +39,23 @@ class Sight(NamedTuple):
         raters: Number of raters, S.
         providers: Number of providers, P.
         own: Indices of its own providers, n of them.
-        rates: Whether it rates, so that an action has a lie about each provider.
-        silent: Whether an action has silence about each provider.
-        treats: Whether an action has the treatment of each rater by each own provider.
+        sizes: Kind of each decision, by its place in `Decision`, and the size of this part of an action, in its order.
     """
 
     raters: int
     providers: int
     own: tuple[int, ...]
-    rates: bool
-    silent: bool
-    treats: bool
+    sizes: tuple[tuple[int, int], ...]
+
+    @property
+    def treats(self) -> bool:
+        """Whether an action has the treatment of each rater by each own provider."""
+        return any(kind == _TREATMENT for kind, _ in self.sizes)
+
+    @property
+    def wide(self) -> bool:
+        """Whether an action has silence about each provider, or treatment."""
+        return any(kind >= _SILENCE for kind, _ in self.sizes)
 
     def features(self, observations: torch.Tensor) -> torch.Tensor:
         """Return the features of providers, (B, F, P), in observations, (B, F P) or longer."""
@@ -60,17 +67,6 @@ class Sight(NamedTuple):
         later = observations[:, len(FEATURES) * self.providers :]
         grid = later.reshape(len(later), len(ACCOUNT_FEATURES), self.raters, len(self.own))
         return grid.permute(0, 2, 3, 1)
-
-    @property
-    def sizes(self) -> list[tuple[int, int]]:
-        """Number of each kind of decision, and the size of this part of an action, in its order."""
-        parts = (
-            (self.rates, self.providers),
-            (bool(self.own), self.providers),
-            (self.silent, self.providers),
-            (self.treats, self.raters * len(self.own)),
-        )
-        return [(kind, size) for kind, (there, size) in enumerate(parts) if there]
 
 
 class ProviderLayers(nn.Module):
@@ -130,8 +126,7 @@ class Actor(nn.Module):
         self.layer2, self.skip = nn.Linear(units, 3), nn.Linear(len(FEATURES), 3, bias=False)
         for layer in (self.layer2, self.skip):
             _initialise(layer, _NEAR_ZERO / GAIN)
-        self.wide = sight.silent or sight.treats
-        if self.wide:
+        if sight.wide:
             self.silence, self.silence_skip = nn.Linear(units, 1), nn.Linear(len(FEATURES), 1, bias=False)
             for layer in (self.silence, self.silence_skip):
                 _initialise(layer, _NEAR_ZERO / GAIN)
@@ -144,7 +139,7 @@ class Actor(nn.Module):
         units, seen = self.body(features), features.transpose(1, 2)
         lie, quality, gate = torch.tanh(GAIN * (self.layer2(units) + self.skip(seen))).unbind(-1)
         parts = [lie * (0.5 + 0.5 * gate), quality]
-        if self.wide:
+        if self.sight.wide:
             parts.append(torch.tanh(GAIN * (self.silence(units) + self.silence_skip(seen)))[..., 0])
         if self.sight.treats:
             treatment = self.treatment(self.sight.accounts(observations), seen[:, list(self.sight.own)])
@@ -240,9 +235,7 @@ def policy_arguments(task: CoalitionTask, units: int, critic_units: int, log_std
             roster.n_raters,
             roster.n_providers,
             tuple(coalition.providers),
-            coalition.rates,
-            coalition.silent,
-            coalition.treats,
+            tuple((Decision._fields.index(name), size) for name, size in coalition.sizes.items()),
         ),
         "units": units,
         "critic_units": critic_units,
@@ -284,7 +277,7 @@ def _tensors(policy: CoalitionPolicy) -> Iterator[tuple[str, torch.Tensor]]:
     yield "layer2.weight", actor.layer2.weight
     yield "layer2.skip", actor.skip.weight
     yield "layer2.bias", actor.layer2.bias
-    if actor.wide:
+    if actor.sight.wide:
         yield "silence.weight", actor.silence.weight
         yield "silence.skip", actor.silence_skip.weight
         yield "silence.bias", actor.silence.bias
