@@ -49,8 +49,8 @@ class Options(NamedTuple):
         *("wary-role-trust", "beta", "role-trust", "qor", "subjective-logic", "iterative-filtering"),
     )
     method: tuple[str, ...] = (
-        *(SCRIPTS, "random search", "agreed CMA-ES", "evolution", "evolution strategy", "gradients", "PPO"),
-        "coalition PPO",
+        *(SCRIPTS, "random search", "agreed CMA-ES", "PPO"),
+        *(f"{name}:wide=false" for name in ("evolution", "evolution strategy", "gradients", "coalition PPO")),
     )
     budget: tuple[int, ...] = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
     suite: str = "two-worlds"
@@ -61,9 +61,22 @@ class Options(NamedTuple):
     runs: int = 3
 
 
+_NARROW = ("evolution:wide=false", "evolution strategy:wide=false")
 _FOUR = ("wary-role-trust", "beta", "role-trust", "qor")
-_FIVE_RUNS = Options(_FOUR, (SCRIPTS, "agreed CMA-ES", "evolution", "evolution strategy"), budget=(2_000_000,), runs=5)
-_PPO = Options((*_FOUR, "median"), ("evolution", "coalition PPO", "coalition PPO:start=random"), (100_000,), runs=5)
+_FIVE_RUNS = Options(_FOUR, (SCRIPTS, "agreed CMA-ES", *_NARROW), budget=(2_000_000,), runs=5)
+_PPO = Options(
+    (*_FOUR, "median"),
+    (_NARROW[0], "coalition PPO:wide=false", "coalition PPO:start=random,wide=false"),
+    (100_000,),
+    runs=5,
+)
+_STANDARD = Options(
+    ("first-hand", "own-experience", "travos", "subjective-logic", "fire", "peer-trust"),
+    (SCRIPTS, "evolution strategy"),
+    (75_000, 150_000, 300_000, 600_000),
+    *("standard", "drawn-5", "identities"),
+    runs=2,
+)
 _FILES = {"budget.png": "budget.png", "budget.md": "budget.md", "budget.csv": "budget.csv", "runs.json": "budget.json"}
 RECIPES = {
     "budget": Recipe(Options(), {name: f"attackers/{place}" for name, place in _FILES.items()}),
@@ -72,6 +85,7 @@ RECIPES = {
     "market-raters": Recipe(
         _FIVE_RUNS._replace(scenario="market", track="raters"), {"budget.md": "attackers/market-raters.md"}
     ),
+    "standard": Recipe(_STANDARD, {name: f"attackers/standard-{place}" for name, place in _FILES.items()}),
     "ppo": Recipe(_PPO._replace(track="raters", share=0.5), {"budget.md": "attackers/ppo.md"}),
 }
 

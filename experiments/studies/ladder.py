@@ -134,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         kinds = parse_kinds(list(asked.attack), rules) if asked.attack else None
         Scripts.of(exact_task(task), kinds)  # an attack that does not fit is refused before the games
         scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)]
-        searches = [HonestPlay(), *scripted, Universal(), EvolutionSearch(), Planner()]
+        searches = [HonestPlay(), *scripted, Universal(wide=False), EvolutionSearch(wide=False), Planner()]
         seeds = range(seed, seed + asked.runs)
         trained = [learned_methods(path, seeds, "learned") for path in asked.learned]
         ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(asked.runs)]

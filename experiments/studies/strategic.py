@@ -38,7 +38,7 @@ class Options(NamedTuple):
 
     Attributes:
         model: Specs of the trust models.
-        scenario: Names of scenarios of the suite of leaderboard, `standard`.
+        scenario: Names of scenarios of the suite `four-worlds`.
         cost: Costs of a service of quality 1, see `Rewards.quality_cost`.
         runs: Number of runs side by side, with other random numbers and other learners.
         steps: Number of steps of the learners.
@@ -94,7 +94,7 @@ class Point(NamedTuple):
 
     def game(self) -> Game:
         """Return the game, in single precision."""
-        scenario = scenario_of("standard", self.scenario)
+        scenario = scenario_of("four-worlds", self.scenario)
         rewards = {**scenario.rewards.model_dump(), "quality_cost": self.cost}
         scenario = scenario.change(max_cycles=_ROUNDS, rewards=rewards)
         return Game(scenario, parse_trust_model(self.model, scenario), like=np.zeros((), np.float32))

@@ -137,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def coalitions(models: Sequence[str]) -> list[Coalition]:
     """Return the rows: a coalition for each trust model, and the universal coalitions that come with the project."""
     rows = [Coalition(model, (model,)) for model in models]
-    for name in universal_coalitions():
+    for name in universal_coalitions(wide=False):
         card = load_attacker(name).card
         known = (card.trust_model, *card.further_models)
         rows.append(Coalition(name, tuple(dict.fromkeys(model.name for model in known)), universal=True))
@@ -161,7 +161,7 @@ def play_row(condition: Condition, row: Coalition, seed: int, models: Sequence[s
     if row.universal:
         found = SearchResult(CoalitionAttacker(universal_coalitions()[row.name]), 0, row.name)
     else:
-        found = EvolutionSearch(start="random").search(condition.arguments(row.name), Budget(budget), seed)
+        found = EvolutionSearch(start="random", wide=False).search(condition.arguments(row.name), Budget(budget), seed)
     utility = {model: condition.utility(model, found.attacker, seed, games) for model in models}
     return {"attack": found.description, "utility": utility}
 

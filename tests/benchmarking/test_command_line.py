@@ -37,7 +37,7 @@ def test_a_suite_of_the_project_is_given_by_its_name(suite, fields):
 
 
 def test_known_attacks_are_a_file():
-    known = [KnownAttack(name="mine", scenario="crowd", track="raters", share=0.4, record="{}")]
+    known = [KnownAttack(name="mine", scenario="drawn-1", track="raters", share=0.3, record="{}")]
     command = reproduction_command(with_known(load_suite("standard"), known), FILE)
     assert command == "roletrust benchmark --suite standard --known known.json --out 'results/my run'"
 

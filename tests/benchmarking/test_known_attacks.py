@@ -98,7 +98,7 @@ def test_two_runs_may_find_attacks_of_the_same_name(found: KnownAttacks) -> None
 
 def test_evolution_starts_from_known_coalitions() -> None:
     tracks = {"raters": {"roles": ["SR"], "shares": [0.5]}}
-    suite = tiny(models=["median"], methods=["evolution"], budget=20_000, tracks=tracks)
+    suite = tiny(models=["median"], methods=["evolution:wide=false"], budget=20_000, tracks=tracks)
     (cell,) = suite.cells()
     (first,) = play_cell(suite, cell).rows
     place = {"scenario": cell.scenario, "track": cell.track, "share": cell.share}
@@ -117,7 +117,7 @@ def test_evolution_starts_from_known_coalitions() -> None:
 def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
     tracks = {"all": {"roles": ["SR", "SP"], "shares": [0.3], "reserve": 1}}
     place = {"scenario": "market", "track": "all", "share": 0.3}
-    networks = list(universal_coalitions().values())[:3]
+    networks = list(universal_coalitions(wide=False).values())[:3]
     wide = DeepSetArchitecture(units=5)  # other networks cannot play beside it
     networks.insert(1, DeepSet.unflatten(wide, random_weights(wide, np.random.default_rng(0))))
     known = [KnownAttack(name=f"{k}", record=record_of(CoalitionAttacker(w)), **place) for k, w in enumerate(networks)]

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.training.adam_training import EvolutionStrategy
-from roletrust_agents.training.coalition_training import CoalitionTraining
+from roletrust_agents.training.coalition_training import CoalitionTraining, start_games
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.settings import (
@@ -42,7 +42,7 @@ class CoalitionSearch(ABC):
 
     start: Start = "universal"
     known: tuple[str, ...] = ()
-    wide: bool = False
+    wide: bool = True
     name: str = "coalition"
 
     _training: ClassVar[type[CoalitionTraining[Any]]]
@@ -62,14 +62,15 @@ class CoalitionSearch(ABC):
         if is_certain(arguments):
             settings = settings.model_copy(update={"games": 1, "validation": 1})
         length = task.game.scenario.max_cycles
-        needed = (2 * _STEPS * (settings.step_games + settings.validation) + _LOOK) * length
+        known = known_starts(self.start, self.known, wide=self.wide)
+        first = start_games(settings, len(known)) if self.wide else 0
+        needed = (first + 2 * _STEPS * (settings.step_games + settings.validation) + _LOOK) * length
         if budget.left < needed:
             raise UnsuitableError(
                 f"the budget of {budget.rounds} rounds is too small for {self.name}; give {needed} or more"
             )
         budget.spend(_LOOK * length)
         limit, spent, progress = budget.left, 0, list[tuple[int, float]]()
-        known = known_starts(self.start, self.known, wide=self.wide)
         training = self._training([task], settings, seed, limit, known)
         for judged in chain([True], training.within(limit)):  # a known network is judged before the first step
             if judged and training.best is not None:

@@ -168,7 +168,7 @@ class CoalitionPpo:
     """
 
     start: Start = "universal"
-    wide: bool = False
+    wide: bool = True
     learning_rate: float | None = None
     gamma: float = 0.95
     gae_lambda: float = 0.95

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
-from roletrust_agents.training.settings import CoalitionSettingsT
+from roletrust_agents.training.settings import CoalitionSettings, CoalitionSettingsT
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import GameMean, over_games
@@ -27,6 +27,16 @@ _LEADING, _WIDE_GAMES = 16, 16  # starts of wide networks that are tried again, 
 _KNOWN = 4  # known networks that are validated at the beginning, as far as a tenth of the rounds allows
 _TASKS_AT_ONCE = 2
 _CELLS = 400_000  # limit on the ratings of a round in one batch
+
+
+def start_games(settings: CoalitionSettings, known: int) -> int:
+    """Return the largest number of games of the start of a wide network where the budget is small.
+
+    Args:
+        settings: Settings.
+        known: Number of known networks.
+    """
+    return known * min(_START_GAMES, settings.validation) + 2 * settings.validation
 
 
 class Validated(NamedTuple):

@@ -90,7 +90,7 @@ class CoalitionSettings(BaseModel, ABC):
     """Number of games of a step, of evolution for each candidate."""
     units: Annotated[int, Field(ge=1, le=256)] = UNITS
     """Number of units of each layer of the network."""
-    wide: bool = False
+    wide: bool = True
     """Whether the network also decides on silence, and on the treatment of each rater."""
     start: Start = "universal"
     """Networks to start from: the universal coalitions, or those of them that serve all raters alike, and random

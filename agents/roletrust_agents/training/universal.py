@@ -23,7 +23,7 @@ _PLACE = 0  # of the games in which ready coalitions are tried
 
 
 @cache
-def universal_coalitions(*, wide: bool = False) -> dict[str, DeepSet]:
+def universal_coalitions(*, wide: bool = True) -> dict[str, DeepSet]:
     """Return the universal coalitions that come with the project, by name.
 
     Args:
@@ -52,7 +52,7 @@ def starts_of(named: Mapping[str, DeepSet], *, wide: bool) -> dict[str, DeepSet]
     return {f"{name}, start {k}": one for name, network in named.items() for k, one in enumerate(widened(network))}
 
 
-def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = False) -> list[Floats]:
+def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = True) -> list[Floats]:
     """Return the weights of the known networks from which a training may start, shape (n,) each.
 
     Args:
@@ -85,7 +85,7 @@ class Universal:
         name: Name in tables.
     """
 
-    wide: bool = False
+    wide: bool = True
     name: str = "universal"
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:

@@ -52,7 +52,7 @@ class Options(NamedTuple):
     defence: tuple[str, ...] = ("leave-one-out", "first-hand", "network")
     model: tuple[str, ...] = ("role-trust", "wary-role-trust", "leave-one-out", "iterative-filtering")
     beside: tuple[str, ...] = ("travos", "own-experience", "first-hand")
-    suite: str = "standard"
+    suite: str = "four-worlds"
     front: tuple[str, ...] = ("crowd/raters/0.4", "crowd/coalition/0.2", "market/raters/0.2", "market/coalition/0.2")
     world: tuple[str, ...] = ("diverse/raters/0.2", "diverse/coalition/0.1", "large/raters/0.2", "large/coalition/0.1")
     iterations: int = 3
@@ -260,8 +260,8 @@ def respond_by_attack(
     many = {model: share for model, share in shares.items() if share >= _LEAST}
     tasks = [make_task(**arguments[model]) for model in many]
     weights = np.array(list(many.values()))
-    starts = known_starts("universal", [one.record for one in known])
-    training = EvolutionStrategy(tasks, StrategySettings(), seed, budget, starts, (weights / weights.sum()).tolist())
+    starts = known_starts("universal", [one.record for one in known], wide=False)
+    training = EvolutionStrategy(tasks, StrategySettings(wide=False), seed, budget, starts, (weights / weights.sum()).tolist())
     needed = training.rounds + training.most_rounds
     if needed > budget:
         raise ValueError(

@@ -139,15 +139,15 @@ def test_a_policy_begins_as_a_network_that_also_calls_identities():
 
 def test_a_search_begins_with_a_universal_coalition():
     """Its games are paid for, and a learning rate of almost 0 keeps it."""
-    ready = universal_coalitions()
+    ready = universal_coalitions(wide=False)
     least = 40 * ROUNDS + len(ready) * 16 * ROUNDS
-    still = CoalitionPpo(learning_rate=1e-12, n_epochs=1)
+    still = CoalitionPpo(learning_rate=1e-12, n_epochs=1, wide=False)
     ready_weights = [network.flatten() for network in ready.values()]
     result = still.search(arguments(), Budget(least + 5 * ROUNDS), 0)
     assert result.rounds > len(ready) * 16 * ROUNDS + 30 * ROUNDS
     weights = result.attacker.network.flatten()
     assert min(np.abs(weights - ready_one).max() for ready_one in ready_weights) < 1e-6
-    harmful = CoalitionPpo(learning_rate=0.3, n_epochs=1).search(arguments(), Budget(least + 5 * ROUNDS), 0)
+    harmful = CoalitionPpo(learning_rate=0.3, n_epochs=1, wide=False).search(arguments(), Budget(least + 5 * ROUNDS), 0)
     kept = harmful.attacker.network.flatten()
     assert any((kept == ready_one).all() for ready_one in ready_weights), "a training ends below its start"
     with pytest.raises(UnsuitableError, match=f"give {least} or more"):

@@ -14,7 +14,7 @@ from roletrust_agents.training.universal import Universal, known_starts, univers
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
 
-SMALL = EvolutionSettings(population=6, games=2, units=4, candidates=3, validation=4, validate_every=2, starts=1)
+SMALL = EvolutionSettings(population=6, games=2, units=4, candidates=3, validation=4, validate_every=2, starts=1, wide=False)
 RACE = SMALL.model_copy(update={"candidates": 8, "starts": 4})
 
 
@@ -117,8 +117,8 @@ def test_where_nothing_is_left_to_chance_one_game_each_is_enough():
     certain = {"scenario": "paper-3x3", "max_cycles": 40, "noise": 0.0, "perturbations": []}
     arguments = {**certain, "compromised": ["sp_2"], "objective": "exploit"}
     with pytest.raises(UnsuitableError, match="give 2800 "):  # 4 x (16 candidates + 1 validation) + 2 games
-        EvolutionSearch(population=16).search(arguments, Budget(2799), 0)
-    found = find(EvolutionSearch(start="random", population=16), arguments, budget=32_000, seed=0, games=2)
+        EvolutionSearch(population=16, wide=False).search(arguments, Budget(2799), 0)
+    found = find(EvolutionSearch(start="random", population=16, wide=False), arguments, budget=32_000, seed=0, games=2)
     assert "in 45 steps" in found.description
     assert found.scores[0] > 0.2  # on and off in cycles; quality 0 all the time is worth 0.03
 
@@ -131,16 +131,17 @@ def test_too_small_a_budget_is_refused_with_one_that_is_enough():
 
 
 def test_the_universal_coalitions_come_with_the_project():
-    ready = universal_coalitions()
+    ready = universal_coalitions(wide=False)
     in_the_crowd = {f"universal-{name}" for name in ("raters", "providers", "coalition", "identities")}
     in_the_market = {f"universal-{name}-market" for name in ("raters", "coalition", "identities")}
     assert set(ready) == in_the_crowd | in_the_market
     assert all(network.architecture == DeepSetArchitecture() for network in ready.values())
     treating = {f"universal-{name}-treatment" for name in ("providers", "coalition", "identities")}
-    assert set(universal_coalitions(wide=True)) == set(ready) | treating
-    assert len(known_starts("alike", wide=True)) == 5 * len(ready) == len(known_starts("universal", wide=True)) - 3
-    result = Universal().search({**TASK, "trust_model": "beta"}, Budget(10_000), 0)
-    assert result.rounds == 7 * 16 * 10
-    assert result.description.split(",")[0] in ready
-    with pytest.raises(UnsuitableError, match="give 1120"):
-        Universal().search({**TASK, "trust_model": "beta"}, Budget(1119), 0)
+    assert set(universal_coalitions()) == set(ready) | treating
+    assert len(known_starts("alike")) == 5 * len(ready) == len(known_starts("universal")) - 3
+    for found, many in ((Universal(wide=False), 7), (Universal(), 10)):
+        result = found.search({**TASK, "trust_model": "beta"}, Budget(10_000), 0)
+        assert result.rounds == many * 16 * 10
+        assert result.description.split(",")[0] in set(ready) | treating
+        with pytest.raises(UnsuitableError, match=f"give {many * 160}"):
+            found.search({**TASK, "trust_model": "beta"}, Budget(many * 160 - 1), 0)

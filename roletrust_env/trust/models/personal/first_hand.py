@@ -71,11 +71,11 @@ class FirstHand(Personal):
     keep: Share = 1.0
     prior: Ridge = 0.2
     own: Ridge = 5.0
-    power: Power = 6.0
+    power: Power = 8.0
     doubt: Share = 0.8
     limit: Share = 0.3
-    repeats: Weighting = 0.0
-    patience: Weighting = 0.0
+    repeats: Weighting = 4.0
+    patience: Weighting = 8.0
     rates_raters = True
     cost = "S^2 P"
 
