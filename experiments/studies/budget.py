@@ -50,7 +50,7 @@ class Options(NamedTuple):
     )
     method: tuple[str, ...] = (
         *(SCRIPTS, "random search", "agreed CMA-ES", "PPO"),
-        *(f"{name}:wide=false" for name in ("evolution", "evolution strategy", "gradients", "coalition PPO")),
+        *("evolution:wide=false", "evolution strategy:wide=false", "gradients:wide=false", "coalition PPO:wide=false"),
     )
     budget: tuple[int, ...] = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
     suite: str = "two-worlds"

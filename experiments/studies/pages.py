@@ -2,7 +2,7 @@
 
 Each recipe is a list of commands and of the files that they publish. Recipes on logs of real ratings take a folder of
 them, `--logs`, since they are not in the repository. A training whose folder is there is not repeated without
-`--force`. Minutes each; `attackers`, `known-attacks` and `universal` take half an hour to an hour on two cores.
+`--force`. Minutes each; `attackers` and `universal` take half an hour to an hour on two cores.
 """
 
 import shlex
@@ -26,7 +26,6 @@ class Options(NamedTuple):
 ZOO = "../agents/roletrust_agents/zoo"
 """Folder of the attackers that come with the project, from `docs/`."""
 
-_KNOWN = "roletrust_env/benchmarking/suites/standard-known.json"
 _CERTAIN = "--set max_cycles=200 --set noise=0 --set perturbations=[]"
 _OTHERS = [
     "wary-role-trust",
@@ -109,10 +108,6 @@ COMMANDS = {
     "defence-logs": [
         f"rate {{logs}} --compare --model leave-one-out --model {{learned}} {_LEARNED} {_BESIDE_OTHERS} --out {{out}}"
     ],
-    "known-attacks": [
-        "benchmark --suite {suites}/known-attacks.toml --known {known} --out {out}",
-        "submit {out}/results.sqlite --attacks --out {out}/known.json",
-    ],
     "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
     "universal": [
         f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}]"
@@ -154,7 +149,6 @@ FILES = {
     "real": {f"comparison.{kind}": f"real/real.{kind}" for kind in ("md", "csv")},
     "leave-one-out-logs": {f"{days}/comparison.csv": f"leave-one-out-{days}.csv" for days in (30, 7)},
     "defence-logs": {"comparison.csv": "defence/logs.csv"},
-    "known-attacks": {},
     "colluders": {},
     "universal": _attackers(list(UNIVERSAL), "universal-"),
     "treatment": _attackers([f"{name}-treatment" for name in TREATMENT], "universal-"),
@@ -169,7 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if study.again:
             shutil.rmtree(study.out, ignore_errors=True)
         learned = DOCS / "defence" / "leave-one-out.txt"
-        places = {"out": study.out, "suites": SUITES, "logs": study.options.logs, "known": _KNOWN}
+        places = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
         for line in COMMANDS[study.recipe]:
             if "{learned}" in line:
                 places["learned"] = learned.read_text(encoding="utf-8").strip()

@@ -71,7 +71,9 @@ class Front(Condition):
             seed: Random seed.
             games: Number of games for each attack and model.
         """
-        ready = [self.known(name, CoalitionAttacker(network)) for name, network in universal_coalitions(wide=False).items()]
+        ready = [
+            self.known(name, CoalitionAttacker(network)) for name, network in universal_coalitions(wide=False).items()
+        ]
         scripts, found = self._scripts(), dict[str, KnownAttack]()
         for model in models:
             task, worth = exact_task(self.arguments(model)), dict[str, float]()

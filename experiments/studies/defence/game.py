@@ -261,7 +261,9 @@ def respond_by_attack(
     tasks = [make_task(**arguments[model]) for model in many]
     weights = np.array(list(many.values()))
     starts = known_starts("universal", [one.record for one in known], wide=False)
-    training = EvolutionStrategy(tasks, StrategySettings(wide=False), seed, budget, starts, (weights / weights.sum()).tolist())
+    training = EvolutionStrategy(
+        tasks, StrategySettings(wide=False), seed, budget, starts, (weights / weights.sum()).tolist()
+    )
     needed = training.rounds + training.most_rounds
     if needed > budget:
         raise ValueError(

@@ -14,7 +14,9 @@ from roletrust_agents.training.universal import Universal, known_starts, univers
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
 
-SMALL = EvolutionSettings(population=6, games=2, units=4, candidates=3, validation=4, validate_every=2, starts=1, wide=False)
+SMALL = EvolutionSettings(
+    population=6, games=2, units=4, candidates=3, validation=4, validate_every=2, starts=1, wide=False
+)
 RACE = SMALL.model_copy(update={"candidates": 8, "starts": 4})
 
 

@@ -1,0 +1,126 @@
+"""The known attacks of the suite `standard`: what longer searches find on each trust model, and what is kept of it.
+
+All attacks that are found in a condition play against all models. A greedy choice keeps those that together leave the
+models the least, the first half among attacks that serve all raters alike. In scenarios without searches the first
+attacks of each condition with the same roles are the candidates. Two to three hours on two cores.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.benchmarking import benchmark
+from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks
+from roletrust_env.benchmarking.suite import Stage, Suite
+from roletrust_env.benchmarking.worst_case import AttackScores
+from roletrust_env.storage.files import write_text
+from studies.condition import suite_of
+from studies.study import Recipe, Study
+
+
+class Options(NamedTuple):
+    """Searches and the choice.
+
+    Attributes:
+        suite: Suite that gets the attacks.
+        searches: Suite that searches them, with another seed.
+        many: Number of attacks that are kept in a condition.
+        few: The same in a scenario without searches.
+        games: Number of games that choose, and as many again.
+    """
+
+    suite: str = "standard"
+    searches: str = "known-attacks"
+    many: int = 10
+    few: int = 8
+    games: int = 16
+
+
+RECIPES = {"known": Recipe(Options())}
+_SEED = 5  # of the games that choose; no suite has it
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Search, compare, choose, and write the file."""
+    with Study(__name__, RECIPES, arguments) as study:
+        asked, workers = study.options, study.workers if study.workers > 1 else 0
+        suite, searches = suite_of(asked.suite), suite_of(asked.searches)
+
+        def kept(candidates: Sequence[KnownAttack], name: str, many: int) -> Iterator[KnownAttack]:
+            matrix = _matrix(suite, searches, candidates, asked.games)
+            board = benchmark(None, matrix, workers=workers, out=study.out / name, force=study.again)
+            for condition in dict.fromkeys(one.condition for one in candidates):
+                names = choice([one for one in board.attacks if tuple(one.condition) == condition], many)
+                yield from (one for one in candidates if one.condition == condition and one.name in names)
+
+        found = benchmark(None, searches, workers=workers, out=study.out / "searches", force=study.again)
+        candidates = [
+            KnownAttack(
+                name=f"{cell.method} against {cell.model}",
+                record=row.record,
+                scenario=cell.scenario,
+                track=cell.track,
+                share=cell.share,
+            )
+            for cell, result, *_ in found.cells
+            for row in result.rows
+            if row.record
+        ]
+        chosen = list(kept(candidates, "matrix", asked.many))
+        if others := list(_elsewhere(suite, searches, chosen)):
+            chosen += kept(others, "elsewhere", asked.few)
+        write_text(study.out / "known.json", KnownAttacks(attacks=tuple(chosen)).model_dump_json(indent=1))
+
+
+def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
+    """Return the names of the attacks that together leave the models the least.
+
+    Args:
+        scores: Scores of all attacks in a condition.
+        many: Number of attacks.
+    """
+    treats: dict[str, bool] = {}
+    for one in scores:
+        treats[one.attack] = treats.get(one.attack, False) or one.treats
+    names, models = list(treats), sorted({one.model for one in scores})
+    left: npt.NDArray[np.float64] = np.ones((len(names), len(models)))
+    for one in scores:
+        left[names.index(one.attack), models.index(one.model)] = np.nanmean([one.chosen, one.score])
+    worst, chosen = np.full(len(models), np.inf), list[int]()
+    while len(chosen) < min(many, len(names)):
+        rest = [k for k in range(len(names)) if k not in chosen]
+        alike = [k for k in rest if not treats[names[k]]]
+        pool = alike if alike and len(chosen) < many // 2 else rest
+        chosen.append(min(pool, key=lambda k: float(np.minimum(worst, left[k]).sum())))
+        worst = np.minimum(worst, left[chosen[-1]])
+    return [names[k] for k in chosen]
+
+
+def _matrix(suite: Suite, searches: Suite, candidates: Sequence[KnownAttack], games: int) -> Suite:
+    """Return the suite in which all candidates play against all models."""
+    stages = dict[str, Stage]()
+    for name in dict.fromkeys(one.scenario for one in candidates):
+        places = dict.fromkeys((one.track, one.share) for one in candidates if one.scenario == name)
+        shares = {track: tuple(share for at, share in places if at == track) for track, _ in places}
+        stages[name] = suite.scenarios[name].model_copy(update={"methods": None, "shares": shares})
+    changes = {
+        **{"name": "matrix", "methods": ("known",), "budgets": {}, "known": tuple(candidates)},
+        **{"scenarios": stages, "tracks": searches.tracks, "games": games, "seeds": (_SEED,)},
+    }
+    return suite.model_copy(update=changes)
+
+
+def _elsewhere(suite: Suite, searches: Suite, chosen: Sequence[KnownAttack]) -> Iterator[KnownAttack]:
+    """Yield attacks for the conditions of the suite that have no searches: the first of each condition of the track."""
+    for scenario, track, share in suite.conditions:
+        if scenario not in searches.scenarios:
+            for at in dict.fromkeys(one.condition for one in chosen if one.track == track):
+                for one in [one for one in chosen if one.condition == at][:6]:
+                    place = {"scenario": scenario, "share": share, "name": f"{one.name}, of {one.scenario}"}
+                    yield one.model_copy(update=place)
+
+
+if __name__ == "__main__":
+    main()
