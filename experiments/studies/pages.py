@@ -163,7 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if study.again:
             shutil.rmtree(study.out, ignore_errors=True)
         learned = DOCS / "defence" / "leave-one-out.txt"
-        places = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
+        places: dict[str, str | Path] = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
         for line in COMMANDS[study.recipe]:
             if "{learned}" in line:
                 places["learned"] = learned.read_text(encoding="utf-8").strip()
