@@ -140,9 +140,11 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
         ValueError: No attack was played on all models in some condition, or in none an agent attacks.
     """
     groups: dict[Condition, dict[tuple[str, str], dict[str, AttackScores]]] = {}
+    games = 0  # of every attack; the worst ones of a model may have more
     for one in attacks:
         if one.condition.share and one.model in models:
             group = groups.setdefault(one.condition, {})
+            games = min(games or one.chosen.shape[1], one.chosen.shape[1])
             if one.method in SHARED:
                 group.setdefault((one.method, one.attack), {})[one.model] = one
     if not groups:
@@ -153,12 +155,12 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
             name: rows
             for (_, name), rows in group.items()
             if len(rows) == len(models)
-            and not any(np.isnan(one.chosen).any() or np.isnan(one.score).any() for one in rows.values())
+            and not any(np.isnan([one.chosen[:, :games], one.score[:, :games]]).any() for one in rows.values())
         }
         if not common:
             raise ValueError(f"no attack was played on all {len(models)} models in {condition.description}")
         chosen, measured = (
-            np.array([[np.ravel(getattr(rows[m], part)) for rows in common.values()] for m in models])
+            np.array([[np.ravel(getattr(rows[m], part)[:, :games]) for rows in common.values()] for m in models])
             for part in ("chosen", "score")
         )
         found.append(Payoffs(condition, tuple(common), chosen, measured))

@@ -60,6 +60,8 @@ def test_attacks_that_some_model_has_not_met_are_no_strategies() -> None:
         scores("a", "ring", "scripted", 0.1),
         scores("a", "nobody", "nobody", 1.0, Condition("market", "honest", 0.0)),
     ]
+    longer = np.pad(rows[0].chosen, ((0, 0), (0, 2)), constant_values=np.nan)  # the worst attack has further games
+    rows[0] = rows[0]._replace(chosen=longer, score=np.full((2, 5), 0.5))
     (found,) = payoffs(rows, ["a", "b"])
     assert (found.condition, found.attacks, found.chosen.shape) == (HERE, ("lies",), (2, 1, 6))
     with pytest.raises(ValueError, match="no attack was played on all 2 models in market, raters 30%"):
