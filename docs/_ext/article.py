@@ -25,6 +25,8 @@ from roletrust_env.storage.files import replacing, write_text
 FILES = {
     "leaderboard": "leaderboards/standard/leaderboard.csv",
     "conditions": "leaderboards/standard/conditions.csv",
+    "moved": "leaderboards/standard/moved.csv",
+    "worlds": "leaderboards/standard/worlds.csv",
     "transfer": "attackers/transfer.csv",
     "equilibrium": "equilibrium/equilibrium.csv",
     "parts": "leave-one-out.csv",
