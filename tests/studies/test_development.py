@@ -37,7 +37,7 @@ def test_the_page_agrees_with_the_leaderboard() -> None:
     section = page.partition("## In the suite standard")[2].partition("\n\nSome variants")[0]
     with (DOCS / "leaderboards" / "standard" / "leaderboard.csv").open(encoding="utf-8") as file:
         rows = {row["model"]: row for row in csv.DictReader(file)}
-    numbers = re.findall(r"0\.\d{3} ± 0\.\d{3}", " ".join(section.split()))
+    numbers = re.findall(r"-?0\.\d{3} ± 0\.\d{3}", " ".join(section.split()))
     selected = [rows[model] for model in ("wary-role-trust", "role-trust", "qor")]
     assert numbers == [
         f"{float(row[name]):.3f} ± {float(row[name + '_half_95']):.3f}"
