@@ -1,5 +1,6 @@
 """Suites as data, and their cells."""
 
+import hashlib
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -217,6 +218,12 @@ def test_the_known_attacks_of_the_project_are_read_as_they_stand():
     """No two of a condition have one record or name, so that joining changes neither their names nor their order."""
     attacks = read_known_attacks(Path(suite_files.__file__).parent / "suites" / "standard-known.json")
     assert load_suite("standard").known == attacks
+
+
+def test_the_suite_of_the_leaderboard_is_frozen():
+    """Version 1.0. Another digest is another suite, to be played and published anew."""
+    digest = hashlib.sha256(load_suite("standard").model_dump_json().encode()).hexdigest()
+    assert digest == "fae0ab6ffe2e6f1aec798da96a1b8e0953f819f65fa87ff58f0f42d2477b5331"
 
 
 class OwnSearch:
