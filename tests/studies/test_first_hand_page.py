@@ -47,11 +47,16 @@ def test_the_table_of_conditions_is_that_of_the_report() -> None:
     ]
 
 
-def test_it_is_alone_in_the_first_tier_and_not_by_its_published_trust() -> None:
-    assert [name for name, row in BOARD.items() if row["tier"] == "1"] == ["first-hand"]
-    best, second = (BOARD[name] for name in ("leave-one-out", "first-hand"))
-    gap = float(best["published"]) - float(second["published"])
-    assert gap > float(best["published_half_95"]) + float(second["published_half_95"])
+def test_what_the_page_says_of_the_parts_is_in_the_tables() -> None:
+    tiers = {name: int(row["tier"]) for name, row in BOARD.items()}
+    parts = ("repeats=4", "patience=8", "repeats=4,patience=8")
+    assert {tiers[name] for name in ("first-hand", *(f"first-hand:{part}" for part in parts))} == {1}
+    assert 1 < tiers["own-experience"] < tiers["first-hand:power=0"]
+    worst, clean = ({name: float(row[which]) for name, row in BOARD.items()} for which in ("worst", "clean"))
+    assert worst["first-hand"] > max(worst[f"first-hand:{part}"] for part in (*parts, "power=6"))
+    assert clean["first-hand"] < clean["first-hand:power=6"]
+    lost = {name: float(row["alike"]) - float(row["worst"]) for name, row in BOARD.items()}
+    assert max(lost[f"first-hand:{part}"] for part in parts) < lost["first-hand"]
 
 
 def test_its_number_in_the_leaderboard_stands_beside_those_of_others() -> None:

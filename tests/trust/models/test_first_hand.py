@@ -9,7 +9,7 @@ from judged import SHAPES, Matrix, Published, assert_follows, assert_gradients_a
 from roletrust_env.trust import make_trust_model
 
 PRIOR, POWER, DOUBT, INITIAL = 0.2, 8.0, 0.8, 0.5
-PLAIN = {"repeats": 0.0, "patience": 0.0}
+WARY = {"repeats": 4.0, "patience": 8.0}
 
 
 class Slow:
@@ -22,8 +22,8 @@ class Slow:
         keep: float = 1.0,
         own: float = 5.0,
         limit: float = 0.3,
-        repeats: float = 4.0,
-        patience: float = 8.0,
+        repeats: float = 0.0,
+        patience: float = 0.0,
     ) -> None:
         self.raters, self.providers = range(raters), range(providers)
         self.keep, self.own, self.limit, self.repeats, self.patience = keep, own, limit, repeats, patience
@@ -117,7 +117,7 @@ def test_judges_that_were_cheated_warn_one_that_was_not_yet() -> None:
     """A provider serves each of four judges well once, and cheats it from then on; the last one has not come back."""
     honest = [0.6, 0.8, 0.3, 0.7]
     rounds = [[[0.9, *honest]] * 4, *[[*[[0.0, *honest]] * 3, [None, *honest]]] * 2]
-    plain, wary = (judged(make_trust_model("first-hand", **extra), *rounds)[:, 0] for extra in (PLAIN, {}))
+    plain, wary = (judged(make_trust_model("first-hand", **extra), *rounds)[:, 0] for extra in ({}, WARY))
     assert plain[3] > 0.65
     assert wary[3] < 0.2
     assert (wary[:3] < plain[:3]).all()

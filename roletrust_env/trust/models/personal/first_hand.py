@@ -74,8 +74,8 @@ class FirstHand(Personal):
     power: Power = 8.0
     doubt: Share = 0.8
     limit: Share = 0.3
-    repeats: Weighting = 4.0
-    patience: Weighting = 8.0
+    repeats: Weighting = 0.0
+    patience: Weighting = 0.0
     rates_raters = True
     cost = "S^2 P"
 
