@@ -204,7 +204,7 @@ def test_what_it_refuses(changes, message):
 
 @pytest.mark.slow
 def test_it_learns_within_few_games():
-    found = CoalitionPpo(start="random", n_epochs=4).search(arguments(), Budget(600), 0).attacker
+    found = CoalitionPpo(start="random", n_epochs=4, wide=False).search(arguments(), Budget(600), 0).attacker
     untrained = CoalitionAttacker(deep_set_of(model_of()[0].policy))
     task = make_task(**arguments())
     after, before = (mean_rewards(task, who, 9, (1, 50), SEARCHED)[0].mean() for who in (found, untrained))
