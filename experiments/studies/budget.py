@@ -74,7 +74,9 @@ _STANDARD = Options(
     ("first-hand", "own-experience", "travos", "subjective-logic", "fire", "peer-trust"),
     (SCRIPTS, "evolution strategy"),
     (75_000, 150_000, 300_000, 600_000),
-    *("standard", "drawn-5", "identities"),
+    suite="standard",
+    scenario="drawn-5",
+    track="identities",
     runs=2,
 )
 _FILES = {"budget.png": "budget.png", "budget.md": "budget.md", "budget.csv": "budget.csv", "runs.json": "budget.json"}

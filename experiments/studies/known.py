@@ -15,7 +15,6 @@ from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks
 from roletrust_env.benchmarking.suite import Stage, Suite
 from roletrust_env.benchmarking.worst_case import AttackScores
-from roletrust_env.storage.files import write_text
 from studies.condition import suite_of
 from studies.study import Recipe, Study
 
@@ -71,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         chosen = list(kept(candidates, "matrix", asked.many))
         if others := list(_elsewhere(suite, searches, chosen)):
             chosen += kept(others, "elsewhere", asked.few)
-        write_text(study.out / "known.json", KnownAttacks(attacks=tuple(chosen)).model_dump_json(indent=1))
+        study.text("known.json", KnownAttacks(attacks=tuple(chosen)).model_dump_json(indent=1))
 
 
 def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
@@ -106,8 +105,14 @@ def _matrix(suite: Suite, searches: Suite, candidates: Sequence[KnownAttack], ga
         shares = {track: tuple(share for at, share in places if at == track) for track, _ in places}
         stages[name] = suite.scenarios[name].model_copy(update={"methods": None, "shares": shares})
     changes = {
-        **{"name": "matrix", "methods": ("known",), "budgets": {}, "known": tuple(candidates)},
-        **{"scenarios": stages, "tracks": searches.tracks, "games": games, "seeds": (_SEED,)},
+        "name": "matrix",
+        "methods": ("known",),
+        "budgets": {},
+        "known": tuple(candidates),
+        "scenarios": stages,
+        "tracks": searches.tracks,
+        "games": games,
+        "seeds": (_SEED,),
     }
     return suite.model_copy(update=changes)
 

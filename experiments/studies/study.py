@@ -160,12 +160,16 @@ class Study(Generic[Options]):
         write_figure(self.out / name, figure, colours)
         self._written.append(name)
 
+    def text(self, name: str, text: str) -> None:
+        """Write a text."""
+        write_text(self.out / name, text)
+        self._written.append(name)
+
     def page(self, name: str, *parts: str) -> None:
         """Write a page of Markdown from its parts, without the empty ones, and print it."""
         text = "\n\n".join(part for part in parts if part) + "\n"
-        write_text(self.out / name, text)
+        self.text(name, text)
         print(text)
-        self._written.append(name)
 
 
 def mean_of(values: Sequence[float | None]) -> Estimate:

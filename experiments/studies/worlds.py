@@ -2,7 +2,7 @@
 
 The things are the number of agents, the rounds of a game, the share of ratings that arrive, the noise of raters, and
 the share of attackers. Worst cases are those of the benchmark, without searches, so that the same attackers play in all
-worlds. Some four minutes of a core.
+worlds. Some ten minutes of a core.
 """
 
 from collections import Counter
