@@ -1,19 +1,25 @@
 """Trust from a stream of ratings, which can be saved and continued."""
 
 import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import date
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.data.rounds import check_rounds, round_numbers, spans
-from roletrust_env.data.units import check_scale, date_seconds, unit_ratings
+from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
+from roletrust_env.data.units import check_scale, date_seconds, has_zone, text_seconds, unit_ratings
 from roletrust_env.storage.arrays import load_arrays, save_arrays
+from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 from roletrust_env.trust.run import edge_model, make_run, staying
 
-_FORMAT = 2
+_FORMAT = 3
+_KEPT = "_start", "_latest", "_begun", "n_late", "n_ahead", "n_repeated"  # attributes that a file has
 
 Names: TypeAlias = npt.NDArray[Any]
 """Names as whole numbers, of type int64, or as texts, of type object."""
@@ -27,9 +33,17 @@ class TrustStream:
 
     Without `every` and `count`, each call of `update` is a round. With `every`, rounds have that length, from the
     earliest time on. The ratings of a round count, and its newcomers join, once a later rating shows that it has ended,
-    or when `finish` is called; how ratings are cut into batches, and their order within a round, do not matter. A round
-    without ratings is a round. With `count`, a round has so many ratings, and the last one fewer. Several ratings of a
-    pair in a round count as one, their mean.
+    or when `finish` is called. A round without ratings is a round. With `count`, a round has so many ratings, and the
+    last one fewer. Several ratings of a pair in a round count as one, their mean.
+
+    A rating is late if an earlier batch has ended its round, also where it came before. It is ahead if it is later than
+    all ratings before it by more than the lead; these are the ratings of earlier batches, and those of its own batch
+    in the order of time. Where no rating is late or ahead, neither the cuts into batches nor the order within a round
+    matter. Where some are, trust is that of the ratings that were taken, whatever batches they came in; which are taken
+    depends on what had come before their batch.
+
+    One time that is wrong by years ends all rounds before it, and later ratings are late: a lead prevents that. After a
+    silence longer than the lead all ratings are ahead until `lead` is raised.
 
     Example:
         >>> from roletrust_env import make_trust_model
@@ -44,6 +58,15 @@ class TrustStream:
         every: Length of a round, in the unit of the times; None if rounds do not go by time.
         count: Number of ratings of a round; None if rounds do not go by number.
         same_agents: Whether a rater and a provider of the same name are one agent, as where members rate members.
+        late: What becomes of late ratings: with `"drop"` they are left out, with `"count"` they are ratings of the
+            running round. May be changed at any time, as `lead` and `repeats`.
+        lead: Longest time by which a rating may be ahead, in the unit of the times; those further ahead are left out.
+            None if there is no limit.
+        repeats: Whether a rating counts again that repeats one of its round, with the same time. Otherwise it is left
+            out, so that a batch which may have been taken can be sent again.
+        n_late: Number of late ratings so far.
+        n_ahead: Number of ratings so far that were left out because they are ahead.
+        n_repeated: Number of ratings so far that were left out because they repeat another one.
     """
 
     def __init__(
@@ -55,6 +78,9 @@ class TrustStream:
         count: int | None = None,
         same_agents: bool = False,
         agents: tuple[Any, Any] | None = None,
+        late: Literal["drop", "count"] = "drop",
+        lead: float | None = None,
+        repeats: bool = True,
     ) -> None:
         """Start without agents, or with those that are given.
 
@@ -66,15 +92,21 @@ class TrustStream:
             same_agents: Whether a rater and a provider of the same name are one agent.
             agents: Names of raters and of providers that are present from the start. A model that does not run on edges
                 needs them, since it keeps numbers for all pairs.
+            late: What becomes of late ratings, see `TrustStream`.
+            lead: Longest time by which a rating may be ahead, at least 0; it needs `every`.
+            repeats: Whether repeated ratings count again.
 
         Raises:
-            ValueError: The model does not run on edges, and agents of a role are missing; the scale is empty; or a
-                round has no length.
+            ValueError: The model does not run on edges, and agents of a role are missing; the scale is empty; a round
+                has no length; or a policy is none of those allowed.
             MemoryError: The model does not fit, see `make_run`.
         """
         check_scale(scale)
         check_rounds(every, count)
+        check_lateness(late, lead, every)
         self.model, self.scale, self.count, self.same_agents = model, scale, count, same_agents
+        self.late, self.lead, self.repeats = late, lead, repeats
+        self.n_late = self.n_ahead = self.n_repeated = 0
         self.every = None if every is None else float(every)
         self._raters = NameIndex("raters")
         self._providers = self._raters if same_agents else NameIndex("providers")
@@ -87,6 +119,7 @@ class TrustStream:
             edge_model(model)
         self._run = make_run(model, shape, one_role=not same_agents)
         self._start: float | None = None
+        self._latest: float | None = None  # time of the latest rating that was taken
         self._waiting: list[Columns] = []  # the ratings of the round that has begun, whose newcomers have no place yet
         self._begun = False  # whether a round has begun
 
@@ -102,11 +135,13 @@ class TrustStream:
             raters: Name or number of the rater of each rating, shape (n,).
             providers: Name or number of the provider of each rating, shape (n,).
             ratings: Ratings, shape (n,), on the scale of the stream.
-            times: Time of each rating, shape (n,), in any order within the batch, none in a round that has ended;
-                needed with `every`, not allowed without it. Dates of NumPy, pandas and Arrow are seconds since 1970.
+            times: Time of each rating, shape (n,), in any order within the batch; needed with `every`, not allowed
+                without it. Dates are seconds since 1970: those of NumPy, pandas, Arrow and `datetime`, and texts of ISO
+                8601, all with a time zone or all without one, which is UTC then.
 
         Raises:
-            ValueError: The columns do not fit together, or a value is not allowed. Nothing is changed then.
+            ValueError: The columns do not fit together, or a value is not allowed; or, without a lead, a time is more
+                than a million rounds ahead. Nothing is changed then.
         """
         who, whom = self._raters.check(raters), self._providers.check(providers)
         if self.same_agents and len(who) and len(whom) and who.dtype != whom.dtype:
@@ -121,7 +156,7 @@ class TrustStream:
         if self.every is None and self.count is None:
             self._play(who, whom, values)
         elif len(who):
-            when = self._places(len(who)) if times is None else _numbers("times", times, len(who), dates=True)
+            when = self._places(len(who)) if times is None else _numbers("times", _seconds(times), len(who))
             self._wait((who, whom, values, when))
 
     def _places(self, ratings: int) -> Floats:
@@ -130,39 +165,51 @@ class TrustStream:
         return np.arange(first, first + ratings, dtype=np.float64)
 
     def _round_numbers(self, times: Floats, start: float) -> Ints:
-        """Return the number of the round of each rating."""
-        if self.every is not None:
-            return round_numbers(times, self.every, start)
-        return times.astype(np.int64) // (self.count or 1)
+        """Return the number of the round in which each rating counts: the running one, if its own has ended."""
+        if self.every is None:
+            return times.astype(np.int64) // (self.count or 1)
+        numbers = round_numbers(np.maximum(times, start), self.every, start, self.rounds)
+        return np.maximum(numbers, self.rounds)
 
     def _wait(self, columns: Columns) -> None:
         """Keep ratings until their round has ended, and play the rounds that have.
 
         Raises:
-            ValueError: A time is in a round that has ended, or too far away. Nothing is changed then.
+            ValueError: A time is too far away. Nothing is changed then.
         """
-        own: Columns = tuple(column.copy() for column in columns)  # type: ignore[assignment]
-        when, parts = columns[3], [*self._waiting, own]
-        start = float(when.min()) if self._start is None else self._start
-        if not self.rounds:
-            start = min(start, float(when.min()))
-        numbers = self._round_numbers(when, start)
-        if (late := np.flatnonzero(numbers < self.rounds)).size:
-            raise ValueError(
-                f"rating {late[0] + 1} is of time {when[late[0]]:.15g}, in a round that has ended; "
-                f"the earliest time that counts is {start + self.rounds * (self.every or 0):.15g}"
-            )
-        if start != self._start or np.any(numbers > self.rounds):
-            columns = _joined(parts)
-            numbers = self._round_numbers(columns[3], start)
-            order = np.argsort(numbers, kind="stable")
-            for number, part in spans(numbers[order]):
-                parts = [tuple(column[order[part]] for column in columns)]  # type: ignore[list-item]
-                self._run.skip(number - self.rounds)
-                if part.stop < len(numbers):
-                    self._play(*parts[0][:3])
-        self._start, self._waiting, self._begun = start, parts, True
-        self._expect_names()
+        start, late, ahead = 0.0, *np.zeros((2, len(columns[3])), bool)
+        if self.every is not None:
+            start, late, ahead = judged(columns[3], self.every, self.lead, self._start, self._latest, self.rounds)
+        there = ~(ahead | late) if self.late == "drop" else ~ahead
+        own: Columns = tuple(column[there] for column in columns)  # type: ignore[assignment]
+        if there.any():
+            parts = [*self._waiting, own]
+            if start != self._start or np.any(self._round_numbers(own[3], start) > self.rounds):
+                columns = self._together(parts)
+                numbers = self._round_numbers(columns[3], start)
+                order = np.argsort(numbers, kind="stable")
+                for number, part in spans(numbers[order]):
+                    parts = [tuple(column[order[part]] for column in columns)]  # type: ignore[list-item]
+                    self._run.skip(number - self.rounds)
+                    if part.stop < len(numbers):
+                        self._play(*parts[0][:3])
+            self._latest = float(own[3].max(initial=start if self._latest is None else self._latest))
+            self._start, self._waiting, self._begun = start, parts, True
+            self._expect_names()
+        self.n_late += int(late.sum())
+        self.n_ahead += int(ahead.sum())
+
+    def _together(self, parts: list[Columns]) -> Columns:
+        """Return ratings that wait as columns, without those that repeat another one, unless they count again."""
+        columns = _joined(parts)
+        if self.repeats:
+            return columns
+        first = dict[Any, int]()
+        for place, row in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+            first.setdefault(row, place)
+        self.n_repeated += len(columns[0]) - len(first)
+        places = list(first.values())
+        return tuple(column[places] for column in columns)  # type: ignore[return-value]
 
     def _expect_names(self) -> None:
         """Let later names be of the type of those that wait."""
@@ -171,9 +218,9 @@ class TrustStream:
             self._providers.expect(whom)
 
     def finish(self) -> None:
-        """End the round that has begun, so that its ratings count. Later ratings of its time are refused."""
+        """End the round that has begun, so that its ratings count. Further ratings of its time are late."""
         if self._begun:
-            columns = _joined(self._waiting)
+            columns = self._together(self._waiting)
             self._begun, self._waiting = False, []
             self._play(*columns[:3])
 
@@ -226,14 +273,19 @@ class TrustStream:
         return dict(zip(self._providers.names, self._run.provider_trust.tolist(), strict=True))
 
     def save(self, path: Path | str) -> None:
-        """Write the state to a file of NumPy arrays, complete or not at all."""
-        waiting = _joined(self._waiting)
+        """Write the state to a file of NumPy arrays, complete or not at all.
+
+        Two processes that load, update and save lose what one of them took: see `opened`. What a process has left in
+        the folder that was killed while it wrote is removed.
+        """
+        path = Path(path)
+        waiting = self._together(self._waiting)
+        self._waiting = [waiting] if len(waiting[0]) else []
         people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
         header = {
             "format": _FORMAT,
             **{name: value for name, value in self._settings().items() if (name, value) != ("count", None)},
-            "start": self._start,
-            "begun": self._begun,
+            **{name: getattr(self, name) for name in _KEPT},
             "texts": [names.tolist() if names.dtype == object else None for names in people],
         }
         arrays = {
@@ -243,7 +295,8 @@ class TrustStream:
             "times": waiting[3],
             **self._run.save(),
         }
-        save_arrays(Path(path), arrays)
+        clear_unfinished(path.parent)
+        save_arrays(path, arrays)
 
     @classmethod
     def load(cls, path: Path | str, model: Any, **settings: Any) -> "TrustStream":
@@ -252,7 +305,7 @@ class TrustStream:
         Args:
             path: File that `save` has written. It holds plain numbers and texts, and no code is run.
             model: Trust model, with the same parameters.
-            **settings: Arguments of the constructor, the same as before.
+            **settings: Arguments of the constructor, the same as before; `late`, `lead` and `repeats` may differ.
 
         Raises:
             ValueError: The file is no saved stream, is damaged, or is of another model or of other settings.
@@ -261,7 +314,7 @@ class TrustStream:
         stream = cls(model, **settings)
         try:
             arrays = load_arrays(Path(path))
-            header = json.loads(arrays["header"].tobytes())
+            header = json.loads(arrays.pop("header").tobytes())
             if header["format"] != _FORMAT:
                 raise ValueError(f"its format is {header['format']}, and {_FORMAT} is read here")
             header.setdefault("count", None)
@@ -275,21 +328,57 @@ class TrustStream:
             raise ValueError(f"{path} is of {before['model']} with other settings than {stream._settings()}")
         return stream
 
+    @classmethod
+    @contextmanager
+    def opened(cls, path: Path | str, model: Any, **settings: Any) -> Iterator["TrustStream"]:
+        """Continue the stream of a file, which is saved at the end of the context, or begin one if there is none.
+
+        Whoever opens a stream in the same folder waits until then. After an error nothing is saved.
+
+        Args:
+            path: File of the state.
+            model: Trust model, see `load`.
+            **settings: Arguments of the constructor, see `load`.
+
+        Raises:
+            ValueError: See `load`.
+            OSError: The file cannot be read or written, or the system has no locks.
+        """
+        path = Path(path)
+        with locked(path.parent):
+            stream = cls.load(path, model, **settings) if path.exists() else cls(model, **settings)
+            yield stream
+            stream.save(path)
+
     def _restore(self, arrays: dict[str, npt.NDArray[Any]], header: dict[str, Any]) -> None:
+        """Take what was saved.
+
+        Raises:
+            ValueError: It does not fit together, or is not what can be given.
+        """
+        _check_kept(header)
+        stored = list[Names]()
+        for n, texts in enumerate(header["texts"]):
+            names = arrays.pop(f"names_{n}") if texts is None else np.array(texts, object)
+            stored.append(NameIndex(f"names_{n}").check(names))
+        raters, providers, who, whom = stored
+        values, when = (_numbers(name, arrays.pop(name), len(who)) for name in ("ratings", "times"))
         self._run.load(arrays)
-        raters, providers, who, whom = (
-            arrays[f"names_{n}"] if texts is None else np.array(texts, object)
-            for n, texts in enumerate(header["texts"])
-        )
         self._raters.restore(raters)
         if not self.same_agents:
             self._providers.restore(providers)
-        if (len(self._raters), len(self._providers)) != self._run.shape:
+        if (len(raters), len(providers)) != self._run.shape:
             raise ValueError(
                 f"{len(raters)} raters and {len(providers)} providers have names; {self._run.shape} belong"
             )
-        self._start, self._begun = header["start"], header["begun"]
-        self._waiting = [(who, whom, arrays["ratings"], arrays["times"])] if len(who) else []
+        for name in _KEPT:
+            setattr(self, name, header[name])
+        waiting = self._raters.check(who), self._providers.check(whom), unit_ratings(values, (0.0, 1.0)), when
+        if len(whom) != len(who) or (self._start is None and (self._begun or (self.every is not None and self.rounds))):
+            raise ValueError("ratings or times are missing")
+        if len(who) and not (self._begun and (self._round_numbers(when, self._start or 0.0) == self.rounds).all()):
+            raise ValueError("ratings wait for another round than the running one")
+        self._waiting = [waiting] if len(who) else []
         self._expect_names()
 
     def _settings(self) -> dict[str, Any]:
@@ -417,12 +506,40 @@ class NameIndex:
             raise ValueError("a name occurs twice")
 
 
-def _numbers(column: str, values: Any, length: int, *, dates: bool = False) -> Floats:
-    """Return a column as finite numbers; dates, where they are allowed, as seconds since 1970."""
+def _check_kept(header: dict[str, Any]) -> None:
+    """Refuse what a file has as attributes of a stream if a stream cannot have them.
+
+    Raises:
+        ValueError: One has another type or range, or one of two times is missing.
+    """
+    *times, begun, late, ahead, repeated = (header[name] for name in _KEPT)
+    right = times == [None, None] or all(isinstance(time, float) and math.isfinite(time) for time in times)
+    if not right or type(begun) is not bool or not all(type(n) is int and n >= 0 for n in (late, ahead, repeated)):
+        raise ValueError(f"it has {[header[name] for name in _KEPT]} as {', '.join(_KEPT)}")
+
+
+def _seconds(times: Any) -> Any:
+    """Return a column of times, dates as seconds since 1970, and anything else as it is.
+
+    Raises:
+        ValueError: A date is none, or some have a time zone and others none.
+    """
+    array = np.asarray(times)
+    if array.dtype.kind == "M":
+        return date_seconds(array)
+    if array.dtype.kind not in "OUT" or not array.size:
+        return times
+    entries = array.ravel().tolist()
+    texts = [entry.isoformat() if isinstance(entry, date) else entry for entry in entries]
+    if not all(isinstance(text, str) for text in texts):
+        return times
+    return text_seconds(texts, "times, position", 1, zoned=has_zone(texts[0])).reshape(array.shape)
+
+
+def _numbers(column: str, values: Any, length: int) -> Floats:
+    """Return a column as finite numbers."""
     try:
         array = np.asarray(values)
-        if dates and array.dtype.kind == "M":
-            array = date_seconds(array)
         if array.dtype.kind not in "biufO" or np.ma.is_masked(values):
             raise TypeError
         array = array.astype(np.float64, copy=False)

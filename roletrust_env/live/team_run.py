@@ -59,8 +59,9 @@ class TeamRun(GridRun):
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Go on from what another run of the same model and team has kept. See `TrustRun.load`."""
-        super().load(arrays)
-        self._rated, self._provided = arrays["rated"], arrays["provided"]
+        left = dict(arrays)
+        self._rated, self._provided = left.pop("rated"), left.pop("provided")
+        super().load(left)
         if (self._rated.shape, self._provided.shape) != ((self.shape[0],), (self.shape[1],)):
             raise ValueError("the counts are of another team")
 

@@ -45,6 +45,26 @@ def clear_unfinished(folder: Path) -> None:
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep others out who lock the same folder; they wait. The lock leaves no file, and ends with its process.
+
+    Raises:
+        OSError: The folder cannot be created, or the system has no such locks.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if os.name != "posix":
+        raise OSError(f"{folder} cannot be locked on this system")
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def prepare_folder(folder: Path) -> None:
     """Check before the work that results can be written to a folder, and remove unfinished files from it.
 

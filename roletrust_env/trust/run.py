@@ -92,11 +92,23 @@ class TrustRun(ABC):
 
     @abstractmethod
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Go on from what another run of the same model has kept.
+        """Go on from what another run of the same model has kept; nothing else may be among the arrays.
 
         Raises:
-            ValueError: The arrays do not fit together.
+            ValueError: The arrays do not fit together, or are not what a run can have.
         """
+
+    def _check_loaded(self, left: Mapping[str, Any]) -> None:
+        """Refuse arrays that are of no part of a state, and trust outside [0, 1].
+
+        Raises:
+            ValueError: There are such arrays, or there is such trust.
+        """
+        if left:
+            raise ValueError(f"{', '.join(left)} is of no part of a state of {self.model!r}")
+        for trust in (self.rater_trust, self.provider_trust):
+            if not ((trust >= 0) & (trust <= 1)).all():
+                raise ValueError("there is trust outside [0, 1]")
 
 
 def make_run(model: Any, shape: tuple[int, int] = (0, 0), *, one_role: bool = True) -> TrustRun:
@@ -226,22 +238,20 @@ class GridRun(TrustRun):
 
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Go on from what another run has kept. See `TrustRun.load`."""
-        raters, providers, rounds = (int(count) for count in arrays["counts"])
-        peers, place = arrays["peers"], iter(range(1000))
-        if peers.shape != (raters, providers) or peers.dtype != bool:
-            raise ValueError(f"{peers.shape} pairs of {peers.dtype} where {raters, providers} of bool belong")
+        left = dict(arrays)
+        *shape, rounds = _counts(left)
+        peers, place = _checked(left.pop("peers"), tuple(shape), np.dtype(bool)), iter(range(1000))
 
         def restored(leaf: Any) -> Any:
             if leaf is None:
                 return None
             like = np.asarray(leaf)
-            stored = _checked(arrays[f"state_{next(place)}"], like.shape, like.dtype)
+            stored = _checked(left.pop(f"state_{next(place)}"), like.shape, like.dtype)
             return stored if hasattr(leaf, "dtype") else stored.item()  # a flag or a number of Python stays one
 
         state = map_leaves(restored, start_model(self.model, np.zeros(peers.shape), peers))
-        if (more := f"state_{next(place)}") in arrays:
-            raise ValueError(f"{more} is of no part of a state of {self.model!r}")
         self.state, self.peers, self.rounds = state, peers, rounds
+        self._check_loaded(left)
 
 
 def pairs_of(shape: tuple[int, int], *, one_role: bool) -> npt.NDArray[np.bool_]:
@@ -284,11 +294,25 @@ def _checked(stored: npt.NDArray[Any], shape: tuple[int, ...], dtype: Any) -> np
     """Return a stored array.
 
     Raises:
-        ValueError: It has another shape or dtype.
+        ValueError: It has another shape or dtype, or holds NaN or infinity.
     """
     if stored.shape != shape or stored.dtype != dtype:
         raise ValueError(f"{stored.shape} values of {stored.dtype} where {shape} of {dtype} belong")
+    if not np.isfinite(stored).all():
+        raise ValueError("some values are not finite")
     return np.array(stored)
+
+
+def _counts(arrays: dict[str, npt.NDArray[Any]]) -> tuple[int, int, int]:
+    """Take the numbers of raters, of providers and of rounds from stored arrays.
+
+    Raises:
+        ValueError: They are none.
+    """
+    raters, providers, rounds = _checked(arrays.pop("counts"), (3,), np.dtype(np.int64)).tolist()
+    if min(raters, providers, rounds) < 0:
+        raise ValueError(f"there are {raters} raters, {providers} providers and {rounds} rounds")
+    return raters, providers, rounds
 
 
 # --- on edges ----------------------------------------------------------------------------------------
@@ -377,15 +401,29 @@ class EdgeRun(TrustRun):
 
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Go on from what another run has kept. See `TrustRun.load`."""
-        raters, providers, rounds = (int(count) for count in arrays["counts"])
-        keys, place = arrays["pairs"], iter(range(100))
+        left, place = dict(arrays), iter(range(100))
+        raters, providers, rounds = _counts(left)
+        keys = left.pop("pairs")
+        keys = _checked(keys, (keys.size if self._remembers else 0,), np.dtype(np.int64))
+        for ends, size in zip(_ends(keys), (raters, providers), strict=True):
+            if ((ends < 0) | (ends >= size)).any():
+                raise ValueError("a pair has an agent that is not there")
         sizes: dict[Kind, int] = {"rater": raters, "provider": providers, "pair": len(keys), "age": len(keys)}
 
         def restored(kind: Kind, leaf: Floats) -> Floats:
-            return _checked(arrays[f"state_{next(place)}"], (sizes[kind],), leaf.dtype)
+            stored = _checked(left.pop(f"state_{next(place)}"), (sizes[kind],), leaf.dtype)
+            if kind == "age" and not ((stored >= 0) & (stored <= rounds + 1)).all():
+                raise ValueError("the last rating of a pair is of no round")
+            return stored
 
         state, index = map_kinds(restored, self._start), KeyIndex.of(keys)
         self._state, self._index, self.rounds, self._sizes = state, index, rounds, sizes
+        self._check_loaded(left)
+        for value in (0.0, 1.0) if self._remembers and all(self.shape) else ():
+            everybody = self._known_pairs(np.full(len(keys), value))  # memory shows in trust once its pair rates again
+            with np.errstate(all="ignore"):
+                watched_update(self.model, self._view(), everybody, np.asarray(rounds))
+        self._watched = True  # and all that it may do shows later
 
     def join(self, raters: int, providers: int) -> None:
         """Make room for so many raters and providers. See `TrustRun.join`."""
@@ -483,15 +521,14 @@ class EdgeRun(TrustRun):
 
     def _play_all(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
         """Update all agents and all known pairs."""
-        twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
-        ends = _ends(self._index.keys)
+        known = self._known_pairs(None)
         ratings = Ratings(
             values,
             raters=raters,
             providers=providers,
             shape=self.shape,
-            twins=twins,
-            pairs=Ratings(None, raters=ends[0], providers=ends[1], shape=self.shape, twins=twins),
+            twins=known.twins,
+            pairs=known,
             slots=pair if self._remembers else None,
         )
         after = self._updated(self._view(), ratings)
@@ -501,6 +538,12 @@ class EdgeRun(TrustRun):
             return leaf
 
         self._state = map_kinds(put, self._state, after)
+
+    def _known_pairs(self, values: Floats | None) -> Ratings:
+        """Return all known pairs, with a rating each if values are given."""
+        raters, providers = _ends(self._index.keys)
+        twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
+        return Ratings(values, raters=raters, providers=providers, shape=self.shape, twins=twins)
 
 
 def _ends(keys: Ints) -> tuple[Ints, Ints]:

@@ -1,5 +1,6 @@
 """Columns of a stream from many sources: dates are seconds, and what is no number, or not there, is refused."""
 
+from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,19 @@ def after(times: Any) -> TrustStream:
         *(DAYS.astype(f"datetime64[{unit}]") for unit in ("h", "s", "ms", "us", "ns")),
         pd.Series(pd.to_datetime(DAYS)),
         pa.array(DAYS.astype("datetime64[ms]")),
+        pd.Series(pd.to_datetime(DAYS)).dt.tz_localize("UTC").dt.tz_convert("Asia/Kolkata"),
+        pd.to_datetime(DAYS).tz_localize("UTC"),
+        pa.array(DAYS.astype("datetime64[s]"), pa.timestamp("s", "America/Lima")),
+        DAYS.tolist(),
+        [datetime.fromisoformat(f"{day}T02:00:00+02:00") for day in DAYS.astype(str)],
+        DAYS.astype(str).tolist(),
+        pd.Series(DAYS.astype(str)),
+        pa.array([f"{day}T05:30:00+05:30" for day in DAYS.astype(str)]),
     ],
-    ids=["D", "h", "s", "ms", "us", "ns", "pandas", "arrow"],
+    ids=[
+        *("D", "h", "s", "ms", "us", "ns", "pandas", "arrow", "pandas-zone", "pandas-index", "arrow-zone"),
+        *("date", "datetime-zone", "iso", "iso-pandas", "iso-zone-arrow"),
+    ],
 )
 def test_dates_are_seconds_in_every_unit(dates: Any) -> None:
     expected = after(DAYS.astype("datetime64[s]").astype(np.int64))
@@ -60,6 +72,11 @@ NAMES = np.ma.masked_array([1, 2], mask=[False, True])
         ("times", np.array([1, 2], "timedelta64[s]"), "times must be numbers"),
         ("times", [1, 2**2000], "times must be numbers"),
         ("times", MASKED, "times must be numbers"),
+        ("times", ["2020-01-01", "soon"], "times, position 2: the time is 'soon'"),
+        ("times", ["2020-01-01", "2020-01-01T00:00Z"], "'2020-01-01T00:00Z' has a time zone"),
+        ("times", pd.Series(pd.to_datetime(["2020-01-01", None], utc=True)), "position 2: the time is 'NaT'"),
+        ("times", [date(2020, 1, 1), 7], "times must be numbers"),
+        ("times", ["7", "8"], "the time is '7'; it must be a date of ISO 8601"),
         ("ratings", MASKED, "ratings must be numbers"),
         ("ratings", np.array([0.5, 0.5j]), "ratings must be numbers"),
         ("ratings", np.array([0, 1], "datetime64[s]"), "ratings must be numbers"),
