@@ -1,14 +1,15 @@
 """`roletrust rate`: whom to trust, from a log of ratings, and which trust model suits logs."""
 
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
 from rich.markup import escape
 
 from roletrust_env.data.log import Columns, read_ratings
-from roletrust_env.data.rounds import check_rounds
+from roletrust_env.data.rounds import check_lateness, check_rounds
 from roletrust_env.data.stream import TrustStream
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.storage.files import prepare_folder, write_csv
@@ -62,6 +63,16 @@ def rate(
     repeats: Annotated[
         bool, typer.Option("--repeats", help="Allow rows that repeat an earlier row, with the same time.")
     ] = False,
+    state: Annotated[
+        Path | None, typer.Option(help="File of earlier ratings, which takes those that are new; with --every.")
+    ] = None,
+    late: Annotated[
+        Literal["drop", "count"],
+        typer.Option(help="Leave out ratings of rounds that have ended, or count them in the running one."),
+    ] = "drop",
+    lead: Annotated[
+        float | None, typer.Option(help="Longest time without a rating; those after a longer one are left out.")
+    ] = None,
     top: Annotated[int, typer.Option(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
     compare: Annotated[
         bool, typer.Option("--compare", help="Measure trust models on the logs in a folder, see below.")
@@ -84,6 +95,11 @@ def rate(
     agent by another in a round count as one, their mean. Rows may be in any order of time.
 
     Written: [green]ratees.csv raters.csv[/], with name, trust and number of ratings, the most trusted first.
+
+    With --state, rounds go on where an earlier run with this file has ended, and all agents so far are written, with
+    their number of ratings in this log. Ratings of the running round are taken once, however often they come, unless
+    --repeats is given. Those of rounds that have ended are late, also if they came before: by default they are left
+    out, so a log may be the whole one or its new part; with --late count it must be its new part.
 
     With --compare, trust models are measured on the logs in a folder and in the folders in it: forecasts, crowd work,
     and a few hostile accounts in a replay. A log of ratings is a file *network.csv or ratings.csv without header:
@@ -109,8 +125,10 @@ def rate(
     """
     columns = Columns(rater, ratee, rating, time)
     if compare:
-        if columns != Columns() or count is not None or repeats:
-            raise ValueError("--rater, --ratee, --rating, --time, --count and --repeats are not for --compare")
+        if columns != Columns() or count is not None or repeats or state or lead is not None:
+            raise ValueError(
+                "--rater, --ratee, --rating, --time, --count, --repeats, --state and --lead are not for --compare"
+            )
         from roletrust_experiments.commands import comparison
 
         comparison.compare(
@@ -131,6 +149,9 @@ def rate(
     both = same_agents is True
     chosen: Any = parse_named(registry, name)
     check_rounds(every, count, has_times=time is not None)
+    check_lateness(late, lead, every)
+    if state is not None and every is None:
+        raise ValueError("--state needs --every: the time of a rating says whether it is new")
     prepare_folder(out)
     with progress_bar() as progress:
         task = progress.add_task(f"Reading {ratings.name}", total=None)
@@ -142,25 +163,36 @@ def rate(
             repeats=repeats,
             advance=lambda rows: progress.update(task, completed=rows),
         )
-        many = len(log.values)
-        agents = tuple(np.arange(size) for size in log.shape)
-        stream = TrustStream(chosen, every=every, count=count, same_agents=both, agents=agents)  # type: ignore[arg-type]
+        many, people = len(log.values), (log.raters, log.ratees)
+        settings: Any = {"every": every, "count": count, "same_agents": both, "late": late, "lead": lead}
+        if state is None:
+            agents = tuple(np.arange(size) for size in log.shape)
+            opened: Any = nullcontext(TrustStream(chosen, agents=agents, **settings))  # type: ignore[arg-type]
+        else:
+            opened = TrustStream.opened(state, chosen, repeats=repeats, **settings)
+            people = np.array(log.rater_names, object)[log.raters], np.array(log.ratee_names, object)[log.ratees]
         progress.update(task, description="Playing rounds", completed=0, total=many)
-        size = many if every is None and count is None else _BLOCK
-        for start in range(0, many, size):
-            part = slice(start, start + size)
-            times = None if every is None or log.times is None else log.times[part]
-            stream.update(log.raters[part], log.ratees[part], log.values[part], times)
-            progress.update(task, completed=start + size)
+        size = many if state or lead is not None or (every is None and count is None) else _BLOCK
+        with opened as stream:
+            before = _apart(stream)
+            for start in range(0, many, size):
+                part = slice(start, start + size)
+                times = None if every is None or log.times is None else log.times[part]
+                stream.update(people[0][part], people[1][part], log.values[part], times)
+                progress.update(task, completed=start + size)
         stream.finish()
         roles = {
-            "ratees": _ranked(log.ratee_names, stream.provider_trust(), log.ratees),
-            "raters": _ranked(log.rater_names, stream.rater_trust(), log.raters),
+            "ratees": _ranked(log.ratee_names, stream.provider_trust(), log.ratees, state is not None),
+            "raters": _ranked(log.rater_names, stream.rater_trust(), log.raters, state is not None),
         }
         for role, rows in roles.items():
             write_csv(out / f"{role}.csv", ("name", "trust", "ratings"), rows)
     if not log.was_sorted:
         console.print("The rows were not in the order of time; they were sorted.")
+    apart = [after - had for after, had in zip(_apart(stream), before, strict=True)]
+    if any(apart):
+        words = "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the lead, {:,} repeated"
+        console.print(words.format(apart[0], late, *apart[1:]), soft_wrap=True)
     for role, rows in roles.items():
         if role == "raters" and not chosen.rates_raters:
             console.print(f"{escape(name)} has no notion of trust in raters.")
@@ -175,16 +207,25 @@ def rate(
     console.print(f"{many:,} ratings in {stream.rounds:,} rounds. {written}", soft_wrap=True)
 
 
-def _ranked(names: list[str], trusts: dict[int, float], places: Any) -> list[tuple[str, float, int]]:
+def _apart(stream: TrustStream) -> tuple[int, int, int]:
+    """Return how many ratings of a stream were late, ahead and repeated."""
+    return stream.n_late, stream.n_ahead, stream.n_repeated
+
+
+def _ranked(names: list[str], trusts: dict[Any, float], places: Any, by_name: bool) -> list[tuple[str, float, int]]:
     """Return the agents with ratings, the most trusted first, and of equals the one with the most ratings.
 
     Args:
-        names: Name of each agent.
-        trusts: Trust of each agent, by its place among the names.
-        places: Place of the agent of each rating.
+        names: Name of each agent of the log.
+        trusts: Trust of each agent, by its place among the names, or by its name.
+        places: Place of the agent of each rating of the log.
+        by_name: Whether trust is by name; then all who have trust are returned.
     """
     trust: Floats = np.array(list(trusts.values()))
     ratings = np.bincount(places, minlength=len(names))
+    if by_name:
+        known = dict(zip(names, ratings.tolist(), strict=True))
+        names, ratings = list(trusts), np.array([known.get(name, 0) for name in trusts], np.int64)
     order = np.lexsort((-ratings, -trust))
-    order = order[ratings[order] > 0]
+    order = order[(ratings[order] > 0) | by_name]
     return list(zip([names[at] for at in order.tolist()], trust[order].tolist(), ratings[order].tolist(), strict=True))

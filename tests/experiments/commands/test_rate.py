@@ -67,6 +67,32 @@ def test_it_computes_what_a_stream_does(log: Path, tmp_path: Path) -> None:
         assert trusts == pytest.approx(wanted, abs=1e-6)
 
 
+def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path) -> None:
+    """Night after night it has the trust of one run, from the whole log or from its new part, also sent again."""
+    lines, part, state = log.read_text().splitlines(keepends=True), tmp_path / "part.csv", str(tmp_path / "state.npz")
+    options = [*COLUMNS, "--model", "leave-one-out", "--every", "30"]
+    assert run("rate", str(log), *options, "--out", str(tmp_path / "whole")).exit_code == 0
+    for first, last, words in (
+        (0, 100, ""),
+        (0, 160, "90 ratings of rounds that had ended (--late drop), 0 ahead by more than the lead, 10 repeated"),
+        (160, 300, ""),
+        (160, 300, "110 ratings of rounds that had ended (--late drop), 0 ahead by more than the lead, 30 repeated"),
+    ):
+        part.write_text("".join([lines[0], *lines[first + 1 : last + 1]]))
+        result = run("rate", str(part), *options, "--state", state, "--out", str(tmp_path / "nightly"))
+        assert result.exit_code == 0, result.output
+        assert words in result.output
+        assert ("had ended" in result.output) == bool(words)
+    for name in ("ratees.csv", "raters.csv"):
+        whole, nightly = ({r["name"]: r["trust"] for r in rows(tmp_path / out / name)} for out in ("whole", "nightly"))
+        assert nightly == whole
+    part.write_text(lines[0] + "p1,s1,5,9999\np1,s2,5,3\np1,s3,5,301\n")
+    result = run("rate", str(part), *options, "--state", state, "--lead", "50", "--late", "count")
+    assert "1 ratings of rounds that had ended (--late count), 1 ahead by more than the lead, 0" in result.output
+    result = run("rate", str(part), *COLUMNS, "--state", state)
+    assert "--state needs --every" in " ".join(result.stderr.split())
+
+
 def test_a_bad_file_is_one_line_and_nothing_is_written(log: Path, tmp_path: Path) -> None:
     log.write_text(log.read_text() + "p1,s1,7,301\n")
     result = run("rate", str(log), *COLUMNS, "--out", str(tmp_path / "out"))
