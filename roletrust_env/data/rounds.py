@@ -95,21 +95,18 @@ def spans(numbers: Ints) -> Iterator[tuple[int, slice]]:
         yield int(numbers[start]), slice(int(start), int(stop))
 
 
-def check_rounds(every: Any, count: int | None, *, has_times: bool = True) -> None:
+def check_rounds(every: Any, count: int | None) -> None:
     """Refuse lengths of rounds that do not fit, before there are ratings.
 
     Args:
         every: Length of a round by time; None if rounds do not go by time.
         count: Number of ratings of a round; None if rounds do not go by number.
-        has_times: Whether the ratings have times.
 
     Raises:
-        ValueError: Both lengths are given, a length is no number above 0, or there are no times.
+        ValueError: Both lengths are given, or a length is no number above 0.
     """
     if every is not None and count is not None:
         raise ValueError("rounds go by time or by number of ratings, not by both")
-    if every is not None and not has_times:
-        raise ValueError("rounds go by time, and the log has no times; name the column of the time")
     if every is not None:
         if not isinstance(every, Real) or isinstance(every, bool | np.bool_ | np.timedelta64):
             raise ValueError(f"the length of a round is {every!r}; it must be a number, for dates one of seconds")

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
-from roletrust_env.data.units import check_scale, date_seconds, has_zone, text_seconds, unit_ratings
+from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone, iso_dates, unit_ratings
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
@@ -533,7 +533,8 @@ def _seconds(times: Any) -> Any:
     texts = [entry.isoformat() if isinstance(entry, date) else entry for entry in entries]
     if not all(isinstance(text, str) for text in texts):
         return times
-    return text_seconds(texts, "times, position", 1, zoned=has_zone(texts[0])).reshape(array.shape)
+    ticks, unit = iso_dates(texts, lambda at: f"times, position {at + 1}", zoned=has_zone(texts[0]))
+    return (ticks / UNITS[unit]).reshape(array.shape)
 
 
 def _numbers(column: str, values: Any, length: int) -> Floats:

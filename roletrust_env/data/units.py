@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.trust.key_index import Floats
+from roletrust_env.trust.key_index import Floats, Ints
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d(?::?\d\d)?)$")
-_DAY = 10  # letters of a date without a time
+_DAY, _MICRO = len("2024-01-31"), len("2024-01-31T12:00:00.000000")
+
+UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
+"""How many of a unit of time are a second."""
 
 
 def check_scale(scale: tuple[float, float]) -> None:
@@ -66,13 +69,12 @@ def has_zone(text: str) -> bool:
     return _ZONE.search(text, _DAY) is not None
 
 
-def text_seconds(texts: list[str], row: str, first: int, *, zoned: bool) -> Floats:
-    """Return dates and times of ISO 8601 as seconds since 1970.
+def iso_dates(texts: list[str], row: Callable[[int], str], *, zoned: bool) -> tuple[Ints, str]:
+    """Return dates and times of ISO 8601 as whole numbers since 1970 in UTC, and their unit: `us`, or `ns` if need be.
 
     Args:
         texts: Dates, all with a time zone or all without.
-        row: Name of the file and of a row, for error messages.
-        first: Number of the first row.
+        row: Function from a place to the file and the row, for messages.
         zoned: Whether the dates have a time zone.
 
     Raises:
@@ -85,17 +87,30 @@ def text_seconds(texts: list[str], row: str, first: int, *, zoned: bool) -> Floa
     if dates is None:
         wrong = next(at for at, text in enumerate(texts) if not is_date(text))
         raise ValueError(
-            f"{row} {first + wrong}: the time is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
+            f"{row(wrong)}: the time is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
         )
     other = next((at for at, text in enumerate(texts) if has_zone(text) != zoned), None)
     if other is not None:
         has, have = ("no time zone", "one") if zoned else ("a time zone", "none")
-        raise ValueError(f"{row} {first + other}: the time {texts[other]!r} has {has}, and the rows above have {have}")
-    return date_seconds(dates)
+        raise ValueError(f"{row(other)}: the time {texts[other]!r} has {has}, and the rows above have {have}")
+    unit = "ns" if np.datetime_data(dates.dtype)[0] in ("ns", "ps", "fs", "as") else "us"
+    return dates.astype(f"datetime64[{unit}]").astype(np.int64), unit
 
 
 def _dates(texts: str | list[str]) -> Any:
-    """Return dates of NumPy in UTC, in microseconds; NumPy warns that it does not keep time zones."""
+    """Return dates of NumPy in UTC, in microseconds or finer; NumPy warns that it does not keep time zones."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return np.array(texts, "datetime64[us]")
+        fine = not isinstance(texts, str) and max(map(len, texts)) > _MICRO
+        return np.array(texts, "datetime64" if fine else "datetime64[us]")
+
+
+def find_unit(times: Floats) -> str | None:
+    """Return the unit of times since 1970 by their size: `s`, `ms`, `us` or `ns`; None where one is before 1973.
+
+    The largest decides: from 10 ** 11 on, seconds would be after the year 5000, and milliseconds are after 1973.
+    """
+    largest = np.abs(times).max(initial=0.0)
+    if largest < 1e11:
+        return "s" if len(times) and times.min() >= 1e8 else None
+    return "ms" if largest < 1e14 else "us" if largest < 1e17 else "ns"

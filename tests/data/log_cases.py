@@ -5,8 +5,8 @@ GOOD = HEADER + "a,x,1,10\nb,x,5,20\na,y,3,30\n"
 
 BAD: dict[str, tuple[str | bytes, str]] = {
     "wrong columns": (
-        GOOD.replace("ratee", "target", 1),
-        r"no column 'ratee'; did you mean 'rater'\? Columns: rater, target, rating, time",
+        GOOD.replace("ratee", "place", 1),
+        r"no column 'ratee'; did you mean 'rater'\? Columns: rater, place, rating, time; name or number it",
     ),
     "NaN": (GOOD + "c,x,nan,40\n", "row 5: the rating is 'nan'; it must be a number"),
     "no number": (GOOD + "c,x,good,40\n", "row 5: the rating is 'good'"),
@@ -15,7 +15,7 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "bad time": (GOOD + "c,x,5,soon\n", "row 5: the time is 'soon'"),
     "no name": (GOOD + ",x,5,40\n", "row 5 has no name in column 'rater'"),
     "short row": (GOOD + "c,x\n", "row 5 has 2 columns; 4 are needed"),
-    "empty row": (GOOD + "\nc,x,5,50\n", "row 5 has no name in column 'rater'"),
+    "an empty row before a bad one": (GOOD + "\nc,x,good,50\n", "row 6: the rating is 'good'"),
     "infinite": (GOOD + "c,x,inf,40\n", "row 5: the rating is 'inf'; it must be a number"),
     "below the scale": (GOOD + "c,x,-1,40\n", "row 5: the rating is -1, off the scale from 1 to 5"),
     "NaN as time": (GOOD + "c,x,5,nan\n", "row 5: the time is 'nan'; it must be a number"),
@@ -31,17 +31,17 @@ BAD: dict[str, tuple[str | bytes, str]] = {
         for text in ("", "NaT", "today", "now", "2024", "20240131", "1706659200", "-1", "2024-13-01", "1e-5")
     },
     "repeat": (GOOD + "b,x,5,20\n", "row 5 repeats row 3"),
-    "nothing": ("", r"row 1: there is no column 'rater'\. Columns: none"),
+    "nothing": ("", "has no ratings"),
     "another header": ("who,whom\n", r"row 1: there is no column 'rater'\. Columns: who, whom"),
     "no ratings": (HEADER, "has no ratings"),
-    "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "after row 0: it is not text in UTF-8"),
-    "long row": (GOOD + "c,x,5,40,50\n", "row 5 has 5 columns; 4 are needed, as in row 1"),
+    "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "no CSV file: its beginning is no text"),
+    "long row": (GOOD + "c,x,5,40,50\n", "row 5 has 5 columns; 4 are needed, as in the rows above"),
     "a quote without end": (
         GOOD + 'c,x,5,"40\nd,x,5,50\n',
-        "after row 0: a quote has no end, or a text has several lines",
+        "row 5: a quote has no end",
     ),
     "a quote without end in another column": (
         GOOD.replace("\n", ",\n") + 'c,x,5,40,"a\nd,x,5,50,b\n',
-        "after row 0: a quote has no end, or a text has several lines",
+        "row 5: a quote has no end",
     ),
 }

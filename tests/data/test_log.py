@@ -9,7 +9,8 @@ import pytest
 from log_cases import BAD, GOOD, HEADER
 
 from roletrust_baselines.logs.rounds import log_rounds
-from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.log import read_ratings
 
 TIMED = Columns(time="time")
 
@@ -82,7 +83,7 @@ def test_times_are_of_one_kind_in_all_blocks(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [1 << 20, 20])
 def test_bad_files_get_one_line_with_the_row(tmp_path: Path, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where few bytes of the file are parsed at a time."""
-    monkeypatch.setattr("roletrust_env.data.log._BYTES", size)
+    monkeypatch.setattr("roletrust_env.data.tables._BYTES", size)
     for content, message in BAD.values():
         with pytest.raises(ValueError, match=message.replace("after row 0", r"after row \d")) as error:
             read_ratings(written(tmp_path, content), TIMED, scale=(1, 5))

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from roletrust_baselines.logs.resampling import correlation, interval, mean, ranks
-from roletrust_env.data.log import Columns, RatingLog, first_row, read_ratings
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.run import make_run
@@ -53,12 +54,7 @@ def read_crowd(answers: Path, truth: Path) -> CrowdTask:
         OSError: A file cannot be read.
     """
     tables = (answers, Columns("worker", "question", "answer")), (truth, Columns("question", "question", "truth"))
-    log, gold = (read_ratings(*table) for table in tables)
-    for (path, columns), found in zip(tables, (log, gold), strict=True):
-        if (wrong := np.flatnonzero((found.values != 0) & (found.values != 1))).size:
-            raise ValueError(
-                f"{path}, row {wrong[0] + first_row(path, columns)}: {found.values[wrong[0]]:g} is neither 0 nor 1"
-            )
+    log, gold = (read_ratings(*table, labels={"0": 0.0, "1": 1.0}) for table in tables)
     known = dict(zip((gold.rater_names[at] for at in gold.raters.tolist()), gold.values.tolist(), strict=True))
     values = np.array([known.get(name, np.nan) for name in log.ratee_names])
     if np.isnan(values).all():

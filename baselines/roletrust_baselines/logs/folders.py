@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.data.log import ENDINGS
+from roletrust_env.data.tables import ENDINGS
 
 KNOWN = {
     "76bd9d8f1d3ff9a1813d9fc8e6902a0ee4d0a2f8c1003842dbc9ec79149ab60c": "Bitcoin OTC",

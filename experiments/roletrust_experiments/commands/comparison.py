@@ -16,7 +16,8 @@ from roletrust_baselines.logs.forecasts import forecasts, next_rating, rater_for
 from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
 from roletrust_baselines.logs.rounds import TooSmallError
-from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.log import read_ratings
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv

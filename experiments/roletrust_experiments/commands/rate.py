@@ -8,10 +8,12 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.dialect import Dialect
+from roletrust_env.data.log import read_ratings
 from roletrust_env.data.rounds import check_lateness, check_rounds
 from roletrust_env.data.stream import TrustStream
-from roletrust_env.evaluation.specs import parse_named
+from roletrust_env.evaluation.specs import parse_named, parse_settings
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import registry
@@ -22,46 +24,39 @@ _BLOCK = 50_000  # ratings at a time, where rounds do not depend on it
 
 
 def rate(
-    ratings: Annotated[
-        Path,
-        typer.Argument(
-            help="CSV file of ratings, also in gzip (.gz), or a Parquet file; with --compare, a folder of logs."
-        ),
-    ],
+    ratings: Annotated[Path, typer.Argument(help="File of ratings, see below; with --compare, a folder of logs.")],
     model: Annotated[
         list[str] | None,
         typer.Option(
-            metavar=NAMED,
-            help="Trust model, role-trust if left out; with --compare, repeat for more, all central ones if left out. "
-            + OWN,
+            metavar=NAMED, help=f"Trust model, role-trust if left out; with --compare, repeat for more. {OWN}"
         ),
     ] = None,
     rater: Annotated[str, typer.Option(help="Column of the rater: a name, or a number from 1.")] = "rater",
     ratee: Annotated[str, typer.Option(help="Column of the rated agent.")] = "ratee",
     rating: Annotated[str, typer.Option(help="Column of the rating.")] = "rating",
-    time: Annotated[str | None, typer.Option(help="Column of the time: numbers, or dates of ISO 8601.")] = None,
+    time: Annotated[str | None, typer.Option(help="Column of the time, numbers or dates.")] = None,
     scale: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            metavar="WORST BEST", help="Worst and best rating: 0 and 1 if left out, with --compare -10 and 10."
-        ),
+        typer.Option(metavar="WORST BEST", help="Worst and best rating: 0 and 1, with --compare -10 and 10."),
     ] = None,
+    labels: Annotated[str | None, typer.Option(help="Numbers of ratings that are texts, such as yes=1,no=0.")] = None,
+    separator: Annotated[str | None, typer.Option(help="Separator, also comma, tab, semicolon, bar, blanks.")] = None,
+    encoding: Annotated[str | None, typer.Option(help="Encoding, such as utf-8, utf-16 or latin-1.")] = None,
+    header: Annotated[bool | None, typer.Option(help="Whether the first row has the names of the columns.")] = None,
+    time_unit: Annotated[str | None, typer.Option(metavar="s|ms|us|ns", help="Unit of times that are numbers.")] = None,
     every: Annotated[
         float | None,
-        typer.Option(
-            help="Length of a round, in the unit of the time; seconds for dates. With --compare, 30 days if left out."
-        ),
+        typer.Option(help="Length of a round, in seconds, or in the unit of the time; with --compare, 30 days."),
     ] = None,
     count: Annotated[int | None, typer.Option(min=1, help="Number of ratings of a round.")] = None,
     same_agents: Annotated[
         bool | None,
         typer.Option(
-            "--same-agents/--two-roles",
-            help="Whether a rater and a ratee of one name are one agent: with --compare they are, if left out.",
+            "--same-agents/--two-roles", help="Whether rater and ratee of one name are one; in --compare, yes."
         ),
     ] = None,
     repeats: Annotated[
-        bool, typer.Option("--repeats", help="Allow rows that repeat an earlier row, with the same time.")
+        bool, typer.Option("--repeats", help="Allow rows that repeat an earlier one and its time.")
     ] = False,
     state: Annotated[
         Path | None, typer.Option(help="File of earlier ratings, which takes those that are new; with --every.")
@@ -73,15 +68,11 @@ def rate(
     lead: Annotated[
         float | None, typer.Option(help="Longest time without a rating; those after a longer one are left out.")
     ] = None,
+    missing: Annotated[bool, typer.Option("--missing", help="Leave out rows in which a value is missing.")] = False,
     top: Annotated[int, typer.Option(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
-    compare: Annotated[
-        bool, typer.Option("--compare", help="Measure trust models on the logs in a folder, see below.")
-    ] = False,
+    compare: Annotated[bool, typer.Option("--compare", help="Measure trust models on logs, see below.")] = False,
     search: Annotated[
-        int,
-        typer.Option(
-            min=0, help="With --compare: attacks that a search plays for each goal, number and origin of accounts."
-        ),
+        int, typer.Option(min=0, help="With --compare: attacks that a search plays for each goal, number and origin.")
     ] = 0,
     synthetic: Annotated[
         bool, typer.Option("--synthetic", help="With --compare: first write a small synthetic log of either kind.")
@@ -89,7 +80,10 @@ def rate(
     seed: Seed = 0,
     out: Out = Path("results/rate"),
 ) -> None:
-    """Compute [bold]the trust of raters and ratees from a log of ratings[/], a CSV or Parquet file that you bring.
+    """Compute [bold]the trust of raters and ratees from a log of ratings[/], a file that you bring.
+
+    It is CSV in any dialect, JSON lines (.jsonl) or Parquet, also in gzip (.gz). Separator, encoding, header, columns
+    with common names and the unit of times are found, and a line says which; an option overrides each.
 
     Ratings count round by round: by time (--every), by number (--count), or all in one round. Several ratings of one
     agent by another in a round count as one, their mean. Rows may be in any order of time.
@@ -104,31 +98,27 @@ def rate(
     With --compare, trust models are measured on the logs in a folder and in the folders in it: forecasts, crowd work,
     and a few hostile accounts in a replay. A log of ratings is a file *network.csv or ratings.csv without header:
     rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question, truth).
-    Each may be compressed by gzip, or be a Parquet file with the same columns. By default all central models are
-    measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness, bias-deserve, rev2,
-    geometric-median and centred-clipping; on crowd work also dawid-skene, one-coin-dawid-skene, glad and mace, which
-    need the extra crowd. A model that does not fit and a protocol for which a log is too small are left out, and a line
-    says so. Intervals resample whole users or tasks.
-
+    By default all central models are measured, and those of neighbouring fields: all-time-mean, two-way-mean,
+    fairness-goodness, bias-deserve, rev2, geometric-median and centred-clipping; on crowd work also dawid-skene,
+    one-coin-dawid-skene, glad and mace, which need the extra crowd. What does not fit is left out, and a line says so.
     Written then: [green]comparison.csv comparison.md[/].
 
     [bold]Examples[/]
 
-    [dim]# ratings from 1 to 5 with a header rater,ratee,rating[/]
+    [dim]# ratings from 1 to 5[/]
     [cyan]roletrust rate ratings.csv --scale 1 5[/]
 
-    [dim]# a file without header in which members rate members, with rounds of 30 days[/]
-    [cyan]roletrust rate log.csv.gz --rater 1 --ratee 2 --rating 3 --time 4 --scale -10 10 --every 2592000[/]
+    [dim]# members rate members, with rounds of 30 days[/]
+    [cyan]roletrust rate log.csv.gz --same-agents --scale -10 10 --every 2592000[/]
 
     [dim]# two models on a synthetic log, with rounds of a week[/]
     [cyan]roletrust rate results/log --compare --synthetic --model role-trust --model beta --every 604800[/]
     """
-    columns = Columns(rater, ratee, rating, time)
+    columns, dialect = Columns(rater, ratee, rating, time), Dialect(separator, encoding, header, time_unit)
     if compare:
-        if columns != Columns() or count is not None or repeats or state or lead is not None:
-            raise ValueError(
-                "--rater, --ratee, --rating, --time, --count, --repeats, --state and --lead are not for --compare"
-            )
+        known = (columns, dialect, count, labels, state, lead)
+        if known != (Columns(), Dialect(), None, None, None, None) or repeats or missing:
+            raise ValueError("options for columns, rows, dialect and state are not for --compare")
         from roletrust_experiments.commands import comparison
 
         comparison.compare(
@@ -148,7 +138,7 @@ def rate(
     name = model[0] if model else "role-trust"
     both = same_agents is True
     chosen: Any = parse_named(registry, name)
-    check_rounds(every, count, has_times=time is not None)
+    check_rounds(every, count)
     check_lateness(late, lead, every)
     if state is not None and every is None:
         raise ValueError("--state needs --every: the time of a rating says whether it is new")
@@ -157,11 +147,16 @@ def rate(
         task = progress.add_task(f"Reading {ratings.name}", total=None)
         log = read_ratings(
             ratings,
-            columns,
+            columns if every is None or time else columns._replace(time="time"),
             scale=scale or (0, 1),
             same_agents=both,
             repeats=repeats,
+            missing=missing,
+            labels=parse_settings(labels.split(",") if labels else (), "--labels"),
+            dialect=dialect,
+            every=every,
             advance=lambda rows: progress.update(task, completed=rows),
+            tell=lambda line: console.print(escape(line), soft_wrap=True),
         )
         many, people = len(log.values), (log.raters, log.ratees)
         settings: Any = {"every": every, "count": count, "same_agents": both, "late": late, "lead": lead}
@@ -187,8 +182,6 @@ def rate(
         }
         for role, rows in roles.items():
             write_csv(out / f"{role}.csv", ("name", "trust", "ratings"), rows)
-    if not log.was_sorted:
-        console.print("The rows were not in the order of time; they were sorted.")
     apart = [after - had for after, had in zip(_apart(stream), before, strict=True)]
     if any(apart):
         words = "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the lead, {:,} repeated"

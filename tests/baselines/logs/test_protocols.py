@@ -11,7 +11,8 @@ from roletrust_baselines.logs.folders import find_logs, write_log
 from roletrust_baselines.logs.forecasts import earlier_activity, forecasts, next_rating, rater_forward
 from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_baselines.logs.resampling import auc, correlation, interval, mean, ranks
-from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.models.central.means import Constant
 
@@ -149,13 +150,13 @@ def test_the_vote_of_a_trusted_worker_outweighs_two() -> None:
 def test_wrong_answers_are_refused(tmp_path: Path) -> None:
     write_crowd(tmp_path)
     (tmp_path / "answer.csv").write_text("question,worker,answer\nq1,w1,0.5\n")
-    with pytest.raises(ValueError, match=r"row 2: 0.5 is neither 0 nor 1"):
+    with pytest.raises(ValueError, match=r"row 2: column 'answer' is '0.5'; it must be 0 or 1"):
         read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
     (tmp_path / "answer.csv").write_text("question,worker,answer\nelse,w1,1\n")
     with pytest.raises(ValueError, match="the truth of no question"):
         read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
     (tmp_path / "answer.csv").write_text("question,worker,answer\nq1,w1,yes\n")
-    with pytest.raises(ValueError, match=r"row 2: column 'answer' is 'yes'; it must be a number"):
+    with pytest.raises(ValueError, match=r"row 2: column 'answer' is 'yes'; it must be 0 or 1"):
         read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
 
 

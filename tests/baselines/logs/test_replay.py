@@ -17,7 +17,8 @@ from roletrust_baselines.logs.replay import (
     replay_attacks,
     search_attack,
 )
-from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.trust import make_trust_model
 
 MONTH = 2_592_000

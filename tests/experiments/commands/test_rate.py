@@ -140,7 +140,6 @@ def test_real_ratings(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rounds", "words"),
     [
-        (["--every", "30"], "the log has no times; name the column of the time"),
         (["--every", "0", "--time", "day"], "it must be above 0"),
         (["--count", "9", "--every", "30", "--time", "day"], "not by both"),
     ],

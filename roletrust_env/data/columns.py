@@ -1,0 +1,92 @@
+"""Columns of a table of ratings, and the names by which they are found."""
+
+import re
+from typing import NamedTuple
+
+from roletrust_env.errors import suggest
+
+_COMMON = {
+    "rater": "rater source src from fromnode sender user userid uid username reviewer customer client buyer worker "
+    "annotator labeler judge voter author evaluator trustor truster member",
+    "ratee": "ratee target dst dest destination to tonode receiver item product movie asin isbn book seller vendor "
+    "provider shop merchant business question task subject trustee rated agent service",
+    "rating": "rating ratings score value weight stars star grade vote answer label response overall points mark sign",
+    "time": "time timestamp datetime date ts when day created createdat unixtime unixreviewtime epoch blocktime "
+    "blocktimestamp ratedat",
+}
+_COMMON_NAMES = {role: frozenset(names.split()) for role, names in _COMMON.items()}
+
+
+class Columns(NamedTuple):
+    """The columns of a file: names, or numbers from 1.
+
+    Where a file has no column of the role's own name, such as `rater`, a common name of the role is taken, if just one
+    column has one; without a header, the columns are rater, ratee, rating and time.
+
+    Attributes:
+        rater: Column of the rater.
+        ratee: Column of the ratee, the provider.
+        rating: Column of the rating.
+        time: Column of the time; None if there is none.
+    """
+
+    rater: str = "rater"
+    ratee: str = "ratee"
+    rating: str = "rating"
+    time: str | None = None
+
+    @property
+    def wanted(self) -> dict[str, str]:
+        """The columns that are read, by role."""
+        return {role: name for role, name in self._asdict().items() if name is not None}
+
+    @property
+    def by_number(self) -> bool:
+        """Whether the columns are numbers from 1."""
+        return all(name.isdecimal() for name in self.wanted.values())
+
+    def places(self, where: str, header: list[str] | None, width: int) -> list[int]:
+        """Return the places of the columns in a file.
+
+        Args:
+            where: Path of the file and what has the names, for messages.
+            header: Names of the columns; None without.
+            width: Number of columns.
+
+        Raises:
+            ValueError: There is no such column, or more than one.
+        """
+        named = None if self.by_number else header
+        places = [_place(role, name, where, named, width) for role, name in self.wanted.items()]
+        if max(places) >= width:
+            raise ValueError(f"{where.partition(', ')[0]} has {width} columns; {max(places) + 1} are needed")
+        return places
+
+
+def _place(role: str, name: str, where: str, header: list[str] | None, width: int) -> int:
+    """Return the place of the column of a role."""
+    named = header or []
+    if (found := named.count(name)) == 1:
+        return named.index(name)
+    if found:
+        raise ValueError(f"{where}: there are several columns {name!r}")
+    if name.isdecimal():
+        if int(name) < 1:
+            raise ValueError("columns are numbered from 1")
+        return int(name) - 1
+    if name == role and header is None and (place := list(_COMMON).index(role)) < width:
+        return place
+    likely = [place for place, one in enumerate(named) if name == role and _is_common(one, role)]
+    if len(likely) == 1:
+        return likely[0]
+    if likely:
+        among = " or ".join(repr(named[place]) for place in likely)
+        raise ValueError(f"{where}: the column of the {role} is {among}; name it with --{role}")
+    what = suggest(name, named, "Columns:") if header is not None else f" in {width} columns without a header"
+    raise ValueError(f"{where}: there is no column {name!r}{what}; name or number it with --{role}")
+
+
+def _is_common(name: str, role: str) -> bool:
+    """Return whether a column has a common name of a role, such as `Reviewer ID` for the rater."""
+    plain = re.sub(r"[\W_]+", "", name.casefold())
+    return bool({plain, re.sub("(?:id|name|address|key)$", "", plain)} & _COMMON_NAMES[role])

@@ -1,0 +1,292 @@
+"""Blocks of the rows of a table: CSV in any dialect, JSON lines or Parquet, read by pyarrow."""
+
+import codecs
+import csv
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import IO, Any, NoReturn
+
+import numpy as np
+
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.dialect import MARKS, Dialect, delimiter, find_encoding, look, tidy
+from roletrust_env.data.values import is_missing, to_numpy
+
+_KINDS = {".parquet": "Parquet", ".pq": "Parquet", ".jsonl": "JSON", ".ndjson": "JSON", ".json": "JSON"}
+
+ENDINGS = tuple(end + packed for end in (".csv", ".tsv", ".txt", *_KINDS) for packed in ("", ".gz"))
+"""Endings of the names of tables in a folder. A file with another ending is CSV, too."""
+
+_ROWS = 50_000  # in a block
+_BYTES = 1 << 23  # of a text that are parsed at a time
+_HEAD = 1 << 20  # bytes in which the dialect is found
+_TEXT = 1 << 16  # bytes of a text of several lines
+
+Block = list[Any]
+"""Columns of pyarrow, in the order of the wanted ones."""
+
+
+class Table:
+    """A file of ratings.
+
+    Attributes:
+        path: Path of the file.
+        columns: Columns, by role.
+        dialect: Parts of the dialect that are known.
+        labels: Texts that are ratings, in small letters.
+        missing: Whether rows are left out in which a wanted value is missing.
+        found: What has been found: kind of the file, dialect, and columns with other names than their roles.
+        decimal_comma: Whether a number may have a comma in place of its point.
+        blank: Number of blank rows.
+        comments: Number of lines of comment.
+        incomplete: Number of rows that were left out, since a value is missing.
+    """
+
+    def __init__(
+        self, path: Path, columns: Columns, dialect: Dialect, labels: Collection[str] = (), missing: bool = False
+    ) -> None:
+        self.path, self.columns, self.dialect, self.labels, self.missing = path, columns, dialect, labels, missing
+        self.found: list[str] = []
+        self.decimal_comma = False
+        self.blank = self.comments = self.incomplete = 0
+        self._first = 1  # number of the first row
+        self._read = 0  # rows
+        self._left_out: list[int] = []  # places of rows that are not in blocks, ascending
+
+    def row(self, place: int) -> str:
+        """Return the path of the file and the number of a row, by its place among those of all blocks, from 0."""
+        for gone in self._left_out:
+            place += gone <= place
+        return f"{self.path}, row {self._first + place}"
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the wanted columns, block by block. Rows in which all of these are empty are left out.
+
+        Raises:
+            ValueError: The file is no such table, or is damaged. The message names the file, and the row where it can.
+                Or pyarrow is missing.
+            OSError: The file cannot be read.
+        """
+        try:
+            import pyarrow as arrow
+            import pyarrow.parquet
+        except ImportError:
+            raise ValueError(f"{self.path} needs pyarrow: pip install 'roletrust-env[data]'") from None
+        packed = self.path.suffix == ".gz"
+        kind = _KINDS.get((self.path.with_suffix("") if packed else self.path).suffix, "CSV")
+        read = {"Parquet": self._parquet, "JSON": self._json, "CSV": self._csv}[kind]
+        with gzip.open(self.path) if packed else self.path.open("rb") as opened:
+            file: Any = opened
+            try:
+                yield from read(file if file.seekable() else io.BytesIO(file.read()))
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                raise ValueError(f"{self.path} is a damaged gzip file, after row {self._read}: {error}") from None
+            except (UnicodeDecodeError, csv.Error, arrow.ArrowException, OSError) as error:
+                reason = str(error).partition("\n")[0]
+                raise ValueError(
+                    f"{self.path} is no {kind} file, or a damaged one, after row {self._read}: {reason}"
+                ) from None
+
+    def _places(self, where: str, header: list[str] | None, width: int) -> list[int]:
+        """Return the places of the wanted columns, and say which they are, where they have other names."""
+        places = self.columns.places(f"{self.path}, {where}", header, width)
+        for (role, name), place in zip(self.columns.wanted.items(), places, strict=True):
+            if header is None or header[place] != role or name != role:
+                self.found.append(f"{role} in column {place + 1 if header is None else repr(header[place])}")
+        return places
+
+    def _cleaned(self, table: Any, names: list[str], gone: list[int]) -> Iterator[Block]:
+        """Yield a table in blocks, without blank rows, and without those that miss a value if these are left out.
+
+        Args:
+            table: Rows.
+            names: Names of the wanted columns.
+            gone: Places of lines that are no rows, among both, ascending.
+        """
+        drop, whole = None, len(table) + len(gone)
+        empty = [is_missing(table[name], value=role > 1) for role, name in enumerate(names[: 4 if self.missing else 1])]
+        if any(column.any() for column in empty):
+            blank = np.logical_and.reduce([is_missing(table[name]) for name in names])
+            drop = np.logical_or.reduce(empty) if self.missing else blank
+            self.blank += int(blank.sum())
+            self.incomplete += int(drop.sum() - blank.sum())
+            places = np.delete(np.arange(whole), gone)
+            gone = sorted([*gone, *places[drop].tolist()])
+            table = table.filter(~drop)
+        self._left_out += [self._read + place for place in gone]
+        self._read += whole
+        for start in range(0, len(table), _ROWS):
+            yield [table[name].slice(start, _ROWS).combine_chunks() for name in names]
+
+    # --- CSV ------------------------------------------------------------------------------------------
+
+    def _csv(self, file: IO[bytes]) -> Iterator[Block]:
+        import pyarrow as arrow
+        from pyarrow import compute
+        from pyarrow import csv as arrow_csv
+
+        head = file.read(_HEAD)
+        file.seek(0)
+        try:
+            encoding = self.dialect.encoding or find_encoding(head)
+            text = codecs.getincrementaldecoder(encoding)("replace").decode(head)
+        except LookupError:
+            raise ValueError(f"unknown encoding {self.dialect.encoding!r}; one is utf-8, utf-16 or latin-1") from None
+        except ValueError as error:
+            raise ValueError(f"{self.path} is no CSV file: {error}") from None
+        if not text.strip():
+            return
+        if len(head) == _HEAD:  # the last line may be cut
+            text = text[: text.rfind("\n") + 1] or text
+        named = () if self.columns.by_number else self.columns.wanted.values()
+        start = look(text, self.dialect, named, self.labels)
+        self.found[:0] = [f"CSV, {start}, {encoding.removesuffix('-sig')}"]
+        self.decimal_comma = start.separator != ","
+        self._first = 1 + start.lines
+        self.comments = len(re.findall(f"(?m)^[{''.join(MARKS)}]", "".join(text.splitlines(True)[: start.lines])))
+        places = self._places(f"row {max(1, start.lines)}", start.header, start.width)
+        names, every = [f"f{place}" for place in places], [f"f{place}" for place in range(start.width)]
+        one, skipped, wrong = delimiter(start.separator), list[int](), list[Any]()
+        end = (one * (start.width - 1) + "\n").encode()  # a last row, which is not there if a quote is still open
+
+        def ragged(row: Any) -> str:
+            comment = row.text.startswith(MARKS)
+            if not comment and row.text.strip(one + " \t\r\n"):
+                wrong.append(row)
+                return "error"
+            self.comments += comment
+            self.blank += not comment
+            skipped.append(row.number - 1)
+            return "skip"
+
+        for lines in _lines(file, encoding, start.lines):
+            tidied = tidy(lines, start.separator) + end
+            skipped.clear()
+            try:
+                table = arrow_csv.read_csv(
+                    arrow.BufferReader(tidied),
+                    arrow_csv.ReadOptions(use_threads=False, block_size=len(tidied) + 1, column_names=every),
+                    arrow_csv.ParseOptions(
+                        delimiter=one, ignore_empty_lines=False, newlines_in_values=True, invalid_row_handler=ragged
+                    ),
+                    arrow_csv.ConvertOptions(
+                        include_columns=sorted({*names, *every[:1]}),
+                        default_column_type=arrow.string(),
+                        strings_can_be_null=False,
+                    ),
+                )
+            except arrow.ArrowInvalid:
+                for row in wrong:
+                    what = f" has {row.actual_columns} columns; {row.expected_columns} are needed, as in the rows above"
+                    self._fault(row.number - 1, ": a quote has no end" if row.text.count('"') % 2 else what)
+                for place, line in enumerate(lines.split(b"\n")):
+                    if (fault := _not_utf8(line)) is not None:
+                        self._fault(place, f": byte 0x{fault:02x} is no UTF-8; name the encoding: --encoding latin-1")
+                raise
+            last = table.slice(len(table) - 1)
+            if not all(is_missing(last[name])[0] for name in names):
+                self._fault(len(table) + len(skipped) - 1, ": a quote has no end")
+            table = table.slice(0, len(table) - 1)
+            if start.comments:
+                is_comment = to_numpy(
+                    compute.match_substring_regex(table["f0"], f"^[{''.join(MARKS)}]").cast(arrow.uint8())
+                )
+                self.comments += int(is_comment.sum())
+                rows = np.delete(np.arange(len(table) + len(skipped)), skipped)
+                skipped.extend(rows[is_comment > 0].tolist())
+                table = table.filter(is_comment == 0)
+            yield from self._cleaned(table, names, sorted(skipped))
+
+    def _fault(self, place: int, what: str) -> NoReturn:
+        """Raise an error about a row, by its place among those that are not yet counted as read."""
+        raise ValueError(f"{self.path}, row {self._first + self._read + place}{what}")
+
+    # --- JSON and Parquet -----------------------------------------------------------------------------
+
+    def _json(self, file: IO[bytes]) -> Iterator[Block]:
+        import pyarrow as arrow
+        from pyarrow import json
+
+        header = list[str]()
+        for lines in _lines(file, "utf-8-sig"):
+            if not lines.strip():
+                continue
+            options = json.ReadOptions(use_threads=False, block_size=len(lines) + 1)
+            try:
+                table = json.read_json(arrow.BufferReader(lines), options)
+                if dates := [field.name for field in table.schema if arrow.types.is_timestamp(field.type)]:
+                    texts = arrow.schema([(name, arrow.string()) for name in dates])  # a name may look like a date
+                    parse = json.ParseOptions(explicit_schema=texts)
+                    table = json.read_json(arrow.BufferReader(lines), options, parse)
+            except arrow.ArrowInvalid as error:
+                reason, _, row = str(error).removeprefix("JSON parse error: ").rpartition(" in row ")
+                if not row.isdecimal():
+                    raise
+                self._fault(int(row), f": {reason}; it must be one JSON object in each line".replace(".;", ";"))
+            if not header:
+                header = table.column_names
+                self.found.append("JSON lines")
+                names = [header[place] for place in self._places("columns", header, len(header))]
+            for name in set(names).difference(table.column_names):
+                table = table.append_column(name, arrow.nulls(len(table)))
+            yield from self._cleaned(table, names, [])
+
+    def _parquet(self, file: IO[bytes]) -> Iterator[Block]:
+        import pyarrow as arrow
+        import pyarrow.parquet as parquet
+
+        table = parquet.ParquetFile(file, page_checksum_verification=True)
+        header = table.schema_arrow.names
+        self.found.append("Parquet")
+        names = [header[place] for place in self._places("columns", header, len(header))]
+        if twice := [name for name in names if header.count(name) > 1]:
+            raise ValueError(f"{self.path} has several columns {twice[0]!r}")
+        for batch in table.iter_batches(_ROWS, columns=sorted(set(names))):
+            columns = {name: batch.column(name) for name in names}
+            decoded = {
+                name: column.dictionary_decode() if arrow.types.is_dictionary(column.type) else column
+                for name, column in columns.items()
+            }
+            yield from self._cleaned(arrow.table(decoded), names, [])
+
+
+def _lines(file: IO[bytes], encoding: str, drop: int = 0) -> Iterator[bytes]:
+    """Yield the lines of a text in UTF-8, many at a time; the last one ends, too.
+
+    Texts in quotes that have several lines are not cut, if they are not longer than `_TEXT`.
+
+    Args:
+        file: File.
+        encoding: Its encoding.
+        drop: Number of lines that are left out at first.
+    """
+    plain = codecs.lookup(encoding).name in ("utf-8", "utf-8-sig")  # pyarrow checks it
+    decoder, more = codecs.getincrementaldecoder(encoding)(), True
+    rest = file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8) if plain else b""
+    while more:
+        block = file.read(_BYTES)
+        more = bool(block)
+        rest += block if plain else decoder.decode(block, not more).encode()
+        cut = (rest.rfind(b"\n") + 1) if more else len(rest)
+        back, quotes = cut, rest.count(b'"', 0, cut)
+        while more and quotes % 2 and cut - back < _TEXT and back:
+            line = rest.rfind(b"\n", 0, back - 1) + 1
+            quotes, back = quotes - rest.count(b'"', line, back), line
+        lines, rest = (rest[:back], rest[back:]) if quotes % 2 == 0 else (rest[:cut], rest[cut:])
+        while drop and lines and (line_end := re.match(rb"[^\r\n]*(?:\r\n|\r|\n|$)", lines)):
+            lines, drop = lines[line_end.end() :], drop - 1
+        if lines:
+            yield lines if lines.endswith((b"\n", b"\r")) else lines + b"\n"
+
+
+def _not_utf8(line: bytes) -> int | None:
+    """Return the first byte of a line that is not UTF-8; None if all are."""
+    try:
+        line.decode()
+    except UnicodeDecodeError as error:
+        return line[error.start]
+    return None

@@ -1,0 +1,335 @@
+"""Values in columns of pyarrow: names as codes, ratings as numbers, and times that stay exact."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.data.units import UNITS, find_unit, has_zone, is_date, iso_dates
+from roletrust_env.trust.key_index import Floats, Ints
+
+_MISSING = ("na", "n/a", "nan", "nat", "null", "none", "-")
+"""Texts that stand for no rating and no time, in small letters."""
+
+_EXACT, _DIGITS = 2**53, 15  # whole numbers below, and numbers of so many digits, are exact as float64
+
+Row = Callable[[int], str]
+"""Function from a place in a column to the file and the row, for messages."""
+
+
+def trimmed(name: str) -> str:
+    """Return a name as it counts: without white space at its ends, so that `ann` and `ann ` are one agent."""
+    return name.strip()
+
+
+def _file(row: Row) -> str:
+    return row(0).rpartition(", row")[0]
+
+
+def is_missing(column: Any, *, value: bool = False) -> npt.NDArray[np.bool_]:
+    """Return whether each value of a column is missing: null or blank, and if it is no name also `NA`."""
+    import pyarrow as arrow
+    from pyarrow import compute
+
+    if is_text(column):
+        texts = compute.utf8_trim_whitespace(column.cast(arrow.string()))
+        gone = compute.equal(compute.binary_length(texts), 0)
+        if value:
+            gone = compute.or_(gone, compute.is_in(compute.utf8_lower(texts), arrow.array(_MISSING)))
+        gone = compute.fill_null(gone, True)
+    else:
+        gone = compute.is_null(column, nan_is_null=value)
+    flags: npt.NDArray[np.bool_] = to_numpy(gone.cast(arrow.uint8())).view(np.bool_)
+    return flags
+
+
+def is_text(column: Any) -> bool:
+    """Return whether a column has texts."""
+    import pyarrow.types as kinds
+
+    return bool(kinds.is_string(column.type) or kinds.is_large_string(column.type) or kinds.is_string_view(column.type))
+
+
+def to_numpy(column: Any, missing: float = 0) -> Any:
+    """Return numbers as an array; the column's own `to_numpy` imports pandas, which takes a quarter of a second."""
+    import pyarrow as arrow
+
+    if isinstance(column, arrow.ChunkedArray):
+        column = column.combine_chunks()
+    return np.from_dlpack(column.fill_null(missing) if column.null_count else column)
+
+
+# --- names --------------------------------------------------------------------------------------------
+
+
+def coded(column: Any, what: str, row: Row) -> Any:
+    """Return a column of names as a dictionary of texts and places in it.
+
+    Names are texts; whole numbers, also as floats; or bytes, which are texts in UTF-8 or else hexadecimal.
+
+    Args:
+        column: Column.
+        what: Its name, for messages.
+        row: See `Row`.
+
+    Raises:
+        ValueError: The column has no names, or one is missing.
+    """
+    import pyarrow as arrow
+    from pyarrow import compute
+
+    codes, kinds = column.dictionary_encode(), arrow.types
+    names = codes.dictionary
+    if kinds.is_floating(names.type):
+        names = _whole(names, codes, what, row)
+    elif kinds.is_decimal(names.type):
+        names = names.cast(arrow.decimal256(76, 0))
+    elif kinds.is_binary(names.type) or kinds.is_large_binary(names.type) or kinds.is_fixed_size_binary(names.type):
+        names = arrow.array(list(map(_byte_name, names.to_pylist())), arrow.string())
+    elif not (is_text(names) or kinds.is_integer(names.type) or kinds.is_null(names.type)):
+        raise ValueError(f"{_file(row)}, {what} is of type {column.type}; names must be texts or whole numbers")
+    names = names.cast(arrow.string())
+    empty = to_numpy(compute.binary_length(compute.utf8_trim_whitespace(names))) == 0
+    places = to_numpy(codes.indices, -1)
+    if (missing := np.flatnonzero((places < 0) | np.append(empty, True)[places])).size:
+        raise ValueError(f"{row(missing[0])} has no name in {what}")
+    return arrow.DictionaryArray.from_arrays(codes.indices, names)
+
+
+def _whole(names: Any, codes: Any, what: str, row: Row) -> Any:
+    """Return floats as whole numbers.
+
+    Raises:
+        ValueError: One is not whole, or too large to be exact.
+    """
+    import pyarrow as arrow
+
+    numbers = to_numpy(names.cast(arrow.float64()))
+    if not (whole := (np.rint(numbers) == numbers) & (np.abs(numbers) < _EXACT)).all():
+        at = np.flatnonzero(np.append(~whole, False)[to_numpy(codes.indices, -1)])[0]
+        wrong = numbers[codes.indices[int(at)].as_py()]
+        raise ValueError(
+            f"{row(at)}: {what} is {wrong!s}; a name that is a number must be whole and below 2 ** 53, or a text"
+        )
+    return arrow.array(numbers.astype(np.int64))
+
+
+def _byte_name(name: bytes) -> str:
+    """Return bytes as a name: the text in UTF-8, or else as hexadecimal number."""
+    try:
+        if (text := name.decode()).isprintable():
+            return text
+    except UnicodeDecodeError:
+        pass
+    return f"0x{name.hex()}"
+
+
+def places(columns: list[Any], sides: int) -> tuple[list[str], list[Ints], int]:
+    """Return the names of coded columns, in the order in which they first occur, and the place of each.
+
+    Args:
+        columns: Columns, see `coded`; those of several sides take turns.
+        sides: Number of sides, each of which gets an array of places.
+
+    Returns:
+        Names, by `trimmed`; their places on each side; the number of names that differ from another in white space.
+    """
+    import pyarrow as arrow
+    from pyarrow import compute
+
+    parts = arrow.chunked_array(columns).unify_dictionaries().chunks
+    names = parts[0].dictionary
+    indices = [to_numpy(part.indices) for part in parts]
+    found = [np.concatenate(indices[side::sides], dtype=np.int64) for side in range(sides)]
+    one = compute.utf8_trim_whitespace(names).dictionary_encode()  # white space as `trimmed` has it
+    if joined := len(names) - len(one.dictionary):
+        among = to_numpy(one.indices)
+        found = [among[side] for side in found]
+    texts: list[str] = one.dictionary.to_pylist()
+    return texts, [side.astype(np.int64, copy=False) for side in found], joined
+
+
+# --- ratings ------------------------------------------------------------------------------------------
+
+
+def numbers(
+    column: Any, what: str, row: Row, *, comma: bool = False, labels: Mapping[str, float] | None = None
+) -> Floats:
+    """Return a column as finite numbers.
+
+    Args:
+        column: Column.
+        what: Its name, for messages.
+        row: See `Row`.
+        comma: Whether a number may have a comma in place of its point.
+        labels: Numbers of texts, in small letters, in place of numbers.
+
+    Raises:
+        ValueError: The column has no numbers, or a number is missing, not finite or not among the labels.
+    """
+    import pyarrow as arrow
+
+    allowed = "a number"
+    if labels:
+        codes = column.cast(arrow.string()).dictionary_encode()
+        values = np.array([_label(text, labels) for text in codes.dictionary.to_pylist()] + [np.nan])
+        values, allowed = values[to_numpy(codes.indices, -1)], " or ".join(labels)
+    else:
+        values = _floats(column, what, row, comma)
+    if (wrong := np.flatnonzero(~np.isfinite(values))).size:
+        at = int(wrong[0])
+        shown = (column[at].as_py() or "") if is_text(column) else str(column[at] if labels else values[at])
+        hint = "; --missing leaves such rows out" if shown.strip().casefold() in ("", *_MISSING) else ""
+        if not hint and not labels and what != "the time":
+            hint = "; --labels gives numbers to texts, such as yes=1,no=0"
+        raise ValueError(f"{row(at)}: {what} is {shown!r}; it must be {allowed}{hint}")
+    return values
+
+
+def _label(text: str, labels: Mapping[str, float]) -> float:
+    """Return the number of a text, in any case, or of a number, also written in another way; NaN if there is none."""
+    key = text.strip().casefold()
+    return labels[key] if key in labels else labels.get(f"{_number(key):g}", np.nan)
+
+
+def _plain(column: Any, comma: bool) -> Any:
+    """Return a column, and if it has texts these without white space at their ends and with a decimal point."""
+    import pyarrow as arrow
+    from pyarrow import compute
+
+    if not is_text(column):
+        return column
+    column = compute.utf8_trim_whitespace(column.cast(arrow.string()))
+    return compute.replace_substring(column, ",", ".", max_replacements=1) if comma else column
+
+
+def _floats(column: Any, what: str, row: Row, comma: bool) -> Floats:
+    """Return a column as numbers, with NaN where there is none."""
+    import pyarrow as arrow
+
+    column = _plain(column, comma)
+    try:
+        values: Floats = to_numpy(column.cast(arrow.float64(), safe=False), np.nan)
+    except arrow.ArrowException:
+        if not is_text(column):
+            raise ValueError(f"{_file(row)}, {what} is of type {column.type}; it must be numbers") from None
+        values = np.array([_number(text) for text in column.to_pylist()])
+    return values
+
+
+def _number(text: str | None) -> float:
+    """Return the number in a text; NaN if there is none."""
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return float("nan")
+
+
+# --- times --------------------------------------------------------------------------------------------
+
+
+class Clock(NamedTuple):
+    """Times of a log.
+
+    Attributes:
+        seconds: Seconds since 1970 where that is known, else the numbers that are there, shape (n,).
+        exact: What orders times and tells them apart: whole numbers without rounding, or the seconds, shape (n,).
+        words: What the times were: dates, or a unit.
+    """
+
+    seconds: Floats
+    exact: Ints | Floats
+    words: str
+
+
+class Times:
+    """Times of a file, block by block: numbers, or dates, of one kind in all rows.
+
+    Args:
+        unit: Unit of numbers; None to find it by their size.
+    """
+
+    def __init__(self, unit: str | None) -> None:
+        if unit not in (None, *UNITS):
+            raise ValueError(f"the unit of times is {unit!r}; it must be {', '.join(UNITS)} or nothing")
+        self._unit = unit
+        self._zoned: bool | None = None
+        self._dates = False
+        self._parts: list[tuple[Floats, Ints | None, int]] = []  # seconds or numbers; whole numbers, and how many are 1
+
+    def add(self, column: Any, row: Row, *, comma: bool = False) -> None:
+        """Take a block; a number may have a comma in place of its point if `comma` says so.
+
+        Raises:
+            ValueError: There is something else than a time, or than times of the kind of the rows above.
+        """
+        import pyarrow.types as kinds
+
+        if not self._parts and is_text(column) and is_date(start := (column[0].as_py() or "").strip()):
+            self._zoned, self._dates = has_zone(start), True
+        if self._zoned is not None:
+            texts = [(text or "").strip() for text in column.to_pylist()]
+            ticks, unit = iso_dates(texts, row, zoned=self._zoned)
+            self._parts.append((ticks / UNITS[unit], ticks, UNITS[unit]))
+        elif kinds.is_temporal(column.type):
+            self._dates = True
+            self._parts.append(_dates(column, row))
+        else:
+            self._parts.append((numbers(column, "the time", row, comma=comma), *_whole_ticks(column, comma)))
+
+    def clock(self) -> Clock:
+        """Return all times."""
+        floats = np.concatenate([part[0] for part in self._parts])
+        exact = _same_unit([(ticks, scale) for _, ticks, scale in self._parts])
+        unit = None if self._dates else self._unit or find_unit(floats)
+        words = "dates" if self._dates else f"numbers in {unit}" if unit else "numbers"
+        return Clock(floats / UNITS[unit] if unit else floats, floats if exact is None else exact, words)
+
+
+def _dates(column: Any, row: Row) -> tuple[Floats, Ints, int]:
+    """Return dates of pyarrow as seconds since 1970, as whole numbers of their unit, and how many are a second."""
+    import pyarrow as arrow
+
+    kind = arrow.types
+    if not (kind.is_timestamp(column.type) or kind.is_date(column.type)):
+        raise ValueError(f"{_file(row)}, the time is of type {column.type}; it must be a date or numbers")
+    if column.null_count:
+        at = int(np.flatnonzero(is_missing(column))[0])
+        raise ValueError(f"{row(at)}: the time is 'nan'; it must be a date")
+    ticks = to_numpy(column.cast(arrow.int32() if kind.is_date32(column.type) else arrow.int64())).astype(np.int64)
+    if kind.is_date32(column.type):
+        ticks *= 86400
+    scale = UNITS[column.type.unit] if kind.is_timestamp(column.type) else 1 if kind.is_date32(column.type) else 1000
+    return ticks / scale, ticks, scale
+
+
+def _whole_ticks(column: Any, comma: bool) -> tuple[Ints | None, int]:
+    """Return numbers exactly, as whole numbers and how many are 1: 1 or 10 ** 9; None where that is not possible."""
+    import pyarrow as arrow
+    from pyarrow import compute
+
+    column = _plain(column, comma)
+    if not is_text(column) and not arrow.types.is_integer(column.type) and not arrow.types.is_decimal(column.type):
+        return None, 1
+    try:
+        return to_numpy(column.cast(arrow.int64())), 1
+    except arrow.ArrowException:
+        if is_text(column) and (compute.max(compute.binary_length(column)).as_py() or 0) <= _DIGITS + 1:
+            return None, 1  # floats tell them apart
+    try:
+        parts = compute.multiply(column.cast(arrow.decimal128(20, 9)), arrow.scalar(10**9, arrow.decimal128(10, 0)))
+        return to_numpy(parts.cast(arrow.decimal128(31, 0)).cast(arrow.int64())), 10**9
+    except arrow.ArrowException:
+        return None, 1
+
+
+def _same_unit(parts: list[tuple[Ints | None, int]]) -> Ints | None:
+    """Return whole numbers of several units in the smallest of these; None where one is missing or too large."""
+    smallest = max(scale for _, scale in parts)
+    found = []
+    for ticks, scale in parts:
+        if ticks is None or np.abs(ticks).max(initial=0) > 2**63 // (smallest // scale) - 1:
+            return None
+        found.append(ticks * (smallest // scale))
+    return np.concatenate(found)

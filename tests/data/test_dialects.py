@@ -1,0 +1,250 @@
+"""Files as people have them are read without an option, or with the one that the message names."""
+
+import gzip
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.dialect import Dialect
+from roletrust_env.data.log import RatingLog, read_ratings
+
+arrow = pytest.importorskip("pyarrow")
+parquet = pytest.importorskip("pyarrow.parquet")
+
+ROWS = [("ann", "Café", 5, 1706702400), ("bob", "Café", 1, 1706702460), ("ann", "寿司", 3, 1706788800)]
+DAYS = ["2024-01-31T12:00:00", "2024-01-31T12:01:00", "2024-02-01T12:00:00"]
+TIMED = Columns(time="time")
+
+
+def text(separator: str = ",", header: str = "rater,ratee,rating,time", rows: list[Any] = ROWS, end: str = "\n") -> str:
+    """Return the rows as a text; without a header if that is empty."""
+    lines = [separator.join(map(str, row)) for row in rows]
+    return "".join(line + end for line in [*([header.replace(",", separator)] if header else []), *lines])
+
+
+def with_times(times: list[Any]) -> list[tuple[Any, ...]]:
+    return [(*row[:3], time) for row, time in zip(ROWS, times, strict=True)]
+
+
+def texts() -> Iterator[tuple[str, bytes]]:
+    """Yield names and contents of files that hold the same log."""
+    for name, separator in (
+        ("a.csv", ","),
+        ("b.tsv", "\t"),
+        ("c.csv", ";"),
+        ("d.dat", "::"),
+        ("e", "|"),
+        ("f.txt", " "),
+    ):
+        yield name, text(separator).encode()
+        yield f"no-header-{name}", text(separator, "").encode()
+    yield "blanks.txt", text("  \t ").replace("ann", "  ann").encode()
+    for encoding in ("utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32"):
+        yield f"{encoding}.csv", text("\t").encode(encoding)
+    yield "crlf.csv", text(end="\r\n").encode()
+    yield "cr.csv", text(end="\r").encode()
+    yield "no-end.csv", text().rstrip().encode()
+    yield "blank-lines.csv", ("\n" + text().replace("\n", "\n\n  \n,,,\n,,,,,\n") + "\n\n").encode()
+    yield "comments.csv", ("# made by hand\n\n" + text() + "# the, end, of, it\n# it's \"all\n").encode()
+    yield "comments-inside.csv", text().replace("bob", "# a pause\nbob").encode()
+    yield "header-in-comment.tsv", ("% sym weighted\n# Rater\tRatee\tRating\tTime\n" + text("\t", "")).encode()
+    yield "blanks-after-commas.csv", text(", ").encode()
+    yield "quotes.csv", text('", "').replace("\n", '"\n"').rstrip('"').encode().join([b'"', b""])
+    yield "padded.csv", text().replace("ann", " ann\t").replace("Café", "Café\u00a0").encode()
+    yield "names.csv", text(header="User ID,item_id,stars,timestamp").encode()
+    yield "graph.csv", text(header="Source,Target,Weight,Date").encode()
+    yield "more.csv", text(header='"from",to,score,time').replace("\n", ',"two\nlines, ""quoted"""\n').encode()
+    yield "extra.csv", text(header=",rater,ratee,rating,time", rows=[(n, *row) for n, row in enumerate(ROWS)]).encode()
+    yield "decimal-commas.csv", text(";", rows=[(a, b, f"{c},0", d) for a, b, c, d in ROWS]).encode()
+    for unit, more in (("ms", 3), ("us", 6), ("ns", 9)):
+        yield f"{unit}.csv", text(rows=with_times([f"{row[3]}{'0' * more}" for row in ROWS])).encode()
+    yield "dates.csv", text(rows=with_times(DAYS)).encode()
+    yield (
+        "zone.csv",
+        text(rows=with_times([day.replace("T", " ").replace("12:", "14:") + "+02:00" for day in DAYS])).encode(),
+    )
+    names = "rater", "ratee", "rating", "time"
+    lines = [json.dumps(dict(zip(names, row, strict=True))) for row in ROWS]
+    yield "lines.jsonl", "\n".join(lines).encode()
+    yield "lines.ndjson", "\n\n".join(lines).encode()
+    dated = [json.dumps(dict(zip(("user", "item", "score", "date"), row, strict=True))) for row in with_times(DAYS)]
+    yield "dated.jsonl", "\n".join(dated).encode()
+
+
+def check(log: RatingLog) -> None:
+    assert log.rater_names == ["ann", "bob"]
+    assert log.ratee_names == ["Café", "寿司"]
+    assert log.values.tolist() == [1, 0, 0.5]
+    assert log.raters.tolist() == [0, 1, 0]
+    assert log.ratees.tolist() == [0, 0, 1]
+    assert log.times is not None
+    assert log.times.tolist() == [row[3] for row in ROWS]
+
+
+def test_forty_texts_are_one_log(tmp_path: Path) -> None:
+    files = dict(texts())
+    assert len(files) >= 40
+    for name, content in files.items():
+        for path, written in ((tmp_path / name, content), (tmp_path / f"{name}.gz", gzip.compress(content))):
+            path.write_bytes(written)
+            try:
+                check(read_ratings(path, TIMED, scale=(1, 5)))
+            except (ValueError, AssertionError) as error:
+                raise AssertionError(f"{path.name}: {content!r}") from error
+
+
+def write(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
+    (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    return folder / name
+
+
+def told(path: Path, columns: Columns = TIMED, **options: Any) -> tuple[RatingLog, str]:
+    lines: list[str] = []
+    log = read_ratings(path, columns, tell=lines.append, **options)
+    return log, "\n".join(lines)
+
+
+def test_names_of_any_type_are_the_same(tmp_path: Path) -> None:
+    """And a name of a text that looks like a date or a number stays as it is."""
+    whole = [1, 20, 1]
+    for kind in ("int8", "uint64", "float32", "float64", "string", "large_string", "string_view", "binary"):
+        names = [str(one) for one in whole] if "string" in kind else [b"1", b"20", b"1"] if kind == "binary" else whole
+        column = arrow.array(names, getattr(arrow, kind)())
+        for one in (column, column.dictionary_encode()) if kind != "string_view" else (column,):
+            for end in (".parquet", ".pq"):
+                parquet.write_table(
+                    arrow.table({"rater": one, "ratee": one, "rating": [1, 0, 1]}), tmp_path / f"a{end}"
+                )
+                assert read_ratings(tmp_path / f"a{end}").rater_names == ["1", "20"], kind
+    parquet.write_table(
+        arrow.table(
+            {
+                "rater": [b"\xff\x00", b"x "],
+                "ratee": arrow.array([7, 2**60]).cast(arrow.decimal128(20, 0)),
+                "rating": [True, False],
+            }
+        ),
+        tmp_path / "b.pq",
+    )
+    log = read_ratings(tmp_path / "b.pq")
+    assert (log.rater_names, log.ratee_names) == (["0xff00", "x"], ["7", str(2**60)])
+    log = read_ratings(write(tmp_path, '{"rater": "2024-01-31", "ratee": 1.0, "rating": 1}\n', "c.jsonl"))
+    assert (log.rater_names, log.ratee_names) == (["2024-01-31"], ["1"])
+    for wrong, message in (([0.5], "row 1: column 'ratee' is 0.5"), ([2.0**60], "below 2 \\*\\* 53")):
+        parquet.write_table(arrow.table({"rater": ["a"], "ratee": wrong, "rating": [1]}), tmp_path / "d.pq")
+        with pytest.raises(ValueError, match=message):
+            read_ratings(tmp_path / "d.pq")
+
+
+def test_names_are_trimmed_and_the_joined_are_told(tmp_path: Path) -> None:
+    path = write(tmp_path, "rater,ratee,rating\nann,x,1\nann ,x,1\n\u00a0ann, x,1\nAnn,x,1\n")
+    log, lines = told(path, Columns(), same_agents=True)
+    assert log.rater_names == ["ann", "Ann", "x"]
+    assert log.raters.tolist() == [0, 0, 0, 1]
+    assert "trimmed: 3." in lines
+
+
+def test_nanoseconds_are_exact(tmp_path: Path) -> None:
+    """Times 1 ns apart are no repeat and in their order, in texts, numbers and dates."""
+    stamps = [1706702400_000000001 - n for n in range(3)]
+    dates = ["2024-01-31T12:00:00.000000001", "2024-01-31T12:00:00", "2024-01-31T11:59:59.999999999"]
+    seconds = ["1706702400.000000001", "1706702400", "1706702399.999999999"]
+    columns = {"rater": ["a"] * 3, "ratee": ["x"] * 3, "rating": [1, 1, 1]}
+    for times in (stamps, arrow.array(stamps).cast(arrow.timestamp("ns", "UTC")), dates, seconds):
+        for rating in ([1, 1, 1], [1, 0.5, 0]):
+            parquet.write_table(arrow.table({**columns, "rating": rating, "time": times}), tmp_path / "a.pq")
+            log = read_ratings(tmp_path / "a.pq", TIMED)
+            assert log.values.tolist() == rating[::-1]
+            assert log.times is not None
+            assert log.times.tolist() == pytest.approx([1706702400] * 3, abs=1e-6)
+        texts = [str(time) for time in times]
+        lines = [f"a,x,1,{time}" for time in (dates if "-" in texts[0] else texts)]
+        path = write(tmp_path, "\n".join(["rater,ratee,rating,time", *lines, lines[1]]))
+        with pytest.raises(ValueError, match="row 5 repeats row 3"):
+            read_ratings(path, TIMED)
+
+
+def test_labels_missing_values_and_overrides(tmp_path: Path) -> None:
+    path = write(tmp_path, "rater,ratee,rating,time\na,x,Yes,5\n,,,\nb,x,no,NA\nc,x,,7\nb,x,no,\n")
+    with pytest.raises(ValueError, match="row 2: the rating is 'Yes'; it must be a number; --labels"):
+        read_ratings(write(tmp_path, "rater,ratee,rating\na,x,Yes\n", "yes.csv"))
+    with pytest.raises(ValueError, match="row 5: the rating is ''; it must be yes or no; --missing"):
+        read_ratings(path, labels={"yes": 1, "no": 0})
+    log, lines = told(path, TIMED, labels={"yes": 1, "no": 0}, missing=True)
+    assert (log.rater_names, log.values.tolist()) == (["a"], [1])
+    assert "blank rows: 1, rows with a missing value left out: 3." in lines
+    path = write(tmp_path, "1|2,5|1\n3|2|0\n")
+    assert read_ratings(path, Columns("1", "2", "3"), dialect=Dialect("bar", header=True)).rater_names == ["3"]
+    path = write(tmp_path, "a,x,yes\nb,x,no\n")
+    assert len(read_ratings(path, labels={"yes": 1, "no": 0}).values) == 2
+    for wrong, message in (
+        (Dialect(encoding="none"), "unknown encoding 'none'"),
+        (Dialect(unit="h"), "the unit of times is 'h'; it must be s, ms, us, ns"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            read_ratings(path, dialect=wrong, labels={"yes": 1, "no": 0})
+
+
+def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> None:
+    start = "rater,ratee,rating,time\n\n# a note\n"
+    for content, message in (
+        (start + "a,x,1,2\n\nb,x,good,3\n", "row 6: the rating is 'good'; it must be a number"),
+        (start.encode() + b"a,x,1,2\n" * 200_000 + b"Jos\xe9,x,1,3\n", "row 200004: byte 0xe9 is no UTF-8; .* latin-1"),
+        (start + "a,x,1,2\nb,x,5,3\n", "row 5: the rating is 5, off the scale from 0 to 1; .* --scale 1 5"),
+        (start + '"a\nb",x,1,2\n"c,x,1,2\n', "row 5: a quote has no end"),
+        (
+            "user,source,item,rating,time\na,b,x,1,2\n",
+            "row 1: the column of the rater is 'user' or 'source'",
+        ),
+        ("rater,ratee,mark\na,x,1\n", "row 1: there is no column 'time'. Columns: rater, ratee, mark; .* --time"),
+        ("a,x,1\n", "there is no column 'time' in 3 columns without a header; .* --time"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            read_ratings(write(tmp_path, content), TIMED, repeats=True)
+    for content, message in (
+        ('{"rater": 1, "ratee": 2, "rating": 1}\n{"rater": \n', "row 2: Invalid value; it must be one JSON object"),
+        ('[{"rater": 1}]', "row 1: .* it must be one JSON object in each line"),
+        ('{"rater": 1, "rating": 1}\n', "columns: there is no column 'ratee'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            read_ratings(write(tmp_path, content, "log.jsonl"))
+
+
+def test_what_may_be_wrong_is_told_with_its_number(tmp_path: Path) -> None:
+    for times, options, message in (
+        ([0, 1, 10_001], {"every": 1}, "9,999 of 10,002 rounds are empty"),
+        ([0, 1, 2], {"every": 10}, "all 3 ratings are in one round"),
+        ([1706702400000, 1706702400001, 1706702400002], {"dialect": Dialect(unit="s")}, "the year 56053 to 56053"),
+        ([1706702400, 1706702401, 1706702402], {"dialect": Dialect(unit="ms")}, "the year 1970 to 1970"),
+        ([1706702400, 1706702401, 1706702400000], {}, "the year 1970 to 2024"),
+        ([1, 2, 3], {}, "Warning: all 3 ratings are the same.\nWarning: all 3 ratings are by one rater, a."),
+    ):
+        content = "rater,ratee,rating,time\n" + "".join(f"a,x,1,{time}\n" for time in times)
+        assert message in told(write(tmp_path, content), **options)[1]
+    assert "Warning" not in told(write(tmp_path, text()), scale=(1, 5), every=3600)[1]
+
+
+def test_a_text_of_several_lines_is_not_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path, "rater,ratee,rating,words\n" + 'a,x,1,"one\ntwo, ""three""\n"\nb,y,0,"z"\n' * 9)
+    for size in (7, 20, 50, 1000):
+        monkeypatch.setattr("roletrust_env.data.tables._BYTES", size)
+        assert len(read_ratings(path).values) == 18
+    assert len(read_ratings(write(tmp_path, "rater,ratee,rating,words\n" + 'a,x,1,6" pipe\n' * 9)).values) == 9
+
+
+def test_the_shared_logs_need_no_option_but_the_scale() -> None:
+    shared = Path(__file__).parents[2].parent / "shared" / "data"
+    if not shared.is_dir():
+        pytest.skip(f"there are no real logs in {shared}")
+    path = shared / "bitcoin-otc" / "otc_network.csv.gz"
+    with pytest.raises(ValueError, match="--scale -10 10"):
+        read_ratings(path)
+    log = read_ratings(path, TIMED, scale=(-10, 10))
+    assert (len(log.values), log.shape) == (35_592, (4814, 5858))
+    log, lines = told(shared / "crowd-product" / "answer.csv.gz", Columns())
+    assert (len(log.values), log.shape) == (24_945, (176, 8315))
+    assert "rater in column 'worker', ratee in column 'question', rating in column 'answer'" in lines
