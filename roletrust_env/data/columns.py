@@ -86,6 +86,11 @@ def _place(role: str, name: str, where: str, header: list[str] | None, width: in
     raise ValueError(f"{where}: there is no column {name!r}{what}; name or number it with --{role}")
 
 
+def are_common(names: list[str]) -> bool:
+    """Return whether columns have common names of a rater and of a ratee."""
+    return all(any(_is_common(name, role) for name in names) for role in ("rater", "ratee"))
+
+
 def _is_common(name: str, role: str) -> bool:
     """Return whether a column has a common name of a role, such as `Reviewer ID` for the rater."""
     plain = re.sub(r"[\W_]+", "", name.casefold())

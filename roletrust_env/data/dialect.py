@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from roletrust_env.data.columns import are_common
 from roletrust_env.data.units import is_date
 
 MARKS = ("#", "%")
@@ -110,7 +111,7 @@ def look(head: str, dialect: Dialect, wanted: Iterable[str] = (), labels: Iterab
     """Return what the beginning of a text shows.
 
     The first row is a header if it has the wanted names, or neither a number nor a date. Without a header of its own, a
-    text has that in its last line of comment before the first rating, where this has as many columns.
+    text has that in its last line of comment before the first rating, where this has as many columns and common names.
 
     Args:
         head: Beginning of the text.
@@ -119,6 +120,9 @@ def look(head: str, dialect: Dialect, wanted: Iterable[str] = (), labels: Iterab
         labels: Texts that are ratings, in small letters.
     """
     lines = re.split("\r\n|\r|\n", head)[:_LINES]
+    if said := re.fullmatch("sep=(.)", lines[0].strip("\ufeff ")):  # Excel
+        rest = look(head.partition("\n")[2], dialect._replace(separator=dialect.separator or said[1]), wanted, labels)
+        return rest._replace(lines=rest.lines + 1)
     data = [place for place, line in enumerate(lines) if line.strip() and not line.startswith(MARKS)]
     start = data[0] if data else len(lines)
     comments = [line.lstrip("".join(MARKS)).strip() for line in lines[:start] if line.strip()]
@@ -135,7 +139,7 @@ def look(head: str, dialect: Dialect, wanted: Iterable[str] = (), labels: Iterab
             end += 1
         return Beginning(separator, first, len(first), end, bool(comments))
     named = next(_rows(comments[-1:], separator), [])
-    fits = len(named) == len(first) and not any(map(is_number, named))
+    fits = len(named) == len(first) and are_common(named)
     return Beginning(separator, named if fits else None, len(first), start, bool(comments))
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
 from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone, iso_dates, unit_ratings
+from roletrust_env.data.values import trimmed
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
@@ -440,7 +441,7 @@ class NameIndex:
         if array.dtype.kind == "i" or (array.dtype.kind == "u" and array.max() < 2**63):
             kind, array = "whole numbers", array.astype(np.int64, copy=False)
         elif array.dtype.kind in "OUT" and all(isinstance(name, str) for name in array.tolist()):
-            kind, array = "texts", array.astype(object, copy=False)
+            kind, array = "texts", np.array([trimmed(name) for name in array.tolist()], object)
         else:
             raise ValueError(f"{self.role} are of type {array.dtype}; they must be whole numbers or texts")
         before = "whole numbers" if self._numbers is not None else "texts" if self._texts is not None else kind

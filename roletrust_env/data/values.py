@@ -266,11 +266,10 @@ class Times:
         """
         import pyarrow.types as kinds
 
-        if not self._parts and is_text(column) and is_date(start := (column[0].as_py() or "").strip()):
+        if not self._parts and is_text(column) and is_date(start := _iso(column[0].as_py())):
             self._zoned, self._dates = has_zone(start), True
         if self._zoned is not None:
-            texts = [(text or "").strip() for text in column.to_pylist()]
-            ticks, unit = iso_dates(texts, row, zoned=self._zoned)
+            ticks, unit = iso_dates([_iso(text) for text in column.to_pylist()], row, zoned=self._zoned)
             self._parts.append((ticks / UNITS[unit], ticks, UNITS[unit]))
         elif kinds.is_temporal(column.type):
             self._dates = True
@@ -285,6 +284,12 @@ class Times:
         unit = None if self._dates else self._unit or find_unit(floats)
         words = "dates" if self._dates else f"numbers in {unit}" if unit else "numbers"
         return Clock(floats / UNITS[unit] if unit else floats, floats if exact is None else exact, words)
+
+
+def _iso(text: str | None) -> str:
+    """Return a date as ISO 8601 has it, without white space at its ends, and `Z` for ` UTC`."""
+    text = (text or "").strip()
+    return f"{text[:-4]}Z" if text.endswith(" UTC") else text
 
 
 def _dates(column: Any, row: Row) -> tuple[Floats, Ints, int]:
