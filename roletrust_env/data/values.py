@@ -142,12 +142,13 @@ def places(columns: list[Any], sides: int) -> tuple[list[str], list[Ints], int]:
     names = parts[0].dictionary
     indices = [to_numpy(part.indices) for part in parts]
     found = [np.concatenate(indices[side::sides], dtype=np.int64) for side in range(sides)]
-    one = compute.utf8_trim_whitespace(names).dictionary_encode()  # white space as `trimmed` has it
-    if joined := len(names) - len(one.dictionary):
-        among = to_numpy(one.indices)
-        found = [among[side] for side in found]
-    texts: list[str] = one.dictionary.to_pylist()
-    return texts, [side.astype(np.int64, copy=False) for side in found], joined
+    trim, joined = compute.utf8_trim_whitespace(names), 0  # white space as `trimmed` has it
+    if not trim.equals(names):
+        one = trim.dictionary_encode()
+        joined, names, among = len(names) - len(one.dictionary), one.dictionary, to_numpy(one.indices)
+        found = [among[side].astype(np.int64) for side in found]
+    texts: list[str] = names.to_pylist()
+    return texts, found, joined
 
 
 # --- ratings ------------------------------------------------------------------------------------------
