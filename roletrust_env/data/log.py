@@ -55,6 +55,7 @@ def read_ratings(
     same_agents: bool = False,
     repeats: bool = False,
     missing: bool = False,
+    tag: str | None = None,
     labels: Mapping[str, float] | None = None,
     dialect: Dialect = Dialect(),  # noqa: B008 - immutable
     every: float | None = None,
@@ -64,8 +65,9 @@ def read_ratings(
     """Read ratings from CSV in any dialect, JSON lines (`.jsonl`, `.ndjson`) or Parquet (`.parquet`, `.pq`).
 
     Each may be compressed by gzip (`.gz`). The dialect of a text is found from its beginning, and so are columns with
-    common names. Blank rows and lines of comment (`#`, `%`) are left out. Rows count from 1, in a text with its header;
-    a text in quotes that has several lines is in one row. Names count without white space at their ends.
+    common names. Feedback events of ERC-8004 become ratings, see `as_ratings`. Blank rows and lines of comment (`#`,
+    `%`) are left out. Rows count from 1, in a text with its header; a text in quotes that has several lines is in one
+    row. Names count without white space at their ends.
 
     Args:
         path: Path of the file.
@@ -75,6 +77,7 @@ def read_ratings(
         repeats: Whether rows may repeat an earlier one, with the same rater, ratee, rating and time.
         missing: Whether rows are left out in which a rater, ratee, rating or time is missing: blank, or `NA` and the
             like for numbers.
+        tag: Tag of the feedback events of ERC-8004 that count; None for all.
         labels: Numbers of ratings that are texts, such as `{"yes": 1, "no": 0}`; upper case does not matter.
         dialect: Parts of the dialect that are known.
         every: Length of a round, by which it may be told that most are empty.
@@ -90,7 +93,7 @@ def read_ratings(
     known = {str(text).strip().casefold(): value for text, value in (labels or {}).items()}
     if wrong := [text for text, value in known.items() if not isinstance(value, Real) or not np.isfinite(float(value))]:
         raise ValueError(f"the rating of {wrong[0]!r} is {known[wrong[0]]!r}; it must be a number")
-    table = Table(path, columns, dialect, known, missing)
+    table = Table(path, columns, dialect, known, missing=missing, tag=tag)
     people, values, times = list[Any](), list[Floats](), Times(dialect.unit)  # raters and ratees take turns
     read = 0
     what = "the rating" if columns.by_number or columns.rating == Columns().rating else f"column {columns.rating!r}"

@@ -4,6 +4,7 @@ import codecs
 import csv
 import gzip
 import io
+import itertools
 import re
 import zlib
 from collections.abc import Collection, Iterator
@@ -14,6 +15,7 @@ import numpy as np
 
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import MARKS, Dialect, delimiter, find_encoding, look, tidy
+from roletrust_env.data.feedback import as_ratings, feedback_columns
 from roletrust_env.data.values import is_missing, to_numpy
 
 _KINDS = {".parquet": "Parquet", ".pq": "Parquet", ".jsonl": "JSON", ".ndjson": "JSON", ".json": "JSON"}
@@ -39,6 +41,7 @@ class Table:
         dialect: Parts of the dialect that are known.
         labels: Texts that are ratings, in small letters.
         missing: Whether rows are left out in which a wanted value is missing.
+        tag: Tag of the feedback events that count; None for all.
         found: What has been found: kind of the file, dialect, and columns with other names than their roles.
         decimal_comma: Whether a number may have a comma in place of its point.
         blank: Number of blank rows.
@@ -47,12 +50,21 @@ class Table:
     """
 
     def __init__(
-        self, path: Path, columns: Columns, dialect: Dialect, labels: Collection[str] = (), missing: bool = False
+        self,
+        path: Path,
+        columns: Columns,
+        dialect: Dialect,
+        labels: Collection[str] = (),
+        *,
+        missing: bool = False,
+        tag: str | None = None,
     ) -> None:
         self.path, self.columns, self.dialect, self.labels, self.missing = path, columns, dialect, labels, missing
+        self.tag = tag
         self.found: list[str] = []
         self.decimal_comma = False
         self.blank = self.comments = self.incomplete = 0
+        self._more: dict[str, int] = {}  # further columns of feedback events
         self._first = 1  # number of the first row
         self._read = 0  # rows
         self._left_out: list[int] = []  # places of rows that are not in blocks, ascending
@@ -82,7 +94,10 @@ class Table:
         with gzip.open(self.path) if packed else self.path.open("rb") as opened:
             file: Any = opened
             try:
-                yield from read(file if file.seekable() else io.BytesIO(file.read()))
+                blocks = read(file if file.seekable() else io.BytesIO(file.read()))
+                first = next(blocks, None)
+                rest = blocks if first is None else itertools.chain([first], blocks)
+                yield from self._feedback(list(rest)) if self._more else rest
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 raise ValueError(f"{self.path} is a damaged gzip file, after row {self._read}: {error}") from None
             except (UnicodeDecodeError, csv.Error, arrow.ArrowException, OSError) as error:
@@ -97,7 +112,27 @@ class Table:
         for (role, name), place in zip(self.columns.wanted.items(), places, strict=True):
             if header is None or header[place] != role or name != role:
                 self.found.append(f"{role} in column {place + 1 if header is None else repr(header[place])}")
-        return places
+        self._more = feedback_columns(header or [])
+        if self.tag is not None and "tag1" not in self._more:
+            raise ValueError(f"{self.path}, {where}: there are no feedback events with tags")
+        return [*places, *self._more.values()]
+
+    def _feedback(self, blocks: list[Block]) -> Iterator[Block]:
+        """Yield feedback events as ratings, in one block."""
+        import pyarrow as arrow
+
+        columns = [[value for part in parts for value in part.to_pylist()] for parts in zip(*blocks, strict=True)]
+        names = list(self.columns.wanted)
+        more = dict(zip(self._more, columns[len(names) :], strict=True))
+        feedback = as_ratings(columns[0], columns[1], columns[2], self.tag, more)
+        self.found += ["feedback events of ERC-8004", *feedback.words]
+        places = np.delete(np.arange(self._read), self._left_out)
+        self._left_out = sorted([*self._left_out, *places[~feedback.kept].tolist()])
+        ratings = [arrow.array(column) for column in (feedback.raters, feedback.agents, feedback.values)]
+        if len(names) > 3:
+            times = (arrow.table({"time": block[3]}) for block in blocks)
+            ratings.append(arrow.concat_tables(times, promote_options="default")["time"].combine_chunks())
+        yield [column.filter(arrow.array(feedback.kept)) for column in ratings]
 
     def _cleaned(self, table: Any, names: list[str], gone: list[int]) -> Iterator[Block]:
         """Yield a table in blocks, without blank rows, and without those that miss a value if these are left out.
@@ -222,6 +257,8 @@ class Table:
                     texts = arrow.schema([(name, arrow.string()) for name in dates])  # a name may look like a date
                     parse = json.ParseOptions(explicit_schema=texts)
                     table = json.read_json(arrow.BufferReader(lines), options, parse)
+                table = table.flatten()  # the arguments of an event
+                table = table.rename_columns([name.removeprefix("args.") for name in table.column_names])
             except arrow.ArrowInvalid as error:
                 reason, _, row = str(error).removeprefix("JSON parse error: ").rpartition(" in row ")
                 if not row.isdecimal():

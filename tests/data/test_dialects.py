@@ -251,3 +251,31 @@ def test_the_shared_logs_need_no_option_but_the_scale() -> None:
     log, lines = told(shared / "crowd-product" / "answer.csv.gz", Columns())
     assert (len(log.values), log.shape) == (24_945, (176, 8315))
     assert "rater in column 'worker', ratee in column 'question', rating in column 'answer'" in lines
+
+
+def test_feedback_events_are_ratings(tmp_path: Path) -> None:
+    """With decimals; without what was taken back, other tags and other events; accounts under their funder."""
+    given = {"eventName": "NewFeedback", "blockTimestamp": 1706702400, "valueDecimals": 2, "tag1": "starred"}
+    events: list[dict[str, Any]] = [
+        {**given, "agentId": "7", "clientAddress": "0xAb", "feedbackIndex": 1, "value": "8500"},
+        {**given, "agentId": "7", "clientAddress": "0xaB", "feedbackIndex": 2, "value": "9000"},
+        {**given, "agentId": "7", "clientAddress": "0xcd", "feedbackIndex": 1, "value": "5", "valueDecimals": 0},
+        {**given, "agentId": "8", "clientAddress": "0xef", "feedbackIndex": 1, "value": "1", "tag1": "reachable"},
+        {"eventName": "FeedbackRevoked", "agentId": "7", "clientAddress": "0xab", "feedbackIndex": 1},
+    ]
+    funded = [{**event, "funder": "0xF0" if event["clientAddress"] == "0xcd" else None} for event in events]
+    nested = [{"eventName": event.pop("eventName"), "args": event} for event in map(dict, funded)]
+    for number, rows in enumerate((events, funded, nested)):
+        path = write(tmp_path, "\n".join(map(json.dumps, rows)), "events.jsonl")
+        log, lines = told(path, Columns(time="blockTimestamp"), scale=(0, 100), repeats=True)
+        assert log.rater_names == ["0xab", "0xf0" if number else "0xcd", "0xef"]
+        assert log.ratee_names == ["7", "8"]
+        assert log.values.tolist() == [0.9, 0.05, 0.0001]
+        assert "feedback events of ERC-8004, revoked feedback left out: 1, 2 tags mixed" in lines
+        assert read_ratings(path, scale=(0, 100), tag="starred").ratee_names == ["7"]
+    header = ["agentId", "clientAddress", "value", "valueDecimals", "isRevoked", "chainId"]
+    lines = ["7,0xab,85,0,false,1", "7,0xab,1,0,true,1", "7,0xcd,850,1,,8453"]
+    log = read_ratings(write(tmp_path, "\n".join([",".join(header), *lines])), scale=(0, 100))
+    assert (log.ratee_names, log.values.tolist()) == (["1:7", "8453:7"], [0.85, 0.85])
+    with pytest.raises(ValueError, match="row 4: the rating is 850, off the scale"):
+        read_ratings(write(tmp_path, "\n".join([",".join(header), *lines]).replace("850,1", "850,0")), scale=(0, 100))

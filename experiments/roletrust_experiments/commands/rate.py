@@ -44,10 +44,7 @@ def rate(
     encoding: Annotated[str | None, typer.Option(help="Encoding, such as utf-8, utf-16 or latin-1.")] = None,
     header: Annotated[bool | None, typer.Option(help="Whether the first row has the names of the columns.")] = None,
     time_unit: Annotated[str | None, typer.Option(metavar="s|ms|us|ns", help="Unit of times that are numbers.")] = None,
-    every: Annotated[
-        float | None,
-        typer.Option(help="Length of a round, in seconds, or in the unit of the time; with --compare, 30 days."),
-    ] = None,
+    every: Annotated[float | None, typer.Option(help="Length of a round: seconds, or the unit of the time.")] = None,
     count: Annotated[int | None, typer.Option(min=1, help="Number of ratings of a round.")] = None,
     same_agents: Annotated[
         bool | None,
@@ -55,28 +52,19 @@ def rate(
             "--same-agents/--two-roles", help="Whether rater and ratee of one name are one; in --compare, yes."
         ),
     ] = None,
-    repeats: Annotated[
-        bool, typer.Option("--repeats", help="Allow rows that repeat an earlier one and its time.")
-    ] = False,
-    state: Annotated[
-        Path | None, typer.Option(help="File of earlier ratings, which takes those that are new; with --every.")
-    ] = None,
+    repeats: Annotated[bool, typer.Option("--repeats", help="Allow rows that repeat an earlier one.")] = False,
+    state: Annotated[Path | None, typer.Option(help="File of earlier ratings, which takes new; with --every.")] = None,
     late: Annotated[
         Literal["drop", "count"],
         typer.Option(help="Leave out ratings of rounds that have ended, or count them in the running one."),
     ] = "drop",
-    lead: Annotated[
-        float | None, typer.Option(help="Longest time without a rating; those after a longer one are left out.")
-    ] = None,
+    lead: Annotated[float | None, typer.Option(help="Longest time without a rating; later ones are left out.")] = None,
     missing: Annotated[bool, typer.Option("--missing", help="Leave out rows in which a value is missing.")] = False,
+    tag: Annotated[str | None, typer.Option(help="Tag of the feedback events of ERC-8004 that count.")] = None,
     top: Annotated[int, typer.Option(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
     compare: Annotated[bool, typer.Option("--compare", help="Measure trust models on logs, see below.")] = False,
-    search: Annotated[
-        int, typer.Option(min=0, help="With --compare: attacks that a search plays for each goal, number and origin.")
-    ] = 0,
-    synthetic: Annotated[
-        bool, typer.Option("--synthetic", help="With --compare: first write a small synthetic log of either kind.")
-    ] = False,
+    search: Annotated[int, typer.Option(min=0, help="With --compare: attacks that a search plays for each.")] = 0,
+    synthetic: Annotated[bool, typer.Option("--synthetic", help="With --compare: first write synthetic logs.")] = False,
     seed: Seed = 0,
     out: Out = Path("results/rate"),
 ) -> None:
@@ -98,6 +86,7 @@ def rate(
     With --compare, trust models are measured on the logs in a folder and in the folders in it: forecasts, crowd work,
     and a few hostile accounts in a replay. A log of ratings is a file *network.csv or ratings.csv without header:
     rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question, truth).
+    Rounds are of 30 days (--every). --search plays so many attacks for each goal, number and origin of accounts.
     By default all central models are measured, and those of neighbouring fields: all-time-mean, two-way-mean,
     fairness-goodness, bias-deserve, rev2, geometric-median and centred-clipping; on crowd work also dawid-skene,
     one-coin-dawid-skene, glad and mace, which need the extra crowd. What does not fit is left out, and a line says so.
@@ -116,8 +105,8 @@ def rate(
     """
     columns, dialect = Columns(rater, ratee, rating, time), Dialect(separator, encoding, header, time_unit)
     if compare:
-        known = (columns, dialect, count, labels, state, lead)
-        if known != (Columns(), Dialect(), None, None, None, None) or repeats or missing:
+        given = (dialect, count, labels, state, lead, tag, repeats, missing)
+        if columns != Columns() or any(value not in (None, False, Dialect()) for value in given):
             raise ValueError("options for columns, rows, dialect and state are not for --compare")
         from roletrust_experiments.commands import comparison
 
@@ -152,6 +141,7 @@ def rate(
             same_agents=both,
             repeats=repeats,
             missing=missing,
+            tag=tag,
             labels=parse_settings(labels.split(",") if labels else (), "--labels"),
             dialect=dialect,
             every=every,
