@@ -25,8 +25,8 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trees import map_kinds
 from roletrust_env.trust import Ratings, TrustModel, trust_models
+from roletrust_env.trust.edges import edge_model, runs_on_edges, start_on_edges
 from roletrust_env.trust.models.central.role_trust import RoleTrust
-from roletrust_env.trust.run import edge_model, runs_on_edges, start_on_edges
 from studies.study import Recipe, Study
 from studies.timing import Contestant, Spread, Timing, machine, measure
 

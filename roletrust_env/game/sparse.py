@@ -26,7 +26,7 @@ class SparseGame(Game):
 
     What differs:
 
-    - The trust model runs on edges, see `roletrust_env.trust.run.runs_on_edges`.
+    - The trust model runs on edges, see `roletrust_env.trust.edges.runs_on_edges`.
     - The trust of a game goes on in place, so `step` takes the newest state only; an older one can still be read.
     - A rater sees the providers that it met, see `SparseRaterView`; its last `ratings` are in the cells of the round
       before. A provider does not see single ratings.

@@ -217,6 +217,19 @@ def upper_median(values: Array, there: Array) -> Array:
     return xp.where(count > 1, xp.where(place == count // 2, ordered, 0.0).sum(axis=0), 0.0)
 
 
+def lower_median(pairs: Ratings, values: Array, there: Array) -> Array | float:
+    """Return the upper median over the providers whose values are there, at most 0: shape (...), see `upper_median`.
+
+    Args:
+        pairs: Pairs that have a memory; where they are some of many, the median is over the providers of all.
+        values: A value for each provider, shape (P, ...).
+        there: Whether it has one.
+    """
+    if pairs.beyond is not None:
+        return pairs.beyond(values, there)
+    return namespace(values).clip(upper_median(values, there), None, 0.0)
+
+
 def sinc(x: Array) -> Array:
     """Return sin(pi x) / (pi x) for x in [0, 1], exactly 1 at x = 0.
 

@@ -79,6 +79,10 @@ class Traits(NamedTuple):
         cost: Growth of time and memory with S raters and P providers, such as `"S P"` or `"S^2 P"`.
         local: Whether a round changes only agents and pairs with ratings in it, and takes nothing from others. Then a
             log of many agents is played in the time that its ratings take.
+        nearby: Whether a round changes only raters with ratings in it, the providers that these ever rated, and their
+            pairs; and takes nothing else but the pairs of these providers, the trust of their raters and
+            `lower_median`, which alone changes the trust of other providers. Then few ratings among many pairs take
+            little time, too. A round without ratings must change nothing.
         takes_peers: Whether `start` takes a second argument, `peers`, see `TrustModel.start`.
     """
 
@@ -88,6 +92,7 @@ class Traits(NamedTuple):
     differentiable: bool = True
     cost: str = "S P"
     local: bool = False
+    nearby: bool = False
     takes_peers: bool = False
 
     @classmethod

@@ -5,6 +5,7 @@ axis after the second is batch. On edges they have shape (E,), for E pairs that 
 the number of ratings, not with S times P.
 """
 
+from collections.abc import Callable
 from copy import copy
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
@@ -58,6 +59,7 @@ class Ratings:
         twins: Place of the rater that is the same agent as the provider, shape (P,), -1 where there is none; None on a
             grid, and if no agent has two roles.
         slots: Place of each rating's pair among the known pairs, shape (E,); None if these are the pairs of the round.
+        beyond: Function that is `lower_median` over all providers, where these are some of a run; otherwise None.
         full: Whether this is a grid in which every rater rated every provider.
 
     Example:
@@ -71,6 +73,7 @@ class Ratings:
     providers: Array | None = None
     twins: Array | None = None
     slots: Array | None = None
+    beyond: Callable[[Array, Array], float] | None = None
     _pairs: "Ratings | None" = None  # these four are of edges alone
 
     def __init__(

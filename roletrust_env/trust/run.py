@@ -7,22 +7,24 @@ grid of all pairs.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.arrays import Array, namespace
-from roletrust_env.trees import Kind, arrays, kinds, leaves, map_kinds, map_leaves
+from roletrust_env.arrays import Array
+from roletrust_env.trees import Kind, kinds, leaves, map_kinds, map_leaves
+from roletrust_env.trust.edges import edge_model, pair_ends, pair_keys, runs_on_edges, start_on_edges, takes_peers
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 from roletrust_env.trust.model import Traits, TrustModel, start_model
 from roletrust_env.trust.model_checks import needs_watching, watched_update
+from roletrust_env.trust.neighbours import Neighbourhood
 from roletrust_env.trust.ratings import Ratings, merge_repeats
 
 MEMORY = 2e9
 """Bytes that a state on a grid may take. An update takes some times as much for a moment."""
 
-_PROVIDER_BITS = 31
 _NEARLY_ALL = 4  # from one in so many on, all agents are updated
 _SIDES = 11, 13  # numbers of raters and providers of a trial, which no shape has by chance
 
@@ -309,10 +311,10 @@ def _counts(arrays: dict[str, npt.NDArray[Any]]) -> tuple[int, int, int]:
     Raises:
         ValueError: They are none.
     """
-    raters, providers, rounds = _checked(arrays.pop("counts"), (3,), np.dtype(np.int64)).tolist()
-    if min(raters, providers, rounds) < 0:
-        raise ValueError(f"there are {raters} raters, {providers} providers and {rounds} rounds")
-    return raters, providers, rounds
+    counts: tuple[int, int, int] = tuple(_checked(arrays.pop("counts"), (3,), np.dtype(np.int64)).tolist())
+    if min(counts) < 0:
+        raise ValueError(f"raters, providers and rounds are {counts}; none may be below 0")
+    return counts
 
 
 # --- on edges ----------------------------------------------------------------------------------------
@@ -330,8 +332,9 @@ class EdgeRun(TrustRun):
     """A run of a central model on edges: only what a round touches is updated, and memory grows with pairs that met.
 
     A model whose formula is local (`local = True`: trust of an agent follows from its own ratings and the trust of
-    their raters alone) takes time in proportion to the ratings of a round. Other models take time in proportion to all
-    pairs that ever met.
+    their raters alone) takes time in proportion to the ratings of a round, and one that is `nearby` in proportion to
+    the pairs of the providers that the raters of the round ever rated, if these are few. Other models take time in
+    proportion to all pairs that ever met.
     """
 
     def __init__(self, model: TrustModel[Any], *, one_role: bool = True) -> None:
@@ -346,6 +349,7 @@ class EdgeRun(TrustRun):
         """
         self.model, self.rounds, self._watched = edge_model(model), 0, needs_watching(model)
         self._local = Traits.of(model).local
+        self._near = Neighbourhood() if Traits.of(model).nearby else None
         self._one_role = one_role
         self._sizes: dict[Kind, int] = {"rater": 0, "provider": 0, "pair": 0, "age": 0}
         self._start = start_on_edges(model, (1, 1))
@@ -367,6 +371,7 @@ class EdgeRun(TrustRun):
     @property
     def provider_trust(self) -> Floats:
         """The trust of each provider. See `TrustRun.provider_trust`."""
+        self._settle()
         return np.array(self.model.provider_trust(self._view(ages=False)))
 
     def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
@@ -375,26 +380,29 @@ class EdgeRun(TrustRun):
         Raises:
             ValueError: A model of another package fails, see `watched_update`.
         """
-        self.join(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
-        keys = (raters << _PROVIDER_BITS) | providers
+        self._make_room(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
+        keys = pair_keys(raters, providers)
         pair = self._index.places(keys) if self._remembers else keys
         self._grow({"pair": len(self._index), "age": len(self._index)})
         raters, providers, values, pair = merge_repeats(raters, providers, values, pair)
         if self._local:
             self._play_touched(raters, providers, values, pair)
-        elif all(self.shape):  # without agents there is nothing to compute
+        elif self._near is None or not self._play_near(self._near, raters, values, pair):
             self._play_all(raters, providers, values, pair)
         self.rounds += 1
 
     def skip(self, rounds: int) -> None:
         """Play so many rounds without ratings. See `TrustRun.skip`."""
-        if self._local:
+        if self._near is not None:
+            self._near.stale = True
+        if self._local or self._near is not None:
             self.rounds += rounds
         else:
             super().skip(rounds)
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the run keeps, by name. See `TrustRun.save`."""
+        self._settle()
         counts, state = np.array([*self.shape, self.rounds]), self._view(ages=False)
         leaves = {f"state_{n}": leaf for n, (_, leaf) in enumerate(kinds(state))}
         return {"counts": counts, "pairs": self._index.keys, **leaves}
@@ -405,7 +413,7 @@ class EdgeRun(TrustRun):
         raters, providers, rounds = _counts(left)
         keys = left.pop("pairs")
         keys = _checked(keys, (keys.size if self._remembers else 0,), np.dtype(np.int64))
-        for ends, size in zip(_ends(keys), (raters, providers), strict=True):
+        for ends, size in zip(pair_ends(keys), (raters, providers), strict=True):
             if ((ends < 0) | (ends >= size)).any():
                 raise ValueError("a pair has an agent that is not there")
         sizes: dict[Kind, int] = {"rater": raters, "provider": providers, "pair": len(keys), "age": len(keys)}
@@ -420,34 +428,36 @@ class EdgeRun(TrustRun):
         self._state, self._index, self.rounds, self._sizes = state, index, rounds, sizes
         self._check_loaded(left)
         for value in (0.0, 1.0) if self._remembers and all(self.shape) else ():
-            everybody = self._known_pairs(np.full(len(keys), value))  # memory shows in trust once its pair rates again
-            with np.errstate(all="ignore"):
-                watched_update(self.model, self._view(), everybody, np.asarray(rounds))
+            with np.errstate(all="ignore"):  # memory shows in trust once its pair rates again
+                watched_update(self.model, self._view(), self._known_pairs(np.full(len(keys), value)), np.r_[rounds])
         self._watched = True  # and all that it may do shows later
+        self._near = Neighbourhood() if self._near is not None else None
 
     def join(self, raters: int, providers: int) -> None:
         """Make room for so many raters and providers. See `TrustRun.join`."""
+        self._settle()
+        self._make_room(raters, providers)
+
+    def _make_room(self, raters: int, providers: int) -> None:
         if not self._one_role:
             raters = providers = max(raters, providers)
         self._grow({"rater": raters, "provider": providers})
 
     def remove(self, raters: Ints, providers: Ints) -> None:
         """Let agents leave. See `TrustRun.remove`."""
+        self._settle()
+        self._near = Neighbourhood() if self._near is not None else None
         if not self._one_role:
             raters = providers = np.union1d(raters, providers)
         stay = staying(self.shape[0], raters), staying(self.shape[1], providers)
-        ends = _ends(self._index.keys)
+        ends = self._ends(slice(None))
         pairs = np.flatnonzero(stay[0][ends[0]] & stay[1][ends[1]])
-        chosen: dict[Kind, Ints] = {
-            "rater": np.flatnonzero(stay[0]),
-            "provider": np.flatnonzero(stay[1]),
-            "pair": pairs,
-            "age": pairs,
-        }
+        one, other = map(np.flatnonzero, stay)
+        chosen: dict[Kind, Ints] = {"rater": one, "provider": other, "pair": pairs, "age": pairs}
         self._state = map_kinds(lambda kind, leaf: leaf[chosen[kind]], self._state)
         self._sizes = {kind: len(places) for kind, places in chosen.items()}
-        rater, provider = (new_places(flags)[places[pairs]] for flags, places in zip(stay, ends, strict=True))
-        self._index = KeyIndex.of((rater << _PROVIDER_BITS) | provider)
+        who, whom = ((np.cumsum(flags) - 1)[places[pairs]] for flags, places in zip(stay, ends, strict=True))
+        self._index = KeyIndex.of(pair_keys(who, whom))
 
     def _grow(self, sizes: Mapping[Kind, int]) -> None:
         """Make room for so many entries of each kind, at the values of the start."""
@@ -480,25 +490,53 @@ class EdgeRun(TrustRun):
     def _play_touched(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
         """Update the agents and the pairs that have ratings in the round: a small game of their own."""
         one, other = self._touched("rater", raters), self._touched("provider", providers)
+        ratings = Ratings(values, raters=one.places, providers=other.places, shape=(one.size, other.size))
+        self._play_some(one, other, pair, ratings)
+
+    def _play_some(self, one: _Touched, other: _Touched, pair: Ints, ratings: Ratings) -> None:
+        """Update some raters, providers and pairs."""
         places: dict[str, Ints | slice] = {
             "rater": slice(self._sizes["rater"]) if one.agents is None else one.agents,
             "provider": slice(self._sizes["provider"]) if other.agents is None else other.agents,
             "pair": pair,
+            "age": pair,
         }
 
         def taken(kind: Kind, leaf: Floats) -> Floats:
-            return self._ages(leaf[pair]) if kind == "age" else leaf[places[kind]]
+            where = places[kind]
+            some = leaf[where] if isinstance(where, slice) else leaf.take(where)
+            return self._ages(some) if kind == "age" else some
 
         def put(kind: Kind, leaf: Floats, new: Floats) -> Floats:
-            if kind == "age":
-                leaf[pair] = self.rounds + 2 - new
-            else:
-                leaf[places[kind]] = new
+            leaf[places[kind]] = self.rounds + 2 - new if kind == "age" else new
             return leaf
 
-        ratings = Ratings(values, raters=one.places, providers=other.places, shape=(one.size, other.size))
         after = self._updated(map_kinds(taken, self._state), ratings)
         self._state = map_kinds(put, self._state, after)
+
+    def _play_near(self, near: Neighbourhood, raters: Ints, values: Floats, pair: Ints) -> bool:
+        """Update the raters of the round and all providers that they ever rated; return whether these are few."""
+        before, pairs = near.median.value, near.pairs(raters, self._ends, len(self._index), self.shape)
+        if pairs is None:
+            return False
+        givers, receivers = self._ends(pairs)
+        one, other = self._touched("rater", givers), self._touched("provider", receivers)
+        if one.agents is None or other.agents is None:
+            return False
+        known = Ratings(None, raters=one.places, providers=other.places, shape=(one.size, other.size))
+        slots = np.searchsorted(pairs, pair)
+        known.beyond = partial(near.median.put, other.agents, self.shape[1])
+        who, whom = one.places.take(slots), other.places.take(slots)
+        ratings = Ratings(values, raters=who, providers=whom, shape=known.shape, pairs=known, slots=slots)
+        self._play_some(one, other, pairs, ratings)
+        near.follow(before, self.shape[1])
+        return True
+
+    def _settle(self) -> None:
+        """Update the providers that no rating has touched, whose trust follows the median."""
+        if self._near is not None and self._near.stale:
+            nobody = np.zeros(0, np.int64)
+            self._play_all(nobody, nobody, np.zeros(0), nobody)
 
     def _updated(self, state: Any, ratings: Ratings) -> Any:
         """Return the state after a round; a model of another package is watched."""
@@ -521,7 +559,11 @@ class EdgeRun(TrustRun):
 
     def _play_all(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
         """Update all agents and all known pairs."""
+        if not all(self.shape):  # there is nothing to compute
+            return
         known = self._known_pairs(None)
+        if self._near is not None:
+            known.beyond = self._near.all_providers(self.shape[1])
         ratings = Ratings(
             values,
             raters=raters,
@@ -539,16 +581,16 @@ class EdgeRun(TrustRun):
 
         self._state = map_kinds(put, self._state, after)
 
+    def _ends(self, pairs: Ints | slice) -> tuple[Ints, Ints]:
+        """Return the raters and the providers of some pairs."""
+        keys = self._index.keys
+        return pair_ends(keys[pairs] if isinstance(pairs, slice) else keys.take(pairs))
+
     def _known_pairs(self, values: Floats | None) -> Ratings:
         """Return all known pairs, with a rating each if values are given."""
-        raters, providers = _ends(self._index.keys)
+        raters, providers = self._ends(slice(None))
         twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
         return Ratings(values, raters=raters, providers=providers, shape=self.shape, twins=twins)
-
-
-def _ends(keys: Ints) -> tuple[Ints, Ints]:
-    """Return the rater and the provider of each pair, from their keys."""
-    return keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1)
 
 
 def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:
@@ -556,78 +598,3 @@ def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:
     flags = np.ones(size, bool)
     flags[leaving[leaving < size]] = False
     return flags
-
-
-def new_places(stay: npt.NDArray[np.bool_]) -> Ints:
-    """Return the new place of each agent that stays, where others leave."""
-    return np.cumsum(stay, dtype=np.int64) - 1
-
-
-def runs_on_edges(model: Any) -> bool:
-    """Return whether a model is central, and its state says of every array which agents or pairs it is about.
-
-    Raises:
-        ValueError: The model cannot start.
-    """
-    if Traits.of(model).family != "central":
-        return False
-    grid = np.zeros((1, 1))
-    try:
-        state = start_model(model, grid, grid > 0)
-    except Exception as error:  # a model of another package may raise anything
-        raise ValueError(f"trust model {model!r} cannot start: {type(error).__name__}: {error}") from error
-    try:
-        return hasattr(state, "_fields") and len(list(kinds(state))) == len(arrays(state))
-    except NameError:  # an annotation that is known to type checkers alone
-        return False
-
-
-def edge_model(model: Any) -> TrustModel[Any]:
-    """Return a model if it runs on edges.
-
-    Raises:
-        ValueError: The model is personal, or an array of its state says not what it is about, see `PerRater`.
-    """
-    if not runs_on_edges(model):
-        raise ValueError(
-            f"trust model {model!r} does not run on edges: it is no central model whose state says by PerRater, "
-            "PerProvider, PerPair and PairAge what its arrays are about; play its ratings on a grid"
-        )
-    checked: TrustModel[Any] = model
-    return checked
-
-
-def start_on_edges(model: Any, shape: tuple[int, int], like: Array | None = None, twins: Array | None = None) -> Any:
-    """Return the state before any rating, without known pairs.
-
-    The formula of the start is that of the grid: all agents start alike, so a grid of one pair shows all values. Where
-    trust depends on the number of agents, a round without ratings sets it.
-
-    Args:
-        model: Central model.
-        shape: Number of raters S and number of providers P.
-        like: Array of the library, dtype and device to use; float64 on NumPy if left out.
-        twins: Place of the rater that is the same agent as each provider, see `Ratings`.
-    """
-    like = np.zeros(()) if like is None else like
-    xp = namespace(like)
-    grid = xp.zeros((1, 1), dtype=like.dtype, device=like.device)
-    sizes = {"rater": shape[0], "provider": shape[1], "pair": 0, "age": 0}
-
-    def spread(kind: Kind, leaf: Array) -> Array:
-        return xp.zeros(sizes[kind], dtype=leaf.dtype, device=leaf.device) + leaf.reshape(-1)[0]
-
-    state = map_kinds(spread, start_model(model, grid, grid > 0))
-    return model.update(state, no_ratings(grid[:, 0], shape, twins)) if takes_peers(model) else state
-
-
-def no_ratings(like: Array, shape: tuple[int, int], twins: Array | None = None) -> Ratings:
-    """Return a round without ratings and without known pairs; `like` shows library and dtype."""
-    xp = namespace(like)
-    nobody = xp.zeros(0, dtype=xp.int64, device=like.device)
-    return Ratings(like[:0], raters=nobody, providers=nobody, shape=shape, twins=twins)
-
-
-def takes_peers(model: Any) -> bool:
-    """Return whether trust depends on the number of agents, and on which rater is which provider."""
-    return Traits.of(model).takes_peers

@@ -96,6 +96,8 @@ class RaterNetworkTrust(LeaveOneOut):
         Field(min_length=SIZE, max_length=SIZE),
     ] = Field(kw_only=True)
 
+    nearby = False  # a rater's trust depends on the mean of all raters
+
     def believed(self, pairs: Ratings, compared: Compared) -> Array:
         """See `LeaveOneOut.believed`."""
         xp, evidence, like = namespace(compared.evidence), compared.evidence, compared.agreement

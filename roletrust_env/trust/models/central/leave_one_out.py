@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
-from roletrust_env.trust.algorithms import safe_power, upper_median
+from roletrust_env.trust.algorithms import lower_median, safe_power
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.models.central.beta_reputation import remaining
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
@@ -95,6 +95,7 @@ class LeaveOneOut(Published):
     modesty: Share = 1.0
     rates_raters = True
     differentiable = False  # the median jumps between providers
+    nearby = True
 
     def start(self, like: Array) -> LeaveOneOutState:
         """Return the state before any rating. See `TrustModel.start`."""
@@ -129,7 +130,7 @@ class LeaveOneOut(Published):
     def _base(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
         """Return the prior of the providers, less `initial`: shape (...), at most 0."""
         mean = weighted_mean(pairs, above, weights, PROVIDER)
-        return self.modesty * namespace(mean).clip(upper_median(mean, pairs.reduce(voice, PROVIDER) > 0), None, 0.0)
+        return self.modesty * lower_median(pairs, mean, pairs.reduce(voice, PROVIDER) > 0)
 
     def _trust(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
         """Return ToP, shape (P, ...), from the ratings less `initial` and the weights of the pairs."""
