@@ -38,11 +38,11 @@ class TrustStream:
     or when `finish` is called. A round without ratings is a round. With `count`, a round has so many ratings, and the
     last one fewer. Several ratings of a pair in a round count as one, their mean.
 
-    A rating is late if an earlier batch has ended its round, also where it came before. It is ahead if it is later than
-    all ratings before it by more than the lead; these are the ratings of earlier batches, and those of its own batch
-    in the order of time. Where no rating is late or ahead, neither the cuts into batches nor the order within a round
-    matter. Where some are, trust is that of the ratings that were taken, whatever batches they came in; which are taken
-    depends on what had come before their batch.
+    A rating is late if an earlier batch, or `finish`, has ended its round, also where it came before. It is ahead if it
+    is later than all ratings before it by more than the lead; these are the ratings of earlier batches, and those of
+    its own batch in the order of time. Where none is late or ahead, neither the cuts into batches nor the order within
+    a round matter. Otherwise the cuts decide which are: what had come before a batch is what its ratings are compared
+    with. If late ratings are dropped, trust is still that of one log of the ratings that were taken.
 
     One time that is wrong by years ends all rounds before it, and later ratings are late: a lead prevents that. After a
     silence longer than the lead all ratings are ahead until `lead` is raised.
@@ -286,7 +286,7 @@ class TrustStream:
         people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
         header = {
             "format": _FORMAT,
-            **{name: value for name, value in self._settings().items() if (name, value) != ("count", None)},
+            **self._settings(),
             **{name: getattr(self, name) for name in _KEPT},
             "texts": [names.tolist() if names.dtype == object else None for names in people],
         }
@@ -319,7 +319,6 @@ class TrustStream:
             header = json.loads(arrays.pop("header").tobytes())
             if header["format"] != _FORMAT:
                 raise ValueError(f"its format is {header['format']}, and {_FORMAT} is read here")
-            header.setdefault("count", None)
             before = {name: header[name] for name in stream._settings()}
             if before == stream._settings():
                 stream._restore(arrays, header)
