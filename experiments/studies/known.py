@@ -1,8 +1,9 @@
 """The known attacks of the suite `standard`: what longer searches find on each trust model, and what is kept of it.
 
-All attacks that are found in a condition play against all models. A greedy choice keeps those that together leave the
-models the least, the first half among attacks that serve all raters alike. In scenarios without searches the first
-attacks of each condition with the same roles are the candidates. Two to three hours on two cores.
+Searches start from the attacks that the suite knows, so a second run goes on where the first ended. All attacks that
+are known or found in a condition play against all models. A greedy choice keeps those that together leave the models
+the least, the first half among attacks that serve all raters alike. In scenarios without searches the first attacks of
+each condition with the same roles are candidates, too. Three to four hours on two cores.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.benchmarking import benchmark
-from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks
+from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, merge_attacks
 from roletrust_env.benchmarking.suite import Stage, Suite
 from roletrust_env.benchmarking.worst_case import AttackScores
 from studies.condition import suite_of
@@ -54,8 +55,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 names = choice([one for one in board.attacks if tuple(one.condition) == condition], many)
                 yield from (one for one in candidates if one.condition == condition and one.name in names)
 
+        known = tuple(one for one in suite.known if one.condition in searches.conditions)
+        searches = searches.model_copy(update={"known": known})
         found = benchmark(None, searches, workers=workers, out=study.out / "searches", force=study.again)
-        candidates = [
+        new = [
             KnownAttack(
                 name=f"{cell.method} against {cell.model}",
                 record=row.record,
@@ -67,8 +70,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for row in result.rows
             if row.record
         ]
-        chosen = list(kept(candidates, "matrix", asked.many))
-        if others := list(_elsewhere(suite, searches, chosen)):
+        chosen = list(kept(merge_attacks(known, new), "matrix", asked.many))
+        elsewhere = (one for one in suite.known if one not in known)
+        if others := merge_attacks(elsewhere, _elsewhere(suite, searches, chosen)):
             chosen += kept(others, "elsewhere", asked.few)
         study.text("known.json", KnownAttacks(attacks=tuple(chosen)).model_dump_json(indent=1))
 

@@ -54,6 +54,9 @@ Item = TypeVar("Item")
 _COMMON = 0, 1
 """Seed of the games that all seeds of a suite have in common."""
 
+COMMON_GAMES = 5
+"""Number of these games, as a multiple of those of the suite: few games differ by more than starts do."""
+
 _FURTHER = 2
 """Second part of the seed of further games that measure the worst attacks of a track."""
 
@@ -276,8 +279,10 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
             singles |= {one.names[0]: one for one in (batch.split() if batch.names[1:] else [batch])}
             steps += batch.rounds + len(batch.names) * games * task.game.scenario.max_cycles
             if batch.progress and suite.seeds[1:]:
-                rows = [row._replace(common=_in_common(task, batch.attacker, games)) for row in rows]
-                steps += games * task.game.scenario.max_cycles
+                rows = [
+                    row._replace(common=_in_common(task, batch.attacker, COMMON_GAMES * suite.games)) for row in rows
+                ]
+                steps += COMMON_GAMES * suite.games * task.game.scenario.max_cycles
         if more := suite.tracks[cell.track].games:
             again = _measure_worst(suite, cell, task, rows, singles)
             rows = [again.get(row.attack, row) for row in rows]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from time import process_time
 from typing import Any, NamedTuple
 
-from roletrust_env.benchmarking.cells import make_search, task_arguments
+from roletrust_env.benchmarking.cells import COMMON_GAMES, make_search, task_arguments
 from roletrust_env.benchmarking.schema import SuiteSchema
 from roletrust_env.benchmarking.suite import HONEST, WITHOUT_SEARCH, Cell, Suite, attacked_scenario
 from roletrust_env.evaluation.attackers import Scripted
@@ -87,7 +87,8 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
         return 0, each * (len(suite.attack_names) + 1) + 3 * more * rounds
     if cell.method == "known":
         return 0, each * (len(suite.known_in(cell[1:4])) + 1) + 3 * more * rounds
-    return suite.budget_of(cell), (2 + bool(suite.seeds[1:])) * each + 3 * more * rounds
+    common = COMMON_GAMES * suite.games * rounds if suite.seeds[1:] else 0
+    return suite.budget_of(cell), 2 * each + common + 3 * more * rounds
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:

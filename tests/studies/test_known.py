@@ -4,6 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from studies import SUITES
+from studies.condition import suite_of
 from studies.known import choice
 
 
@@ -23,3 +25,8 @@ def test_a_choice_covers_the_models_and_begins_with_attacks_that_serve_all_alike
     assert choice(found, 2) == ["both", "treating"]
     assert choice(found, 4) == ["both", "first", "treating", "weak"]
     assert choice(scores(only=(True, 0.1)), 2) == ["only"]
+
+
+def test_every_suite_of_the_studies_can_be_read():
+    assert all(suite_of(file.stem).models for file in SUITES.glob("*.toml"))
+    assert {one[1] for one in suite_of("known-attacks").conditions} >= {one.track for one in suite_of("standard").known}

@@ -1,13 +1,17 @@
 """Trainings of a coalition as search methods with a budget: by evolution, an evolution strategy and gradients."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, ClassVar
 
+import numpy as np
+
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.training.adam_training import EvolutionStrategy
-from roletrust_agents.training.coalition_training import CoalitionTraining, start_games
+from roletrust_agents.training.coalition_training import CoalitionTraining, Floats, start_games
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.settings import (
@@ -19,13 +23,16 @@ from roletrust_agents.training.settings import (
     settings_of,
 )
 from roletrust_agents.training.universal import known_starts
-from roletrust_env.evaluation.measurement import TaskArguments, is_certain
+from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, is_certain, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
+from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
 
 _STEPS = 2  # fewer are no training
 _LOOK = 2  # games that show whether anything is left to chance
+_CHOICE, _KEPT = 4, 4  # a quarter of the rounds chooses among known networks, and a quarter of these plays again
+_PLACE = 1_000_000_010  # of the games of this choice, beside those of a training
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,8 @@ class CoalitionSearch(ABC):
     Attributes:
         start: `"universal"` begins with the best of the universal coalitions, of known ones and of random networks,
             `"random"` with the best of random networks.
-        known: Records of attackers that others found in the same condition. A training may start from the coalitions.
+        known: Records of attackers that others found in the same condition. With records a quarter of the rounds
+            chooses the start among their coalitions and the universal ones.
         wide: Whether the network also decides on silence, and on the treatment of each rater.
         name: Name in tables.
     """
@@ -70,6 +78,8 @@ class CoalitionSearch(ABC):
                 f"the budget of {budget.rounds} rounds is too small for {self.name}; give {needed} or more"
             )
         budget.spend(_LOOK * length)
+        if self.known and (best := self._best(task, known, settings, budget, seed)):
+            known, settings = best, settings.model_copy(update={"candidates": 1})
         limit, spent, progress = budget.left, 0, list[tuple[int, float]]()
         training = self._training([task], settings, seed, limit, known)
         for judged in chain([True], training.within(limit)):  # a known network is judged before the first step
@@ -79,6 +89,21 @@ class CoalitionSearch(ABC):
             spent = training.rounds
         attacker, words = CoalitionAttacker(training.network), f"coalition, {self._words(training)}"
         return SearchResult(attacker, budget.spent, words, progress=tuple(progress))
+
+    def _best(
+        self, task: AttackTask, known: Sequence[Floats], settings: CoalitionSettings, budget: Budget, seed: int
+    ) -> list[Floats]:
+        """Return the best of the known networks that fit: all play a few games, and the best of them further ones."""
+        architecture, length = DeepSetArchitecture.of(settings.units, wide=settings.wide), task.game.scenario.max_cycles
+        left, rounds = [one for one in known if len(one) == architecture.size], budget.left // _CHOICE // 2
+        for look, kept in enumerate((-(-len(left) // _KEPT), 1)):
+            if left[1:]:
+                games = max(1, rounds // (len(left) * length))
+                attacker = CoalitionAttacker(DeepSet.unflatten(architecture, np.stack(left).astype(np.float32)))
+                scores = mean_rewards(task, attacker, (seed, _PLACE + look), (len(left), games), SEARCHED)[0]
+                budget.spend(len(left) * games * length)
+                left = [left[k] for k in np.argsort(-scores.mean(axis=1), kind="stable")[:kept]]
+        return left
 
 
 @refuse_unknown

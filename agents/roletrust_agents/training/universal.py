@@ -39,17 +39,20 @@ def universal_coalitions(*, wide: bool = True) -> dict[str, DeepSet]:
     }
 
 
-def starts_of(named: Mapping[str, DeepSet], *, wide: bool) -> dict[str, DeepSet]:
+def starts_of(named: Mapping[str, DeepSet], *, wide: bool, ways: int | None = None) -> dict[str, DeepSet]:
     """Return the networks from which a training may start, by name.
 
     Args:
         named: Known networks by name.
         wide: Whether the training is of a wide network. A network that is not wide can then begin in several ways, see
             `widened`; otherwise wide ones are left out.
+        ways: Number of these ways, the first of which serves all raters alike; None takes all.
     """
     if not wide:
         return {name: network for name, network in named.items() if not network.architecture.wide}
-    return {f"{name}, start {k}": one for name, network in named.items() for k, one in enumerate(widened(network))}
+    return {
+        f"{name}, start {k}": one for name, network in named.items() for k, one in enumerate(widened(network)[:ways])
+    }
 
 
 def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = True) -> list[Floats]:
@@ -69,7 +72,8 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = True
     attackers = enumerate(map(read_record, records))
     recorded = {f"record {k}": one.network for k, one in attackers if isinstance(one, CoalitionAttacker)}
     ready = universal_coalitions(wide=start == "universal")
-    starts = starts_of(ready | recorded, wide=wide).values()
+    ways = 1 if any(one.architecture.wide for one in recorded.values()) else None  # the better ways are known
+    starts = starts_of(ready | recorded, wide=wide, ways=ways).values()
     return [network.flatten().astype(np.float64) for network in starts]
 
 

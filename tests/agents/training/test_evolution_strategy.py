@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from small_market import TASK, assert_continues, run
 
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.learned.deep_set import DeepSet, random_weights
 from roletrust_agents.training.adam_training import EvolutionStrategy, slope_of
 from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
@@ -76,6 +78,20 @@ def test_a_known_attack_is_the_least():
     record = record_of(known.attacker)
     again = EvolutionStrategySearch(known=(record,), pairs=4, games=2, wide=False).search(TASK, Budget(6_000), 0)
     assert max(score for _, score in again.progress) >= max(score for _, score in known.progress) - 1e-9
+
+
+def test_a_search_starts_from_the_best_of_the_known_attacks():
+    best = EvolutionStrategySearch(start="random", pairs=4, games=2, wide=False).search(TASK, Budget(6_000), 0)
+    architecture, random = best.attacker.network.architecture, np.random.default_rng(1)
+    others = [CoalitionAttacker(DeepSet.unflatten(architecture, random_weights(architecture, random))) for _ in "123"]
+    alone, last = [
+        EvolutionStrategySearch(known=tuple(map(record_of, known)), pairs=4, games=2, wide=False).search(
+            TASK, Budget(12_000), 3
+        )
+        for known in ([best.attacker], [*others, best.attacker])
+    ]
+    assert last.rounds <= 12_000
+    assert last.progress[0][1] == alone.progress[0][1]
 
 
 @pytest.mark.parametrize(
