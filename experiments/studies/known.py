@@ -26,19 +26,20 @@ class Options(NamedTuple):
     Attributes:
         suite: Suite that gets the attacks.
         searches: Suite that searches them, with another seed.
-        many: Number of attacks that are kept in a condition.
+        many: Largest number of attacks that are kept in a condition.
         few: The same in a scenario without searches.
         games: Number of games that choose, and as many again.
     """
 
     suite: str = "standard"
     searches: str = "known-attacks"
-    many: int = 10
+    many: int = 14
     few: int = 8
     games: int = 16
 
 
 RECIPES = {"known": Recipe(Options())}
+_LEAST = 0.0005  # of the mean skill over models, by which a further attack must lower it
 _SEED = 5  # of the games that choose; no suite has it
 
 
@@ -82,7 +83,7 @@ def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
 
     Args:
         scores: Scores of all attacks in a condition.
-        many: Number of attacks.
+        many: Largest number of attacks. From half of it on, no attack is kept that lowers the mean by little.
     """
     treats: dict[str, bool] = {}
     for one in scores:
@@ -96,8 +97,11 @@ def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
         rest = [k for k in range(len(names)) if k not in chosen]
         alike = [k for k in rest if not treats[names[k]]]
         pool = alike if alike and len(chosen) < many // 2 else rest
-        chosen.append(min(pool, key=lambda k: float(np.minimum(worst, left[k]).sum())))
-        worst = np.minimum(worst, left[chosen[-1]])
+        best = min(pool, key=lambda k: float(np.minimum(worst, left[k]).sum()))
+        if len(chosen) >= many // 2 and float((worst - np.minimum(worst, left[best])).mean()) < _LEAST:
+            break
+        chosen.append(best)
+        worst = np.minimum(worst, left[best])
     return [names[k] for k in chosen]
 
 
