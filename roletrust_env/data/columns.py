@@ -76,7 +76,8 @@ def _place(role: str, name: str, where: str, header: list[str] | None, width: in
         return int(name) - 1
     if name == role and header is None and (place := list(_COMMON).index(role)) < width:
         return place
-    likely = [place for place, one in enumerate(named) if name == role and _is_common(one, role)]
+    common = (_common_words(named, role, loose=loose) for loose in (False, True)) if name == role else ()
+    likely: list[int] = next(filter(None, common), [])
     if len(likely) == 1:
         return likely[0]
     if likely:
@@ -88,10 +89,22 @@ def _place(role: str, name: str, where: str, header: list[str] | None, width: in
 
 def are_common(names: list[str]) -> bool:
     """Return whether columns have common names of a rater and of a ratee."""
-    return all(any(_is_common(name, role) for name in names) for role in ("rater", "ratee"))
+    return all(_common_words(names, role) for role in ("rater", "ratee"))
 
 
-def _is_common(name: str, role: str) -> bool:
-    """Return whether a column has a common name of a role, such as `Reviewer ID` for the rater."""
-    plain = re.sub(r"[\W_]+", "", name.casefold())
-    return bool({plain, re.sub("(?:id|name|address|key)$", "", plain)} & _COMMON_NAMES[role])
+def _common_words(names: list[str], role: str, *, loose: bool = False) -> list[int]:
+    """Return the places of columns with common names of a role, such as `Reviewer ID` for the rater.
+
+    Args:
+        names: Names of the columns.
+        role: Role.
+        loose: Whether a name need only end with a common one of four letters or more, as `Book-Rating` does.
+    """
+    places = []
+    for place, name in enumerate(names):
+        plain = re.sub(r"[\W_]+", "", name.casefold())
+        ends = tuple(word for word in _COMMON_NAMES[role] if len(word) >= 4) if loose else ()
+        short = re.sub("(?:id|name|address|key)$", "", plain)
+        if {plain, short} & _COMMON_NAMES[role] or short.endswith(ends):
+            places.append(place)
+    return places

@@ -5,6 +5,7 @@ import csv
 import gzip
 import io
 import itertools
+import json
 import re
 import zlib
 from collections.abc import Collection, Iterator
@@ -244,26 +245,29 @@ class Table:
 
     def _json(self, file: IO[bytes]) -> Iterator[Block]:
         import pyarrow as arrow
-        from pyarrow import json
+        from pyarrow import json as arrow_json
 
         header = list[str]()
         for lines in _lines(file, "utf-8-sig"):
             if not lines.strip():
                 continue
-            options = json.ReadOptions(use_threads=False, block_size=len(lines) + 1)
+            options = arrow_json.ReadOptions(use_threads=False, block_size=len(lines) + 1)
             try:
-                table = json.read_json(arrow.BufferReader(lines), options)
+                table = arrow_json.read_json(arrow.BufferReader(lines), options)
                 if dates := [field.name for field in table.schema if arrow.types.is_timestamp(field.type)]:
                     texts = arrow.schema([(name, arrow.string()) for name in dates])  # a name may look like a date
-                    parse = json.ParseOptions(explicit_schema=texts)
-                    table = json.read_json(arrow.BufferReader(lines), options, parse)
+                    parse = arrow_json.ParseOptions(explicit_schema=texts)
+                    table = arrow_json.read_json(arrow.BufferReader(lines), options, parse)
                 table = table.flatten()  # the arguments of an event
                 table = table.rename_columns([name.removeprefix("args.") for name in table.column_names])
             except arrow.ArrowInvalid as error:
                 reason, _, row = str(error).removeprefix("JSON parse error: ").rpartition(" in row ")
-                if not row.isdecimal():
+                if re.search("/.* changed from (?:string to number|number to string)", reason):
+                    table = _json_texts(lines)
+                elif row.isdecimal():
+                    self._fault(int(row), f": {reason}; it must be one JSON object in each line".replace(".;", ";"))
+                else:
                     raise
-                self._fault(int(row), f": {reason}; it must be one JSON object in each line".replace(".;", ";"))
             if not header:
                 header = table.column_names
                 self.found.append("JSON lines")
@@ -318,6 +322,17 @@ def _lines(file: IO[bytes], encoding: str, drop: int = 0) -> Iterator[bytes]:
             lines, drop = lines[line_end.end() :], drop - 1
         if lines:
             yield lines if lines.endswith((b"\n", b"\r")) else lines + b"\n"
+
+
+def _json_texts(lines: bytes) -> Any:
+    """Return JSON lines as a table of texts, where numbers and texts are in one column."""
+    import pyarrow as arrow
+
+    rows = [json.loads(line) for line in lines.splitlines() if line.strip()]
+    names = dict.fromkeys(name for row in rows for name in row)
+    values = ([row.get(name) for row in rows] for name in names)
+    texts = ([None if value is None else str(value) for value in column] for column in values)
+    return arrow.table(dict(zip(names, texts, strict=True)))
 
 
 def _not_utf8(line: bytes) -> int | None:

@@ -39,7 +39,7 @@ def is_missing(column: Any, *, value: bool = False) -> npt.NDArray[np.bool_]:
             gone = compute.or_(gone, compute.is_in(compute.utf8_lower(texts), arrow.array(_MISSING)))
         gone = compute.fill_null(gone, True)
     else:
-        gone = compute.is_null(column, nan_is_null=value)
+        gone = compute.is_null(column, nan_is_null=True)
     flags: npt.NDArray[np.bool_] = to_numpy(gone.cast(arrow.uint8())).view(np.bool_)
     return flags
 
@@ -79,7 +79,10 @@ def coded(column: Any, what: str, row: Row) -> Any:
     import pyarrow as arrow
     from pyarrow import compute
 
-    codes, kinds = column.dictionary_encode(), arrow.types
+    kinds = arrow.types
+    if kinds.is_floating(column.type):
+        column = compute.if_else(compute.is_nan(column), None, column)
+    codes = column.dictionary_encode()
     names = codes.dictionary
     if kinds.is_floating(names.type):
         names = _whole(names, codes, what, row)
@@ -171,7 +174,7 @@ def numbers(
     """
     import pyarrow as arrow
 
-    allowed = "a number"
+    allowed = "a number or a date of ISO 8601, such as 2024-01-31" if what == "the time" else "a number"
     if labels:
         codes = column.cast(arrow.string()).dictionary_encode()
         values = np.array([_label(text, labels) for text in codes.dictionary.to_pylist()] + [np.nan])

@@ -60,6 +60,10 @@ def texts() -> Iterator[tuple[str, bytes]]:
     yield "padded.csv", text().replace("ann", " ann\t").replace("Café", "Café\u00a0").encode()
     yield "names.csv", text(header="User ID,item_id,stars,timestamp").encode()
     yield "graph.csv", text(header="Source,Target,Weight,Date").encode()
+    yield (
+        "books.csv",
+        text('";"', "User-ID,ISBN,Book-Rating,Review Time").replace("\n", '"\n"').join('""')[:-2].encode("utf-16"),
+    )
     yield "more.csv", text(header='"from",to,score,time').replace("\n", ',"two\nlines, ""quoted"""\n').encode()
     yield "extra.csv", text(header=",rater,ratee,rating,time", rows=[(n, *row) for n, row in enumerate(ROWS)]).encode()
     yield "decimal-commas.csv", text(";", rows=[(a, b, f"{c},0", d) for a, b, c, d in ROWS]).encode()
@@ -73,6 +77,7 @@ def texts() -> Iterator[tuple[str, bytes]]:
     names = "rater", "ratee", "rating", "time"
     lines = [json.dumps(dict(zip(names, row, strict=True))) for row in ROWS]
     yield "lines.jsonl", "\n".join(lines).encode()
+    yield "mixed.jsonl", "\n".join([lines[0].replace("5,", '"5",'), *lines[1:]]).encode()
     yield "lines.ndjson", "\n\n".join(lines).encode()
     dated = [json.dumps(dict(zip(("user", "item", "score", "date"), row, strict=True))) for row in with_times(DAYS)]
     yield "dated.jsonl", "\n".join(dated).encode()
@@ -137,6 +142,11 @@ def test_names_of_any_type_are_the_same(tmp_path: Path) -> None:
     assert (log.rater_names, log.ratee_names) == (["0xff00", "x"], ["7", str(2**60)])
     log = read_ratings(write(tmp_path, '{"rater": "2024-01-31", "ratee": 1.0, "rating": 1}\n', "c.jsonl"))
     assert (log.rater_names, log.ratee_names) == (["2024-01-31"], ["1"])
+    columns = {"rater": [1.0, None, float("nan")], "ratee": [1, 2, 3], "rating": [1, 0, 1]}
+    parquet.write_table(arrow.table(columns), tmp_path / "e.pq")
+    with pytest.raises(ValueError, match="row 2 has no name in column 'rater'"):
+        read_ratings(tmp_path / "e.pq")
+    assert read_ratings(tmp_path / "e.pq", missing=True).rater_names == ["1"]
     for wrong, message in (([0.5], "row 1: column 'ratee' is 0.5"), ([2.0**60], "below 2 \\*\\* 53")):
         parquet.write_table(arrow.table({"rater": ["a"], "ratee": wrong, "rating": [1]}), tmp_path / "d.pq")
         with pytest.raises(ValueError, match=message):
