@@ -107,29 +107,43 @@ def find_separator(lines: list[str]) -> str:
     return ","
 
 
-def look(head: str, dialect: Dialect, wanted: Iterable[str] = (), labels: Iterable[str] = ()) -> Beginning:
+def look(
+    head: str,
+    dialect: Dialect,
+    wanted: Iterable[str] = (),
+    labels: Iterable[str] = (),
+    marks: tuple[str, ...] = MARKS,
+) -> Beginning:
     """Return what the beginning of a text shows.
 
     The first row is a header if it has the wanted names, or neither a number nor a date. Without a header of its own, a
     text has that in its last line of comment before the first rating, where this has as many columns and common names.
+    A first line with a mark is no comment if it has numbers in the columns in which the first row has them.
 
     Args:
         head: Beginning of the text.
         dialect: Parts that are known.
         wanted: Names of columns.
         labels: Texts that are ratings, in small letters.
+        marks: What a line of comment begins with.
     """
-    lines = re.split("\r\n|\r|\n", head)[:_LINES]
+    lines = re.split("\r\n|\r|\n", head)
     if said := re.fullmatch("sep=(.)", lines[0].strip("\ufeff ")):  # Excel
         rest = look(head.partition("\n")[2], dialect._replace(separator=dialect.separator or said[1]), wanted, labels)
         return rest._replace(lines=rest.lines + 1)
-    data = [place for place, line in enumerate(lines) if line.strip() and not line.startswith(MARKS)]
+    full = [place for place, line in enumerate(lines) if line.strip()]
+    data = [place for place in full if not lines[place].startswith(marks)][:_LINES]
     start = data[0] if data else len(lines)
     comments = [line.lstrip("".join(MARKS)).strip() for line in lines[:start] if line.strip()]
     rows = [lines[place] for place in data]
     separator = dialect.separator or find_separator(rows)
     separator = {**_SEPARATORS, "\\t": "\t"}.get(separator, separator)
     first, header = next(_rows(rows, separator), []), dialect.header
+    numeric, marked = (
+        [is_number(text) for text in row] for row in (first, next(_rows([lines[full[0]]], separator), []))
+    )
+    if comments and ((marked == numeric and any(numeric)) or not data):
+        return look(head, dialect, wanted, labels, ())
     if header is None:
         values = (is_number(text) or is_date(text) or text.casefold() in labels for text in first)
         header = (bool(first) and set(first) >= set(wanted or [""])) or not any(values)

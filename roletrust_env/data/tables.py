@@ -200,6 +200,9 @@ class Table:
             return "skip"
 
         for lines in _lines(file, encoding, start.lines):
+            if (wrong_byte := _not_utf8(lines)) is not None:
+                what = f": byte 0x{lines[wrong_byte]:02x} is no UTF-8; name the encoding: --encoding latin-1"
+                self._fault(lines.count(b"\n", 0, wrong_byte), what)
             tidied = tidy(lines, start.separator) + end
             skipped.clear()
             try:
@@ -219,9 +222,6 @@ class Table:
                 for row in wrong:
                     what = f" has {row.actual_columns} columns; {row.expected_columns} are needed, as in the rows above"
                     self._fault(row.number - 1, ": a quote has no end" if row.text.count('"') % 2 else what)
-                for place, line in enumerate(lines.split(b"\n")):
-                    if (fault := _not_utf8(line)) is not None:
-                        self._fault(place, f": byte 0x{fault:02x} is no UTF-8; name the encoding: --encoding latin-1")
                 raise
             last = table.slice(len(table) - 1)
             if not all(is_missing(last[name])[0] for name in names):
@@ -335,10 +335,10 @@ def _json_texts(lines: bytes) -> Any:
     return arrow.table(dict(zip(names, texts, strict=True)))
 
 
-def _not_utf8(line: bytes) -> int | None:
-    """Return the first byte of a line that is not UTF-8; None if all are."""
+def _not_utf8(lines: bytes) -> int | None:
+    """Return the place of the first byte that is not UTF-8; None if all are."""
     try:
-        line.decode()
+        lines.decode()
     except UnicodeDecodeError as error:
-        return line[error.start]
+        return error.start
     return None

@@ -227,6 +227,16 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
             read_ratings(write(tmp_path, content, "log.jsonl"))
 
 
+def test_a_name_may_begin_with_a_mark(tmp_path: Path) -> None:
+    for content in ("#a,x,1\nb,x,0\n", "#a,x,1\n#b,x,0\n", "rater,ratee,rating\n#a,x,1\nb,x,0\n"):
+        log, lines = told(write(tmp_path, content), Columns())
+        assert (log.rater_names[0], len(log.values)) == ("#a", 2)
+        assert "comment" not in lines
+    log, lines = told(write(tmp_path, "# 1,2,1\n1,2,0\n" + "# more\n" * 300 + "3,4,1\n"), Columns())
+    assert (log.rater_names, lines.count("lines of comment: 301")) == (["1", "3"], 1)
+    assert read_ratings(write(tmp_path, "# by hand\n" * 300 + "1,2,0\n")).rater_names == ["1"]
+
+
 def test_what_may_be_wrong_is_told_with_its_number(tmp_path: Path) -> None:
     for times, options, message in (
         ([0, 1, 10_001], {"every": 1}, "9,999 of 10,002 rounds are empty"),
