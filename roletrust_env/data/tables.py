@@ -96,9 +96,9 @@ class Table:
             file: Any = opened
             try:
                 blocks = read(file if file.seekable() else io.BytesIO(file.read()))
-                first = next(blocks, None)
-                rest = blocks if first is None else itertools.chain([first], blocks)
-                yield from self._feedback(list(rest)) if self._more else rest
+                if (first := next(blocks, None)) is not None:
+                    rest = itertools.chain([first], blocks)
+                    yield from self._feedback(list(rest)) if self._more else rest
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 raise ValueError(f"{self.path} is a damaged gzip file, after row {self._read}: {error}") from None
             except (UnicodeDecodeError, csv.Error, arrow.ArrowException, OSError) as error:
@@ -258,16 +258,22 @@ class Table:
                     texts = arrow.schema([(name, arrow.string()) for name in dates])  # a name may look like a date
                     parse = arrow_json.ParseOptions(explicit_schema=texts)
                     table = arrow_json.read_json(arrow.BufferReader(lines), options, parse)
-                table = table.flatten()  # the arguments of an event
-                table = table.rename_columns([name.removeprefix("args.") for name in table.column_names])
+                if any(map(arrow.types.is_timestamp, table.flatten().schema.types)):
+                    table = self._json_texts(lines)
             except arrow.ArrowInvalid as error:
                 reason, _, row = str(error).removeprefix("JSON parse error: ").rpartition(" in row ")
                 if re.search("/.* changed from (?:string to number|number to string)", reason):
-                    table = _json_texts(lines)
+                    table = self._json_texts(lines)
                 elif row.isdecimal():
                     self._fault(int(row), f": {reason}; it must be one JSON object in each line".replace(".;", ";"))
                 else:
                     raise
+            table = table.flatten()
+            every, inner = table.column_names, "args."  # the arguments of an event
+            short = [name.removeprefix(inner) for name in every]
+            table = table.rename_columns(
+                [one if one not in every else name for one, name in zip(short, every, strict=True)]
+            )
             if not header:
                 header = table.column_names
                 self.found.append("JSON lines")
@@ -275,6 +281,20 @@ class Table:
             for name in set(names).difference(table.column_names):
                 table = table.append_column(name, arrow.nulls(len(table)))
             yield from self._cleaned(table, names, [])
+
+    def _json_texts(self, lines: bytes) -> Any:
+        """Return JSON lines as a table of texts, where numbers and texts are in one column."""
+        import pyarrow as arrow
+
+        rows = list[dict[str, Any]]()
+        for line in filter(bytes.strip, lines.splitlines()):
+            try:
+                row = json.loads(line)
+                rows.append({**row, **{f"args.{name}": value for name, value in (row.get("args") or {}).items()}})
+            except (ValueError, AttributeError, TypeError):
+                self._fault(len(rows), ": it must be one JSON object in each line")
+        names = dict.fromkeys(name for row in rows for name in row)
+        return arrow.table({name: [_json_text(row.get(name)) for row in rows] for name in names})
 
     def _parquet(self, file: IO[bytes]) -> Iterator[Block]:
         import pyarrow as arrow
@@ -324,15 +344,11 @@ def _lines(file: IO[bytes], encoding: str, drop: int = 0) -> Iterator[bytes]:
             yield lines if lines.endswith((b"\n", b"\r")) else lines + b"\n"
 
 
-def _json_texts(lines: bytes) -> Any:
-    """Return JSON lines as a table of texts, where numbers and texts are in one column."""
-    import pyarrow as arrow
-
-    rows = [json.loads(line) for line in lines.splitlines() if line.strip()]
-    names = dict.fromkeys(name for row in rows for name in row)
-    values = ([row.get(name) for row in rows] for name in names)
-    texts = ([None if value is None else str(value) for value in column] for column in values)
-    return arrow.table(dict(zip(names, texts, strict=True)))
+def _json_text(value: Any) -> str | None:
+    """Return a value of JSON as a text; whole numbers and truth without a point."""
+    if value is None or (isinstance(value, float) and not value.is_integer()):
+        return None if value is None else str(value)
+    return str(int(value)) if isinstance(value, bool | float) else str(value)
 
 
 def _not_utf8(lines: bytes) -> int | None:

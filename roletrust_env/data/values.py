@@ -268,12 +268,14 @@ class Times:
         Raises:
             ValueError: There is something else than a time, or than times of the kind of the rows above.
         """
+        import pyarrow as arrow
         import pyarrow.types as kinds
 
         if not self._parts and is_text(column) and is_date(start := _iso(column[0].as_py())):
             self._zoned, self._dates = has_zone(start), True
         if self._zoned is not None:
-            ticks, unit = iso_dates([_iso(text) for text in column.to_pylist()], row, zoned=self._zoned)
+            texts = column.cast(arrow.string()).to_pylist()
+            ticks, unit = iso_dates(list(map(_iso, texts)), row, zoned=self._zoned)
             self._parts.append((ticks / UNITS[unit], ticks, UNITS[unit]))
         elif kinds.is_temporal(column.type):
             self._dates = True

@@ -140,8 +140,12 @@ def test_names_of_any_type_are_the_same(tmp_path: Path) -> None:
     )
     log = read_ratings(tmp_path / "b.pq")
     assert (log.rater_names, log.ratee_names) == (["0xff00", "x"], ["7", str(2**60)])
-    log = read_ratings(write(tmp_path, '{"rater": "2024-01-31", "ratee": 1.0, "rating": 1}\n', "c.jsonl"))
-    assert (log.rater_names, log.ratee_names) == (["2024-01-31"], ["1"])
+    for line in (
+        '{"rater": "2024-01-31", "ratee": 1.0, "rating": 1}',
+        '{"args": {"rater": "2024-01-31", "ratee": 1, "rating": 1}}',
+    ):
+        log = read_ratings(write(tmp_path, line, "c.jsonl"))
+        assert (log.rater_names, log.ratee_names) == (["2024-01-31"], ["1"])
     columns = {"rater": [1.0, None, float("nan")], "ratee": [1, 2, 3], "rating": [1, 0, 1]}
     parquet.write_table(arrow.table(columns), tmp_path / "e.pq")
     with pytest.raises(ValueError, match="row 2 has no name in column 'rater'"):
@@ -220,6 +224,7 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
             read_ratings(write(tmp_path, content), TIMED, repeats=True)
     for content, message in (
         ('{"rater": 1, "ratee": 2, "rating": 1}\n{"rater": \n', "row 2: Invalid value; it must be one JSON object"),
+        ('{"rater": 1, "ratee": "a", "rating": 1}\n{"rater": "b", "ratee\n', "row 2: .* one JSON object in each line"),
         ('[{"rater": 1}]', "row 1: .* it must be one JSON object in each line"),
         ('{"rater": 1, "rating": 1}\n', "columns: there is no column 'ratee'"),
     ):
