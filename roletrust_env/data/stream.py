@@ -440,7 +440,7 @@ class NameIndex:
             return np.zeros(0, np.int64)
         if array.dtype.kind == "i" or (array.dtype.kind == "u" and array.max() < 2**63):
             kind, array = "whole numbers", array.astype(np.int64, copy=False)
-        elif array.dtype.kind in "OUT" and all(isinstance(name, str) for name in array.tolist()):
+        elif array.dtype.kind in "OUT" and all(issubclass(kind, str) for kind in set(map(type, array.tolist()))):
             kind, array = "texts", np.array([trimmed(name) for name in array.tolist()], object)
         else:
             raise ValueError(f"{self.role} are of type {array.dtype}; they must be whole numbers or texts")
@@ -502,7 +502,7 @@ class NameIndex:
         if names.dtype != object:
             self._numbers = KeyIndex.of(names)
             return
-        self._texts = {name: place for place, name in enumerate(names.tolist())}
+        self._texts = dict(zip(names.tolist(), range(len(names)), strict=True))
         if len(self._texts) < len(names):
             raise ValueError("a name occurs twice")
 

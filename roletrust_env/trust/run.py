@@ -427,9 +427,9 @@ class EdgeRun(TrustRun):
         state, index = map_kinds(restored, self._start), KeyIndex.of(keys)
         self._state, self._index, self.rounds, self._sizes = state, index, rounds, sizes
         self._check_loaded(left)
-        for value in (0.0, 1.0) if self._remembers and all(self.shape) else ():
-            with np.errstate(all="ignore"):  # memory shows in trust once its pair rates again
-                watched_update(self.model, self._view(), self._known_pairs(np.full(len(keys), value)), np.r_[rounds])
+        if self._remembers and all(self.shape):  # memory shows in trust once its pair rates again
+            with np.errstate(all="ignore"):
+                watched_update(self.model, self._view(), self._known_pairs(np.ones(len(keys))), np.r_[rounds])
         self._watched = True  # and all that it may do shows later
         self._near = Neighbourhood() if self._near is not None else None
 
