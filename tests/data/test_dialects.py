@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.log import RatingLog, read_ratings
+from roletrust_env.data.units import find_unit
 
 arrow = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -211,6 +213,7 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
     for content, message in (
         (start + "a,x,1,2\n\nb,x,good,3\n", "row 6: the rating is 'good'; it must be a number"),
         (start.encode() + b"a,x,1,2\n" * 200_000 + b"Jos\xe9,x,1,3\n", "row 200004: byte 0xe9 is no UTF-8; .* latin-1"),
+        (start.encode() + "é,x,1,2\n".encode() + b"\xe9,x,1,3\n", "row 5: byte 0xe9 is no UTF-8"),
         (start + "a,x,1,2\nb,x,5,3\n", "row 5: the rating is 5, off the scale from 0 to 1; .* --scale 1 5"),
         (start + '"a\nb",x,1,2\n"c,x,1,2\n', "row 5: a quote has no end"),
         (
@@ -240,6 +243,12 @@ def test_a_name_may_begin_with_a_mark(tmp_path: Path) -> None:
     log, lines = told(write(tmp_path, "# 1,2,1\n1,2,0\n" + "# more\n" * 300 + "3,4,1\n"), Columns())
     assert (log.rater_names, lines.count("lines of comment: 301")) == (["1", "3"], 1)
     assert read_ratings(write(tmp_path, "# by hand\n" * 300 + "1,2,0\n")).rater_names == ["1"]
+
+
+def test_the_unit_of_times_is_that_of_their_size() -> None:
+    for time, unit in ((1e8, "s"), (9e10, "s"), (1e11, "ms"), (9e13, "ms"), (1e14, "us"), (9e16, "us"), (1e17, "ns")):
+        assert find_unit(np.array([time])) == unit
+    assert find_unit(np.array([3.0, 1e9])) is None
 
 
 def test_what_may_be_wrong_is_told_with_its_number(tmp_path: Path) -> None:
