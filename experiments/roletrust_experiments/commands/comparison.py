@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -10,17 +10,13 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, crowd_work, read_crowd, write_crowd
-from roletrust_baselines.logs.folders import Folder, find_logs, write_log
-from roletrust_baselines.logs.forecasts import forecasts, next_rating, rater_forward
+from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, write_crowd
+from roletrust_baselines.logs.folders import find_logs, write_log
+from roletrust_baselines.logs.measures import log_measures
 from roletrust_baselines.logs.models import LOG_MODELS
-from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
-from roletrust_baselines.logs.rounds import TooSmallError
-from roletrust_env.data.columns import Columns
-from roletrust_env.data.log import read_ratings
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.storage.files import prepare_folder, replacing, write_csv
+from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
@@ -79,7 +75,7 @@ def compare(
     with progress_bar() as progress:
         task = progress.add_task("", total=len(logs) * len(models))
         for log in logs:
-            measure = _measures(log, every, scale, same_agents, search, seed)
+            measure = log_measures(log, every, scale, same_agents, search, seed)
             for name, one in models.items():
                 progress.update(task, description=f"{log.name}, {name}", advance=1)
                 if log.truth is None and isinstance(one, CrowdMethod):
@@ -102,8 +98,7 @@ def compare(
         console.print(table)
     for reason in left_out:
         console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
-    with replacing(out / "comparison.md") as path:
-        path.write_text(markdown(tables, left_out), encoding="utf-8")
+    write_text(out / "comparison.md", markdown(tables, left_out))
     console.print(f"Written to {out}: comparison.csv, comparison.md", soft_wrap=True)
 
 
@@ -112,55 +107,6 @@ def _model(name: str) -> Any:
     if name in CROWD_METHODS:
         return CrowdMethod(name)
     return LOG_MODELS[name]() if name in LOG_MODELS else parse_named(registry, name)
-
-
-Found = dict[tuple[str, str], Interval]
-"""Measures by protocol and name."""
-
-
-def _measures(
-    log: Folder, every: float, scale: tuple[float, float], same_agents: bool, search: int, seed: int
-) -> Callable[[Any], tuple[Found, dict[str, str]]]:
-    """Read a log once, and return a function from a model to its measures.
-
-    The function also returns the reasons why protocols could not be played, by what they are.
-    """
-    if log.truth is not None:
-        crowd = read_crowd(log.path, log.truth)
-        return lambda model: (_named("crowd work", crowd_work(model, crowd, seed)), {})
-    ratings = read_ratings(log.path, Columns("1", "2", "3", "4"), scale=scale, same_agents=same_agents, repeats=True)
-
-    def forecast(model: Any) -> Found:
-        before = forecasts(model, ratings, every, same_agents=same_agents)
-        found = _named("next rating", next_rating(before, ratings, seed))
-        return found | _named("rater forward", rater_forward(before, ratings, seed))
-
-    def attacked(model: Any) -> Found:
-        found: Found = {}
-        replay = Replay(model, ratings, every, same_agents=same_agents)
-        for attack, shift in replay_attacks(replay, seed=seed).items():
-            found["attack", f"{attack.goal}, honest"] = shift.before
-            found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = shift.after
-        for attack in ATTACKS if search else ():
-            worst = search_attack(replay, attack, search, seed)
-            found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.shift.after
-        return found
-
-    def measure(model: Any) -> tuple[Found, dict[str, str]]:
-        found: Found = {}
-        missing = {}
-        for protocols, play in (("forecasts", forecast), ("attacks", attacked)):
-            try:
-                found |= play(model)
-            except TooSmallError as error:
-                missing[protocols] = str(error)
-        return found, missing
-
-    return measure
-
-
-def _named(protocol: str, measures: Mapping[str, Interval]) -> Found:
-    return {(protocol, what): value for what, value in measures.items()}
 
 
 def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]]]]:

@@ -1,35 +1,38 @@
 """`roletrust rate`: whom to trust, from a log of ratings, and which trust model suits logs."""
 
 from contextlib import nullcontext
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
 from rich.markup import escape
+from rich.table import Table
 
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import Dialect
+from roletrust_env.data.evidence import Evidence, Role, as_dates, evidence, joined, window
 from roletrust_env.data.log import read_ratings
 from roletrust_env.data.rounds import check_lateness, check_rounds
 from roletrust_env.data.stream import TrustStream
 from roletrust_env.evaluation.specs import parse_named, parse_settings
-from roletrust_env.storage.files import prepare_folder, write_csv
-from roletrust_env.trust.key_index import Floats
+from roletrust_env.storage.files import prepare_folder
+from roletrust_env.storage.tables import write_table
 from roletrust_env.trust.model import registry
 from roletrust_experiments.commands.console import console, number_table, progress_bar
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
 _BLOCK = 50_000  # ratings at a time, where rounds do not depend on it
+_MODEL = "leave-one-out"
+_REASON = "the nearest to the next ratings of the real log of docs/real.md; the paper's is --model role-trust"
 
 
 def rate(
     ratings: Annotated[Path, typer.Argument(help="File of ratings, see below; with --compare, a folder of logs.")],
     model: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar=NAMED, help=f"Trust model, role-trust if left out; with --compare, repeat for more. {OWN}"
-        ),
+        typer.Option(metavar=NAMED, help=f"Trust model, {_MODEL} if left out; with --compare, repeat for more. {OWN}"),
     ] = None,
     rater: Annotated[str, typer.Option(help="Column of the rater: a name, or a number from 1.")] = "rater",
     ratee: Annotated[str, typer.Option(help="Column of the rated agent.")] = "ratee",
@@ -61,6 +64,10 @@ def rate(
     lead: Annotated[float | None, typer.Option(help="Longest time without a rating; later ones are left out.")] = None,
     missing: Annotated[bool, typer.Option("--missing", help="Leave out rows in which a value is missing.")] = False,
     tag: Annotated[str | None, typer.Option(help="Tag of the feedback events of ERC-8004 that count.")] = None,
+    rank_by: Annotated[
+        Literal["low", "trust"] | None,
+        typer.Option(help="Rank by the lower end of the interval of trust, or by trust, as always with --state."),
+    ] = None,
     top: Annotated[int, typer.Option(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
     compare: Annotated[bool, typer.Option("--compare", help="Measure trust models on logs, see below.")] = False,
     search: Annotated[int, typer.Option(min=0, help="With --compare: attacks that a search plays for each.")] = 0,
@@ -76,10 +83,12 @@ def rate(
     Ratings count round by round: by time (--every), by number (--count), or all in one round. Several ratings of one
     agent by another in a round count as one, their mean. Rows may be in any order of time.
 
-    Written: [green]ratees.csv raters.csv[/], with name, trust and number of ratings, the most trusted first.
+    Written: [green]ratees.csv raters.csv[/], with trust and evidence: a 95% interval, the number of ratings, of other
+    agents in them, and of effectively independent ones, the last rating, the window of the log, model and version.
+    First are those with the highest lower end of the interval. With --out trust.parquet both roles are one table.
 
     With --state, rounds go on where an earlier run with this file has ended, and all agents so far are written, with
-    their number of ratings in this log. Ratings of the running round are taken once, however often they come, unless
+    evidence in this log and no intervals. Ratings of the running round are taken once, however often they come, unless
     --repeats is given. Those of rounds that have ended are late, also if they came before: by default they are left
     out, so a log may be the whole one or its new part; with --late count it must be its new part.
 
@@ -124,14 +133,18 @@ def rate(
         return
     if synthetic or search or len(model or ()) > 1:
         raise ValueError("--synthetic, --search and several models need --compare")
-    name = model[0] if model else "role-trust"
+    name = model[0] if model else _MODEL
     both = same_agents is True
     chosen: Any = parse_named(registry, name)
     check_rounds(every, count)
     check_lateness(late, lead, every)
     if state is not None and every is None:
         raise ValueError("--state needs --every: the time of a rating says whether it is new")
-    prepare_folder(out)
+    if state is not None and rank_by == "low":
+        raise ValueError("--rank-by low is not for --state: intervals need all ratings")
+    rank = rank_by or ("trust" if state else "low")
+    single = out.suffix == ".parquet"
+    prepare_folder(out.parent if single else out)
     with progress_bar() as progress:
         task = progress.add_task(f"Reading {ratings.name}", total=None)
         log = read_ratings(
@@ -166,27 +179,25 @@ def rate(
                 stream.update(people[0][part], people[1][part], log.values[part], times)
                 progress.update(task, completed=start + size)
         stream.finish()
-        roles = {
-            "ratees": _ranked(log.ratee_names, stream.provider_trust(), log.ratees, state is not None),
-            "raters": _ranked(log.rater_names, stream.rater_trust(), log.raters, state is not None),
-        }
-        for role, rows in roles.items():
-            write_csv(out / f"{role}.csv", ("name", "trust", "ratings"), rows)
+        trusts: dict[Role, Any] = {"ratee": stream.provider_trust(), "rater": stream.rater_trust()}
+        by_name = state is not None
+        roles = {role: evidence(log, role, trust, by_name=by_name).ranked(rank) for role, trust in trusts.items()}
+        origin = {**window(log), "model": name, "version": version("roletrust-env")}
+        tables = {out / f"{role}s.csv": ranked.table(role, origin) for role, ranked in roles.items()}
+        for path, table in ({out: joined(tables.values())} if single else tables).items():
+            progress.update(task, description=f"Writing {path.name}", completed=0, total=len(table))
+            write_table(path, table, lambda rows: progress.update(task, completed=rows))
     apart = [after - had for after, had in zip(_apart(stream), before, strict=True)]
     if any(apart):
         words = "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the lead, {:,} repeated"
         console.print(words.format(apart[0], late, *apart[1:]), soft_wrap=True)
-    for role, rows in roles.items():
-        if role == "raters" and not chosen.rates_raters:
+    for role, ranked in roles.items():
+        if role == "rater" and not chosen.rates_raters:
             console.print(f"{escape(name)} has no notion of trust in raters.")
-            continue
-        ends = dict.fromkeys([*range(min(top, len(rows))), *range(max(0, len(rows) - top), len(rows))])
-        table = number_table(f"Trust of {len(rows):,} {role}", "", "rank", "trust", "ratings")
-        for place in ends:  # the most and the least trusted
-            agent, trust, number = rows[place]
-            table.add_row(escape(agent), f"{place + 1:,}", f"{trust:.4f}", f"{number:,}")
-        console.print(table)
-    written = f"Written to {out}: ratees.csv, raters.csv"
+        else:
+            console.print(_screen_table(ranked, role, rank, top))
+    console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
+    written = f"Written to {out}" + (": ratees.csv, raters.csv" if not single else "")
     console.print(f"{many:,} ratings in {stream.rounds:,} rounds. {written}", soft_wrap=True)
 
 
@@ -195,20 +206,17 @@ def _apart(stream: TrustStream) -> tuple[int, int, int]:
     return stream.n_late, stream.n_ahead, stream.n_repeated
 
 
-def _ranked(names: list[str], trusts: dict[Any, float], places: Any, by_name: bool) -> list[tuple[str, float, int]]:
-    """Return the agents with ratings, the most trusted first, and of equals the one with the most ratings.
-
-    Args:
-        names: Name of each agent of the log.
-        trusts: Trust of each agent, by its place among the names, or by its name.
-        places: Place of the agent of each rating of the log.
-        by_name: Whether trust is by name; then all who have trust are returned.
-    """
-    trust: Floats = np.array(list(trusts.values()))
-    ratings = np.bincount(places, minlength=len(names))
-    if by_name:
-        known = dict(zip(names, ratings.tolist(), strict=True))
-        names, ratings = list(trusts), np.array([known.get(name, 0) for name in trusts], np.int64)
-    order = np.lexsort((-ratings, -trust))
-    order = order[(ratings[order] > 0) | by_name]
-    return list(zip([names[at] for at in order.tolist()], trust[order].tolist(), ratings[order].tolist(), strict=True))
+def _screen_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
+    """Return the agents at both ends of a ranking as a table of 80 columns."""
+    size, others = len(ranked.names), "raters" if role == "ratee" else "ratees"
+    title = f"Trust in {size:,} {role}s, ranked by {'its lower end' if rank == 'low' else 'trust'}"
+    table = number_table(title, "", "rank", "trust", "interval", "ratings", others, "indep.", "last")
+    ends = list(dict.fromkeys([*range(min(top, size)), *range(max(0, size - top), size)]))
+    part = ranked.at(ends)
+    for place, row in zip(ends, zip(*part._replace(last=as_dates(part.last)), strict=True), strict=True):
+        agent, trust, low, high, ratings, number, independent, last = row
+        interval = "-" if low != low else f"{low:.2f} {high:.2f}"  # NaN
+        when = "-" if last != last else f"{last!s:.10}"
+        counts = f"{ratings:,}", f"{number:,}", f"{independent:.1f}"
+        table.add_row(escape(agent), f"{place + 1:,}", f"{trust:.4f}", interval, *counts, when)
+    return table

@@ -45,15 +45,17 @@ def test_it_writes_and_prints_the_trust_of_both_roles(log: Path, tmp_path: Path,
     ratees, raters = rows(tmp_path / "out" / "ratees.csv"), rows(tmp_path / "out" / "raters.csv")
     assert (len(ratees), len(raters)) == (10, 40)
     assert all(sum(int(row["ratings"]) for row in found) == 300 for found in (ratees, raters))
-    trusts = [float(row["trust"]) for row in ratees]
-    assert trusts == sorted(trusts, reverse=True)
+    lows = [float(row["low"]) for row in ratees]
+    assert lows == sorted(lows, reverse=True)
+    assert all(float(row["low"]) <= float(row["trust"]) <= float(row["high"]) for row in ratees)
+    assert {(row["since"], row["until"], row["model"]) for row in raters} == {("0.0", "299.0", model)}
     if model.startswith(("role-trust", "median")):
-        assert raters[-1]["name"] == "p3"
+        assert min(raters, key=lambda row: float(row["trust"]))["name"] == "p3"
 
 
 def test_it_computes_what_a_stream_does(log: Path, tmp_path: Path) -> None:
     assert run("rate", str(log), *COLUMNS, "--every", "30", "--out", str(tmp_path / "out")).exit_code == 0
-    stream = TrustStream(make_trust_model("role-trust"), scale=(1, 5), every=30)
+    stream = TrustStream(make_trust_model("leave-one-out"), scale=(1, 5), every=30)
     table = rows(log)
     stream.update(
         [row["who"] for row in table],
@@ -65,6 +67,23 @@ def test_it_computes_what_a_stream_does(log: Path, tmp_path: Path) -> None:
     for found, wanted in (("ratees", stream.provider_trust()), ("raters", stream.rater_trust())):
         trusts = {row["name"]: float(row["trust"]) for row in rows(tmp_path / "out" / f"{found}.csv")}
         assert trusts == pytest.approx(wanted, abs=1e-6)
+
+
+def test_one_table_of_both_roles_by_trust_and_why_this_model(log: Path, tmp_path: Path) -> None:
+    import pyarrow.parquet
+
+    result = run("rate", str(log), *COLUMNS, "--rank-by", "trust", "--out", str(tmp_path / "out.parquet"))
+    assert result.exit_code == 0, result.output
+    assert "Model leave-one-out, the nearest" in result.output
+    table = pyarrow.parquet.read_table(tmp_path / "out.parquet").to_pylist()
+    assert [row["role"] for row in table] == ["ratee"] * 10 + ["rater"] * 40
+    trusts = [row["trust"] for row in table[:10]]
+    assert trusts == sorted(trusts, reverse=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv", "out.parquet"]
+    assert (
+        "--rank-by low is not for --state"
+        in run("rate", str(log), "--state", "s.npz", "--rank-by", "low", "--every", "9").output
+    )
 
 
 def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path) -> None:
