@@ -1,6 +1,7 @@
 """Replays of real logs beside the leaderboard, from a file that `roletrust rate --compare` has written."""
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,7 @@ _GOALS = ("sink", "lift")
 def read_replays(path: Path) -> dict[str, Interval]:
     """Return what trust models keep where hostile accounts join a real log, by the name of the model.
 
-    With the goal `sink` a model keeps the percentile of the good providers after the attack, with `lift` what the
-    newcomers lack of the top. Of all attacks with a goal the one counts that leaves least. The result is the mean over
-    both goals and all logs, 1 if no attack moves its targets.
+    The result is the mean of `kept` over all logs.
 
     Args:
         path: File `comparison.csv`.
@@ -25,23 +24,41 @@ def read_replays(path: Path) -> dict[str, Interval]:
         ValueError: The file is none of that command, or has no replay with both goals.
         OSError: The file cannot be read.
     """
-    found: dict[str, dict[tuple[str, str], list[Interval]]] = {}
+    found: dict[str, dict[str, dict[tuple[str, str], Interval]]] = {}
     try:
         with path.open(encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
-                goal, _, accounts = row["measure"].partition(", ")
-                if row["protocol"] not in _PROTOCOLS or goal not in _GOALS or accounts == "honest":
-                    continue
-                value, low, high = (float(row[name]) for name in ("value", "low", "high"))
-                kept = Interval(value, low, high) if goal == "sink" else Interval(1 - value, 1 - high, 1 - low)
-                found.setdefault(row["model"], {}).setdefault((row["log"], goal), []).append(kept)
+                measure = row["protocol"], row["measure"]
+                if measure[0] in _PROTOCOLS:
+                    value = Interval(*(float(row[name]) for name in ("value", "low", "high")))
+                    found.setdefault(row["model"], {}).setdefault(row["log"], {})[measure] = value
     except (KeyError, TypeError, ValueError, AttributeError, csv.Error) as error:
         raise ValueError(f"{path} is no comparison.csv of `roletrust rate --compare` ({error!r})") from None
-    logs = {log for groups in found.values() for log, _ in groups}
-    complete = {model: groups for model, groups in found.items() if len(groups) == len(_GOALS) * len(logs)}
+    logs = {log for of_model in found.values() for log in of_model}
+    by_log = {name: [kept(of_model.get(log, {})) for log in logs] for name, of_model in found.items()}
+    complete = {name: [one for one in each if one] for name, each in by_log.items() if all(each)}
     if not complete:
         raise ValueError(f"{path} has no replay of a log with hostile accounts; `roletrust rate --compare` plays them")
-    return {
-        model: Interval(*np.mean([min(attacks) for attacks in groups.values()], axis=0).tolist())
-        for model, groups in complete.items()
-    }
+    return {name: Interval(*np.mean(each, axis=0).tolist()) for name, each in complete.items()}
+
+
+def kept(measures: Mapping[tuple[str, str], Interval]) -> Interval | None:
+    """Return what a trust model keeps on a log under the worst attack with each goal, the mean over both goals.
+
+    With the goal `sink` it keeps the percentile of the good providers after the attack, with `lift` what the newcomers
+    lack of the top: 1 if no attack moves its targets.
+
+    Args:
+        measures: Measures of the model by protocol and name, as `roletrust rate --compare` has them.
+
+    Returns:
+        The mean with its interval; None where a goal was not attacked.
+    """
+    found: dict[str, list[Interval]] = {}
+    for (protocol, what), value in measures.items():
+        goal, _, accounts = what.partition(", ")
+        if protocol in _PROTOCOLS and goal in _GOALS and accounts != "honest":
+            left = value if goal == "sink" else Interval(1 - value.value, 1 - value.high, 1 - value.low)
+            found.setdefault(goal, []).append(left)
+    complete = len(found) == len(_GOALS)
+    return Interval(*np.mean([min(attacks) for attacks in found.values()], axis=0).tolist()) if complete else None

@@ -76,19 +76,62 @@ def next_rating(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, In
         seed: Random seed of the resamples.
     """
     values, groups = log.values[found.since :], log.ratees[found.since :]
-    squares = (_from_past(found, values) - values) ** 2
-    bad = (values < 0.5).astype(np.float64)
-    first = np.full(log.shape[1], found.number[-1] + 1)  # round of the first rating of each ratee
-    np.minimum.at(first, groups, found.number)
-    first[log.ratees[: found.since]] = 0
-    known = first[groups] < found.number
-    error = interval(mean(squares), groups, seed)
+    bad, known = (values < 0.5).astype(np.float64), ~np.isnan(past_mean(found, log))
     return {
         "auc": interval(auc(found.top[known], bad[known], 0 * groups[known]), groups[known], seed),
         "auc, newcomers too": interval(auc(found.top, bad, 0 * groups), groups, seed),
         "r": interval(correlation(found.top, values), groups, seed),
-        "rmse": Interval(*np.sqrt(error).tolist()),
+        "rmse": _error(found, values, groups, seed),
     }
+
+
+def rated_before(found: Forecasts, log: RatingLog, scale: tuple[float, float], seed: int = 0) -> dict[str, Interval]:
+    """Return how well trust forecasts ratings of ratees with earlier ones, as in studies of signed networks.
+
+    - `r`: Pearson's correlation of trust and rating, as Kumar et al. (2016) report it.
+    - `rmse`: root of the mean squared error on the scale of the log, of a line that is fitted to earlier rounds only.
+    - `r, past mean` and `rmse, past mean`: the same of the mean of all ratings of earlier rounds.
+
+    Intervals resample ratees.
+
+    Args:
+        found: Trust before the rounds.
+        log: The same log.
+        scale: Worst and best rating.
+        seed: Random seed of the resamples.
+
+    Returns:
+        The measures; none if no ratee has earlier ratings.
+    """
+    past, measures = past_mean(found, log), dict[str, Interval]()
+    known = ~np.isnan(past)
+    if not known.any():
+        return measures
+    values, groups = log.values[found.since :][known], log.ratees[found.since :][known]
+    for name, top in (("", found.top), (", past mean", past)):
+        one = found._replace(top=top[known], number=found.number[known])
+        measures[f"r{name}"] = interval(correlation(one.top, values), groups, seed)
+        error = _error(one, values, groups, seed)
+        measures[f"rmse{name}"] = Interval(*(end * (scale[1] - scale[0]) for end in error))
+    return measures
+
+
+def past_mean(found: Forecasts, log: RatingLog) -> Floats:
+    """Return the mean of the ratings of each ratee in earlier rounds, shape (n,); NaN where there is none."""
+    total, count = (np.bincount(log.ratees[: found.since], w, log.shape[1]) for w in (log.values[: found.since], None))
+    mean, ratees, values = np.full(len(found.number), np.nan), log.ratees[found.since :], log.values[found.since :]
+    for _, part in spans(found.number):
+        with np.errstate(invalid="ignore"):
+            mean[part] = total[ratees[part]] / count[ratees[part]]
+        np.add.at(total, ratees[part], values[part])
+        np.add.at(count, ratees[part], 1)
+    return mean
+
+
+def _error(found: Forecasts, values: Floats, groups: Ints, seed: int) -> Interval:
+    """Return the root of the mean squared error of a line that is fitted to earlier rounds."""
+    squares = (_from_past(found, values) - values) ** 2
+    return Interval(*np.sqrt(interval(mean(squares), groups, seed)).tolist())
 
 
 def _from_past(found: Forecasts, values: Floats) -> Floats:

@@ -5,7 +5,7 @@ from typing import Any
 
 from roletrust_baselines.logs.crowd import crowd_work, read_crowd
 from roletrust_baselines.logs.folders import Folder
-from roletrust_baselines.logs.forecasts import forecasts, next_rating, rater_forward
+from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
 from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
 from roletrust_baselines.logs.rounds import TooSmallError
 from roletrust_env.data.columns import Columns
@@ -30,7 +30,8 @@ def log_measures(
 
     def forecast(model: Any) -> Found:
         before = forecasts(model, ratings, every, same_agents=same_agents)
-        found = _named("next rating", next_rating(before, ratings, seed))
+        found = _named("rated before", rated_before(before, ratings, scale, seed))
+        found |= _named("next rating", next_rating(before, ratings, seed))
         return found | _named("rater forward", rater_forward(before, ratings, seed))
 
     def attacked(model: Any) -> Found:

@@ -10,9 +10,10 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from roletrust_baselines.logs.advice import advise
 from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, write_crowd
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.measures import log_measures
+from roletrust_baselines.logs.measures import Found, log_measures
 from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
@@ -69,13 +70,14 @@ def compare(
         write_log(folder / "ratings.csv.gz", seed)
         write_crowd(folder, seed)
     logs = find_logs(folder)
+    # All are read before a model plays.
+    measures = [log_measures(log, every, scale, same_agents, search, seed) for log in logs]
     prepare_folder(out)
     rows: list[Row] = []
     left_out: list[str] = []
     with progress_bar() as progress:
         task = progress.add_task("", total=len(logs) * len(models))
-        for log in logs:
-            measure = log_measures(log, every, scale, same_agents, search, seed)
+        for log, measure in zip(logs, measures, strict=True):
             for name, one in models.items():
                 progress.update(task, description=f"{log.name}, {name}", advance=1)
                 if log.truth is None and isinstance(one, CrowdMethod):
@@ -89,16 +91,20 @@ def compare(
                 length = every if log.truth is None else None
                 for (protocol, what), value in found.items():
                     rows.append((log.name, log.sha256, length, protocol, name, what, *value))
+                if rows:  # what is measured is kept
+                    write_csv(out / "comparison.csv", HEADER, rows)
     left_out = list(dict.fromkeys(left_out))  # what a log is too small for is the same for all models
     if not rows:
         raise ValueError(f"nothing could be measured; {'; '.join(left_out)}")
-    write_csv(out / "comparison.csv", HEADER, rows)
     tables = measure_tables(rows)
     for table in screen_tables(tables):
         console.print(table)
+    advice = recommendations(rows)
+    for line in advice:
+        console.print(escape(line), soft_wrap=True)
     for reason in left_out:
         console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
-    write_text(out / "comparison.md", markdown(tables, left_out))
+    write_text(out / "comparison.md", markdown(tables, advice, left_out))
     console.print(f"Written to {out}: comparison.csv, comparison.md", soft_wrap=True)
 
 
@@ -107,6 +113,15 @@ def _model(name: str) -> Any:
     if name in CROWD_METHODS:
         return CrowdMethod(name)
     return LOG_MODELS[name]() if name in LOG_MODELS else parse_named(registry, name)
+
+
+def recommendations(rows: list[Row]) -> list[str]:
+    """Return a line for each log with forecasts: which model suits it, and why."""
+    logs: dict[str, dict[str, Found]] = {}
+    for row in rows:
+        logs.setdefault(row[0], {}).setdefault(row[4], {})[row[3], row[5]] = Interval(*row[6:])
+    advice = {log: advise(models) for log, models in logs.items()}
+    return [f"{log}: {one.words}" for log, one in advice.items() if one]
 
 
 def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]]]]:
@@ -142,9 +157,9 @@ def screen_tables(tables: list[tuple[str, list[str], list[list[str]]]]) -> Itera
             yield table
 
 
-def markdown(tables: list[tuple[str, list[str], list[list[str]]]], left_out: list[str]) -> str:
-    """Return the tables as Markdown."""
-    parts = ["# Trust models on real ratings"]
+def markdown(tables: list[tuple[str, list[str], list[list[str]]]], advice: list[str], left_out: list[str]) -> str:
+    """Return the recommendations and the tables as Markdown."""
+    parts = ["# Trust models on real ratings", *advice]
     for title, headings, lines in tables:
         parts += [f"## {title}", markdown_table(headings, lines, names=1)]
     if left_out:

@@ -8,7 +8,14 @@ import pytest
 
 from roletrust_baselines.logs.crowd import CrowdTask, crowd_work, read_crowd, write_crowd
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.forecasts import earlier_activity, forecasts, next_rating, rater_forward
+from roletrust_baselines.logs.forecasts import (
+    earlier_activity,
+    forecasts,
+    next_rating,
+    past_mean,
+    rated_before,
+    rater_forward,
+)
 from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_baselines.logs.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.data.columns import Columns
@@ -93,6 +100,24 @@ def test_activity_counts_earlier_rounds_only() -> None:
     ratings, rounds = earlier_activity(log, found)
     assert ratings.tolist() == [2, 2, 4, 0]
     assert rounds.tolist() == [1, 1, 2, 0]
+
+
+def test_the_mean_of_the_past_is_that_of_a_loop(log: RatingLog) -> None:
+    found = forecasts(make_trust_model("mean"), log, MONTH, same_agents=True)
+    numbers = np.concatenate([np.zeros(found.since, int), found.number])
+    expected = [
+        np.mean(before)
+        if (before := log.values[(log.ratees == log.ratees[at]) & (numbers < numbers[at])]).size
+        else np.nan
+        for at in range(found.since, len(numbers))
+    ]
+    np.testing.assert_allclose(past_mean(found, log), expected)
+    known, values = ~np.isnan(expected), log.values[found.since :]
+    measures = rated_before(found, log, (-10, 10))
+    assert measures["r, past mean"].value == pytest.approx(np.corrcoef(np.array(expected)[known], values[known])[0, 1])
+    assert measures["r"].value == pytest.approx(np.corrcoef(found.top[known], values[known])[0, 1])
+    assert measures["rmse"].value == pytest.approx(20 * rated_before(found, log, (0, 1))["rmse"].value)
+    assert measures["rmse"].value < 20 * values[known].std()
 
 
 def test_a_mean_of_the_past_forecasts_cheats(log: RatingLog) -> None:

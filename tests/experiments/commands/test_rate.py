@@ -1,6 +1,7 @@
 """`roletrust rate`: its tables, its files, and what it refuses; with `--compare`, on logs of either kind."""
 
 import csv
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from log_cases import BAD, GOOD
 from roletrust_baselines.logs.folders import KNOWN
 from roletrust_env.data import TrustStream
 from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.models.central.beta_reputation import Beta
 
 SHARED = Path(__file__).parents[3].parent / "shared" / "data"
 REAL = SHARED / "bitcoin-otc" / "otc_network.csv.gz"
@@ -188,7 +190,11 @@ def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
     result = compare(str(tmp_path / "log"), "--synthetic", *models, "--out", str(tmp_path / "out"))
     assert result.exit_code == 0, result.output
     table = rows(tmp_path / "out" / "comparison.csv")
-    assert {row["protocol"] for row in table} == {"next rating", "rater forward", "attack", "crowd work"}
+    protocols = ["rated before", "next rating", "rater forward", "attack"]
+    assert list(dict.fromkeys(row["protocol"] for row in table)) == ["crowd work", *protocols]
+    assert re.search(
+        r"log/ratings.csv.gz: Recommended: [a-z-]+\. Its forecast \(r 0\.", result.output.replace("\n", " ")
+    )
     assert {row["model"] for row in table} == {"role-trust", "own-experience"}
     known = [row for row in table if row["low"]]
     assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in known)
@@ -256,6 +262,22 @@ def test_a_log_that_is_too_small_for_a_protocol_has_the_others(tmp_path: Path) -
     }
     assert "nan" not in page
     assert "| mean | 1.000 |" in page
+
+
+def test_what_is_measured_is_kept_and_all_logs_are_read_before_any_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written(tmp_path / "a", "ratings.csv", ["1,2,5,0", "2,3,4,9999999", "1,3,4,9999999", "3,2,-4,19999999"])
+    written(tmp_path / "b", "ratings.csv", ["1,2,5,0", "2,3,four,9999999"])
+    options = ["--model", "mean", "--model", "beta", "--out", str(tmp_path / "out")]
+    result = compare(str(tmp_path), *options)
+    assert result.exit_code == 2
+    assert "b/ratings.csv, row 2" in result.output.replace("\n", "")
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "b" / "ratings.csv").unlink()
+    monkeypatch.setattr(Beta, "update", lambda *given: 1 / 0)
+    assert isinstance(compare(str(tmp_path), *options).exception, ZeroDivisionError)
+    assert {row["model"] for row in rows(tmp_path / "out" / "comparison.csv")} == {"mean"}
 
 
 def test_a_log_that_is_too_small_for_all_is_one_line(tmp_path: Path) -> None:
