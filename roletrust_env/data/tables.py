@@ -126,14 +126,16 @@ class Table:
         names = list(self.columns.wanted)
         more = dict(zip(self._more, columns[len(names) :], strict=True))
         feedback = as_ratings(columns[0], columns[1], columns[2], self.tag, more)
+        kept = feedback.kept & ~(self.missing & np.isnan(feedback.values))
+        self.incomplete += int(feedback.kept.sum() - kept.sum())
         self.found += ["feedback events of ERC-8004", *feedback.words]
         places = np.delete(np.arange(self._read), self._left_out)
-        self._left_out = sorted([*self._left_out, *places[~feedback.kept].tolist()])
+        self._left_out = sorted([*self._left_out, *places[~kept].tolist()])
         ratings = [arrow.array(column) for column in (feedback.raters, feedback.agents, feedback.values)]
         if len(names) > 3:
             times = (arrow.table({"time": block[3]}) for block in blocks)
             ratings.append(arrow.concat_tables(times, promote_options="default")["time"].combine_chunks())
-        yield [column.filter(arrow.array(feedback.kept)) for column in ratings]
+        yield [column.filter(arrow.array(kept)) for column in ratings]
 
     def _cleaned(self, table: Any, names: list[str], gone: list[int]) -> Iterator[Block]:
         """Yield a table in blocks, without blank rows, and without those that miss a value if these are left out.
@@ -143,11 +145,12 @@ class Table:
             names: Names of the wanted columns.
             gone: Places of lines that are no rows, among both, ascending.
         """
+        missing = self.missing and not self._more  # an event that takes another back has no value
         drop, whole = None, len(table) + len(gone)
-        empty = [is_missing(table[name], value=role > 1) for role, name in enumerate(names[: 4 if self.missing else 1])]
+        empty = [is_missing(table[name], value=role > 1) for role, name in enumerate(names[: 4 if missing else 1])]
         if any(column.any() for column in empty):
             blank = np.logical_and.reduce([is_missing(table[name]) for name in names])
-            drop = np.logical_or.reduce(empty) if self.missing else blank
+            drop = np.logical_or.reduce(empty) if missing else blank
             self.blank += int(blank.sum())
             self.incomplete += int(drop.sum() - blank.sum())
             places = np.delete(np.arange(whole), gone)

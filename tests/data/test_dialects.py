@@ -307,6 +307,7 @@ def test_feedback_events_are_ratings(tmp_path: Path) -> None:
         assert log.values.tolist() == [0.9, 0.05, 0.0001]
         assert "feedback events of ERC-8004, revoked feedback left out: 1, 2 tags mixed" in lines
         assert read_ratings(path, scale=(0, 100), tag="starred").ratee_names == ["7"]
+        assert len(read_ratings(path, scale=(0, 100), missing=True).values) == 3
     header = ["agentId", "clientAddress", "value", "valueDecimals", "isRevoked", "chainId"]
     lines = ["7,0xab,85,0,false,1", "7,0xab,1,0,true,1", "7,0xcd,850,1,,8453"]
     log = read_ratings(write(tmp_path, "\n".join([",".join(header), *lines])), scale=(0, 100))
