@@ -210,7 +210,7 @@ def file_costs(rows: int, seed: int) -> list[str]:
     return [
         "## A log in a file",
         f"`roletrust rate --model role-trust` takes {ours_s:.1f} s of the CPU for {rows:,} rows. A script of pyarrow "
-        f"that reads it and writes plain means:  {plainly_s:.1f} s. The upper quartile of their ratio is {ratio:.1f}.",
+        f"that reads it and writes plain means: {plainly_s:.1f} s. The upper quartile of their ratio is {ratio:.1f}.",
     ]
 
 

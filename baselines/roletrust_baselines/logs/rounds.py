@@ -1,9 +1,14 @@
 """The rounds of a whole log, and how they are played."""
 
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
 from roletrust_env.data.log import RatingLog
-from roletrust_env.data.rounds import round_numbers
+from roletrust_env.data.rounds import round_numbers, spans
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.run import TrustRun
+from roletrust_env.trust.run import TrustRun, make_run
 
 
 class TooSmallError(ValueError):
@@ -26,3 +31,36 @@ def play_round(run: TrustRun, number: int, raters: Ints, providers: Ints, values
     if number > run.rounds:
         run.skip(number - run.rounds)
     run.play(raters, providers, values)
+
+
+def numbers_of(log: RatingLog, every: float | None, count: int | None) -> Ints:
+    """Return the number of the round of each rating, shape (n,), ascending: by time, by number, or 0 for all.
+
+    Raises:
+        ValueError: See `log_rounds`.
+    """
+    if every is not None:
+        return log_rounds(log, every)
+    return np.arange(len(log.values)) // (count or max(len(log.values), 1))
+
+
+def played(
+    model: Any, log: RatingLog, numbers: Ints, *, same_agents: bool, without: npt.NDArray[np.bool_] | None = None
+) -> TrustRun:
+    """Return a run that has played a whole log, with some ratings left out of their rounds.
+
+    Args:
+        model: Trust model.
+        log: Log.
+        numbers: Number of the round of each rating, shape (n,), ascending.
+        same_agents: Whether a rater and a ratee of one name are one agent.
+        without: Whether each rating is left out, shape (n,). None for none.
+
+    Raises:
+        MemoryError: The model does not fit, see `make_run`.
+    """
+    run = make_run(model, log.shape, one_role=not same_agents)
+    for number, part in spans(numbers):
+        there = slice(None) if without is None else ~without[part]
+        play_round(run, number, log.raters[part][there], log.ratees[part][there], log.values[part][there])
+    return run

@@ -1,6 +1,5 @@
 """Trust models on logs of real ratings: `roletrust rate --compare`."""
 
-import math
 import textwrap
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -10,15 +9,12 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_baselines.logs.advice import advise
 from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, write_crowd
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.measures import Found, log_measures
+from roletrust_baselines.logs.measures import Row, log_measures, markdown, measure_tables, recommendations
 from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.evaluation.specs import parse_named
-from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
-from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
 from roletrust_experiments.commands.console import console, number_table, progress_bar, short
@@ -29,8 +25,6 @@ MONTH = 2_592_000.0
 HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
 _ACROSS = 4  # measures side by side in 80 columns, with the interval below the value
 _HEADING = 12  # letters
-Row = tuple[str, str, float | None, str, str, str, float, float, float]
-"""Log, its SHA-256, length of a round or None, protocol, model, measure, value, and the ends of its interval."""
 
 
 def compare(
@@ -115,36 +109,6 @@ def _model(name: str) -> Any:
     return LOG_MODELS[name]() if name in LOG_MODELS else parse_named(registry, name)
 
 
-def recommendations(rows: list[Row]) -> list[str]:
-    """Return a line for each log with forecasts: which model suits it, and why."""
-    logs: dict[str, dict[str, Found]] = {}
-    for row in rows:
-        logs.setdefault(row[0], {}).setdefault(row[4], {})[row[3], row[5]] = Interval(*row[6:])
-    advice = {log: advise(models) for log, models in logs.items()}
-    return [f"{log}: {one.words}" for log, one in advice.items() if one]
-
-
-def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Return a table for each log and protocol: its title, its headings, and a line for each model."""
-    tables = []
-    for log, protocol in dict.fromkeys((row[0], row[3]) for row in rows):
-        values = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
-        measures = list(dict.fromkeys(what for _, what in values))
-        names = dict.fromkeys(name for name, _ in values)
-        undefined = Interval(math.nan, math.nan, math.nan)
-        lines = [[name, *(_cell(values.get((name, what), undefined)) for what in measures)] for name in names]
-        tables.append((f"{log}: {protocol}", ["model", *measures], lines))
-    return tables
-
-
-def _cell(value: Interval) -> str:
-    if math.isnan(value.value):
-        return "-"
-    if math.isnan(value.low):  # a single user or task has no interval
-        return f"{value.value:.3f}"
-    return f"{value.value:.3f} ({value.low:.3f}, {value.high:.3f})"
-
-
 def screen_tables(tables: list[tuple[str, list[str], list[list[str]]]]) -> Iterator[Table]:
     """Yield the tables for a terminal of 80 columns; one with many measures goes on in further tables."""
     for title, headings, lines in tables:
@@ -155,13 +119,3 @@ def screen_tables(tables: list[tuple[str, list[str], list[list[str]]]]) -> Itera
                 shown = (short(cell).replace(" (", "\n(") for cell in cells[at - 1 : at - 1 + _ACROSS])
                 table.add_row(escape(name), *shown)
             yield table
-
-
-def markdown(tables: list[tuple[str, list[str], list[list[str]]]], advice: list[str], left_out: list[str]) -> str:
-    """Return the recommendations and the tables as Markdown."""
-    parts = ["# Trust models on real ratings", *advice]
-    for title, headings, lines in tables:
-        parts += [f"## {title}", markdown_table(headings, lines, names=1)]
-    if left_out:
-        parts.append("\n".join(f"- Left out: {reason}." for reason in left_out))
-    return "\n\n".join(parts) + "\n"

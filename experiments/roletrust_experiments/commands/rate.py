@@ -8,20 +8,24 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 from rich.markup import escape
-from rich.table import Table
 
+from roletrust_baselines.logs.explanation import explain as explained
+from roletrust_baselines.logs.explanation import find_ratee
+from roletrust_baselines.logs.rounds import numbers_of
+from roletrust_baselines.logs.suspects import find_suspects
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import Dialect
-from roletrust_env.data.evidence import Evidence, Role, as_dates, evidence, joined, window
+from roletrust_env.data.evidence import Role, evidence, joined, window
 from roletrust_env.data.log import read_ratings
 from roletrust_env.data.rounds import check_lateness, check_rounds
 from roletrust_env.data.stream import TrustStream
 from roletrust_env.evaluation.specs import parse_named, parse_settings
-from roletrust_env.storage.files import prepare_folder
+from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.storage.tables import write_table
 from roletrust_env.trust.model import registry
-from roletrust_experiments.commands.console import console, number_table, progress_bar
+from roletrust_experiments.commands.console import console, progress_bar
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
+from roletrust_experiments.commands.rate_tables import explanation_table, ranking_table, suspects_table
 
 _BLOCK = 50_000  # ratings at a time, where rounds do not depend on it
 _MODEL = "leave-one-out"
@@ -69,6 +73,8 @@ def rate(
         typer.Option(help="Rank by the lower end of the interval of trust, or by trust, as always with --state."),
     ] = None,
     top: Annotated[int, typer.Option(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
+    explain: Annotated[str | None, typer.Option(metavar="AGENT", help="Show what makes the trust in a ratee.")] = None,
+    suspects: Annotated[bool, typer.Option("--suspects", help="Look for raters that act together.")] = False,
     compare: Annotated[bool, typer.Option("--compare", help="Measure trust models on logs, see below.")] = False,
     search: Annotated[int, typer.Option(min=0, help="With --compare: attacks that a search plays for each.")] = 0,
     synthetic: Annotated[bool, typer.Option("--synthetic", help="With --compare: first write synthetic logs.")] = False,
@@ -86,6 +92,10 @@ def rate(
     Written: [green]ratees.csv raters.csv[/], with trust and evidence: a 95% interval, the number of ratings, of other
     agents in them, and of effectively independent ones, the last rating, the window of the log, model and version.
     First are those with the highest lower end of the interval. With --out trust.parquet both roles are one table.
+
+    --explain shows the most important raters of an agent, and its trust without the ratings of each. --suspects shows
+    groups of raters that rate the same ratees alike far beyond chance, and how far ranks move without each of them,
+    beside shuffled logs, in which nobody acts together: [green]suspects.csv[/].
 
     With --state, rounds go on where an earlier run with this file has ended, and all agents so far are written, with
     evidence in this log and no intervals. Ratings of the running round are taken once, however often they come, unless
@@ -142,9 +152,12 @@ def rate(
         raise ValueError("--state needs --every: the time of a rating says whether it is new")
     if state is not None and rank_by == "low":
         raise ValueError("--rank-by low is not for --state: intervals need all ratings")
+    if (explain is not None or suspects) and not (state is None and lead is None):
+        raise ValueError("--explain and --suspects need a whole log, without --state and --lead")
     rank = rank_by or ("trust" if state else "low")
     single = out.suffix == ".parquet"
-    prepare_folder(out.parent if single else out)
+    folder = out.parent if single else out
+    prepare_folder(folder)
     with progress_bar() as progress:
         task = progress.add_task(f"Reading {ratings.name}", total=None)
         log = read_ratings(
@@ -161,6 +174,7 @@ def rate(
             advance=lambda rows: progress.update(task, completed=rows),
             tell=lambda line: console.print(escape(line), soft_wrap=True),
         )
+        agent = None if explain is None else find_ratee(log, explain)
         many, people = len(log.values), (log.raters, log.ratees)
         settings: Any = {"every": every, "count": count, "same_agents": both, "late": late, "lead": lead}
         if state is None:
@@ -187,6 +201,14 @@ def rate(
         for path, table in ({out: joined(tables.values())} if single else tables).items():
             progress.update(task, description=f"Writing {path.name}", completed=0, total=len(table))
             write_table(path, table, lambda rows: progress.update(task, completed=rows))
+        reasons = groups = None
+        how: Any = {"same_agents": both, "advance": lambda n, total: progress.update(task, completed=n, total=total)}
+        if agent is not None:
+            progress.update(task, description=f"Explaining {explain}", completed=0)
+            reasons = explained(chosen, log, numbers_of(log, every, count), agent, **how)
+        if suspects:
+            progress.update(task, description="Looking for suspects", completed=0)
+            groups = find_suspects(chosen, log, numbers_of(log, every, count), seed=seed, **how)
     apart = [after - had for after, had in zip(_apart(stream), before, strict=True)]
     if any(apart):
         words = "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the lead, {:,} repeated"
@@ -195,28 +217,18 @@ def rate(
         if role == "rater" and not chosen.rates_raters:
             console.print(f"{escape(name)} has no notion of trust in raters.")
         else:
-            console.print(_screen_table(ranked, role, rank, top))
+            console.print(ranking_table(ranked, role, rank, top))
+    if reasons is not None and agent is not None:
+        console.print(explanation_table(reasons, log, agent, scale or (0, 1)))
+    if groups is not None:
+        console.print(suspects_table(groups, log))
+        rows = [(n, log.rater_names[at], *one[2:]) for n, one in enumerate(groups.groups, 1) for at in one.raters]
+        write_csv(folder / "suspects.csv", ("group", "rater", "shift", "shuffled", "p"), rows)
     console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
-    written = f"Written to {out}" + (": ratees.csv, raters.csv" if not single else "")
+    written = f"Written to {out}{'' if single else ': ratees.csv, raters.csv'}"
     console.print(f"{many:,} ratings in {stream.rounds:,} rounds. {written}", soft_wrap=True)
 
 
 def _apart(stream: TrustStream) -> tuple[int, int, int]:
     """Return how many ratings of a stream were late, ahead and repeated."""
     return stream.n_late, stream.n_ahead, stream.n_repeated
-
-
-def _screen_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
-    """Return the agents at both ends of a ranking as a table of 80 columns."""
-    size, others = len(ranked.names), "raters" if role == "ratee" else "ratees"
-    title = f"Trust in {size:,} {role}s, ranked by {'its lower end' if rank == 'low' else 'trust'}"
-    table = number_table(title, "", "rank", "trust", "interval", "ratings", others, "indep.", "last")
-    ends = list(dict.fromkeys([*range(min(top, size)), *range(max(0, size - top), size)]))
-    part = ranked.at(ends)
-    for place, row in zip(ends, zip(*part._replace(last=as_dates(part.last)), strict=True), strict=True):
-        agent, trust, low, high, ratings, number, independent, last = row
-        interval = "-" if low != low else f"{low:.2f} {high:.2f}"  # NaN
-        when = "-" if last != last else f"{last!s:.10}"
-        counts = f"{ratings:,}", f"{number:,}", f"{independent:.1f}"
-        table.add_row(escape(agent), f"{place + 1:,}", f"{trust:.4f}", interval, *counts, when)
-    return table

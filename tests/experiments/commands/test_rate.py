@@ -88,6 +88,22 @@ def test_one_table_of_both_roles_by_trust_and_why_this_model(log: Path, tmp_path
     )
 
 
+def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path) -> None:
+    pairs = np.random.default_rng(0).integers(0, 300, (3000, 2)).tolist()
+    lines = [f"{one},s{other},{1 + (7 * one + other) % 5},300" for one, other in pairs]
+    ring = [f"ring{n},s{shop},5,301" for n in range(5) for shop in range(20, 25)]
+    log.write_text("\n".join([log.read_text().splitlines()[0], *lines, *ring]))
+    options = [*COLUMNS, "--model", "mean", "--repeats", "--out", str(tmp_path / "out")]
+    result = run("rate", str(log), *options, "--explain", "s7", "--suspects")
+    assert result.exit_code == 0, result.output
+    assert "Trust in s7: 0." in result.output
+    assert "In 19 shuffled logs: 0 groups" in " ".join(result.output.split())
+    found = rows(tmp_path / "out" / "suspects.csv")
+    assert [row["rater"] for row in found if row["group"] == "1"] == [f"ring{n}" for n in range(5)]
+    assert "no agent 'x' has ratings" in run("rate", str(log), *options, "--explain", "x").output
+    assert "need a whole log" in run("rate", str(log), "--suspects", "--lead", "3", "--every", "9").output
+
+
 def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path) -> None:
     """Night after night it has the trust of one run, from the whole log or from its new part, also sent again."""
     lines, part, state = log.read_text().splitlines(keepends=True), tmp_path / "part.csv", str(tmp_path / "state.npz")

@@ -1,0 +1,66 @@
+"""Tables of `roletrust rate` for a terminal of 80 columns: a ranking, an explanation, and suspects."""
+
+from rich.markup import escape
+from rich.table import Table
+
+from roletrust_baselines.logs.explanation import Explanation
+from roletrust_baselines.logs.suspects import Search
+from roletrust_env.data.evidence import Evidence, as_dates
+from roletrust_env.data.log import RatingLog
+from roletrust_experiments.commands.console import number_table
+
+_SHOWN = 5  # ratings of a rater, and members of a group
+
+
+def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
+    """Return the agents at both ends of a ranking as a table of 80 columns."""
+    size, others = len(ranked.names), "raters" if role == "ratee" else "ratees"
+    title = f"Trust in {size:,} {role}s, ranked by {'its lower end' if rank == 'low' else 'trust'}"
+    table = number_table(title, "", "rank", "trust", "interval", "ratings", others, "indep.", "last")
+    ends = list(dict.fromkeys([*range(min(top, size)), *range(max(0, size - top), size)]))
+    part = ranked.at(ends)
+    for place, row in zip(ends, zip(*part._replace(last=as_dates(part.last)), strict=True), strict=True):
+        agent, trust, low, high, ratings, number, independent, last = row
+        interval = "-" if low != low else f"{low:.2f} {high:.2f}"  # NaN
+        when = "-" if last != last else f"{last!s:.10}"
+        counts = f"{ratings:,}", f"{number:,}", f"{independent:.1f}"
+        table.add_row(escape(agent), f"{place + 1:,}", f"{trust:.4f}", interval, *counts, when)
+    return table
+
+
+def explanation_table(found: Explanation, log: RatingLog, agent: int, scale: tuple[float, float]) -> Table:
+    """Return what makes the trust in an agent, with ratings on their scale."""
+    worst, best = scale
+    title = f"Trust in {escape(log.ratee_names[agent])}: {found.trust:.4f}, rank {found.rank:,} by trust"
+    many = f"{len(found.reasons)} of {found.n_raters:,} raters with {found.n_ratings:,} ratings."
+    caption = f"{many} Trust without it: of the log without its ratings of the agent."
+    table = number_table(title, caption, "ratings", "trust in it", "trust without it", "change", "rank", name="rater")
+    for rater, tor, ratings, without, rank in found.reasons:
+        values = [f"{worst + value * (best - worst):g}" for value in ratings[-_SHOWN:].tolist()]
+        shown = ", ".join(["..."] * (len(ratings) > _SHOWN) + values)
+        change = f"{without - found.trust:+.4f}"
+        table.add_row(escape(log.rater_names[rater]), shown, f"{tor:.3f}", f"{without:.4f}", change, f"{rank:,}")
+    return table
+
+
+def suspects_table(found: Search, log: RatingLog) -> Table:
+    """Return the groups of raters that rate alike, and what they do to ranks."""
+    caption = (
+        f"In {found.shuffles} shuffled logs: {found.false_groups} groups. Shift: how far percentiles of their ratees "
+        "move without them, here and in shuffled logs. With p above 0.05, a group may be an honest club."
+    )
+    table = number_table(
+        f"Raters that rate alike beyond chance: {len(found.groups)} groups",
+        caption,
+        "raters",
+        "ratees",
+        "shift",
+        "shuffled",
+        "p",
+    )
+    for group in found.groups:
+        names = ", ".join(log.rater_names[place] for place in group.raters[:_SHOWN].tolist())
+        counts = f"{len(group.raters):,}", f"{len(group.ratees):,}"
+        more = ", ..." if len(group.raters) > _SHOWN else ""
+        table.add_row(escape(names + more), *counts, f"{group.shift:.4f}", f"{group.chance:.4f}", f"{group.p:.2f}")
+    return table

@@ -1,0 +1,76 @@
+"""Raters that act together, and what makes the trust in an agent, on a synthetic log."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from roletrust_baselines.logs.explanation import explain, find_ratee
+from roletrust_baselines.logs.rounds import numbers_of, played
+from roletrust_baselines.logs.suspects import alike, find_suspects, shuffled
+from roletrust_env.data.log import RatingLog, read_ratings
+from roletrust_env.data.stream import TrustStream
+from roletrust_env.trust import make_trust_model
+
+MODEL = make_trust_model("leave-one-out")
+SIZE, RING, SHOPS = 3000, 6, range(3, 15, 2)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
+    """Ratings from 1 to 5 of 300 shops by 200 people, and best ones of six bad shops by a ring."""
+    random = np.random.default_rng(0)
+    people, shops = random.integers(0, 200, SIZE), random.integers(0, 300, SIZE)
+    stars = np.clip(np.rint(1 + 4 * shops / 300 + random.normal(0, 1, SIZE)), 1, 5).astype(int)
+    rows = [f"p{one},s{shop},{star}" for one, shop, star in zip(people, shops, stars, strict=True)]
+    for n in range(RING):
+        rows[2000 + n * 50 : 2000 + n * 50] = [f"ring{n},s{shop},5" for shop in SHOPS]
+    path: Path = tmp_path_factory.mktemp("log") / "log.csv"
+    path.write_text("rater,ratee,rating\n" + "\n".join(rows))
+    return read_ratings(path, scale=(1, 5))
+
+
+def test_a_ring_is_found_and_moves_ranks(log: RatingLog) -> None:
+    mean, numbers = make_trust_model("mean"), numbers_of(log, None, None)
+    found = find_suspects(mean, log, numbers, same_agents=False, shuffles=3)
+    assert (len(found.groups), found.shuffles, found.false_groups) == (1, 3, 0)
+    group = found.groups[0]
+    assert [log.rater_names[place] for place in group.raters] == [f"ring{n}" for n in range(RING)]
+    assert {log.ratee_names[place] for place in group.ratees} == {f"s{shop}" for shop in SHOPS}
+    assert group.p == 0.25
+    assert group.shift > max(0.2, group.chance)
+    known = np.isin(log.raters, group.raters)
+    assert alike(log._replace(**{name: getattr(log, name)[~known] for name in ("raters", "ratees", "values")})) == []
+
+
+def test_a_shuffled_log_has_the_numbers_of_ratings_and_no_pair_more_often(log: RatingLog) -> None:
+    other = shuffled(log, np.random.default_rng(0))
+    assert np.array_equal(np.bincount(other.ratees), np.bincount(log.ratees))
+    assert (other.ratees != log.ratees).mean() > 0.9
+    pairs = np.unique(np.stack([other.raters, other.ratees]), axis=1)
+    assert pairs.shape[1] == len(log.values)
+
+
+def test_an_explanation_is_what_the_log_without_the_ratings_says(log: RatingLog) -> None:
+    """As a stream has it in which these ratings never came."""
+    numbers, agent = numbers_of(log, None, 1000), find_ratee(log, "s3")
+    found = explain(MODEL, log, numbers, agent, same_agents=False, most=3)
+    assert (found.n_ratings, len(found.reasons)) == (int((log.ratees == agent).sum()), 3)
+    changes = [abs(reason.without - found.trust) for reason in found.reasons]
+    assert changes == sorted(changes, reverse=True)
+    for reason in found.reasons[:1]:
+        stream = TrustStream(MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), every=1)
+        there = (log.raters != reason.rater) | (log.ratees != agent)
+        stream.update(log.raters[there], log.ratees[there], log.values[there], numbers[there])
+        stream.finish()
+        assert stream.provider_trust()[agent] == reason.without
+    with pytest.raises(ValueError, match="no agent 's33x' has ratings; did you mean 's33'"):
+        find_ratee(log, "s33x")
+
+
+def test_a_whole_log_is_played_as_a_stream_does(log: RatingLog) -> None:
+    stream = TrustStream(MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), count=700)
+    stream.update(log.raters, log.ratees, log.values)
+    stream.finish()
+    run = played(MODEL, log, numbers_of(log, None, 700), same_agents=False)
+    assert run.rater_trust.tolist() == list(stream.rater_trust().values())
