@@ -17,7 +17,7 @@ KNOWN = {
 """Names of the logs whose numbers the documentation gives, by the SHA-256 of their unpacked contents."""
 
 SOURCES = (
-    "a log is RATINGS: *network.csv or ratings.csv, without header, with rater, ratee, rating and time, such as SNAP's "
+    "a log is RATINGS: *network.csv or ratings.csv, with rater, ratee, rating and time, such as SNAP's "
     "soc-sign-bitcoin-otc (https://snap.stanford.edu/data/soc-sign-bitcoin-otc.html); or CROWD WORK: answer.csv "
     "(question, worker, answer) and truth.csv (question, truth), with headers; each may be compressed "
     "(.gz), or a Parquet file with the same columns (.parquet)"
@@ -42,12 +42,14 @@ class Folder(NamedTuple):
 
 
 def find_logs(folder: Path) -> list[Folder]:
-    """Return the logs in a folder and in the folders in it.
+    """Return the logs in a folder and in the folders in it, or the one in a file of ratings.
 
     Raises:
         ValueError: There is none. The message says what a log is, and where to get one.
         OSError: A file cannot be read.
     """
+    if folder.is_file():
+        return [_folder(folder, None)]
     found = []
     for place in [folder, *sorted(path for path in folder.glob("*") if path.is_dir())]:
         tables = [(path, path.name.removesuffix(end)) for end in ENDINGS for path in place.glob(f"*{end}")]

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from roletrust_baselines.logs.advice import advise
@@ -10,8 +11,7 @@ from roletrust_baselines.logs.folders import Folder
 from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
 from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
 from roletrust_baselines.logs.rounds import TooSmallError
-from roletrust_env.data.columns import Columns
-from roletrust_env.data.log import read_ratings
+from roletrust_env.data.log import RatingLog
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
 
@@ -23,16 +23,22 @@ Found = dict[tuple[str, str], Interval]
 
 
 def log_measures(
-    log: Folder, every: float, scale: tuple[float, float], same_agents: bool, search: int, seed: int
+    log: Folder,
+    every: float,
+    scale: tuple[float, float],
+    same_agents: bool,
+    search: int,
+    seed: int,
+    read: Callable[[Path], RatingLog],
 ) -> Callable[[Any], tuple[Found, dict[str, str]]]:
-    """Read a log once, and return a function from a model to its measures.
+    """Read a log once, by `read` where it is one of ratings, and return a function from a model to its measures.
 
     The function also returns the reasons why protocols could not be played, by what they are.
     """
     if log.truth is not None:
         crowd = read_crowd(log.path, log.truth)
         return lambda model: (_named("crowd work", crowd_work(model, crowd, seed)), {})
-    ratings = read_ratings(log.path, Columns("1", "2", "3", "4"), scale=scale, same_agents=same_agents, repeats=True)
+    ratings = read(log.path)
 
     def forecast(model: Any) -> Found:
         before = forecasts(model, ratings, every, same_agents=same_agents)

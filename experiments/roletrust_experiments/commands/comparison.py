@@ -1,7 +1,7 @@
 """Trust models on logs of real ratings: `roletrust rate --compare`."""
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, write_cro
 from roletrust_baselines.logs.folders import find_logs, write_log
 from roletrust_baselines.logs.measures import Row, log_measures, markdown, measure_tables, recommendations
 from roletrust_baselines.logs.models import LOG_MODELS
+from roletrust_env.data.log import RatingLog
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
@@ -37,12 +38,13 @@ def compare(
     synthetic: bool,
     search: int,
     seed: int,
+    read: Callable[[Path], RatingLog],
     out: Path,
 ) -> None:
-    """Measure trust models on the logs in a folder, and write and print the tables.
+    """Measure trust models on a log or on the logs in a folder, and write and print the tables.
 
     Args:
-        folder: Folder of logs; a folder in it may hold one, too.
+        folder: File of ratings, or folder of logs; a folder in it may hold one, too.
         names: Trust models; None for all central ones, those of neighbouring fields, and the methods of crowd work.
         every: Length of a round, in the unit of the times.
         scale: Worst and best rating.
@@ -50,6 +52,7 @@ def compare(
         synthetic: Whether a small synthetic log of either kind is first written to the folder.
         search: Number of attacks that a search plays for each goal, number and origin of accounts; 0 for no search.
         seed: Random seed of the resamples, draws and searches, and of the synthetic logs.
+        read: Function that reads a file of ratings.
         out: Folder of the results.
 
     Raises:
@@ -65,7 +68,7 @@ def compare(
         write_crowd(folder, seed)
     logs = find_logs(folder)
     # All are read before a model plays.
-    measures = [log_measures(log, every, scale, same_agents, search, seed) for log in logs]
+    measures = [log_measures(log, every, scale, same_agents, search, seed, read) for log in logs]
     prepare_folder(out)
     rows: list[Row] = []
     left_out: list[str] = []

@@ -1,6 +1,7 @@
 """`roletrust rate`: whom to trust, from a log of ratings, and which trust model suits logs."""
 
 from contextlib import nullcontext
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -33,7 +34,7 @@ _REASON = "the nearest to the next ratings of the real log of docs/real.md; the 
 
 
 def rate(
-    ratings: Annotated[Path, typer.Argument(help="File of ratings, see below; with --compare, a folder of logs.")],
+    ratings: Annotated[Path, typer.Argument(help="File of ratings, see below; with --compare, also a folder of logs.")],
     model: Annotated[
         list[str] | None,
         typer.Option(metavar=NAMED, help=f"Trust model, {_MODEL} if left out; with --compare, repeat for more. {OWN}"),
@@ -102,13 +103,14 @@ def rate(
     --repeats is given. Those of rounds that have ended are late, also if they came before: by default they are left
     out, so a log may be the whole one or its new part; with --late count it must be its new part.
 
-    With --compare, trust models are measured on the logs in a folder and in the folders in it: forecasts, crowd work,
-    and a few hostile accounts in a replay. A log of ratings is a file *network.csv or ratings.csv without header:
-    rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question, truth).
-    Rounds are of 30 days (--every). --search plays so many attacks for each goal, number and origin of accounts.
-    By default all central models are measured, and those of neighbouring fields: all-time-mean, two-way-mean,
-    fairness-goodness, bias-deserve, rev2, geometric-median and centred-clipping; on crowd work also dawid-skene,
-    one-coin-dawid-skene, glad and mace, which need the extra crowd. What does not fit is left out, and a line says so.
+    With --compare, trust models are measured on a file, or on the logs in a folder and in the folders in it:
+    forecasts, crowd work, and a few hostile accounts in a replay; one model is recommended. In a folder, a log of
+    ratings is a file *network.csv or ratings.csv; crowd work is answer.csv (question, worker, answer) and truth.csv
+    (question, truth). Rounds are of 30 days (--every). --search plays so many attacks for each goal, number and
+    origin of accounts. By default all central models are measured, and those of neighbouring fields: all-time-mean,
+    two-way-mean, fairness-goodness, bias-deserve, rev2, geometric-median and centred-clipping; on crowd work also
+    dawid-skene, one-coin-dawid-skene, glad and mace, which need the extra crowd. What does not fit is left out, and a
+    line says so.
     Written then: [green]comparison.csv comparison.md[/].
 
     [bold]Examples[/]
@@ -123,21 +125,32 @@ def rate(
     [cyan]roletrust rate results/log --compare --synthetic --model role-trust --model beta --every 604800[/]
     """
     columns, dialect = Columns(rater, ratee, rating, time), Dialect(separator, encoding, header, time_unit)
+    timed = columns if time or not (every or compare) else columns._replace(time="time")
+    read = partial(
+        read_ratings,
+        columns=timed,
+        missing=missing,
+        tag=tag,
+        labels=parse_settings(labels.split(",") if labels else (), "--labels"),
+        dialect=dialect,
+        tell=lambda line: console.print(escape(line), soft_wrap=True),
+    )
     if compare:
-        given = (dialect, count, labels, state, lead, tag, repeats, missing)
-        if columns != Columns() or any(value not in (None, False, Dialect()) for value in given):
-            raise ValueError("options for columns, rows, dialect and state are not for --compare")
+        if any(value is not None for value in (count, state, lead)):
+            raise ValueError("--count, --state and --lead are not for --compare: rounds go by time there")
         from roletrust_experiments.commands import comparison
 
+        ends, both = (-10, 10) if scale is None else scale, same_agents is not False
         comparison.compare(
             ratings,
             model,
             every=comparison.MONTH if every is None else every,
-            scale=(-10, 10) if scale is None else scale,
-            same_agents=same_agents is not False,
+            scale=ends,
+            same_agents=both,
             synthetic=synthetic,
             search=search,
             seed=seed,
+            read=partial(read, scale=ends, same_agents=both, repeats=True),
             out=out,
         )
         return
@@ -160,19 +173,13 @@ def rate(
     prepare_folder(folder)
     with progress_bar() as progress:
         task = progress.add_task(f"Reading {ratings.name}", total=None)
-        log = read_ratings(
+        log = read(
             ratings,
-            columns if every is None or time else columns._replace(time="time"),
             scale=scale or (0, 1),
             same_agents=both,
             repeats=repeats,
-            missing=missing,
-            tag=tag,
-            labels=parse_settings(labels.split(",") if labels else (), "--labels"),
-            dialect=dialect,
             every=every,
             advance=lambda rows: progress.update(task, completed=rows),
-            tell=lambda line: console.print(escape(line), soft_wrap=True),
         )
         agent = None if explain is None else find_ratee(log, explain)
         many, people = len(log.values), (log.raters, log.ratees)

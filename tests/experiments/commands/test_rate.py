@@ -1,6 +1,7 @@
 """`roletrust rate`: its tables, its files, and what it refuses; with `--compare`, on logs of either kind."""
 
 import csv
+import gzip
 import re
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 from command_line import run
 from log_cases import BAD, GOOD
 
-from roletrust_baselines.logs.folders import KNOWN
+from roletrust_baselines.logs.folders import KNOWN, write_log
 from roletrust_env.data import TrustStream
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.models.central.beta_reputation import Beta
@@ -280,6 +281,20 @@ def test_a_log_that_is_too_small_for_a_protocol_has_the_others(tmp_path: Path) -
     assert "| mean | 1.000 |" in page
 
 
+def test_a_file_with_columns_of_its_own_is_compared(tmp_path: Path) -> None:
+    write_log(tmp_path / "plain.csv.gz")
+    lines = gzip.decompress((tmp_path / "plain.csv.gz").read_bytes()).decode().splitlines()
+    turned = [";".join(line.split(",")[place] for place in (3, 2, 1, 0)) for line in lines]
+    written(tmp_path, "own.csv", ["when;points;seller;buyer", *turned])
+    options = ["--model", "mean", "--scale", "-10", "10", "--out", str(tmp_path / "out")]
+    result = compare(str(tmp_path / "own.csv"), "--time", "when", "--rating", "points", *options)
+    assert result.exit_code == 0, result.output
+    assert "separator semicolon" in result.output.replace("\n", " ")
+    assert compare(str(tmp_path / "plain.csv.gz"), *options[:-1], str(tmp_path / "again")).exit_code == 0
+    own, plain = (rows(tmp_path / name / "comparison.csv") for name in ("out", "again"))
+    assert [row["value"] for row in own] == [row["value"] for row in plain]
+
+
 def test_what_is_measured_is_kept_and_all_logs_are_read_before_any_is_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -329,7 +344,7 @@ def test_real_logs(tmp_path: Path) -> None:
 
 def test_options_of_one_kind_are_refused_for_the_other(tmp_path: Path) -> None:
     for options, words in (
-        (["--compare", "--time", "day"], "not for --compare"),
+        (["--compare", "--count", "3"], "not for --compare"),
         (["--search", "3"], "need --compare"),
         (["--model", "mean", "--model", "beta"], "need --compare"),
     ):
