@@ -21,9 +21,9 @@ class PairChains:
 
     Example:
         >>> chains = PairChains()
-        >>> chains.extend(np.array([0, 2, 0, 0]), 3)
-        >>> chains.of(np.array([0, 1]), 4)
-        array([3, 2, 0])
+        >>> chains.extend(np.array([0, 2, 0]), 3)
+        >>> chains.of(np.array([1, 2]), 4)
+        array([1])
     """
 
     def __init__(self) -> None:
