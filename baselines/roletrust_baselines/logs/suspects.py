@@ -12,7 +12,7 @@ from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
 
 SHUFFLES = 19
-"""Number of shuffled logs: a group that moves ranks more than in each of them has p = 0.05."""
+"""Number of shuffled logs: a group that moves ranks more than in each, and is further from others, has p = 0.05."""
 
 _LEVELS = 4  # ratings are alike if they are the same after rounding to one of five levels
 _CHANCE = 0.5  # expected number of others with which a rater is joined by chance
@@ -31,13 +31,17 @@ class Suspects(NamedTuple):
         ratees: Places of the ratees that at least two of them rate alike.
         shift: Mean distance by which the percentiles of the agents that they rate move without their ratings. An agent
             has the square of the number of its raters in the group as weight, so that cover hides no targets.
-        chance: Mean of the same in shuffled logs.
-        p: Share of shuffled logs, and of the log itself, in which it is at least as large.
+        apart: Mean distance of their ratings from those of others of the same agents, with the same weights, or from
+            the mean of the log where there are no others.
+        chance: Mean shift in shuffled logs.
+        p: Share of shuffled logs, and of the log itself, in which the shift is at least as large, or the same for
+            `apart` if it is larger.
     """
 
     raters: Ints
     ratees: Ints
     shift: float
+    apart: float
     chance: float
     p: float
 
@@ -68,8 +72,8 @@ def find_suspects(
 ) -> Search:
     """Return the groups of raters that rate alike, see `alike`, with what their ratings do to ranks.
 
-    A group without an effect may be an honest club: where others say the same, ranks stay without it. So its effect is
-    compared with that of the same raters in shuffled logs, in which they have no common ratees.
+    A group that moves no ranks, or says what others say, may be an honest club. So both are compared with what the same
+    raters do in shuffled logs, in which they have no common ratees.
 
     Args:
         model: Trust model.
@@ -84,36 +88,49 @@ def find_suspects(
         MemoryError: The model does not fit, see `make_run`.
     """
     rng, groups = np.random.default_rng(seed), alike(log)
-    order = np.argsort(-_shifts(model, log, numbers, [raters for raters, _ in groups], same_agents), kind="stable")
+    raters = [group for group, _ in groups]
+    order = np.argsort(-effects(model, log, numbers, raters, same_agents=same_agents)[:, 0], kind="stable")
     groups = [groups[place] for place in order[:_TOP].tolist()]
-    shifts = np.zeros((shuffles + 1, len(groups)))
+    raters = [group for group, _ in groups]
+    measured = np.zeros((shuffles + 1, len(groups), 2))
     false_groups = 0
     for turn in range(shuffles + 1):
         one = shuffled(log, rng) if turn else log
         false_groups += len(alike(one)) if turn else 0
-        shifts[turn] = _shifts(model, one, numbers, [raters for raters, _ in groups], same_agents)
+        measured[turn] = effects(model, one, numbers, raters, same_agents=same_agents)
         advance(turn + 1, shuffles + 1)
+    p = (measured >= measured[0]).mean(0).max(1)
+    chances = measured[1:, :, 0].mean(0)
     found = [
-        Suspects(*group, float(own[0]), float(own[1:].mean()), float((own >= own[0]).mean()))
-        for group, own in zip(groups, shifts.T, strict=True)
+        Suspects(*group, float(shift), float(apart), float(chance), float(share))
+        for group, (shift, apart), chance, share in zip(groups, measured[0], chances, p, strict=True)
     ]
     found.sort(key=lambda group: (group.p > 1 / min(shuffles + 1, 20), -group.shift))
     return Search(found, shuffles, false_groups)
 
 
-def _shifts(model: Any, log: RatingLog, numbers: Ints, groups: list[Ints], same_agents: bool) -> Floats:
-    """Return the shift of each group, see `Suspects`."""
+def effects(model: Any, log: RatingLog, numbers: Ints, groups: list[Ints], *, same_agents: bool) -> Floats:
+    """Return `shift` and `apart` of each group of raters, shape (n, 2), see `Suspects`."""
+    found = np.zeros((len(groups), 2))
     if not groups:
-        return np.zeros(0)
-    rated, found = np.unique(log.ratees), []
+        return found
+    rated, size = np.unique(log.ratees), log.shape[1]
     before = ranks(played(model, log, numbers, same_agents=same_agents).provider_trust[rated])
-    for raters in groups:
+    for at, raters in enumerate(groups):
         theirs = np.isin(log.raters, raters)
         after = ranks(played(model, log, numbers, same_agents=same_agents, without=theirs).provider_trust[rated])
         pairs = np.unique(pair_keys(log.raters[theirs], log.ratees[theirs]))
-        weights = np.bincount(np.searchsorted(rated, pair_ends(pairs)[1]), minlength=len(rated)) ** 2
-        found.append(np.average(np.abs(after - before), weights=weights))
-    return np.array(found)
+        weights = np.bincount(pair_ends(pairs)[1], minlength=size) ** 2
+        own, others = (_means(log.ratees[part], log.values[part], size) for part in (theirs, ~theirs))
+        apart = np.where(weights > 0, np.abs(own - np.where(np.isnan(others), log.values.mean(), others)), 0.0)
+        found[at] = np.average(np.abs(after - before), weights=weights[rated]), np.average(apart, weights=weights)
+    return found
+
+
+def _means(ratees: Ints, values: Floats, size: int) -> Floats:
+    """Return the mean rating of each ratee, shape (size,); NaN without ratings."""
+    count = np.bincount(ratees, minlength=size)
+    return np.where(count > 0, np.bincount(ratees, values, size) / np.maximum(count, 1), np.nan)
 
 
 def alike(log: RatingLog) -> list[tuple[Ints, Ints]]:

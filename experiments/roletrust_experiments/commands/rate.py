@@ -3,6 +3,7 @@
 from contextlib import nullcontext
 from functools import partial
 from importlib.metadata import version
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,6 +29,7 @@ from roletrust_experiments.commands.console import console, progress_bar
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 from roletrust_experiments.commands.rate_tables import explanation_table, ranking_table, suspects_table
 
+_apart = attrgetter("n_late", "n_ahead", "n_repeated")  # ratings of a stream
 _BLOCK = 50_000  # ratings at a time, where rounds do not depend on it
 _MODEL = "leave-one-out"
 _REASON = "the nearest to the next ratings of the real log of docs/real.md; the paper's is --model role-trust"
@@ -230,12 +232,7 @@ def rate(
     if groups is not None:
         console.print(suspects_table(groups, log))
         rows = [(n, log.rater_names[at], *one[2:]) for n, one in enumerate(groups.groups, 1) for at in one.raters]
-        write_csv(folder / "suspects.csv", ("group", "rater", "shift", "shuffled", "p"), rows)
+        write_csv(folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows)
     console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
     written = f"Written to {out}{'' if single else ': ratees.csv, raters.csv'}"
     console.print(f"{many:,} ratings in {stream.rounds:,} rounds. {written}", soft_wrap=True)
-
-
-def _apart(stream: TrustStream) -> tuple[int, int, int]:
-    """Return how many ratings of a stream were late, ahead and repeated."""
-    return stream.n_late, stream.n_ahead, stream.n_repeated

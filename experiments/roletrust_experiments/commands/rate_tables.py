@@ -9,7 +9,7 @@ from roletrust_env.data.evidence import Evidence, as_dates
 from roletrust_env.data.log import RatingLog
 from roletrust_experiments.commands.console import number_table
 
-_SHOWN = 5  # ratings of a rater, and members of a group
+_SHOWN = 4  # ratings of a rater, and members of a group
 
 
 def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
@@ -38,29 +38,21 @@ def explanation_table(found: Explanation, log: RatingLog, agent: int, scale: tup
     for rater, tor, ratings, without, rank in found.reasons:
         values = [f"{worst + value * (best - worst):g}" for value in ratings[-_SHOWN:].tolist()]
         shown = ", ".join(["..."] * (len(ratings) > _SHOWN) + values)
-        change = f"{without - found.trust:+.4f}"
-        table.add_row(escape(log.rater_names[rater]), shown, f"{tor:.3f}", f"{without:.4f}", change, f"{rank:,}")
+        trusts = f"{tor:.3f}", f"{without:.4f}", f"{without - found.trust:+.4f}"
+        table.add_row(escape(log.rater_names[rater]), shown, *trusts, f"{rank:,}")
     return table
 
 
 def suspects_table(found: Search, log: RatingLog) -> Table:
     """Return the groups of raters that rate alike, and what they do to ranks."""
     caption = (
-        f"In {found.shuffles} shuffled logs: {found.false_groups} groups. Shift: how far percentiles of their ratees "
-        "move without them, here and in shuffled logs. With p above 0.05, a group may be an honest club."
+        f"In {found.shuffles} shuffled logs: {found.false_groups} groups. Shift: of percentiles of their ratees. "
+        "Apart: from ratings of others. With p above 0.05, a group may be an honest club."
     )
-    table = number_table(
-        f"Raters that rate alike beyond chance: {len(found.groups)} groups",
-        caption,
-        "raters",
-        "ratees",
-        "shift",
-        "shuffled",
-        "p",
-    )
-    for group in found.groups:
-        names = ", ".join(log.rater_names[place] for place in group.raters[:_SHOWN].tolist())
-        counts = f"{len(group.raters):,}", f"{len(group.ratees):,}"
-        more = ", ..." if len(group.raters) > _SHOWN else ""
-        table.add_row(escape(names + more), *counts, f"{group.shift:.4f}", f"{group.chance:.4f}", f"{group.p:.2f}")
+    title = f"Raters that rate alike beyond chance: {len(found.groups)} groups"
+    table = number_table(title, caption, "raters", "ratees", "shift", "shuffled", "apart", "p")
+    for raters, ratees, shift, apart, chance, p in found.groups:
+        names = [*(log.rater_names[place] for place in raters[:_SHOWN].tolist()), *["..."] * (len(raters) > _SHOWN)]
+        shown = (f"{number:.3f}" for number in (shift, chance, apart))
+        table.add_row(escape(", ".join(names)), f"{len(raters):,}", f"{len(ratees):,}", *shown, f"{p:.2f}")
     return table

@@ -1,0 +1,47 @@
+"""The study of planted rings and clubs: what it plants, and its page on a small log."""
+
+from pathlib import Path
+
+import numpy as np
+
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.log import read_ratings
+from studies.suspects import main, planted
+
+
+def written(path: Path) -> Path:
+    """A log of 3000 ratings among 300 members from -10 to 10, a few of whom have many."""
+    random = np.random.default_rng(0)
+    raters, ratees = random.integers(0, 300, 3000), (300 * random.random(3000) ** 3).astype(int)
+    lines = [
+        f"{one},{other},{random.integers(-10, 11)},{86_400 * day}"
+        for day, (one, other) in enumerate(zip(raters, ratees, strict=True))
+        if one != other
+    ]
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_accounts_rate_the_same_targets_and_a_club_as_others_do(tmp_path: Path) -> None:
+    log = read_ratings(written(tmp_path / "log.csv"), Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
+    for honest in (False, True):
+        found, accounts = planted(log, 6, 4, 3, np.random.default_rng(1), honest=honest)
+        new = np.isin(found.raters, accounts)
+        assert new.sum() == 6 * (4 + 3)
+        assert found.times is not None
+        assert (np.diff(found.times) >= 0).all()
+        times_rated = np.bincount(found.ratees[new])
+        targets = np.flatnonzero(times_rated == 6)
+        assert len(targets) >= 4
+        for target in targets:
+            theirs, others = (found.values[(found.ratees == target) & chosen] for chosen in (new, ~new))
+            assert np.isin(theirs, others).all() if honest else (theirs == 1).all() or len(targets) > 4
+
+
+def test_the_page_has_a_line_for_each_kind_and_size(tmp_path: Path) -> None:
+    options = ["--log", str(written(tmp_path / "log.csv")), "--size", "8", "--runs", "1", "--shuffles", "10"]
+    main([*options, "--model", "mean", "--workers", "1", "--out", str(tmp_path / "out")])
+    page = (tmp_path / "out" / "suspects.md").read_text()
+    assert "| ring | 8 | " in page
+    assert "| honest club | 8 | " in page
+    assert "In 10 shuffled logs there were 0 groups." in page
