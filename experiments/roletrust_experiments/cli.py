@@ -30,6 +30,7 @@ _HERE = "roletrust_experiments.commands"
         "submit": f"{_HERE}.submit:submit",
         "verify": f"{_HERE}.submit:verify",
         "rate": f"{_HERE}.rate:rate",
+        "audit": f"{_HERE}.audit:audit",
         "live": f"{_HERE}.live.app:live",
     }
 )

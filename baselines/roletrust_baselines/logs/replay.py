@@ -17,7 +17,8 @@ from roletrust_env.data.rounds import spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.beta_distribution import reputation
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.run import make_run
+from roletrust_env.trust.outside import OutsideModel
+from roletrust_env.trust.run import TrustRun, make_run
 
 TARGETS, ROUNDS = 20, 6
 """Number of targets, and of rounds that the attack lasts."""
@@ -77,17 +78,87 @@ class HostileRatings(NamedTuple):
     values: Floats
 
 
-class Replay:
-    """A log that was played up to its last 6 rounds, and that can be ended with and without an attack.
+class Ending:
+    """A log that was played up to its last 6 rounds, and that can be ended with and without hostile ratings.
 
     Attributes:
         log: Log.
         same_agents: Whether a rater and a ratee of the same name are one agent.
-        past: Number of ratings before the attack.
+        past: Number of ratings before the last rounds.
+    """
+
+    def __init__(self, model: Any, log: RatingLog, every: float, *, same_agents: bool, more: int) -> None:
+        """Play the log, and remember the beginning of each of its last rounds.
+
+        Args:
+            model: Trust model.
+            log: Log.
+            every: Length of a round.
+            same_agents: Whether a rater and a ratee of the same name are one agent.
+            more: Number of further raters, and of further providers, for which there is room.
+
+        Raises:
+            TooSmallError: The log has no 7 rounds with ratings.
+            MemoryError: The model does not fit, see `make_run`.
+        """
+        parts = list(spans(log_rounds(log, every)))
+        if len(parts) <= ROUNDS:
+            raise TooSmallError(f"the log has {len(parts)} rounds with ratings; an attack needs more than {ROUNDS}")
+        self.log, self.same_agents, self.past = log, same_agents, parts[-ROUNDS][1].start
+        self._model, self._room = model, (log.shape[0] + more, log.shape[1] + more)
+        self._parts, self._rest = parts, parts[-ROUNDS:]
+        self._begun = [self._played(len(parts) - ROUNDS)]
+        for number, part in self._rest[:-1] if not isinstance(model, OutsideModel) else ():
+            self._begun.append(deepcopy(self._begun[-1]))
+            play_round(self._begun[-1], number, log.raters[part], log.ratees[part], log.values[part])
+
+    def _played(self, many: int) -> TrustRun:
+        """Return a run of so many rounds of the log."""
+        run, log = make_run(self._model, self._room, one_role=not self.same_agents), self.log
+        for number, part in self._parts[:many]:
+            play_round(run, number, log.raters[part], log.ratees[part], log.values[part])
+        return run
+
+    def trust(self, rounds: Sequence[HostileRatings]) -> Floats:
+        """Return the trust of all providers at the end of the log.
+
+        Args:
+            rounds: Ratings of the hostile accounts in each of the last rounds, beside those of the log. A rating of
+                an account by itself does not count if raters and ratees are the same agents.
+        """
+        first = next((at for at, extra in enumerate(rounds) if len(extra.raters)), ROUNDS - 1)
+        outside, log = isinstance(self._model, OutsideModel), self.log  # a game with such a model cannot branch
+        run = self._played(len(self._parts) - ROUNDS + first) if outside else deepcopy(self._begun[first])
+        for (number, part), extra in zip(self._rest[first:], rounds[first:], strict=True):
+            others = (extra.raters != extra.providers) | (not self.same_agents)
+            parts = zip((log.raters[part], log.ratees[part], log.values[part]), extra, strict=True)
+            play_round(run, number, *(np.concatenate([real, false[others]]) for real, false in parts))
+        return run.provider_trust
+
+    @cached_property
+    def past_means(self) -> Floats:
+        """The mean rating of each provider before the attack, shape (P,); NaN without a rating."""
+        ratees, values = self.log.ratees[: self.past], self.log.values[: self.past]
+        count = np.bincount(ratees, minlength=self.log.shape[1])
+        means: Floats = np.full(self.log.shape[1], np.nan)
+        np.divide(np.bincount(ratees, values, self.log.shape[1]), count, out=means, where=count > 0)
+        return means
+
+    @cached_property
+    def ranked(self) -> Ints:
+        """Raters with at least 5 ratings before the attack, those with the fewest ratings first."""
+        given = np.bincount(self.log.raters[: self.past], minlength=self.log.shape[0])
+        active = np.flatnonzero(given >= _ACTIVE)
+        return active[np.argsort(given[active], kind="stable")]
+
+
+class Replay(Ending):
+    """The end of a log, with the targets and the accounts of attacks.
+
+    Attributes:
         best: The 20 providers with the highest Beta reputation from the ratings before the attack.
         newcomers: 20 providers that nobody has rated.
         active: Raters with at least 5 ratings before the attack.
-        ranked: The same, those with the fewest ratings first.
         fresh: New accounts.
     """
 
@@ -105,38 +176,23 @@ class Replay:
             TooSmallError: The log has no 7 rounds with ratings, or too few providers or raters.
             MemoryError: The model does not fit, see `make_run`.
         """
-        parts = list(spans(log_rounds(log, every)))
-        if len(parts) <= ROUNDS:
-            raise TooSmallError(f"the log has {len(parts)} rounds with ratings; an attack needs more than {ROUNDS}")
-        self.log, self.same_agents, self.past = log, same_agents, parts[-ROUNDS][1].start
-        given = np.bincount(log.raters[: self.past], minlength=log.shape[0])
-        self.best, self.active = _best(log, self.past), np.flatnonzero(given >= _ACTIVE)
-        self.ranked = self.active[np.argsort(given[self.active], kind="stable")]
+        super().__init__(model, log, every, same_agents=same_agents, more=TARGETS + most)
+        self.best, self.active = _best(log, self.past), np.sort(self.ranked)
         if len(self.best) < TARGETS or len(self.active) < most:
             raise TooSmallError(
                 f"an attack needs {TARGETS} providers and {most} raters with {_ACTIVE} ratings in the log"
             )
         self.newcomers, self.fresh = log.shape[1] + np.arange(TARGETS), log.shape[0] + TARGETS + np.arange(most)
-        room = log.shape[0] + TARGETS + most, log.shape[1] + TARGETS + most
-        self._run = make_run(model, room, one_role=not same_agents)
-        for number, part in parts[:-ROUNDS]:
-            play_round(self._run, number, log.raters[part], log.ratees[part], log.values[part])
-        self._rest, self._rated = parts[-ROUNDS:], np.union1d(np.unique(log.ratees), self.newcomers)
+        self._rated = np.union1d(np.unique(log.ratees), self.newcomers)
 
     def percentiles(self, targets: Ints, rounds: Sequence[HostileRatings]) -> Floats:
         """Return the percentiles of targets among all rated providers and newcomers at the end of the log.
 
         Args:
             targets: Places of the targets.
-            rounds: Ratings of the hostile accounts in each of the last rounds, beside those of the log. A rating of
-                an account by itself does not count if raters and ratees are the same agents.
+            rounds: Ratings of the hostile accounts in each of the last rounds, see `Ending.trust`.
         """
-        run, log = deepcopy(self._run), self.log
-        for (number, part), extra in zip(self._rest, rounds, strict=True):
-            others = (extra.raters != extra.providers) | (not self.same_agents)
-            parts = zip((log.raters[part], log.ratees[part], log.values[part]), extra, strict=True)
-            play_round(run, number, *(np.concatenate([real, false[others]]) for real, false in parts))
-        return ranks(run.provider_trust[self._rated])[np.searchsorted(self._rated, targets)]
+        return ranks(self.trust(rounds)[self._rated])[np.searchsorted(self._rated, targets)]
 
     @cached_property
     def honest(self) -> dict[str, Floats]:
@@ -144,15 +200,6 @@ class Replay:
         nobody = np.zeros(0, np.int64)
         quiet = [equal_ratings(nobody, nobody, 0.0)] * ROUNDS
         return {goal: self.percentiles(self.aim(goal)[0], quiet) for goal in ("sink", "lift")}
-
-    @cached_property
-    def past_means(self) -> Floats:
-        """The mean rating of each provider before the attack, shape (P,); NaN without a rating."""
-        ratees, values = self.log.ratees[: self.past], self.log.values[: self.past]
-        count = np.bincount(ratees, minlength=self.log.shape[1])
-        means: Floats = np.full(self.log.shape[1], np.nan)
-        np.divide(np.bincount(ratees, values, self.log.shape[1]), count, out=means, where=count > 0)
-        return means
 
     def aim(self, goal: str) -> tuple[Ints, float]:
         """Return the targets of a goal, and the rating that they get."""

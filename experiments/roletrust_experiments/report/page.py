@@ -12,6 +12,14 @@ from roletrust_env.metrics.confidence import Estimate, Interval
 from roletrust_experiments.report.content import Content
 
 
+def environment() -> Environment:
+    """Return the templates of pages, with filters for numbers."""
+    loader = PackageLoader("roletrust_experiments.report", "template")
+    made = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    made.filters |= {"estimate": _estimate, "interval": _interval, "number": _number, "share": _share}
+    return made
+
+
 def page(content: Content, pictures: Mapping[str, bytes], command: str, pages: str = "") -> str:
     """Return the page, which needs no other file and no network.
 
@@ -21,22 +29,19 @@ def page(content: Content, pictures: Mapping[str, bytes], command: str, pages: s
         command: Command that writes the page.
         pages: Address of the folder with the pages of the trust models of this project. Empty makes no links.
     """
-    environment = Environment(
-        loader=PackageLoader("roletrust_experiments.report", "template"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"estimate": _estimate, "interval": _interval, "number": _number, "share": _share}
     robustness = content.robustness
     linked = filter(is_own_model, robustness.order) if robustness and pages else ()
-    return environment.get_template("page.html").render(
-        robustness=robustness,
-        learners=content.learners,
-        sections=content.parts,
-        command=command,
-        pages={name: f"{pages}/{name.partition(':')[0]}.html" for name in linked},
-        pictures={name: b64encode(picture).decode() for name, picture in pictures.items()},
+    return (
+        environment()
+        .get_template("page.html")
+        .render(
+            robustness=robustness,
+            learners=content.learners,
+            sections=content.parts,
+            command=command,
+            pages={name: f"{pages}/{name.partition(':')[0]}.html" for name in linked},
+            pictures={name: b64encode(picture).decode() for name, picture in pictures.items()},
+        )
     )
 
 

@@ -1,0 +1,441 @@
+"""How cheaply a log's ranking is pushed: the cheapest attacks that a search finds, and what hostile accounts move.
+
+An attack joins the last rounds of the log, beside its ratings, and counts by the ranks at the end. The search sees
+these ranks, as an attacker would who knows the log and the model. So a price is a bound from above on that of the
+cheapest attack: there may be a cheaper one.
+"""
+
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from roletrust_baselines.logs.ranking import (
+    ACCOUNTS,
+    GOALS,
+    MOST,
+    ORIGINS,
+    Attempt,
+    Goal,
+    Origin,
+    Plan,
+    Prices,
+    Ranking,
+    Sent,
+    Target,
+)
+from roletrust_baselines.logs.replay import ROUNDS, HostileRatings
+from roletrust_baselines.logs.resampling import interval, mean_intervals
+from roletrust_env.data.evidence import Rank
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.trust.key_index import Floats
+
+_STEPS = 0.6  # share of steps from the best among the plans that are drawn
+_ROUNDING = 1e-9  # of prices
+_POINTS = 24  # most points of a curve
+
+SIMPLE = (
+    Plan(),
+    Plan(strikes=3),
+    Plan(cover=5),
+    Plan(rivals=2),
+    Plan("aged", age=1, cover=1),
+    Plan("aged", age=2, cover=5),
+    Plan("aged", age=2, cover=5, popular=False),
+    Plan("hijacked"),
+    Plan("hijacked", choice=1),
+    Plan("hijacked", choice=2),
+    Plan("hijacked", strikes=3),
+)
+"""Plans that every search tries first, and by which numbers of accounts are compared."""
+
+_CHOICES: dict[str, tuple[Any, ...]] = {
+    "origin": ORIGINS,
+    "strikes": (1, 2, 3, 6),
+    "turns": (False, True),
+    "quiet": (0, 0, 1, 3),
+    "age": (1, 2, 4),
+    "mildness": (0.0, 0.0, 0.1, 0.2, 0.4),
+    "cover": (0, 0, 1, 2, 5, 10),
+    "popular": (True, False),
+    "rivals": (0, 0, 1, 2, 5),
+    "ring": (0, 0, 1, 3),
+    "choice": (0, 1, 2),
+}
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """How cheaply an agent is pushed over the edge of the top.
+
+    Attributes:
+        goal: Where it is pushed.
+        agent: Name; empty for one that nobody has rated.
+        rank: Rank without an attack.
+        ratings: Number of its ratings in the log.
+        cheapest: Cheapest attack found; None if none was.
+        sent: Its ratings.
+        prices: Lowest price that the search found from each seed; infinite if none.
+    """
+
+    goal: Goal
+    agent: str
+    rank: int
+    ratings: int
+    cheapest: Attempt | None
+    sent: list[Sent]
+    prices: tuple[float, ...]
+
+    @property
+    def price(self) -> float:
+        """The lowest price; infinite if no attack was found."""
+        return self.cheapest.price if self.cheapest else math.inf
+
+
+@dataclass(frozen=True)
+class Movement:
+    """How far so many accounts push their targets.
+
+    Attributes:
+        goal: Where they push them.
+        origin: Origin of the accounts.
+        accounts: Number of accounts for each target.
+        places: Mean number of ranks that the best of the simple plans moves a target, with an interval over targets.
+        pushed: Share of the targets that cross the edge of the top, with an interval over targets.
+    """
+
+    goal: Goal
+    origin: Origin
+    accounts: int
+    places: Interval
+    pushed: Interval
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """What all attacks up to a price reach, of those that were played.
+
+    Attributes:
+        goal: Where targets are pushed.
+        price: Price of the attack on one target.
+        places: Mean of the greatest number of ranks that a target moves, with an interval over targets.
+        pushed: Share of the targets that cross the edge of the top, with an interval over targets.
+    """
+
+    goal: Goal
+    price: float
+    places: Interval
+    pushed: Interval
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What is found about one model on one log.
+
+    Attributes:
+        ranked: Number of ranked agents.
+        exposures: Targets, the cheapest to push first.
+        medians: Median price of the cheapest attacks for each goal, with an interval over targets; infinite if for
+            half of the targets none was found.
+        movements: What numbers of accounts move.
+        curve: What attacks reach by their price.
+        agreement: Share of the targets for which the searches from all seeds found the same price.
+        played: Number of attacks that were played.
+    """
+
+    ranked: int
+    exposures: list[Exposure]
+    medians: dict[Goal, Interval]
+    movements: list[Movement]
+    curve: list[CurvePoint]
+    agreement: float
+    played: int
+
+
+@dataclass(frozen=True)
+class AuditReport:
+    """Audits of trust models on one log, as they are written to a file.
+
+    Attributes:
+        format: Name and version of this form.
+        log: Name of the log.
+        ratings: Number of its ratings.
+        every: Length of a round.
+        top: Number of agents in the top.
+        rank_by: What agents are ranked by: `low`, the lower end of the interval of trust, or `trust`.
+        prices: Prices of an account, of a hijacked account, and of a rating.
+        budget: Number of attacks that a search plays for each target.
+        seeds: Seeds of the searches.
+        models: Audit of each model, the audited one first.
+        forecasts: How well each forecasts the next ratings, see `next_rating`.
+    """
+
+    log: str
+    ratings: int
+    every: float
+    top: int
+    rank_by: Rank
+    prices: Prices
+    budget: int
+    seeds: tuple[int, ...]
+    models: dict[str, Audit]
+    forecasts: dict[str, dict[str, Interval]]
+    format: str = "roletrust-audit-1"
+
+    def json(self) -> bytes:
+        """Return the report as JSON; what is infinite or undefined is null."""
+        return TypeAdapter(AuditReport).dump_json(self, indent=2)
+
+    @staticmethod
+    def schema() -> dict[str, Any]:
+        """Return the JSON Schema of reports."""
+        schema = json.dumps(TypeAdapter(AuditReport).json_schema(mode="serialization"))
+        found: dict[str, Any] = json.loads(schema.replace('"type": "number"', '"type": ["number", "null"]'))
+        return found
+
+
+# --- the search --------------------------------------------------------------------------------------
+
+
+class _Search:
+    """A search for the cheapest attack on one target.
+
+    Attributes:
+        target: Target.
+        played: Attacks that were played, by their plan; none of their ratings is left out.
+        best: The cheapest attack that pushes the target over the edge; None if none was found.
+        rounds: Its ratings.
+    """
+
+    def __init__(self, ranking: Ranking, target: Target, prices: Prices, seed: tuple[int, ...]) -> None:
+        self.target, self.played, self.rounds = target, dict[Plan, Attempt](), list[HostileRatings]()
+        self.best: Attempt | None = None
+        self._ranking, self._prices, self._rng = ranking, prices, np.random.default_rng(seed)
+
+    @property
+    def price(self) -> float:
+        """The lowest price so far."""
+        return self.best.price if self.best else math.inf
+
+    def run(self, known: Sequence[Plan], budget: int) -> None:
+        """Play known plans, then steps from the best and drawn plans, until so many attacks were played.
+
+        The steps are first those to the plans beside the best, and then drawn.
+        """
+        shapes, idle = list(known)[::-1], 0
+        while len(self.played) < budget and idle < budget:
+            before, price = len(self.played), self.price
+            self._reduce(shapes.pop() if shapes else self._drawn(), budget)
+            if self.best and self.price < price and len(shapes) < len(known):
+                shapes += _beside(self.best.plan)
+            idle = 0 if len(self.played) > before else idle + 1
+
+    def spare(self) -> None:
+        """Leave out each rating of the cheapest attack without which it still succeeds."""
+        if self.best is None:
+            return
+        self.rounds = self._ranking.ratings(self.target, self.best.plan)
+        for number in range(len(self.rounds)):
+            for at in reversed(range(len(self.rounds[number].raters))):
+                fewer = list(self.rounds)
+                fewer[number] = HostileRatings(*(column[np.arange(len(column)) != at] for column in fewer[number]))
+                if sum(len(extra.raters) for extra in fewer):
+                    found = self._ranking.play(self.target, self.best.plan, self._prices, fewer)
+                    if found.price < self.price and self._ranking.over_edge(self.target, found.rank):
+                        self.best, self.rounds = found, fewer
+
+    def _reduce(self, shape: Plan, budget: int) -> None:
+        """Play a plan with the most accounts that are cheaper than the best; if it succeeds, with fewer."""
+        low, high = 0, self._affordable(shape)
+        if not high or not self._succeeds(replace(shape, accounts=high)):
+            return
+        while high - low > 1 and len(self.played) < budget:
+            middle = (low + high) // 2
+            if self._succeeds(replace(shape, accounts=middle)):
+                high = middle
+            else:
+                low = middle
+
+    def _affordable(self, shape: Plan) -> int:
+        """Return the greatest number of accounts with a lower price than that of the best; 0 if there is none."""
+        if self.best is None:
+            return MOST
+        one = replace(shape, accounts=1)
+        _, price = self._ranking.price(one, self._prices, self._ranking.ratings(self.target, one))
+        return MOST if price <= 0 else max(0, min(MOST, math.ceil(self.price / price - _ROUNDING) - 1))
+
+    def _succeeds(self, plan: Plan) -> bool:
+        """Play a plan, and return whether it pushes the target over the edge."""
+        if plan not in self.played:
+            self.played[plan] = found = self._ranking.play(self.target, plan, self._prices)
+            if found.price < self.price - _ROUNDING and self._ranking.over_edge(self.target, found.rank):
+                self.best = found
+        return self._ranking.over_edge(self.target, self.played[plan].rank)
+
+    def _drawn(self) -> Plan:
+        """Return a step from the best plan in one or two of its numbers, or a plan of which all are drawn."""
+        names, base = list(_CHOICES), Plan()
+        if self.best and self._rng.random() < _STEPS:
+            base, names = self.best.plan, self._rng.choice(names, self._rng.integers(1, 3), replace=False).tolist()
+        return _fitting(replace(base, **{name: self._draw(name) for name in names}))
+
+    def _draw(self, name: str) -> Any:
+        return _CHOICES[name][self._rng.integers(len(_CHOICES[name]))]
+
+
+def _beside(plan: Plan) -> Iterator[Plan]:
+    """Yield the plans that differ from one in a single number, by one, or in a single choice."""
+    for name, choices in _CHOICES.items():
+        value = getattr(plan, name)
+        counts = isinstance(value, int) and not isinstance(value, bool) and name != "choice"
+        for other in (value + 1, max(0, value - 1)) if counts else dict.fromkeys(choices):
+            if other != value:
+                yield _fitting(replace(plan, **{name: other}))
+
+
+def _fitting(plan: Plan) -> Plan:
+    """Return a plan with one spelling of what it does, within the last rounds."""
+    plan = replace(plan, quiet=min(plan.quiet, ROUNDS - 2))
+    strikes = min(max(plan.strikes, 1), ROUNDS - plan.quiet)
+    age = min(plan.age, ROUNDS - plan.quiet - strikes) if plan.origin == "aged" else 0
+    if plan.origin == "aged":
+        strikes, age = (strikes, age) if age else (strikes - 1 or 1, 1)
+    plan = replace(plan, strikes=strikes, age=age, turns=plan.turns and strikes > 1, accounts=1)
+    cover = max(plan.cover, int(plan.origin == "aged"))
+    return replace(
+        plan, cover=cover, popular=plan.popular or not cover, choice=plan.choice if plan.origin == "hijacked" else 0
+    )
+
+
+def _searched(ranking: Ranking, targets: Sequence[Target], prices: Prices, budget: int, seed: int) -> list[_Search]:
+    """Search for each target; a quarter of the attacks are plans that were the best for other targets."""
+    searches, known = [], list(SIMPLE)
+    for target in targets:
+        search = _Search(ranking, target, prices, (seed, target.place))
+        search.run(known, budget * 3 // 4)
+        searches.append(search)
+        known = _shapes(searches, known)
+    for search in searches:
+        search.run(_shapes(searches, known), budget)
+        search.spare()
+    return searches
+
+
+def _shapes(searches: Sequence[_Search], known: Sequence[Plan]) -> list[Plan]:
+    """Return the best plans of searches, with one account, and known ones."""
+    best = (replace(search.best.plan, accounts=1) for search in reversed(searches) if search.best)
+    return list(dict.fromkeys([*best, *known]))
+
+
+def audit_model(
+    ranking: Ranking,
+    prices: Prices,
+    *,
+    targets: int = 10,
+    budget: int = 100,
+    seeds: Sequence[int] = (0, 1),
+    advance: Callable[[float], None] = lambda share: None,
+) -> Audit:
+    """Search for the cheapest attacks on a log's ranking, and play simple ones with given numbers of accounts.
+
+    Args:
+        ranking: Log with its ranks.
+        prices: What accounts and ratings cost.
+        targets: Number of ranked agents that are drawn as targets from those below the top.
+        budget: Number of attacks that a search plays for each target.
+        seeds: Random seed of each search; the first one also draws targets and resamples.
+        advance: Function that is called with the share of the work that is done.
+    """
+    chosen, runs = ranking.targets(targets, seeds[0]), []
+    for number, seed in enumerate(seeds):
+        runs.append(_searched(ranking, chosen, prices, budget, seed))
+        advance((number + 1) / (len(seeds) + 1))
+    exposures, trials = [], list[_Trials]()
+    for target, *searches in zip(chosen, *runs, strict=True):
+        best = min(searches, key=lambda search: search.price)
+        prices_found = tuple(search.price for search in searches)
+        sent = ranking.sent(best.rounds)
+        exposures.append(Exposure(target.goal, *ranking.named(target), best.best, sent, prices_found))
+        played = {plan: one for search in searches for plan, one in search.played.items()}
+        for plan in (replace(shape, accounts=n) for shape in SIMPLE for n in ACCOUNTS):
+            if plan not in played:
+                played[plan] = ranking.play(target, plan, prices)
+        spared = [search.best for search in searches if search.best]
+        trials.append(_Trials(target, ranking, [*played.values(), *spared]))
+    advance(1.0)
+    goals = [goal for goal in GOALS if any(target.goal == goal for target in chosen)]
+    return Audit(
+        ranked=len(ranking.order),
+        exposures=sorted(exposures, key=lambda one: (GOALS.index(one.goal), one.price)),
+        medians={goal: _median([one.price for one in exposures if one.goal == goal], seeds[0]) for goal in goals},
+        movements=[
+            Movement(goal, origin, n, *_reach(trials, goal, seeds[0], _simple(origin, n)))
+            for goal in goals
+            for origin in ORIGINS
+            for n in ACCOUNTS
+        ],
+        curve=[
+            CurvePoint(goal, price, *_reach(trials, goal, seeds[0], _up_to(price)))
+            for goal in goals
+            for price in _grid([one for one in trials if one.target.goal == goal])
+        ],
+        agreement=float(
+            np.mean([max(one.prices) - one.price < _ROUNDING or one.price == math.inf for one in exposures])
+        ),
+        played=sum(len(one.played) for one in trials),
+    )
+
+
+class _Trials(NamedTuple):
+    """The attacks that were played on a target."""
+
+    target: Target
+    ranking: Ranking
+    played: list[Attempt]
+
+    def reach(self, chosen: Callable[[Attempt], bool]) -> tuple[float, bool]:
+        """Return the greatest number of ranks that chosen attacks move the target, and whether one pushes it over."""
+        ranks = [one.rank for one in self.played if chosen(one)]
+        sign = 1 if self.target.goal == "sink" else -1
+        places = max((sign * (rank - self.target.rank) for rank in ranks), default=0)
+        return max(0, places), any(self.ranking.over_edge(self.target, rank) for rank in ranks)
+
+
+def _simple(origin: Origin, accounts: int) -> Callable[[Attempt], bool]:
+    shapes = {replace(shape, accounts=accounts) for shape in SIMPLE if shape.origin == origin}
+    return lambda one: one.plan in shapes and not one.spared
+
+
+def _up_to(price: float) -> Callable[[Attempt], bool]:
+    return lambda one: one.price <= price
+
+
+def _grid(trials: Sequence[_Trials]) -> list[float]:
+    """Return prices at which the reach of attacks may change, some of many."""
+    prices = np.unique([one.price for trial in trials for one in trial.played])
+    return np.unique(prices[np.linspace(0, len(prices) - 1, _POINTS).astype(int)]).tolist()  # type: ignore[no-any-return]
+
+
+def _reach(
+    trials: Sequence[_Trials], goal: Goal, seed: int, chosen: Callable[[Attempt], bool]
+) -> tuple[Interval, Interval]:
+    """Return the means over the targets of a goal of what chosen attacks reach, see `_Trials.reach`."""
+    found = np.array([one.reach(chosen) for one in trials if one.target.goal == goal], np.float64)
+    places, pushed = mean_intervals(found, seed)
+    return places, pushed
+
+
+def _median(prices: Sequence[float], seed: int) -> Interval:
+    """Return the median of prices, some of which may be infinite, with its interval."""
+    ordered = np.sort(prices)
+
+    def place(weights: Floats) -> float:
+        total = np.cumsum(weights)
+        return float(np.searchsorted(total, total[-1] / 2))
+
+    found = interval(place, np.arange(len(ordered)), seed)
+    return Interval(*(math.nan if math.isnan(end) else float(ordered[round(end)]) for end in found))

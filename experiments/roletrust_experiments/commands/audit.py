@@ -1,0 +1,183 @@
+"""`roletrust audit`: how cheaply the ranking of a log is pushed."""
+
+import inspect
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from roletrust_baselines.logs.audit import Audit, AuditReport, audit_model
+from roletrust_baselines.logs.forecasts import forecasts, next_rating
+from roletrust_baselines.logs.ranking import ACCOUNTS, Prices, Ranking
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.dialect import Dialect
+from roletrust_env.data.log import read_ratings
+from roletrust_env.evaluation.specs import parse_named, parse_settings
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.storage.files import prepare_folder, write_json, write_text
+from roletrust_env.trust.model import registry
+from roletrust_experiments.commands.comparison import MONTH
+from roletrust_experiments.commands.console import console, number_table, progress_bar
+from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
+from roletrust_experiments.commands.rate import rate
+from roletrust_experiments.report.audit import WORDS, audit_page
+
+_DIALECT = ("separator", "encoding", "header", "time_unit")
+_ROWS = ("repeats", "missing", "tag")
+_READING = ("rater", "ratee", "rating", "time", "labels", *_DIALECT, *_ROWS)
+_SHOWN = 3  # most exposed agents of each goal
+
+
+def audit(
+    ratings: Annotated[Path, typer.Argument(help="File of ratings with times, as for `roletrust rate`.")],
+    model: Annotated[
+        str, typer.Option("--model", "--scorer", metavar=NAMED, help=f"Trust model, or exec:COMMAND or a URL. {OWN}")
+    ] = "leave-one-out",
+    other: Annotated[
+        list[str] | None,
+        typer.Option(metavar=NAMED, help="Further trust model, to see if it resists more; repeat for more."),
+    ] = None,
+    scale: Annotated[tuple[float, float], typer.Option(metavar="WORST BEST", help="Worst and best rating.")] = (0, 1),
+    every: Annotated[float, typer.Option(help="Length of a round: seconds, or the unit of the time.")] = MONTH,
+    same_agents: Annotated[
+        bool, typer.Option("--same-agents", help="A rater and a ratee of one name are one agent.")
+    ] = False,
+    rank_by: Annotated[
+        Literal["low", "trust"], typer.Option(help="Rank by the lower end of the interval of trust, or by trust.")
+    ] = "low",
+    top: Annotated[int, typer.Option(min=1, help="Number of agents in the top.")] = 10,
+    targets: Annotated[int, typer.Option(min=1, help="Number of targets that are drawn below the top.")] = 10,
+    budget: Annotated[int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")] = 100,
+    price_account: Annotated[float, typer.Option(min=0, help="Price of a new account.")] = 1.0,
+    price_hijacked: Annotated[float, typer.Option(min=0, help="Price of an active rater's account.")] = 10.0,
+    price_rating: Annotated[float, typer.Option(min=0, help="Price of a rating.")] = 0.1,
+    fail_below: Annotated[
+        float | None, typer.Option(help="Exit with code 1 if the median price of a goal is lower.")
+    ] = None,
+    seed: Seed = 0,
+    out: Out = Path("results/audit"),
+    **reading: Any,
+) -> None:
+    """Find [bold]how cheaply the ranking of a log is pushed[/]: by which accounts and ratings, and at what price.
+
+    Hostile accounts join the last six rounds of the log, beside its ratings: new ones, aged ones, which first rate as
+    others do, and hijacked ones of active raters. A search looks for the cheapest attack that pushes a target out of
+    the top, or into it: each agent of the top, agents that are drawn below it, and one that nobody has rated. It knows
+    the log and sees the ranks, and there may be a cheaper attack. A second search from the next seed shows its chance.
+
+    Prices may be in any currency; by default a new account is the unit. A goal fails (--fail-below) by the median price
+    of its targets, since the last of the top and the first below it are always cheap.
+
+    Written: [green]audit.html[/], the page with the curve of effect against price; [green]audit.json[/], all numbers
+    and every rating of the cheapest attacks; [green]audit.schema.json[/], its JSON Schema. Columns and
+    dialect of the file are found as by `roletrust rate`, with the same options.
+
+    [bold]Examples[/]
+
+    [dim]# members rate members from -10 to 10[/]
+    [cyan]roletrust audit log.csv.gz --same-agents --scale -10 10[/]
+
+    [dim]# would another model resist more?[/]
+    [cyan]roletrust audit log.csv.gz --other mean --other role-trust[/]
+
+    [dim]# in CI, a scorer of your own: accounts cost 2, ratings 5, and no goal may cost less than 100[/]
+    [cyan]roletrust audit log.csv --scorer exec:./my-score --price-account 2 --price-rating 5 --fail-below 100[/]
+    """
+    prices, names = Prices(price_account, price_hijacked, price_rating), list(dict.fromkeys([model, *(other or ())]))
+    models = {name: parse_named(registry, name) for name in names}
+    prepare_folder(out)
+    labels = reading["labels"].split(",") if reading["labels"] else ()
+    with progress_bar(counted=False) as progress:
+        task = progress.add_task(f"Reading {ratings.name}", total=None)
+        log = read_ratings(
+            ratings,
+            Columns(reading["rater"], reading["ratee"], reading["rating"], reading["time"] or "time"),
+            scale=scale,
+            same_agents=same_agents,
+            labels=parse_settings(labels, "--labels"),
+            dialect=Dialect(*(reading[one] for one in _DIALECT)),
+            every=every,
+            tell=lambda line: console.print(escape(line), soft_wrap=True),
+            **{one: reading[one] for one in _ROWS},
+        )
+        found, forecast, seeds = dict[str, Audit](), dict[str, dict[str, Interval]](), (seed, seed + 1)
+        for name, chosen in models.items():
+            progress.update(task, description=f"Attacking {name}", completed=0, total=1)
+            ranking = Ranking(chosen, log, every, same_agents=same_agents, top=top, rank_by=rank_by)
+            found[name] = audit_model(
+                ranking,
+                prices,
+                targets=targets,
+                budget=budget,
+                seeds=seeds,
+                advance=lambda share: progress.update(task, completed=share),
+            )
+            if other:
+                forecast[name] = next_rating(forecasts(chosen, log, every, same_agents=same_agents), log, seed)
+    many = len(log.values)
+    report = AuditReport(ratings.name, many, every, top, rank_by, prices, budget, seeds, found, forecast)
+    write_text(out / "audit.json", report.json().decode() + "\n")
+    write_json(out / "audit.schema.json", report.schema())
+    write_text(out / "audit.html", audit_page(report))
+    for table in _tables(report):
+        console.print(table)
+    audited = found[model]
+    told = f"{audited.played:,} attacks; both searches found the same price for {audited.agreement:.0%} of the targets"
+    console.print(f"{told}. Written to {out}: audit.html, audit.json, audit.schema.json", soft_wrap=True)
+    low = min(one.value for one in audited.medians.values())
+    if fail_below is not None and low < fail_below:
+        console.print(f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True)
+        raise typer.Exit(1)
+
+
+def _with_options_of_rate() -> None:
+    """Give `audit` the options of `rate` by which a file is read."""
+    given, theirs = (inspect.signature(one).parameters for one in (audit, rate))
+    own = [one for one in given.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+    both = {one.name: one for one in [*own, *(theirs[name] for name in _READING)]}
+    audit.__signature__ = inspect.Signature(list(both.values()))  # type: ignore[attr-defined]
+    audit.__annotations__ = {name: one.annotation for name, one in both.items()}
+
+
+_with_options_of_rate()
+
+
+def _tables(report: AuditReport) -> list[Table]:
+    """Return what is found about the first model, and the models beside each other, as tables of 80 columns."""
+    model, found = next(iter(report.models.items()))
+    title = f"Cheapest attacks found on {escape(model)}, top {report.top} of {found.ranked:,} agents"
+    cheap = number_table(title, "", "rank", "ratings", "price", "accounts", "sent", "days", name="target")
+    for goal, median in found.medians.items():
+        whole = [one for one in found.exposures if one.goal == goal]
+        cheap.add_row(f"[bold]{WORDS[goal]}, median of {len(whole)}[/]", "", "", _cell(median, _amount))
+        for one in whole[:_SHOWN]:
+            best = one.cheapest
+            cells = (f"{best.accounts}", f"{best.ratings}", f"{best.days:,.0f}") if best else ()
+            agent = escape(one.agent) or "nobody has rated"
+            cheap.add_row(f"  {agent}", f"{one.rank:,}", f"{one.ratings:,}", _amount(one.price), *cells)
+    moved = number_table("Mean number of ranks that accounts move a target", "", *map(str, ACCOUNTS), name="accounts")
+    for goal, origin in dict.fromkeys((one.goal, one.origin) for one in found.movements):
+        line = [one.places for one in found.movements if (one.goal, one.origin) == (goal, origin)]
+        moved.add_row(f"{WORDS[goal]}, {origin}", *(_cell(one, "{:,.0f}".format) for one in line))
+    if not report.forecasts:
+        return [cheap, moved]
+    headings = *(WORDS[goal] for goal in found.medians), "r", "AUC"
+    beside = number_table("Median price, and forecast of the next rating", "", *headings, name="model")
+    for name, audited in report.models.items():
+        forecast = (_cell(report.forecasts[name][what], "{:.3f}".format) for what in ("r", "auc"))
+        beside.add_row(escape(name), *(_cell(one, _amount) for one in audited.medians.values()), *forecast)
+    return [cheap, moved, beside]
+
+
+def _amount(price: float) -> str:
+    return "none" if math.isinf(price) else f"{price:,.4g}"
+
+
+def _cell(value: Interval, form: Callable[[float], str]) -> str:
+    """Return a value with its interval below it."""
+    ends = "" if math.isnan(value.low) else f"\n({form(value.low)}, {form(value.high)})"
+    return form(value.value) + ends

@@ -1,0 +1,43 @@
+"""The page of `roletrust audit`: the curve of effect against price, and its tables, complete in one file."""
+
+from base64 import b64encode
+from io import BytesIO
+
+from matplotlib.figure import Figure
+
+from roletrust_baselines.logs.audit import AuditReport
+from roletrust_baselines.logs.ranking import Goal
+from roletrust_experiments.plots.style import ATTACKER, DASHES, HONEST, INK, quiet
+from roletrust_experiments.report.page import environment
+
+WORDS: dict[Goal, str] = {"sink": "out of top", "lift": "into top", "enter": "newcomer in"}
+"""Goals of attacks in words."""
+
+
+def audit_page(report: AuditReport) -> str:
+    """Return the page, which needs no other file and no network."""
+    with BytesIO() as file:
+        _curves(report).savefig(file, format="png", dpi=160, facecolor="white")
+        picture = b64encode(file.getvalue()).decode()
+    return environment().get_template("audit.html").render(report=report, picture=picture, words=WORDS)
+
+
+def _curves(report: AuditReport) -> Figure:
+    """Return what attacks up to a price reach: the share of targets that cross the edge, and the ranks they move."""
+    found = next(iter(report.models.values()))
+    figure = Figure(figsize=(10, 3.6), layout="constrained")
+    labels = {"pushed": "share of targets pushed over the edge", "places": "ranks moved, mean"}
+    for axes, (name, label) in zip(figure.subplots(1, 2), labels.items(), strict=True):
+        for (goal, words), colour, dash in zip(WORDS.items(), (ATTACKER, *HONEST[:2]), DASHES, strict=False):
+            points = [one for one in found.curve if one.goal == goal]
+            prices, reach = [one.price for one in points], [getattr(one, name) for one in points]
+            axes.step(prices, [one.value for one in reach], where="post", color=colour, linestyle=dash, label=words)
+            ends = [one.low for one in reach], [one.high for one in reach]
+            axes.fill_between(prices, *ends, step="post", color=colour, alpha=0.15, linewidth=0)
+        axes.set_xscale("symlog", linthresh=max(1e-9, min(one.price for one in found.curve if one.price)))
+        axes.set_xlabel("price of the attack on one target", color=INK)
+        axes.set_ylabel(label, color=INK)
+        axes.set_ylim(bottom=0)
+        quiet(axes, "both")
+    axes.legend(frameon=False, labelcolor=INK, fontsize=9)
+    return figure

@@ -1,0 +1,124 @@
+"""Audits of a log: ranks as `rate` has them, what a plan sends, and the cheapest attacks that a search finds."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from roletrust_baselines.logs.audit import audit_model
+from roletrust_baselines.logs.folders import write_log
+from roletrust_baselines.logs.ranking import Plan, Prices, Ranking
+from roletrust_baselines.logs.rounds import TooSmallError
+from roletrust_env.data.columns import Columns
+from roletrust_env.data.evidence import Rank, evidence
+from roletrust_env.data.log import RatingLog, read_ratings
+from roletrust_env.data.stream import TrustStream
+from roletrust_env.trust import make_trust_model
+
+MONTH = 2_592_000.0
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
+    path: Path = tmp_path_factory.mktemp("log") / "ratings.csv.gz"
+    write_log(path, members=40, months=9)
+    return read_ratings(path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
+
+
+def ranking_of(log: RatingLog, model: str = "mean", rank_by: Rank = "low", top: int = 10) -> Ranking:
+    return Ranking(make_trust_model(model), log, MONTH, same_agents=True, rank_by=rank_by, top=top)
+
+
+def streamed(log: RatingLog, model: str) -> TrustStream:
+    """A stream of the log, as `rate` has it."""
+    agents = np.arange(log.shape[0]), np.arange(log.shape[1])
+    stream = TrustStream(make_trust_model(model), agents=agents, every=MONTH, same_agents=True)
+    stream.update(log.raters, log.ratees, log.values, log.times)
+    stream.finish()
+    return stream
+
+
+@pytest.mark.parametrize("rank_by", ["low", "trust"])
+def test_ranks_are_those_of_rate(log: RatingLog, rank_by: Rank) -> None:
+    ranked = evidence(log, "ratee", streamed(log, "leave-one-out").provider_trust()).ranked(rank_by)
+    order = ranking_of(log, "leave-one-out", rank_by).order
+    assert [log.ratee_names[place] for place in order] == ranked.names
+
+
+def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> None:
+    ranking = ranking_of(log)
+    target = ranking.targets(1, 0)[3]
+    plan = Plan("hijacked", accounts=4, strikes=2, choice=2, mildness=0.1)
+    sent = ranking.sent(ranking.ratings(target, plan))
+    rounds = np.floor((log.times - log.times[0]) / MONTH)
+    last = np.unique(rounds)[::-1]
+    place = {name: at for at, name in enumerate(log.rater_names)}
+    rows = [
+        (place[one.account], place[one.agent], one.value, log.times[0] + last[one.round - 1] * MONTH + 1)
+        for one in sent
+    ]
+    raters, ratees, values, times = (np.append(a, b) for a, b in zip(log[:4], zip(*rows, strict=True), strict=True))
+    order = np.argsort(times, kind="stable")
+    longer = log._replace(
+        raters=raters[order].astype(int), ratees=ratees[order].astype(int), values=values[order], times=times[order]
+    )
+    found = evidence(longer, "ratee", streamed(longer, "mean").provider_trust()).ranked()
+    attempt = ranking.play(target, plan, Prices(hijacked=7, rating=0.5))
+    assert attempt.rank == found.names.index(log.ratee_names[target.place]) + 1 > target.rank
+    assert (attempt.ratings, attempt.accounts, attempt.rounds, attempt.days) == (8, 4, 2, 60)
+    assert attempt.price == 4 * 7 + 8 * 0.5
+
+
+def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
+    ranking = ranking_of(log)
+    lifted = ranking.targets(1, 0)[-2]
+    plan = Plan("aged", accounts=3, strikes=2, turns=True, quiet=1, age=1, mildness=0.2, cover=4, rivals=2, ring=1)
+    rounds = ranking.ratings(lifted, plan)
+    about = [int((one.providers == lifted.place).sum()) for one in rounds]
+    assert about == [0, 0, 0, 2, 1, 0]
+    assert [len(one.raters) for one in rounds] == [0, 0, 12 + 3, 12 + 2 * 3, 12 + 3, 0]
+    struck = rounds[3]
+    assert set(struck.values[struck.providers == lifted.place]) == {0.8}
+    edge = ranking.order[8:10]
+    assert set(struck.values[np.isin(struck.providers, edge) & (struck.values == 0)]) == {0.0}
+    first = rounds[2]
+    ring = first.providers >= log.shape[1]
+    assert (ring.sum(), set(first.values[ring])) == (3, {1.0})
+    past = log.times < log.times[-1] - 6 * MONTH
+    for place, value in zip(first.providers[~ring], first.values[~ring], strict=True):
+        assert value == pytest.approx(log.values[past & (log.ratees == place)].mean(), abs=0.1)
+    drawn = ranking.ratings(lifted, replace(plan, popular=False))
+    assert len(drawn[2].raters) == len(rounds[2].raters)
+
+
+def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_not_need(log: RatingLog) -> None:
+    found = audit_model(ranking_of(log, top=2), Prices(), targets=2, budget=20)
+    assert [one.goal for one in found.exposures].count("sink") == 2
+    ranking = ranking_of(log, top=2)
+    for one in found.exposures:
+        best = one.cheapest
+        assert best is not None
+        assert len(one.sent) == best.ratings
+        assert len({rating.account for rating in one.sent}) == best.accounts
+        assert (
+            min(one.prices)
+            == one.price
+            == pytest.approx(best.accounts * Prices().of_account(best.plan.origin) + 0.1 * best.ratings)
+        )
+        assert (best.rank > 2) == (one.goal == "sink")
+    for target in ranking.targets(2, 0):  # no single rating of a new account is cheaper
+        played = ranking.play(target, Plan(), Prices())
+        price = next(one.price for one in found.exposures if (one.goal, one.rank) == (target.goal, target.rank))
+        assert not ranking.over_edge(target, played.rank) or price <= played.price
+    for goal in found.medians:
+        curve = [one for one in found.curve if one.goal == goal]
+        assert all(np.diff([one.places.value for one in curve]) >= 0)
+        assert curve[-1].pushed.value == 1
+    again = audit_model(ranking_of(log, top=2), Prices(), targets=2, budget=20)
+    assert repr(again) == repr(found)
+
+
+def test_more_agents_than_the_top_are_needed(log: RatingLog) -> None:
+    with pytest.raises(TooSmallError, match="agents have ratings; more than the top 40 are needed"):
+        Ranking(make_trust_model("mean"), log, MONTH, same_agents=True, top=40)
