@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from roletrust_baselines.logs.folders import KNOWN
-from roletrust_baselines.logs.measures import Row, markdown, measure_tables
+from roletrust_baselines.logs.measures import Row, markdown, measure_tables, recommendations
 from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_experiments.commands.comparison import HEADER
 
@@ -31,7 +31,7 @@ def rows() -> list[Row]:
 
 
 def test_the_tables_are_those_of_the_numbers(rows: list[Row]) -> None:
-    assert markdown(measure_tables(rows), [], []) == TABLES
+    assert markdown(measure_tables(rows), recommendations(rows), []) == TABLES
 
 
 def test_they_are_of_the_known_logs(rows: list[Row]) -> None:
