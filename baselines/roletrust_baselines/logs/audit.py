@@ -36,12 +36,15 @@ from roletrust_env.trust.key_index import Floats
 
 _STEPS = 0.6  # share of steps from the best among the plans that are drawn
 _ROUNDING = 1e-9  # of prices
+_SPARED = 3  # cheapest attacks of which ratings are left out
 _POINTS = 24  # most points of a curve
 
 SIMPLE = (
     Plan(),
     Plan(strikes=3),
-    Plan(cover=5),
+    Plan(cover=2),
+    Plan(strikes=3, cover=1, popular=False),
+    Plan(strikes=6, cover=3, popular=False),
     Plan(rivals=2),
     Plan("aged", age=1, cover=1),
     Plan("aged", age=2, cover=5),
@@ -55,12 +58,12 @@ SIMPLE = (
 
 _CHOICES: dict[str, tuple[Any, ...]] = {
     "origin": ORIGINS,
-    "strikes": (1, 2, 3, 6),
+    "strikes": (1, 2, 3, 4, 5, 6),
     "turns": (False, True),
     "quiet": (0, 0, 1, 3),
     "age": (1, 2, 4),
     "mildness": (0.0, 0.0, 0.1, 0.2, 0.4),
-    "cover": (0, 0, 1, 2, 5, 10),
+    "cover": (0, 0, 1, 2, 3, 4, 6, 10),
     "popular": (True, False),
     "rivals": (0, 0, 1, 2, 5),
     "ring": (0, 0, 1, 3),
@@ -235,21 +238,22 @@ class _Search:
             idle = 0 if len(self.played) > before else idle + 1
 
     def spare(self) -> None:
-        """Leave out each rating of the cheapest attack without which it still succeeds."""
-        if self.best is None:
-            return
-        self.rounds = self._ranking.ratings(self.target, self.best.plan)
-        for number in range(len(self.rounds)):
-            for at in reversed(range(len(self.rounds[number].raters))):
-                fewer = list(self.rounds)
-                fewer[number] = HostileRatings(*(column[np.arange(len(column)) != at] for column in fewer[number]))
-                if sum(len(extra.raters) for extra in fewer):
-                    found = self._ranking.play(self.target, self.best.plan, self._prices, fewer)
-                    if found.price < self.price and self._ranking.over_edge(self.target, found.rank):
-                        self.best, self.rounds = found, fewer
+        """Leave out each rating of the cheapest few attacks without which they still succeed."""
+        over = [one for one in self.played.values() if self._ranking.over_edge(self.target, one.rank)]
+        for one in sorted(over, key=lambda one: one.price)[:_SPARED]:
+            best, rounds = one, self._ranking.ratings(self.target, one.plan)
+            for number in range(len(rounds)):
+                for at in reversed(range(len(rounds[number].raters))):
+                    fewer = list(rounds)
+                    fewer[number] = HostileRatings(*(column[np.arange(len(column)) != at] for column in fewer[number]))
+                    found = self._ranking.play(self.target, one.plan, self._prices, fewer)
+                    if found.ratings and self._ranking.over_edge(self.target, found.rank):
+                        best, rounds = found, fewer
+            if not self.rounds or best.price < self.price - _ROUNDING:
+                self.best, self.rounds = best, rounds
 
     def _reduce(self, shape: Plan, budget: int) -> None:
-        """Play a plan with the most accounts that are cheaper than the best; if it succeeds, with fewer."""
+        """Play a plan with the most accounts that cost no more than the best; if it succeeds, with fewer."""
         low, high = 0, self._affordable(shape)
         if not high or not self._succeeds(replace(shape, accounts=high)):
             return
@@ -261,12 +265,12 @@ class _Search:
                 low = middle
 
     def _affordable(self, shape: Plan) -> int:
-        """Return the greatest number of accounts with a lower price than that of the best; 0 if there is none."""
+        """Return the greatest number of accounts with no higher price than that of the best; 0 if there is none."""
         if self.best is None:
             return MOST
         one = replace(shape, accounts=1)
         _, price = self._ranking.price(one, self._prices, self._ranking.ratings(self.target, one))
-        return MOST if price <= 0 else max(0, min(MOST, math.ceil(self.price / price - _ROUNDING) - 1))
+        return MOST if price <= 0 else max(0, min(MOST, math.floor(self.price / price + _ROUNDING)))
 
     def _succeeds(self, plan: Plan) -> bool:
         """Play a plan, and return whether it pushes the target over the edge."""
@@ -288,13 +292,15 @@ class _Search:
 
 
 def _beside(plan: Plan) -> Iterator[Plan]:
-    """Yield the plans that differ from one in a single number, by one, or in a single choice."""
+    """Yield the plans that differ from one in a number or two, by one, or in a single choice."""
     for name, choices in _CHOICES.items():
         value = getattr(plan, name)
         counts = isinstance(value, int) and not isinstance(value, bool) and name != "choice"
         for other in (value + 1, max(0, value - 1)) if counts else dict.fromkeys(choices):
             if other != value:
                 yield _fitting(replace(plan, **{name: other}))
+    for more, fewer in ((1, -1), (-1, 1), (1, 1)):  # what one account gives matters as a product of these
+        yield _fitting(replace(plan, strikes=plan.strikes + more, cover=max(0, plan.cover + fewer)))
 
 
 def _fitting(plan: Plan) -> Plan:

@@ -39,5 +39,5 @@ def _curves(report: AuditReport) -> Figure:
         axes.set_ylabel(label, color=INK)
         axes.set_ylim(bottom=0)
         quiet(axes, "both")
-    axes.legend(frameon=False, labelcolor=INK, fontsize=9)
+    figure.axes[0].legend(frameon=False, labelcolor=INK, fontsize=9, loc="lower right")
     return figure
