@@ -1,9 +1,10 @@
-"""What people wrote: Python blocks run, commands are there, TOML is valid, links lead somewhere."""
+"""What people wrote: Python blocks run, commands are there, TOML and YAML are valid, links lead somewhere."""
 
 import re
 import tomllib
 
 import pytest
+import yaml
 from pages import TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, refused, run
 
 pytestmark = pytest.mark.slow
@@ -24,20 +25,17 @@ def test_commands_are_there():
 
 def test_blocks_are_of_languages_that_are_tried():
     """A block in another language would be looked at by nobody."""
-    known = {"python", "bash", "toml", "text", "mermaid", "{code-cell}", "{toctree}", "{include}", "{literalinclude}"}
-    known |= {
-        "{bibliography}",
-        "{eval-rst}",
-        "json",
-        "javascript",
-        "",
-    }  # tests/trust/test_outside.py tries json and javascript
+    known = {"", "python", "bash", "toml", "yaml", "text", "mermaid"}
+    known |= {"{code-cell}", "{toctree}", "{include}", "{literalinclude}", "{bibliography}", "{eval-rst}"}
+    known |= {"json", "javascript"}  # tests/trust/test_outside.py tries them
     for page in WRITTEN:
         text = page.read_text(encoding="utf-8")
         found = re.findall(r"^```(\S*)$|^```(\{literalinclude\}|\{include\}) ", text, flags=re.MULTILINE)
         assert {fence or directive for fence, directive in found} <= known, page
         for block in blocks(page, "toml"):
             tomllib.loads(block)
+        for block in blocks(page, "yaml"):
+            assert yaml.safe_load(block)
 
 
 def test_links_lead_somewhere_and_pictures_are_described():
