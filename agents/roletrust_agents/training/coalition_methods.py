@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
-from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
+from roletrust_agents.learned.deep_set import DeepSetArchitecture
 from roletrust_agents.training.adam_training import EvolutionStrategy
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats, start_games
 from roletrust_agents.training.evolution import Evolution
@@ -22,8 +22,8 @@ from roletrust_agents.training.settings import (
     StrategySettings,
     settings_of,
 )
-from roletrust_agents.training.universal import known_starts
-from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, is_certain, mean_rewards
+from roletrust_agents.training.universal import known_starts, mean_scores
+from roletrust_env.evaluation.measurement import TaskArguments, is_certain
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
@@ -99,10 +99,9 @@ class CoalitionSearch(ABC):
         for look, kept in enumerate((-(-len(left) // _KEPT), 1)):
             if left[1:]:
                 games = max(1, rounds // (len(left) * length))
-                attacker = CoalitionAttacker(DeepSet.unflatten(architecture, np.stack(left).astype(np.float32)))
-                scores = mean_rewards(task, attacker, (seed, _PLACE + look), (len(left), games), SEARCHED)[0]
+                scores = mean_scores(task, architecture, left, games, (seed, _PLACE + look))
                 budget.spend(len(left) * games * length)
-                left = [left[k] for k in np.argsort(-scores.mean(axis=1), kind="stable")[:kept]]
+                left = [left[k] for k in np.argsort(-scores, kind="stable")[:kept]]
         return left
 
 

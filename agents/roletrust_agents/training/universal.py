@@ -99,6 +99,23 @@ class Universal:
         return SearchResult(CoalitionAttacker(network), budget.spent, f"{best}, not trained further")
 
 
+def mean_scores(
+    task: AttackTask, architecture: DeepSetArchitecture, networks: Sequence[Floats], games: int, seed: tuple[int, int]
+) -> Floats:
+    """Return the mean score of networks that play the same games, shape (n,).
+
+    Args:
+        task: Task that the coalitions play.
+        architecture: Architecture of all networks.
+        networks: Weights of each.
+        games: Number of games of each.
+        seed: Random seed of the games, and their place beside other games.
+    """
+    attacker = CoalitionAttacker(DeepSet.unflatten(architecture, np.stack(networks).astype(np.float32)))
+    scores: Floats = mean_rewards(task, attacker, seed, (len(networks), games), SEARCHED)[0].mean(axis=1)
+    return scores
+
+
 def choice_rounds(task: AttackTask, ready: Mapping[str, DeepSet]) -> int:
     """Return the number of rounds that `best_universal` plays."""
     return len(ready) * _GAMES * task.game.scenario.max_cycles
@@ -124,8 +141,7 @@ def best_universal(task: AttackTask, ready: Mapping[str, DeepSet], budget: Budge
     scores = dict[str, float]()
     for architecture in dict.fromkeys(network.architecture for network in ready.values()):
         names = [name for name, network in ready.items() if network.architecture == architecture]
-        attacker = CoalitionAttacker(DeepSet.unflatten(architecture, np.stack([ready[one].flatten() for one in names])))
-        played = mean_rewards(task, attacker, (seed, _PLACE), (len(names), _GAMES), SEARCHED)[0].mean(axis=1)
+        played = mean_scores(task, architecture, [ready[one].flatten() for one in names], _GAMES, (seed, _PLACE))
         scores |= dict(zip(names, played.tolist(), strict=True))
     budget.spend(rounds)
     best = max(ready, key=lambda name: scores[name])

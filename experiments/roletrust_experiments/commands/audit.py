@@ -15,15 +15,14 @@ from roletrust_baselines.logs.forecasts import forecasts, next_rating
 from roletrust_baselines.logs.ranking import ACCOUNTS, Prices, Ranking
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import Dialect
-from roletrust_env.data.log import read_ratings
-from roletrust_env.evaluation.specs import parse_named, parse_settings
+from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_json, write_text
 from roletrust_env.trust.model import registry
 from roletrust_experiments.commands.comparison import MONTH
 from roletrust_experiments.commands.console import console, number_table, progress_bar
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
-from roletrust_experiments.commands.rate import rate
+from roletrust_experiments.commands.rate import rate, reader
 from roletrust_experiments.report.audit import WORDS, audit_page
 
 _DIALECT = ("separator", "encoding", "header", "time_unit")
@@ -90,20 +89,12 @@ def audit(
     prices, names = Prices(price_account, price_hijacked, price_rating), list(dict.fromkeys([model, *(other or ())]))
     models = {name: parse_named(registry, name) for name in names}
     prepare_folder(out)
-    labels = reading["labels"].split(",") if reading["labels"] else ()
+    columns = Columns(reading["rater"], reading["ratee"], reading["rating"], reading["time"] or "time")
+    dialect, rows = Dialect(*(reading[one] for one in _DIALECT)), {one: reading[one] for one in _ROWS}
+    read = reader(columns, reading["labels"], dialect, **rows)
     with progress_bar(counted=False) as progress:
         task = progress.add_task(f"Reading {ratings.name}", total=None)
-        log = read_ratings(
-            ratings,
-            Columns(reading["rater"], reading["ratee"], reading["rating"], reading["time"] or "time"),
-            scale=scale,
-            same_agents=same_agents,
-            labels=parse_settings(labels, "--labels"),
-            dialect=Dialect(*(reading[one] for one in _DIALECT)),
-            every=every,
-            tell=lambda line: console.print(escape(line), soft_wrap=True),
-            **{one: reading[one] for one in _ROWS},
-        )
+        log = read(ratings, scale=scale, same_agents=same_agents, every=every)
         found, forecast, seeds = dict[str, Audit](), dict[str, dict[str, Interval]](), (seed, seed + 1)
         for name, chosen in models.items():
             progress.update(task, description=f"Attacking {name}", completed=0, total=1)

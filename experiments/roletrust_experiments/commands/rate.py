@@ -18,7 +18,7 @@ from roletrust_baselines.logs.suspects import find_suspects
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.evidence import Role, evidence, joined, window
-from roletrust_env.data.log import read_ratings
+from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.data.rounds import check_lateness, check_rounds
 from roletrust_env.data.stream import TrustStream
 from roletrust_env.evaluation.specs import parse_named, parse_settings
@@ -33,6 +33,25 @@ _apart = attrgetter("n_late", "n_ahead", "n_repeated")  # ratings of a stream
 _BLOCK = 50_000  # ratings at a time, where rounds do not depend on it
 _MODEL = "leave-one-out"
 _REASON = "the nearest to the next ratings of the real log of docs/real.md; the paper's is --model role-trust"
+
+
+def reader(columns: Columns, labels: str | None, dialect: Dialect, **rows: Any) -> "partial[RatingLog]":
+    """Return `read_ratings` with what options say of a file; it tells on the console how the file was read.
+
+    Args:
+        columns: Columns of the file.
+        labels: Numbers of ratings that are texts, such as `yes=1,no=0`; None without.
+        dialect: Parts of the dialect that are known.
+        **rows: Options of `read_ratings` about rows.
+    """
+    return partial(
+        read_ratings,
+        columns=columns,
+        labels=parse_settings(labels.split(",") if labels else (), "--labels"),
+        dialect=dialect,
+        tell=lambda line: console.print(escape(line), soft_wrap=True),
+        **rows,
+    )
 
 
 def rate(
@@ -128,15 +147,7 @@ def rate(
     """
     columns, dialect = Columns(rater, ratee, rating, time), Dialect(separator, encoding, header, time_unit)
     timed = columns if time or not (every or compare) else columns._replace(time="time")
-    read = partial(
-        read_ratings,
-        columns=timed,
-        missing=missing,
-        tag=tag,
-        labels=parse_settings(labels.split(",") if labels else (), "--labels"),
-        dialect=dialect,
-        tell=lambda line: console.print(escape(line), soft_wrap=True),
-    )
+    read = reader(timed, labels, dialect, missing=missing, tag=tag)
     if compare:
         if any(value is not None for value in (count, state, lead)):
             raise ValueError("--count, --state and --lead are not for --compare: rounds go by time there")
