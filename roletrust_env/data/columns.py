@@ -1,6 +1,7 @@
-"""Columns of a table of ratings, and the names by which they are found."""
+"""Columns of a table of ratings or votes, and the names by which they are found."""
 
 import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from roletrust_env.errors import suggest
@@ -13,6 +14,12 @@ _COMMON = {
     "rating": "rating ratings score value weight stars star grade vote answer label response overall points mark sign",
     "time": "time timestamp datetime date ts when day created createdat unixtime unixreviewtime epoch blocktime "
     "blocktimestamp ratedat",
+    "item": "item question task instance example problem prompt pair object sample",
+    "judge": "judge worker annotator evaluator rater labeler reviewer voter grader model",
+    "vote": "vote answer label choice verdict preference winner response judgment judgement",
+    "truth": "truth gold correct reference groundtruth target",
+    "first": "first modela answera responsea",
+    "second": "second modelb answerb responseb",
 }
 _COMMON_NAMES = {role: frozenset(names.split()) for role, names in _COMMON.items()}
 
@@ -40,30 +47,32 @@ class Columns(NamedTuple):
         """The columns that are read, by role."""
         return {role: name for role, name in self._asdict().items() if name is not None}
 
-    @property
-    def by_number(self) -> bool:
-        """Whether the columns are numbers from 1."""
-        return all(name.isdecimal() for name in self.wanted.values())
 
-    def places(self, where: str, header: list[str] | None, width: int) -> list[int]:
-        """Return the places of the columns in a file.
-
-        Args:
-            where: Path of the file and what has the names, for messages.
-            header: Names of the columns; None without.
-            width: Number of columns.
-
-        Raises:
-            ValueError: There is no such column, or more than one.
-        """
-        named = None if self.by_number else header
-        places = [_place(role, name, where, named, width) for role, name in self.wanted.items()]
-        if max(places) >= width:
-            raise ValueError(f"{where.partition(', ')[0]} has {width} columns; {max(places) + 1} are needed")
-        return places
+def by_number(wanted: Mapping[str, str]) -> bool:
+    """Return whether all columns are numbers from 1."""
+    return all(name.isdecimal() for name in wanted.values())
 
 
-def _place(role: str, name: str, where: str, header: list[str] | None, width: int) -> int:
+def find_columns(wanted: Mapping[str, str], where: str, header: list[str] | None, width: int) -> list[int]:
+    """Return the places of columns in a file.
+
+    Args:
+        wanted: Name or number of the column of each role; a column with the name of its role may have a common name.
+        where: Path of the file and what has the names, for messages.
+        header: Names of the columns; None without.
+        width: Number of columns.
+
+    Raises:
+        ValueError: There is no such column, or more than one.
+    """
+    named = None if by_number(wanted) else header
+    places = [_place(role, name, where, named, at, width) for at, (role, name) in enumerate(wanted.items())]
+    if max(places) >= width:
+        raise ValueError(f"{where.partition(', ')[0]} has {width} columns; {max(places) + 1} are needed")
+    return places
+
+
+def _place(role: str, name: str, where: str, header: list[str] | None, at: int, width: int) -> int:
     """Return the place of the column of a role."""
     named = header or []
     if (found := named.count(name)) == 1:
@@ -74,8 +83,8 @@ def _place(role: str, name: str, where: str, header: list[str] | None, width: in
         if int(name) < 1:
             raise ValueError("columns are numbered from 1")
         return int(name) - 1
-    if name == role and header is None and (place := list(_COMMON).index(role)) < width:
-        return place
+    if name == role and header is None and at < width:
+        return at
     common = (_common_words(named, role, loose=loose) for loose in (False, True)) if name == role else ()
     likely: list[int] = next(filter(None, common), [])
     if len(likely) == 1:

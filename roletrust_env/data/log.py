@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.data.columns import Columns
+from roletrust_env.data.columns import Columns, by_number
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.rounds import MOST, round_numbers
 from roletrust_env.data.tables import Table
@@ -93,10 +93,11 @@ def read_ratings(
     known = {str(text).strip().casefold(): value for text, value in (labels or {}).items()}
     if wrong := [text for text, value in known.items() if not isinstance(value, Real) or not np.isfinite(float(value))]:
         raise ValueError(f"the rating of {wrong[0]!r} is {known[wrong[0]]!r}; it must be a number")
-    table = Table(path, columns, dialect, known, missing=missing, tag=tag)
+    table = Table(path, columns.wanted, dialect, known, missing=missing, tag=tag)
     people, values, times = list[Any](), list[Floats](), Times(dialect.unit)  # raters and ratees take turns
     read = 0
-    what = "the rating" if columns.by_number or columns.rating == Columns().rating else f"column {columns.rating!r}"
+    plain = by_number(columns.wanted) or columns.rating == Columns().rating
+    what = "the rating" if plain else f"column {columns.rating!r}"
     for block in table.blocks():
         row = _row_after(table, read)
         people += [coded(block[side], f"column {columns[side]!r}", row) for side in (0, 1)]

@@ -8,13 +8,13 @@ import itertools
 import json
 import re
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, NoReturn
 
 import numpy as np
 
-from roletrust_env.data.columns import Columns
+from roletrust_env.data.columns import by_number, find_columns
 from roletrust_env.data.dialect import MARKS, Dialect, delimiter, find_encoding, look, tidy
 from roletrust_env.data.feedback import as_ratings, feedback_columns
 from roletrust_env.data.values import is_missing, to_numpy
@@ -34,11 +34,11 @@ Block = list[Any]
 
 
 class Table:
-    """A file of ratings.
+    """A file of ratings or votes.
 
     Attributes:
         path: Path of the file.
-        columns: Columns, by role.
+        wanted: Names of the columns that are read, by role.
         dialect: Parts of the dialect that are known.
         labels: Texts that are ratings, in small letters.
         missing: Whether rows are left out in which a wanted value is missing.
@@ -53,14 +53,14 @@ class Table:
     def __init__(
         self,
         path: Path,
-        columns: Columns,
+        wanted: Mapping[str, str],
         dialect: Dialect,
         labels: Collection[str] = (),
         *,
         missing: bool = False,
         tag: str | None = None,
     ) -> None:
-        self.path, self.columns, self.dialect, self.labels, self.missing = path, columns, dialect, labels, missing
+        self.path, self.wanted, self.dialect, self.labels, self.missing = path, wanted, dialect, labels, missing
         self.tag = tag
         self.found: list[str] = []
         self.decimal_comma = False
@@ -109,8 +109,8 @@ class Table:
 
     def _places(self, where: str, header: list[str] | None, width: int) -> list[int]:
         """Return the places of the wanted columns, and say which they are, where they have other names."""
-        places = self.columns.places(f"{self.path}, {where}", header, width)
-        for (role, name), place in zip(self.columns.wanted.items(), places, strict=True):
+        places = find_columns(self.wanted, f"{self.path}, {where}", header, width)
+        for (role, name), place in zip(self.wanted.items(), places, strict=True):
             if header is None or header[place] != role or name != role:
                 self.found.append(f"{role} in column {place + 1 if header is None else repr(header[place])}")
         self._more = feedback_columns(header or [])
@@ -123,7 +123,7 @@ class Table:
         import pyarrow as arrow
 
         columns = [[value for part in parts for value in part.to_pylist()] for parts in zip(*blocks, strict=True)]
-        names = list(self.columns.wanted)
+        names = list(self.wanted)
         more = dict(zip(self._more, columns[len(names) :], strict=True))
         feedback = as_ratings(columns[0], columns[1], columns[2], self.tag, more)
         kept = feedback.kept & ~(self.missing & np.isnan(feedback.values))
@@ -181,7 +181,7 @@ class Table:
             return
         if len(head) == _HEAD:  # the last line may be cut
             text = text[: text.rfind("\n") + 1] or text
-        named = () if self.columns.by_number else self.columns.wanted.values()
+        named = () if by_number(self.wanted) else self.wanted.values()
         start = look(text, self.dialect, named, self.labels)
         self.found[:0] = [f"CSV, {start}, {encoding.removesuffix('-sig')}"]
         self.decimal_comma = start.separator != ","
