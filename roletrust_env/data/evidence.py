@@ -5,11 +5,12 @@ from statistics import NormalDist
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.units import find_unit
 from roletrust_env.trust.edges import pair_ends, pair_keys
-from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 
 _Z = NormalDist().inv_cdf(0.975)
 
@@ -27,9 +28,9 @@ class Evidence(NamedTuple):
     Attributes:
         names: Names of the agents.
         trust: Trust, in [0, 1].
-        low: Lower end of the interval of trust, see `wilson_interval`; NaN where earlier ratings are not known.
+        low: Lower end of the interval of trust, see `wilson_interval`.
         high: Upper end.
-        ratings: Number of ratings in the log.
+        ratings: Number of ratings.
         agents: Number of agents of the other role in these ratings: the raters of a provider.
         independent: Effective number of these, see `effective_number`.
         last: Time of the last rating; NaN without times or ratings.
@@ -74,34 +75,95 @@ class Evidence(NamedTuple):
         return arrow.table(columns)
 
 
-def evidence(log: RatingLog, role: Role, trust: Mapping[Any, float], *, by_name: bool = False) -> Evidence:
-    """Return trust with its evidence in a log, for the agents that have ratings there.
+class PairCounts:
+    """The ratings of each pair that met, as they arrive: their number, and the time of the last one."""
+
+    def __init__(self) -> None:
+        self._index = KeyIndex()
+        self._counts: Ints = np.zeros(0, np.int64)
+        self._last: Floats = np.zeros(0)
+
+    def add(self, raters: Ints, providers: Ints, times: Floats | None) -> None:
+        """Take ratings, by the places of their agents; without times the last one is unknown."""
+        slots = self._index.places(pair_keys(raters, providers))
+        if len(self._index) > len(self._counts):
+            more = max(len(self._index) - len(self._counts), len(self._counts))
+            self._counts = np.append(self._counts, np.zeros(more, np.int64))
+            self._last = np.append(self._last, np.full(more, -np.inf))
+        np.add.at(self._counts, slots, 1)
+        if times is not None:
+            np.maximum.at(self._last, slots, times)
+
+    def keep(self, raters: npt.NDArray[np.bool_], providers: npt.NDArray[np.bool_]) -> None:
+        """Keep the pairs of agents that stay, of which there is a flag for each place; those after them move up."""
+        ends, stay = pair_ends(self._index.keys), (raters, providers)
+        there = np.flatnonzero(raters[ends[0]] & providers[ends[1]])
+        who, whom = ((np.cumsum(flags) - 1)[places[there]] for flags, places in zip(stay, ends, strict=True))
+        self._index = KeyIndex.of(pair_keys(who, whom))
+        self._counts, self._last = self._counts[there], self._last[there]
+
+    def evidence(self, role: Role, names: list[Any], trust: Floats) -> Evidence:
+        """Return trust with its evidence for the agents of a role, by place."""
+        size = len(self._index)
+        ends = pair_ends(self._index.keys)[role == "ratee"]
+        last = np.full(len(names), -np.inf)
+        np.maximum.at(last, ends, self._last[:size])
+        return _of_pairs(names, trust, ends, self._counts[:size], np.where(last > -np.inf, last, np.nan))
+
+    def save(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all that is kept, by name, for `load`."""
+        size = len(self._index)
+        return {"met": self._index.keys, "met_counts": self._counts[:size], "met_last": self._last[:size]}
+
+    def load(self, arrays: dict[str, npt.NDArray[Any]], shape: tuple[int, int]) -> None:
+        """Take from arrays what `save` has returned.
+
+        Raises:
+            ValueError: It does not fit together, or is not what can be counted with so many raters and providers.
+        """
+        keys, counts, last = (arrays.pop(name) for name in ("met", "met_counts", "met_last"))
+        right = [array.dtype.str[1:] for array in (keys, counts, last)] == ["i8", "i8", "f8"]
+        if not right or not keys.shape == counts.shape == last.shape == (keys.size,):
+            raise ValueError("the ratings of pairs are no columns of numbers of the same length")
+        inside = [((ends >= 0) & (ends < size)).all() for ends, size in zip(pair_ends(keys), shape, strict=True)]
+        if not all(inside) or not (counts > 0).all() or not (last < np.inf).all():
+            raise ValueError("a pair has an agent that is not there, no rating, or no time")
+        self._index, self._counts, self._last = KeyIndex.of(keys), counts, last
+
+
+def evidence(log: RatingLog, role: Role, trust: Mapping[int, float]) -> Evidence:
+    """Return trust with its evidence in a log, for the agents of a role that have ratings there.
 
     Args:
         log: Log.
         role: Role of the agents.
         trust: Trust by the place of an agent among the names of the log.
-        by_name: Whether trust is by name, and rests on earlier ratings, too. Then all who have trust are returned, and
-            intervals are unknown.
     """
     own, others = (log.ratees, log.raters) if role == "ratee" else (log.raters, log.ratees)
     names = log.ratee_names if role == "ratee" else log.rater_names
-    if by_name:
-        known = {name: place for place, name in enumerate(trust)}
-        own, names = np.array([known.get(name, len(known)) for name in names], np.int64)[own], list(trust)
-    size = len(names)
-    ratings = np.bincount(own, minlength=size)[:size]
     keys, counts = np.unique(pair_keys(own, others), return_counts=True)
-    ends = pair_ends(keys)[0]
-    agents = np.bincount(ends, minlength=size)[:size]
-    independent = effective_number(ends, counts, max(size, int(ends.max(initial=-1)) + 1))[:size]
-    values = np.fromiter(trust.values(), np.float64, len(trust))
-    low, high = wilson_interval(values, independent) if not by_name else np.full((2, size), np.nan)
-    last = np.full(max(size, int(own.max(initial=-1)) + 1), np.nan)
+    last = np.full(len(names), np.nan)
     if log.times is not None:
         last[own] = log.times  # ascending, so the last one stays
-    found = Evidence(names, values, low, high, ratings, agents, independent, last[:size])
-    return found if by_name else found.at(np.flatnonzero(ratings))
+    values = np.fromiter(trust.values(), np.float64, len(trust))
+    return _of_pairs(names, values, pair_ends(keys)[0], counts, last)
+
+
+def _of_pairs(names: list[Any], trust: Floats, ends: Ints, counts: Ints, last: Floats) -> Evidence:
+    """Return the evidence of agents with ratings, from the agent and the number of ratings of each pair."""
+    size = len(names)
+    ratings = np.bincount(ends, counts, size).astype(np.int64)
+    independent = effective_number(ends, counts, size)
+    found = Evidence(
+        names,
+        trust,
+        *wilson_interval(trust, independent),
+        ratings,
+        np.bincount(ends, minlength=size),
+        independent,
+        last,
+    )
+    return found.at(np.flatnonzero(ratings))
 
 
 def effective_number(groups: Ints, counts: Ints, size: int) -> Floats:
@@ -160,11 +222,11 @@ def joined(tables: Iterable[Any]) -> Any:
     return arrow.concat_tables(tables, promote_options="default").unify_dictionaries()
 
 
-def window(log: RatingLog) -> dict[str, str]:
-    """Return the times of the first and of the last rating as texts, by `since` and `until`; nothing without times."""
-    if log.times is None:
+def window(times: Floats | None) -> dict[str, str]:
+    """Return the first and the last of ascending times as texts, by `since` and `until`; nothing without times."""
+    if times is None:
         return {}
-    return dict(zip(("since", "until"), map(str, as_dates(log.times[[0, -1]]).tolist()), strict=True))
+    return dict(zip(("since", "until"), map(str, as_dates(times[[0, -1]]).tolist()), strict=True))
 
 
 def as_dates(times: Floats) -> Any:

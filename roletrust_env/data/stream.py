@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
@@ -11,20 +12,18 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.data.evidence import Evidence, PairCounts, Role
+from roletrust_env.data.names import NameIndex, Names
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
 from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone, iso_dates, unit_ratings
-from roletrust_env.data.values import trimmed
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.trust.edges import edge_model
-from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
+from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.run import make_run, staying
 
-_FORMAT = 3
+_FORMAT = 4
 _KEPT = "_start", "_latest", "_begun", "n_late", "n_ahead", "n_repeated"  # attributes that a file has
-
-Names: TypeAlias = npt.NDArray[Any]
-"""Names as whole numbers, of type int64, or as texts, of type object."""
 
 Columns: TypeAlias = tuple[Names, Names, Floats, Floats]
 """Names of raters and of providers, ratings on [0, 1], and times."""
@@ -66,6 +65,7 @@ class TrustStream:
             None if there is no limit.
         repeats: Whether a rating counts again that repeats one of its round, with the same time. Otherwise it is left
             out, so that a batch which may have been taken can be sent again.
+        source: Further settings that must be the same whenever the stream is continued, such as how ratings are read.
         n_late: Number of late ratings so far.
         n_ahead: Number of ratings so far that were left out because they are ahead.
         n_repeated: Number of ratings so far that were left out because they repeat another one.
@@ -83,6 +83,8 @@ class TrustStream:
         late: Literal["drop", "count"] = "drop",
         lead: float | None = None,
         repeats: bool = True,
+        keep_evidence: bool = False,
+        source: Mapping[str, Any] | None = None,
     ) -> None:
         """Start without agents, or with those that are given.
 
@@ -97,6 +99,8 @@ class TrustStream:
             late: What becomes of late ratings, see `TrustStream`.
             lead: Longest time by which a rating may be ahead, at least 0; it needs `every`.
             repeats: Whether repeated ratings count again.
+            keep_evidence: Whether the ratings of each pair are counted, for `evidence`.
+            source: Further settings by name, which a state keeps: plain data.
 
         Raises:
             ValueError: The model does not run on edges, and agents of a role are missing; the scale is empty; a round
@@ -108,6 +112,8 @@ class TrustStream:
         check_lateness(late, lead, every)
         self.model, self.scale, self.count, self.same_agents = model, scale, count, same_agents
         self.late, self.lead, self.repeats = late, lead, repeats
+        self.source = dict(source or {})
+        self._pairs = PairCounts() if keep_evidence else None
         self.n_late = self.n_ahead = self.n_repeated = 0
         self.every = None if every is None else float(every)
         self._raters = NameIndex("raters")
@@ -194,7 +200,7 @@ class TrustStream:
                     parts = [tuple(column[order[part]] for column in columns)]  # type: ignore[list-item]
                     self._run.skip(number - self.rounds)
                     if part.stop < len(numbers):
-                        self._play(*parts[0][:3])
+                        self._play(*parts[0])
             self._latest = float(own[3].max(initial=start if self._latest is None else self._latest))
             self._start, self._waiting, self._begun = start, parts, True
             self._expect_names()
@@ -224,7 +230,7 @@ class TrustStream:
         if self._begun:
             columns = self._together(self._waiting)
             self._begun, self._waiting = False, []
-            self._play(*columns[:3])
+            self._play(*columns)
 
     def remove(self, raters: Any = (), providers: Any = ()) -> None:
         """Let agents leave, with all that is known of them and of their pairs.
@@ -259,9 +265,12 @@ class TrustStream:
             one = other = np.union1d(one, other)
             gone = lost = gone | lost
         self._run.remove(one, other)
-        self._raters.keep(staying(len(self._raters), one))
+        stay = staying(len(self._raters), one), staying(len(self._providers), other)
+        if self._pairs is not None:
+            self._pairs.keep(*stay)
+        self._raters.keep(stay[0])
         if not self.same_agents:
-            self._providers.keep(staying(len(self._providers), other))
+            self._providers.keep(stay[1])
         there = ~(_among(columns[0], gone) | _among(columns[1], lost))
         self._waiting = [tuple(column[there] for column in columns)] if there.any() else []  # type: ignore[list-item]
         self._expect_names()
@@ -274,19 +283,36 @@ class TrustStream:
         """Return the trust of each provider by name, in [0, 1]."""
         return dict(zip(self._providers.names, self._run.provider_trust.tolist(), strict=True))
 
+    @property
+    def window(self) -> Floats | None:
+        """The beginning of the first round and the time of the latest rating, shape (2,); None without times."""
+        return None if self.every is None or self._start is None else np.array([self._start, self._latest])
+
+    def evidence(self, role: Role) -> Evidence:
+        """Return trust with its evidence in all rounds that have ended, for the agents of a role that have ratings.
+
+        Raises:
+            ValueError: The stream was made without `keep_evidence`.
+        """
+        if self._pairs is None:
+            raise ValueError("a stream has evidence if it was made with keep_evidence=True")
+        index = self._raters if role == "rater" else self._providers
+        trust = self._run.rater_trust if role == "rater" else self._run.provider_trust
+        return self._pairs.evidence(role, index.names, trust)
+
     def save(self, path: Path | str) -> None:
         """Write the state to a file of NumPy arrays, complete or not at all.
 
         Two processes that load, update and save lose what one of them took: see `opened`. What a process has left in
         the folder that was killed while it wrote is removed.
         """
-        path = Path(path)
+        path = Path(path).resolve()
         waiting = self._together(self._waiting)
         self._waiting = [waiting] if len(waiting[0]) else []
         people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
         header = {
             "format": _FORMAT,
-            **self._settings(),
+            "settings": self._settings(),
             **{name: getattr(self, name) for name in _KEPT},
             "texts": [names.tolist() if names.dtype == object else None for names in people],
         }
@@ -296,6 +322,7 @@ class TrustStream:
             "ratings": waiting[2],
             "times": waiting[3],
             **self._run.save(),
+            **({} if self._pairs is None else self._pairs.save()),
         }
         clear_unfinished(path.parent)
         save_arrays(path, arrays)
@@ -319,14 +346,16 @@ class TrustStream:
             header = json.loads(arrays.pop("header").tobytes())
             if header["format"] != _FORMAT:
                 raise ValueError(f"its format is {header['format']}, and {_FORMAT} is read here")
-            before = {name: header[name] for name in stream._settings()}
-            if before == stream._settings():
+            before, now = header["settings"], stream._settings()
+            other = [name for name in {**before, **now} if before.get(name) != now.get(name)]
+            if not other:
                 stream._restore(arrays, header)
         except (ValueError, TypeError, LookupError) as error:
             what = f"{error.args[0]} is missing" if isinstance(error, KeyError) else error
             raise ValueError(f"{path} is no saved stream, or is damaged: {what}") from None
-        if before != stream._settings():
-            raise ValueError(f"{path} is of {before['model']} with other settings than {stream._settings()}")
+        if other:
+            saved, given = (", ".join(f"{name} {some.get(name)}" for name in other) for some in (before, now))
+            raise ValueError(f"{path} was saved with other settings: {saved}; given now: {given}")
         return stream
 
     @classmethod
@@ -345,8 +374,10 @@ class TrustStream:
             ValueError: See `load`.
             OSError: The file cannot be read or written, or the system has no locks.
         """
-        path = Path(path)
+        path = Path(path).resolve()  # a link stays one, and whoever opens its file has the same lock
         with locked(path.parent):
+            if not os.access(path.parent, os.W_OK):
+                raise PermissionError(f"{path.parent} cannot be written, so the state would be lost")
             stream = cls.load(path, model, **settings) if path.exists() else cls(model, **settings)
             yield stream
             stream.save(path)
@@ -364,6 +395,8 @@ class TrustStream:
             stored.append(NameIndex(f"names_{n}").check(names))
         raters, providers, who, whom = stored
         values, when = (_numbers(name, arrays.pop(name), len(who)) for name in ("ratings", "times"))
+        if self._pairs is not None:
+            self._pairs.load(arrays, (len(raters), len(providers)))
         self._run.load(arrays)
         self._raters.restore(raters)
         if not self.same_agents:
@@ -389,122 +422,15 @@ class TrustStream:
             "every": self.every,
             "same_agents": self.same_agents,
             "count": self.count,
+            "keep_evidence": self._pairs is not None,
+            **self.source,
         }
 
-    def _play(self, raters: Names, providers: Names, values: Floats) -> None:
-        self._run.play(self._raters.places(raters), self._providers.places(providers), values)
-
-
-class NameIndex:
-    """Places of names. All names are whole numbers, or all are texts.
-
-    Attributes:
-        role: Plural of the role, such as `raters`, for messages.
-    """
-
-    def __init__(self, role: str) -> None:
-        self.role = role
-        self._numbers: KeyIndex | None = None
-        self._texts: dict[str, int] | None = None
-
-    def __len__(self) -> int:
-        """Return the number of names."""
-        return len(self._numbers or self._texts or ())
-
-    @property
-    def names(self) -> list[Any]:
-        """The names, by place."""
-        names: list[Any] = self.stored().tolist()
-        return names
-
-    def stored(self) -> Names:
-        """Return the names by place, shape (n,), for `restore`."""
-        if self._texts is not None:
-            return np.array(list(self._texts), object)
-        return np.zeros(0, np.int64) if self._numbers is None else self._numbers.keys
-
-    def check(self, names: Any) -> Names:
-        """Return names as an array, shape (n,); the index is not changed.
-
-        Raises:
-            ValueError: Something else is there, or texts where numbers were and the reverse.
-        """
-        array = np.asarray(names)
-        if array.dtype.kind == "U" and not isinstance(names, np.ndarray):
-            array = np.array(list(names), object)  # NumPy's own texts lose a NUL at the end
-        if np.ma.is_masked(names):
-            raise ValueError(f"{self.role} are masked in some places; all must be there")
-        if array.ndim != 1:
-            raise ValueError(f"{self.role} have shape {array.shape}; they must be one column")
-        if not len(array):
-            return np.zeros(0, np.int64)
-        if array.dtype.kind == "i" or (array.dtype.kind == "u" and array.max() < 2**63):
-            kind, array = "whole numbers", array.astype(np.int64, copy=False)
-        elif array.dtype.kind in "OUT" and all(issubclass(kind, str) for kind in set(map(type, array.tolist()))):
-            kind, array = "texts", np.array([trimmed(name) for name in array.tolist()], object)
-        else:
-            raise ValueError(f"{self.role} are of type {array.dtype}; they must be whole numbers or texts")
-        before = "whole numbers" if self._numbers is not None else "texts" if self._texts is not None else kind
-        if kind != before:
-            raise ValueError(f"{self.role} are {kind}; they were {before} before")
-        return array
-
-    def expect(self, names: Names) -> None:
-        """Let all names be of the type of these, which get no place yet."""
-        if names.dtype == object:
-            self._texts = self._texts or {}
-        else:
-            self._numbers = self._numbers or KeyIndex()
-
-    def places(self, names: Names) -> Ints:
-        """Return the places of names, as `check` returns them; unknown ones are added."""
-        if not len(names):
-            return np.zeros(0, np.int64)
-        self.expect(names)
-        if self._numbers is not None:
-            return self._numbers.places(names)
-        known = {} if self._texts is None else self._texts
-        return np.array([known.setdefault(name, len(known)) for name in names.tolist()])
-
-    def leaving(self, names: Any, waiting: Names) -> tuple[Ints, set[Any]]:
-        """Return the places of those of some names that have one, each once, and all these names.
-
-        Args:
-            names: Names, of which each has a place or is among those that wait for one.
-            waiting: Names that wait.
-
-        Raises:
-            ValueError: A name is unknown, or has the wrong type.
-        """
-        array = self.check(names)
-        if self._numbers is not None:
-            places = self._numbers.places(array, add=False)
-        else:
-            places = np.array([(self._texts or {}).get(name, -1) for name in array.tolist()], np.int64)
-        unknown = set(array[places < 0].tolist()).difference(waiting.tolist())
-        if unknown:
-            raise ValueError(f"{next(name for name in array.tolist() if name in unknown)} is not among the {self.role}")
-        return np.unique(places[places >= 0]), set(array.tolist())
-
-    def keep(self, stay: npt.NDArray[np.bool_]) -> None:
-        """Keep some of the names, in their order; `stay` has a flag for each place."""
-        self.restore(self.stored()[stay])
-
-    def restore(self, names: Names) -> None:
-        """Take names as they were, by place; without names, both types are welcome again.
-
-        Raises:
-            ValueError: A name occurs twice.
-        """
-        self._numbers = self._texts = None
-        if not len(names):
-            return
-        if names.dtype != object:
-            self._numbers = KeyIndex.of(names)
-            return
-        self._texts = dict(zip(names.tolist(), range(len(names)), strict=True))
-        if len(self._texts) < len(names):
-            raise ValueError("a name occurs twice")
+    def _play(self, raters: Names, providers: Names, values: Floats, times: Floats | None = None) -> None:
+        who, whom = self._raters.places(raters), self._providers.places(providers)
+        self._run.play(who, whom, values)
+        if self._pairs is not None:
+            self._pairs.add(who, whom, None if self.every is None else times)
 
 
 def _check_kept(header: dict[str, Any]) -> None:

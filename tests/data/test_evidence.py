@@ -2,14 +2,17 @@
 
 import csv
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pyarrow as arrow
 import pytest
 
-from roletrust_env.data.evidence import as_dates, evidence, wilson_interval
+from roletrust_env.data import TrustStream
+from roletrust_env.data.evidence import Role, as_dates, evidence, wilson_interval
 from roletrust_env.data.log import read_ratings
 from roletrust_env.storage.tables import write_table
+from roletrust_env.trust import make_trust_model
 
 
 def test_it_counts_ratings_and_agents_as_a_slow_copy_does(tmp_path: Path) -> None:
@@ -27,13 +30,30 @@ def test_it_counts_ratings_and_agents_as_a_slow_copy_does(tmp_path: Path) -> Non
             assert found.last[place] == some[-1][2]
 
 
-def test_earlier_agents_have_trust_and_no_interval(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text("rater,ratee,rating\na,x,1\nb,x,1\nb,y,1\n")
-    found = evidence(read_ratings(path), "ratee", {"w": 0.9, "x": 0.2}, by_name=True).ranked("trust")
-    assert found.names == ["w", "x"]  # y was not taken
-    assert found.ratings.tolist() == [0, 2]
-    assert np.isnan(found.low).all()
+def test_a_stream_keeps_the_evidence_of_those_who_stay(tmp_path: Path) -> None:
+    """Also when they rated who left; it is saved, and a stream that keeps none says so."""
+    random, streams = np.random.default_rng(0), list[TrustStream]()
+    columns = random.integers(0, 9, 200), random.integers(0, 9, 200), random.random(200), np.arange(200.0)
+    stay = (columns[0] != 3) & (columns[1] != 5)
+    for some in (np.ones(200, bool), stay):
+        stream = TrustStream(make_trust_model("mean"), every=50.0, keep_evidence=True)
+        stream.update(*(column[some] for column in columns))
+        streams.append(stream)
+    streams[0].remove([3], [5])
+    streams[0].save(tmp_path / "state.npz")
+    loaded = TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=50.0, keep_evidence=True)
+    for stream in (*streams, loaded):
+        stream.finish()
+    for role in get_args(Role):
+        one, two, other = (stream.evidence(role) for stream in (streams[0], loaded, streams[1]))
+        assert dict(zip(one.names, zip(*one[4:], strict=True), strict=True)) == dict(
+            zip(other.names, zip(*other[4:], strict=True), strict=True)
+        )
+        assert [np.asarray(column).tolist() for column in one] == [np.asarray(column).tolist() for column in two]
+    with pytest.raises(ValueError, match="keep_evidence True; given now: keep_evidence False"):
+        TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=50.0)
+    with pytest.raises(ValueError, match="keep_evidence=True"):
+        TrustStream(make_trust_model("mean")).evidence("rater")
 
 
 def test_an_interval_contains_the_mean_of_many_more_raters() -> None:

@@ -5,7 +5,7 @@ from functools import partial
 from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 import typer
@@ -91,9 +91,8 @@ def rate(
     missing: Annotated[bool, typer.Option("--missing", help="Leave out rows in which a value is missing.")] = False,
     tag: Annotated[str | None, typer.Option(help="Tag of the feedback events of ERC-8004 that count.")] = None,
     rank_by: Annotated[
-        Literal["low", "trust"] | None,
-        typer.Option(help="Rank by the lower end of the interval of trust, or by trust, as always with --state."),
-    ] = None,
+        Literal["low", "trust"], typer.Option(help="Rank by the lower end of the interval of trust, or by trust.")
+    ] = "low",
     top: Annotated[int, typer.Option(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
     explain: Annotated[str | None, typer.Option(metavar="AGENT", help="Show what makes the trust in a ratee.")] = None,
     suspects: Annotated[bool, typer.Option("--suspects", help="Look for raters that act together.")] = False,
@@ -120,7 +119,7 @@ def rate(
     beside shuffled logs, in which nobody acts together: [green]suspects.csv[/].
 
     With --state, rounds go on where an earlier run with this file has ended, and all agents so far are written, with
-    evidence in this log and no intervals. Ratings of the running round are taken once, however often they come, unless
+    the evidence of all ratings so far. Ratings of the running round are taken once, however often they come, unless
     --repeats is given. Those of rounds that have ended are late, also if they came before: by default they are left
     out, so a log may be the whole one or its new part; with --late count it must be its new part.
 
@@ -176,11 +175,8 @@ def rate(
     check_lateness(late, lead, every)
     if state is not None and every is None:
         raise ValueError("--state needs --every: the time of a rating says whether it is new")
-    if state is not None and rank_by == "low":
-        raise ValueError("--rank-by low is not for --state: intervals need all ratings")
     if (explain is not None or suspects) and not (state is None and lead is None):
         raise ValueError("--explain and --suspects need a whole log, without --state and --lead")
-    rank = rank_by or ("trust" if state else "low")
     single = out.suffix == ".parquet"
     folder = out.parent if single else out
     prepare_folder(folder)
@@ -201,7 +197,8 @@ def rate(
             agents = tuple(np.arange(size) for size in log.shape)
             opened: Any = nullcontext(TrustStream(chosen, agents=agents, **settings))  # type: ignore[arg-type]
         else:
-            opened = TrustStream.opened(state, chosen, repeats=repeats, **settings)
+            source = {"rating scale": list(scale or (0, 1)), "tag": tag}
+            opened = TrustStream.opened(state, chosen, repeats=repeats, keep_evidence=True, source=source, **settings)
             people = np.array(log.rater_names, object)[log.raters], np.array(log.ratee_names, object)[log.ratees]
         progress.update(task, description="Playing rounds", completed=0, total=many)
         size = many if state or lead is not None or (every is None and count is None) else _BLOCK
@@ -213,10 +210,12 @@ def rate(
                 stream.update(people[0][part], people[1][part], log.values[part], times)
                 progress.update(task, completed=start + size)
         stream.finish()
-        trusts: dict[Role, Any] = {"ratee": stream.provider_trust(), "rater": stream.rater_trust()}
-        by_name = state is not None
-        roles = {role: evidence(log, role, trust, by_name=by_name).ranked(rank) for role, trust in trusts.items()}
-        origin = {**window(log), "model": name, "version": version("roletrust-env")}
+        if state is None:
+            trusts: dict[Role, Any] = {"ratee": stream.provider_trust(), "rater": stream.rater_trust()}
+            roles = {role: evidence(log, role, trust).ranked(rank_by) for role, trust in trusts.items()}
+        else:
+            roles = {role: stream.evidence(role).ranked(rank_by) for role in get_args(Role)}
+        origin = {**window(stream.window if state else log.times), "model": name, "version": version("roletrust-env")}
         tables = {out / f"{role}s.csv": ranked.table(role, origin) for role, ranked in roles.items()}
         for path, table in ({out: joined(tables.values())} if single else tables).items():
             progress.update(task, description=f"Writing {path.name}", completed=0, total=len(table))
@@ -237,7 +236,7 @@ def rate(
         if role == "rater" and not chosen.rates_raters:
             console.print(f"{escape(name)} has no notion of trust in raters.")
         else:
-            console.print(ranking_table(ranked, role, rank, top))
+            console.print(ranking_table(ranked, role, rank_by, top))
     if reasons is not None and agent is not None:
         console.print(explanation_table(reasons, log, agent, scale or (0, 1)))
     if groups is not None:

@@ -83,10 +83,6 @@ def test_one_table_of_both_roles_by_trust_and_why_this_model(log: Path, tmp_path
     trusts = [row["trust"] for row in table[:10]]
     assert trusts == sorted(trusts, reverse=True)
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv", "out.parquet"]
-    assert (
-        "--rank-by low is not for --state"
-        in run("rate", str(log), "--state", "s.npz", "--rank-by", "low", "--every", "9").output
-    )
 
 
 def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path) -> None:
@@ -106,7 +102,7 @@ def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path
 
 
 def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path) -> None:
-    """Night after night it has the trust of one run, from the whole log or from its new part, also sent again."""
+    """Night after night it has the table of one run, from the whole log or from its new part, also sent again."""
     lines, part, state = log.read_text().splitlines(keepends=True), tmp_path / "part.csv", str(tmp_path / "state.npz")
     options = [*COLUMNS, "--model", "leave-one-out", "--every", "30"]
     assert run("rate", str(log), *options, "--out", str(tmp_path / "whole")).exit_code == 0
@@ -122,11 +118,21 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
         assert words in result.output
         assert ("had ended" in result.output) == bool(words)
     for name in ("ratees.csv", "raters.csv"):
-        whole, nightly = ({r["name"]: r["trust"] for r in rows(tmp_path / out / name)} for out in ("whole", "nightly"))
+        whole, nightly = ({row["name"]: row for row in rows(tmp_path / out / name)} for out in ("whole", "nightly"))
         assert nightly == whole
     part.write_text(lines[0] + "p1,s1,5,9999\np1,s2,5,3\np1,s3,5,301\n")
     result = run("rate", str(part), *options, "--state", state, "--lead", "50", "--late", "count")
     assert "1 ratings of rounds that had ended (--late count), 1 ahead by more than the lead, 0" in result.output
+    before = Path(state).read_bytes()
+    for changed, words in (
+        (["--scale", "0", "5"], "rating scale [1.0, 5.0]; given now: rating scale [0.0, 5.0]"),
+        (["--every", "3600"], "every 30.0; given now: every 3600.0"),
+        (["--same-agents"], "same_agents False; given now: same_agents True"),
+    ):
+        result = run("rate", str(part), *options, "--state", state, *changed)
+        assert result.exit_code == 2
+        assert words in " ".join(result.stderr.split())
+    assert Path(state).read_bytes() == before
     result = run("rate", str(part), *COLUMNS, "--state", state)
     assert "--state needs --every" in " ".join(result.stderr.split())
 
