@@ -13,6 +13,7 @@ from roletrust_baselines.logs.rounds import TooSmallError, log_rounds, play_roun
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.rounds import spans
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.trust.algorithms import agent_trust
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.run import make_run
 
@@ -27,12 +28,14 @@ class Forecasts(NamedTuple):
     Attributes:
         top: Trust in the ratee before the round, shape (n,).
         tor: Trust in the rater before the round, shape (n,); None if the model does not rate raters.
+        own: Trust in the rater as a ratee before the round, shape (n,); None if raters are other agents than ratees.
         number: Number of the round, shape (n,).
         since: Place in the log of the first of these ratings.
     """
 
     top: Floats
     tor: Floats | None
+    own: Floats | None
     number: Ints
     since: int
 
@@ -52,12 +55,14 @@ def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) ->
     if since == len(numbers):
         raise TooSmallError(f"with rounds of {every:g} the log has a single round, so there is nothing to forecast")
     run = make_run(model, log.shape, one_role=not same_agents)
-    top, tor = np.zeros(len(numbers)), np.zeros(len(numbers))
+    top, tor, own = np.zeros((3, len(numbers)))
     for number, part in spans(numbers):
         top[part] = run.provider_trust[log.ratees[part]]
         tor[part] = run.rater_trust[log.raters[part]]
+        own[part] = run.provider_trust[log.raters[part]] if same_agents else 0.0
         play_round(run, number, log.raters[part], log.ratees[part], log.values[part])
-    return Forecasts(top[since:], tor[since:] if model.rates_raters else None, numbers[since:], since)
+    raters = tor[since:] if model.rates_raters else None
+    return Forecasts(top[since:], raters, own[since:] if same_agents else None, numbers[since:], since)
 
 
 def next_rating(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, Interval]:
@@ -118,14 +123,30 @@ def rated_before(found: Forecasts, log: RatingLog, scale: tuple[float, float], s
 
 def past_mean(found: Forecasts, log: RatingLog) -> Floats:
     """Return the mean of the ratings of each ratee in earlier rounds, shape (n,); NaN where there is none."""
-    total, count = (np.bincount(log.ratees[: found.since], w, log.shape[1]) for w in (log.values[: found.since], None))
-    mean, ratees, values = np.full(len(found.number), np.nan), log.ratees[found.since :], log.values[found.since :]
-    for _, part in spans(found.number):
-        with np.errstate(invalid="ignore"):
-            mean[part] = total[ratees[part]] / count[ratees[part]]
-        np.add.at(total, ratees[part], values[part])
-        np.add.at(count, ratees[part], 1)
+    ratees = log.ratees[found.since :]
+    total, count = (earlier(found, ratees, log.ratees, weights) for weights in (log.values, np.ones(len(log.values))))
+    mean: Floats = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
     return mean
+
+
+def earlier(found: Forecasts, asked: Ints, agents: Ints, weights: Floats) -> Floats:
+    """Return the sum of the weights of an agent's ratings in earlier rounds.
+
+    Args:
+        found: Trust before the rounds.
+        asked: An agent for each forecast, shape (n,).
+        agents: The agent of each rating of the log: its rater, or its ratee.
+        weights: Weight of each rating of the log.
+
+    Returns:
+        Shape (n,).
+    """
+    total, sums = np.bincount(agents[: found.since], weights[: found.since], agents.max() + 1), np.zeros(len(asked))
+    agents, weights = agents[found.since :], weights[found.since :]
+    for _, part in spans(found.number):
+        sums[part] = total[asked[part]]
+        np.add.at(total, agents[part], weights[part])
+    return sums
 
 
 def _error(found: Forecasts, values: Floats, groups: Ints, seed: int) -> Interval:
@@ -149,41 +170,36 @@ def rater_forward(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, 
     """Return how well trust in a rater forecasts that its next ratings are against the view of the others.
 
     The view is the mean of all ratings of the ratee by others in the whole log, where at least two others rated it. A
-    rating is against it if one is below the middle of the scale and the other is not. The value is the AUC within
-    strata of equal activity. The AUC of two counts stands beside it, since activity alone is a forecast, too. Raters
-    without an earlier rating are left out. Intervals resample raters.
+    rating is against it if one is below the middle of the scale and the other is not. The values are the AUC, within
+    strata of equal activity, of
+
+    - `ratings`: the number of earlier ratings by the rater, since activity alone is a forecast, too.
+    - `kindness`: the share of them that is not below the middle. Where most
+      views are kind, kind raters are seldom against them.
+    - `trust`: ToR, if the model rates raters.
+    - `ToA`: the trust of the agent in both of its roles (Algorithm 3), if raters are ratees, too.
+
+    Raters without an earlier rating are left out. Intervals resample raters.
 
     Args:
         found: Trust before the rounds.
         log: The same log.
         seed: Random seed of the resamples.
     """
-    ratings, rounds = earlier_activity(log, found)
+    raters, one = log.raters[found.since :], np.ones(len(log.values))
     _, pair = np.unique_inverse(log.raters * log.shape[1] + log.ratees)
-    total, count = (np.bincount(log.ratees, w) for w in (log.values, np.ones(len(log.values))))
+    total, count = (np.bincount(log.ratees, w) for w in (log.values, one))
     own, own_count = np.bincount(pair, log.values)[pair], np.bincount(pair)[pair]
     others = count[log.ratees] - own_count
     view = (total[log.ratees] - own) / np.maximum(others, 1)
     against = ((log.values < 0.5) != (view < 0.5)).astype(np.float64)[found.since :]
+    ratings, kind = (earlier(found, raters, log.raters, w) for w in (one, (log.values >= 0.5).astype(np.float64)))
+    scores = {"ratings": ratings, "kindness": kind / np.maximum(ratings, 1)}
+    if found.tor is not None:
+        scores["trust"] = found.tor
+        if found.own is not None:
+            provided = earlier(found, raters, log.ratees, one)
+            scores["ToA"] = agent_trust(found.tor, found.own, rated=ratings, provided=provided, initial=0.5)
     judged = (others[found.since :] >= _OTHERS) & (ratings > 0)
-    strata, groups = np.digitize(ratings, _ACTIVITY)[judged], log.raters[found.since :][judged]
-    scores = {"ratings": ratings, "rounds": rounds} | ({} if found.tor is None else {"trust": found.tor})
-    return {
-        name: interval(auc(score[judged].astype(np.float64), against[judged], strata), groups, seed)
-        for name, score in scores.items()
-    }
-
-
-def earlier_activity(log: RatingLog, found: Forecasts) -> tuple[Ints, Ints]:
-    """Return the number of ratings by each rater before the round, and of rounds in which it rated, shape (n,) each."""
-    ratings, rounds = np.zeros(log.shape[0], np.int64), np.zeros(log.shape[0], np.int64)
-    before = np.zeros((2, len(found.number)), np.int64)
-    first = log.raters[: found.since]
-    np.add.at(ratings, first, 1)
-    rounds[np.unique(first)] += 1
-    raters = log.raters[found.since :]
-    for _, part in spans(found.number):
-        before[:, part] = ratings[raters[part]], rounds[raters[part]]
-        np.add.at(ratings, raters[part], 1)
-        rounds[np.unique(raters[part])] += 1
-    return before[0], before[1]
+    strata, groups = np.digitize(ratings, _ACTIVITY)[judged], raters[judged]
+    return {name: interval(auc(score[judged], against[judged], strata), groups, seed) for name, score in scores.items()}

@@ -9,7 +9,7 @@ import pytest
 from roletrust_baselines.logs.crowd import CrowdTask, crowd_work, read_crowd, write_crowd
 from roletrust_baselines.logs.folders import find_logs, write_log
 from roletrust_baselines.logs.forecasts import (
-    earlier_activity,
+    earlier,
     forecasts,
     next_rating,
     past_mean,
@@ -94,12 +94,12 @@ def test_forecasts_see_no_future() -> None:
         forecasts(model, small_log(edges), 100, same_agents=True)
 
 
-def test_activity_counts_earlier_rounds_only() -> None:
+def test_only_earlier_rounds_count() -> None:
     log = small_log([(0, 1, 1, 0), (0, 2, 1, 1), (0, 1, 1, 12), (0, 2, 1, 13), (0, 1, 1, 25), (1, 0, 1, 26)])
     found = forecasts(make_trust_model("mean"), log, 10, same_agents=True)
-    ratings, rounds = earlier_activity(log, found)
-    assert ratings.tolist() == [2, 2, 4, 0]
-    assert rounds.tolist() == [1, 1, 2, 0]
+    raters, weights = log.raters[found.since :], np.array([1.0, 1.0, 0.5, 0.5, 0.0, 0.0])
+    assert earlier(found, raters, log.raters, weights).tolist() == [2, 2, 3, 0]
+    assert earlier(found, raters, log.ratees, weights).tolist() == [0, 0, 0, 1.5]
 
 
 def test_the_mean_of_the_past_is_that_of_a_loop(log: RatingLog) -> None:
@@ -129,10 +129,13 @@ def test_a_mean_of_the_past_forecasts_cheats(log: RatingLog) -> None:
 
 
 def test_contrary_raters_are_found_by_agreement(log: RatingLog) -> None:
-    found = rater_forward(forecasts(make_trust_model("deviation-weighted"), log, MONTH, same_agents=True), log)
-    assert list(found) == ["ratings", "rounds", "trust"]
-    assert found["trust"].value > max(found["ratings"].value, found["rounds"].value)
-    assert "trust" not in rater_forward(forecasts(make_trust_model("mean"), log, MONTH, same_agents=True), log)
+    before = forecasts(make_trust_model("deviation-weighted"), log, MONTH, same_agents=True)
+    found = rater_forward(before, log)
+    assert list(found) == ["ratings", "kindness", "trust", "ToA"]
+    assert found["trust"].value > found["ratings"].value
+    assert found["trust"] == rater_forward(before._replace(own=before.tor), log)["ToA"]  # two equal trusts
+    for model, same in (("mean", True), ("deviation-weighted", False)):
+        assert "ToA" not in rater_forward(forecasts(make_trust_model(model), log, MONTH, same_agents=same), log)
 
 
 # --- crowd work ---------------------------------------------------------------------------------------
