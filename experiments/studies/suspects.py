@@ -103,7 +103,7 @@ def plant(options: Options, size: int, honest: bool, seed: int) -> Run:
     share = len(best.intersection(accounts.tolist())) / size
     model, numbers = make_trust_model(options.model), log_rounds(log, _QUARTER)
     logs = [log, *(shuffled(log, rng) for _ in range(SHUFFLES))] if share else []
-    measured = np.array([effects(model, one, numbers, [accounts], same_agents=True)[0] for one in logs])
+    measured = np.array([effects(model, one, numbers, [accounts])[0] for one in logs])
     return {"found": share, "accused": bool(share) and bool((measured[0] > measured[1:]).all())}
 
 

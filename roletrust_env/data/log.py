@@ -46,6 +46,11 @@ class RatingLog(NamedTuple):
         """The number of raters and of ratees."""
         return len(self.rater_names), len(self.ratee_names)
 
+    @property
+    def same_agents(self) -> bool:
+        """Whether members rate members, so that a rater and a ratee of one name are one agent."""
+        return self.rater_names is self.ratee_names
+
 
 def read_ratings(
     path: Path,

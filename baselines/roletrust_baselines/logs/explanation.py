@@ -71,7 +71,6 @@ def explain(
     numbers: Ints,
     agent: int,
     *,
-    same_agents: bool,
     most: int = MOST,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
@@ -85,7 +84,6 @@ def explain(
         log: Log.
         numbers: Number of the round of each rating, shape (n,), ascending.
         agent: Place of the agent among the ratees.
-        same_agents: Whether a rater and a ratee of one name are one agent.
         most: Number of raters.
         advance: Function that is called with the number of logs that were played, and of all.
 
@@ -93,7 +91,7 @@ def explain(
         MemoryError: The model does not fit, see `make_run`.
     """
     own, rated = log.ratees == agent, np.unique(log.ratees)
-    run = played(model, log, numbers, same_agents=same_agents)
+    run = played(model, log, numbers)
     trust, tor = float(run.provider_trust[agent]), run.rater_trust
     raters, place, times = np.unique(log.raters[own], return_inverse=True, return_counts=True)
     weight = tor[raters] * np.abs(np.bincount(place, log.values[own]) / times - trust)
@@ -101,7 +99,7 @@ def explain(
     reasons = []
     for done, rater in enumerate(chosen.tolist()):
         theirs = own & (log.raters == rater)
-        other = played(model, log, numbers, same_agents=same_agents, without=theirs).provider_trust
+        other = played(model, log, numbers, without=theirs).provider_trust
         without = float(other[agent])
         reasons.append(Reason(rater, float(tor[rater]), log.values[theirs], without, _rank(other[rated], without)))
         advance(done + 1, len(chosen))

@@ -1,13 +1,11 @@
 """All measures of a trust model on one log, and their tables: forecasts and attacks, or crowd work."""
 
 import math
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 from roletrust_baselines.logs.advice import advise
-from roletrust_baselines.logs.crowd import crowd_work, read_crowd
-from roletrust_baselines.logs.folders import Folder
+from roletrust_baselines.logs.crowd import CrowdTask, crowd_work
 from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
 from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
 from roletrust_baselines.logs.rounds import TooSmallError
@@ -22,52 +20,49 @@ Found = dict[tuple[str, str], Interval]
 """Measures by protocol and name."""
 
 
-def log_measures(
-    log: Folder,
-    every: float,
-    scale: tuple[float, float],
-    same_agents: bool,
-    search: int,
-    seed: int,
-    read: Callable[[Path], RatingLog],
-) -> Callable[[Any], tuple[Found, dict[str, str]]]:
-    """Read a log once, by `read` where it is one of ratings, and return a function from a model to its measures.
+class Protocols(NamedTuple):
+    """How models are measured on logs.
 
-    The function also returns the reasons why protocols could not be played, by what they are.
+    Attributes:
+        every: Length of a round, in the unit of the times.
+        scale: Worst and best rating.
+        search: Number of attacks that a search plays for each goal, number and origin of accounts; 0 for no search.
+        seed: Random seed of the resamples, draws and searches.
     """
-    if log.truth is not None:
-        crowd = read_crowd(log.path, log.truth)
-        return lambda model: (_named("crowd work", crowd_work(model, crowd, seed)), {})
-    ratings = read(log.path)
 
-    def forecast(model: Any) -> Found:
-        before = forecasts(model, ratings, every, same_agents=same_agents)
-        found = _named("rated before", rated_before(before, ratings, scale, seed))
-        found |= _named("next rating", next_rating(before, ratings, seed))
-        return found | _named("rater forward", rater_forward(before, ratings, seed))
+    every: float
+    scale: tuple[float, float]
+    search: int
+    seed: int
 
-    def attacked(model: Any) -> Found:
-        found: Found = {}
-        replay = Replay(model, ratings, every, same_agents=same_agents)
-        for attack, shift in replay_attacks(replay, seed=seed).items():
-            found["attack", f"{attack.goal}, honest"] = shift.before
-            found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = shift.after
-        for attack in ATTACKS if search else ():
-            worst = search_attack(replay, attack, search, seed)
-            found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.shift.after
-        return found
-
-    def measure(model: Any) -> tuple[Found, dict[str, str]]:
-        found: Found = {}
-        missing = {}
-        for protocols, play in (("forecasts", forecast), ("attacks", attacked)):
+    def measure(self, model: Any, log: RatingLog | CrowdTask) -> tuple[Found, dict[str, str]]:
+        """Return the measures of a model on a log, and the reasons why some could not be played, by what they are."""
+        if isinstance(log, CrowdTask):
+            return _named("crowd work", crowd_work(model, log, self.seed)), {}
+        found, missing = Found(), {}
+        for what, play in (("forecasts", self._forecasts), ("attacks", self._attacks)):
             try:
-                found |= play(model)
+                found |= play(model, log)
             except TooSmallError as error:
-                missing[protocols] = str(error)
+                missing[what] = str(error)
         return found, missing
 
-    return measure
+    def _forecasts(self, model: Any, log: RatingLog) -> Found:
+        before = forecasts(model, log, self.every, same_agents=log.same_agents)
+        found = _named("rated before", rated_before(before, log, self.scale, self.seed))
+        found |= _named("next rating", next_rating(before, log, self.seed))
+        return found | _named("rater forward", rater_forward(before, log, self.seed))
+
+    def _attacks(self, model: Any, log: RatingLog) -> Found:
+        found = Found()
+        replay = Replay(model, log, self.every, same_agents=log.same_agents)
+        for attack, shift in replay_attacks(replay, seed=self.seed).items():
+            found["attack", f"{attack.goal}, honest"] = shift.before
+            found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = shift.after
+        for attack in ATTACKS if self.search else ():
+            worst = search_attack(replay, attack, self.search, self.seed)
+            found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.shift.after
+        return found
 
 
 def _named(protocol: str, measures: Mapping[str, Interval]) -> Found:

@@ -44,22 +44,19 @@ def numbers_of(log: RatingLog, every: float | None, count: int | None) -> Ints:
     return np.arange(len(log.values)) // (count or max(len(log.values), 1))
 
 
-def played(
-    model: Any, log: RatingLog, numbers: Ints, *, same_agents: bool, without: npt.NDArray[np.bool_] | None = None
-) -> TrustRun:
+def played(model: Any, log: RatingLog, numbers: Ints, *, without: npt.NDArray[np.bool_] | None = None) -> TrustRun:
     """Return a run that has played a whole log, with some ratings left out of their rounds.
 
     Args:
         model: Trust model.
         log: Log.
         numbers: Number of the round of each rating, shape (n,), ascending.
-        same_agents: Whether a rater and a ratee of one name are one agent.
         without: Whether each rating is left out, shape (n,). None for none.
 
     Raises:
         MemoryError: The model does not fit, see `make_run`.
     """
-    run = make_run(model, log.shape, one_role=not same_agents)
+    run = make_run(model, log.shape, one_role=not log.same_agents)
     for number, part in spans(numbers):
         there = slice(None) if without is None else ~without[part]
         play_round(run, number, log.raters[part][there], log.ratees[part][there], log.values[part][there])

@@ -65,7 +65,6 @@ def find_suspects(
     log: RatingLog,
     numbers: Ints,
     *,
-    same_agents: bool,
     seed: int = 0,
     shuffles: int = SHUFFLES,
     advance: Callable[[int, int], None] = lambda done, total: None,
@@ -79,7 +78,6 @@ def find_suspects(
         model: Trust model.
         log: Log.
         numbers: Number of the round of each rating, shape (n,), ascending.
-        same_agents: Whether a rater and a ratee of one name are one agent.
         seed: Random seed of the shuffles.
         shuffles: Number of shuffled logs, at least 1.
         advance: Function that is called with the number of logs that were searched, and of all.
@@ -89,7 +87,7 @@ def find_suspects(
     """
     rng, groups = np.random.default_rng(seed), alike(log)
     raters = [group for group, _ in groups]
-    order = np.argsort(-effects(model, log, numbers, raters, same_agents=same_agents)[:, 0], kind="stable")
+    order = np.argsort(-effects(model, log, numbers, raters)[:, 0], kind="stable")
     groups = [groups[place] for place in order[:_TOP].tolist()]
     raters = [group for group, _ in groups]
     measured = np.zeros((shuffles + 1, len(groups), 2))
@@ -97,7 +95,7 @@ def find_suspects(
     for turn in range(shuffles + 1):
         one = shuffled(log, rng) if turn else log
         false_groups += len(alike(one)) if turn else 0
-        measured[turn] = effects(model, one, numbers, raters, same_agents=same_agents)
+        measured[turn] = effects(model, one, numbers, raters)
         advance(turn + 1, shuffles + 1)
     p = (measured >= measured[0]).mean(0).max(1)
     chances = measured[1:, :, 0].mean(0)
@@ -109,16 +107,16 @@ def find_suspects(
     return Search(found, shuffles, false_groups)
 
 
-def effects(model: Any, log: RatingLog, numbers: Ints, groups: list[Ints], *, same_agents: bool) -> Floats:
+def effects(model: Any, log: RatingLog, numbers: Ints, groups: list[Ints]) -> Floats:
     """Return `shift` and `apart` of each group of raters, shape (n, 2), see `Suspects`."""
     found = np.zeros((len(groups), 2))
     if not groups:
         return found
     rated, size = np.unique(log.ratees), log.shape[1]
-    before = ranks(played(model, log, numbers, same_agents=same_agents).provider_trust[rated])
+    before = ranks(played(model, log, numbers).provider_trust[rated])
     for at, raters in enumerate(groups):
         theirs = np.isin(log.raters, raters)
-        after = ranks(played(model, log, numbers, same_agents=same_agents, without=theirs).provider_trust[rated])
+        after = ranks(played(model, log, numbers, without=theirs).provider_trust[rated])
         pairs = np.unique(pair_keys(log.raters[theirs], log.ratees[theirs]))
         weights = np.bincount(pair_ends(pairs)[1], minlength=size) ** 2
         own, others = (_means(log.ratees[part], log.values[part], size) for part in (theirs, ~theirs))
@@ -211,7 +209,7 @@ def shuffled(log: RatingLog, rng: np.random.Generator) -> RatingLog:
         log: Log.
         rng: Random generator.
     """
-    ratees, both = rng.permutation(log.ratees), log.rater_names is log.ratee_names
+    ratees, both = rng.permutation(log.ratees), log.same_agents
     for _ in range(_SWAPS):
         keys = pair_keys(log.raters, ratees)
         order = np.argsort(keys, kind="stable")

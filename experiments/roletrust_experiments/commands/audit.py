@@ -1,10 +1,10 @@
 """`roletrust audit`: how cheaply the ranking of a log is pushed."""
 
-import inspect
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.markup import escape
@@ -13,26 +13,22 @@ from rich.table import Table
 from roletrust_baselines.logs.audit import Audit, AuditReport, audit_model
 from roletrust_baselines.logs.forecasts import forecasts, next_rating
 from roletrust_baselines.logs.ranking import ACCOUNTS, Prices, Ranking
-from roletrust_env.data.columns import Columns
-from roletrust_env.data.dialect import Dialect
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_json, write_text
 from roletrust_env.trust.model import registry
-from roletrust_experiments.commands.comparison import MONTH
-from roletrust_experiments.commands.console import console, number_table, progress_bar
-from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
-from roletrust_experiments.commands.rate import rate, reader
+from roletrust_experiments.commands.console import console, number_table, progress_bar, stage
+from roletrust_experiments.commands.log_options import MONTH, LogOptions
+from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
 from roletrust_experiments.report.audit import WORDS, audit_page
 
-_DIALECT = ("separator", "encoding", "header", "time_unit")
-_ROWS = ("repeats", "missing", "tag")
-_READING = ("rater", "ratee", "rating", "time", "labels", *_DIALECT, *_ROWS)
 _SHOWN = 3  # most exposed agents of each goal
 
 
+@with_options(LogOptions)
 def audit(
     ratings: Annotated[Path, typer.Argument(help="File of ratings with times, as for `roletrust rate`.")],
+    reading: LogOptions,
     model: Annotated[
         str, typer.Option("--model", "--scorer", metavar=NAMED, help=f"Trust model, or exec:COMMAND or a URL. {OWN}")
     ] = "leave-one-out",
@@ -40,11 +36,6 @@ def audit(
         list[str] | None,
         typer.Option(metavar=NAMED, help="Further trust model, to see if it resists more; repeat for more."),
     ] = None,
-    scale: Annotated[tuple[float, float], typer.Option(metavar="WORST BEST", help="Worst and best rating.")] = (0, 1),
-    every: Annotated[float, typer.Option(help="Length of a round: seconds, or the unit of the time.")] = MONTH,
-    same_agents: Annotated[
-        bool, typer.Option("--same-agents", help="A rater and a ratee of one name are one agent.")
-    ] = False,
     rank_by: Annotated[
         Literal["low", "trust"], typer.Option(help="Rank by the lower end of the interval of trust, or by trust.")
     ] = "low",
@@ -59,7 +50,6 @@ def audit(
     ] = None,
     seed: Seed = 0,
     out: Out = Path("results/audit"),
-    **reading: Any,
 ) -> None:
     """Find [bold]how cheaply the ranking of a log is pushed[/]: by which accounts and ratings, and at what price.
 
@@ -89,24 +79,15 @@ def audit(
     prices, names = Prices(price_account, price_hijacked, price_rating), list(dict.fromkeys([model, *(other or ())]))
     models = {name: parse_named(registry, name) for name in names}
     prepare_folder(out)
-    columns = Columns(reading["rater"], reading["ratee"], reading["rating"], reading["time"] or "time")
-    dialect, rows = Dialect(*(reading[one] for one in _DIALECT)), {one: reading[one] for one in _ROWS}
-    read = reader(columns, reading["labels"], dialect, **rows)
+    every, same_agents = MONTH if reading.every is None else reading.every, bool(reading.same_agents)
     with progress_bar(counted=False) as progress:
-        task = progress.add_task(f"Reading {ratings.name}", total=None)
-        log = read(ratings, scale=scale, same_agents=same_agents, every=every)
+        stage(progress, f"Reading {ratings.name}")
+        log = replace(reading, every=every).read(ratings)
         found, forecast, seeds = dict[str, Audit](), dict[str, dict[str, Interval]](), (seed, seed + 1)
         for name, chosen in models.items():
-            progress.update(task, description=f"Attacking {name}", completed=0, total=1)
             ranking = Ranking(chosen, log, every, same_agents=same_agents, top=top, rank_by=rank_by)
-            found[name] = audit_model(
-                ranking,
-                prices,
-                targets=targets,
-                budget=budget,
-                seeds=seeds,
-                advance=lambda share: progress.update(task, completed=share),
-            )
+            advance = stage(progress, f"Attacking {name}", 1)
+            found[name] = audit_model(ranking, prices, targets=targets, budget=budget, seeds=seeds, advance=advance)
             if other:
                 forecast[name] = next_rating(forecasts(chosen, log, every, same_agents=same_agents), log, seed)
     many = len(log.values)
@@ -123,18 +104,6 @@ def audit(
     if fail_below is not None and low < fail_below:
         console.print(f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True)
         raise typer.Exit(1)
-
-
-def _with_options_of_rate() -> None:
-    """Give `audit` the options of `rate` by which a file is read."""
-    given, theirs = (inspect.signature(one).parameters for one in (audit, rate))
-    own = [one for one in given.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
-    both = {one.name: one for one in [*own, *(theirs[name] for name in _READING)]}
-    audit.__signature__ = inspect.Signature(list(both.values()))  # type: ignore[attr-defined]
-    audit.__annotations__ = {name: one.annotation for name, one in both.items()}
-
-
-_with_options_of_rate()
 
 
 def _tables(report: AuditReport) -> list[Table]:

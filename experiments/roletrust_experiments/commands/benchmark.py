@@ -41,6 +41,8 @@ from roletrust_experiments.commands.leaderboard import leaderboard_markdown, lea
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Workers
 from roletrust_experiments.plots.figure_files import write_figure
 
+_INSTEAD = " instead of those of the suite; repeat for more; `all` means all, of learners all of the suite."
+
 
 def benchmark(
     suite: Annotated[
@@ -51,44 +53,24 @@ def benchmark(
     ] = "quick",
     model: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help="Trust model to play instead of those of the suite; repeat for more; `all` means all installed ones. "
-            f"{OWN} A program is exec:COMMAND, a service its URL.",
-        ),
+        typer.Option(metavar=NAMED, help=f"Trust model{_INSTEAD} {OWN} A program is exec:COMMAND, a service its URL."),
     ] = None,
     attack: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help="Scripted attack to play instead of those of the suite; repeat for more; `all` means all installed "
-            f"ones. {OWN}",
-        ),
+        typer.Option(metavar=NAMED, help=f"Scripted attack{_INSTEAD} {OWN}"),
     ] = None,
     known: Annotated[
         list[Path] | None,
-        typer.Option(
-            metavar="FILE.json",
-            help="File of attacks that `roletrust submit --attacks` has written; they play besides those of the suite; "
-            "repeat for more.",
-        ),
+        typer.Option(metavar="FILE.json", help="Further attacks, by `roletrust submit --attacks`; repeat for more."),
     ] = None,
     learner: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help="Learner to play instead of those of the suite, in a suite for learners; repeat for more; `all` means "
-            f"those of the suite. {OWN}",
-        ),
+        typer.Option(metavar=NAMED, help=f"Learner{_INSTEAD} Only in a suite for learners. {OWN}"),
     ] = None,
     workers: Workers = None,
     ray: Annotated[
         str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Address of the Ray cluster to play on, such as 10.0.0.1:6379, or auto for one on this machine; the "
-            "results are the same.",
-        ),
+        typer.Option(metavar="ADDRESS", help="Ray cluster to play on: 10.0.0.1:6379, or auto for one on this machine."),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     worlds: Annotated[int | None, typer.Option(min=0, help="Seed of other worlds, if the suite draws some.")] = None,
@@ -263,20 +245,11 @@ _INTERVALS = "interquartile mean of the runs, with its 95% interval by stratifie
 
 
 def _asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code: bool) -> LearnersSuite:
-    """Return the suite with the learners of the options, once all of them can be made.
-
-    Args:
-        suite: Suite as it is in its file.
-        named: Learners instead of the suite's; `all` means the suite's own.
-        allow_code: True if a file may name what is not installed.
-
-    Raises:
-        ValueError: A name is unknown, a learner cannot be made, or a file names what is not installed.
-    """
+    """Return the suite with the learners of the options, see `_asked`."""
     if not allow_code:
         check_installed(registry, [name for name in suite.learners if not is_search(name)])
-    asked = [part for name in named or ["all"] for part in (suite.learners if name == "all" else [name])]
-    found = suite.model_copy(update={"learners": tuple(dict.fromkeys(asked))})
+    asked = dict.fromkeys(_expanded(named or ["all"], suite.learners))
+    found = suite.model_copy(update={"learners": tuple(asked)})
     for name in found.learners:
         make_search_method(name, next(iter(suite.tasks.values())).id)
     return found

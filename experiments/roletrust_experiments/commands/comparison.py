@@ -1,7 +1,8 @@
 """Trust models on logs of real ratings: `roletrust rate --compare`."""
 
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -9,19 +10,16 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, write_crowd
+from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, read_crowd, write_crowd
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.measures import Row, log_measures, markdown, measure_tables, recommendations
+from roletrust_baselines.logs.measures import Protocols, Row, markdown, measure_tables, recommendations
 from roletrust_baselines.logs.models import LOG_MODELS
-from roletrust_env.data.log import RatingLog
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
 from roletrust_experiments.commands.console import console, number_table, progress_bar, short
-
-MONTH = 2_592_000.0
-"""Length of a round, 30 days in seconds."""
+from roletrust_experiments.commands.log_options import MONTH, LogOptions
 
 HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
 _ACROSS = 4  # measures side by side in 80 columns, with the interval below the value
@@ -30,34 +28,31 @@ _HEADING = 12  # letters
 
 def compare(
     folder: Path,
+    reading: LogOptions,
     names: list[str] | None,
     *,
-    every: float,
-    scale: tuple[float, float],
-    same_agents: bool,
     synthetic: bool,
     search: int,
     seed: int,
-    read: Callable[[Path], RatingLog],
     out: Path,
 ) -> None:
     """Measure trust models on a log or on the logs in a folder, and write and print the tables.
 
     Args:
         folder: File of ratings, or folder of logs; a folder in it may hold one, too.
+        reading: Options by which a file of ratings is read.
         names: Trust models; None for all central ones, those of neighbouring fields, and the methods of crowd work.
-        every: Length of a round, in the unit of the times.
-        scale: Worst and best rating.
-        same_agents: Whether a rater and a ratee of one name are one agent.
         synthetic: Whether a small synthetic log of either kind is first written to the folder.
         search: Number of attacks that a search plays for each goal, number and origin of accounts; 0 for no search.
         seed: Random seed of the resamples, draws and searches, and of the synthetic logs.
-        read: Function that reads a file of ratings.
         out: Folder of the results.
 
     Raises:
         ValueError: There is no log, a log is wrong, or nothing could be measured.
     """
+    every, scale = MONTH if reading.every is None else reading.every, reading.scale or (-10.0, 10.0)
+    both = reading.same_agents is not False
+    reading = replace(reading, every=every, scale=scale, same_agents=both, repeats=True)
     central = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
     methods = CROWD_METHODS if find_spec("crowdkit") else ()
     models = {name: _model(name) for name in names or [*central, *LOG_MODELS, *methods]}
@@ -68,23 +63,24 @@ def compare(
         write_crowd(folder, seed)
     logs = find_logs(folder)
     # All are read before a model plays.
-    measures = [log_measures(log, every, scale, same_agents, search, seed, read) for log in logs]
+    contents = [reading.read(log.path) if log.truth is None else read_crowd(log.path, log.truth) for log in logs]
+    protocols = Protocols(every, scale, search, seed)
     prepare_folder(out)
     rows: list[Row] = []
     left_out: list[str] = []
     with progress_bar() as progress:
         task = progress.add_task("", total=len(logs) * len(models))
-        for log, measure in zip(logs, measures, strict=True):
+        for log, content in zip(logs, contents, strict=True):
             for name, one in models.items():
                 progress.update(task, description=f"{log.name}, {name}", advance=1)
                 if log.truth is None and isinstance(one, CrowdMethod):
                     continue
                 try:
-                    found, missing = measure(one)
+                    found, missing = protocols.measure(one, content)
                 except MemoryError as error:
                     left_out.append(f"{name} on {log.name}: {error}")
                     continue
-                left_out += [f"{protocols} on {log.name}: {reason}" for protocols, reason in missing.items()]
+                left_out += [f"{what} on {log.name}: {reason}" for what, reason in missing.items()]
                 length = every if log.truth is None else None
                 for (protocol, what), value in found.items():
                     rows.append((log.name, log.sha256, length, protocol, name, what, *value))

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import Any
 
@@ -54,6 +54,14 @@ def progress_bar(where: Console = console, *, counted: bool = True) -> progress.
     kind, share = (progress.Progress, progress.BarColumn()) if bar else (_ProgressLog, progress.TaskProgressColumn())
     columns, period = (progress.TextColumn("{task.description}"), share, *ends), 30.0 if counted else math.inf
     return kind(*columns, console=where, transient=True, speed_estimate_period=period)
+
+
+def stage(bar: progress.Progress, description: str, total: float | None = None) -> Callable[..., None]:
+    """Show a stage of the work in place of those before it, and return a function of what is done, and of how many."""
+    for earlier in bar.task_ids:
+        bar.remove_task(earlier)
+    task = bar.add_task(description, total=total)
+    return lambda done, total=total: bar.update(task, completed=done, total=total)
 
 
 def print_json(data: Mapping[str, Any]) -> None:

@@ -26,11 +26,7 @@ def figures(
     ] = "hog",
     frames: Annotated[
         str | None,
-        typer.Option(
-            metavar="PATH_OR_NUMBER",
-            help="Video file, image folder or camera number to use instead of the rendered scene: 120 s of video, or "
-            "240 images, one for each round; fewer with --loop. All three cameras see the same picture.",
-        ),
+        typer.Option(metavar="PATH_OR_NUMBER", help="Video, image folder or camera number in place of the scene."),
     ] = None,
     loop: Annotated[
         bool, typer.Option("--loop", help="Repeat --frames from the start if they end before the run.")
@@ -49,8 +45,8 @@ def figures(
     Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/]. The state after round r, counted
     from 0, is at time (r + 1) x 0.5 s.
 
-    With --frames, rows whose bounds only hold for the rendered scene say n/a. If the frames never show a person
-    clearly, the table is left out.
+    With --frames, all three cameras see the same picture: 120 s of video, or 240 images, one for each round; fewer with
+    --loop. Rows whose bounds only hold for the rendered scene say n/a. If no person is clear, there is no table.
 
     [bold]Examples[/]
 

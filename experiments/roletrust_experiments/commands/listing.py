@@ -41,19 +41,11 @@ def list_command(
     kind: Annotated[Kind | None, typer.Argument(help="Kind of things to list; all kinds if left out.")] = None,
     names: Annotated[list[str] | None, typer.Argument(help="Names of trained attackers; all if left out.")] = None,
     folder: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder of trained attackers, each a .json and a .safetensors file; the project's own if left out.",
-        ),
+        Path | None, typer.Option(metavar="DIR", help="Folder of trained attackers; the project's own if left out.")
     ] = None,
     games: Annotated[
         int | None,
-        typer.Option(
-            min=2,
-            help="Number of games in which the score of each trained attacker is measured again; none if left out. "
-            "The exit code is 1 if a score differs from the saved one, or a file is refused.",
-        ),
+        typer.Option(min=2, help="Number of games in which saved scores are tested; with exit code 1 if one fails."),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document with all details, and nothing else.")

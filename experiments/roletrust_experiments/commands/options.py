@@ -1,7 +1,10 @@
 """Options that several commands share, each with one spelling and one help text."""
 
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -17,6 +20,27 @@ SettingsOption = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="Random seed; the same seed gives the same results.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Number of processes; by default one for each core.")]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; it is created if it is missing.")]
+
+
+def with_options(group: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator by which the fields of a dataclass are options, in place of the parameter of this type."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        options, parameters = (list(inspect.signature(one).parameters.values()) for one in (group, command))
+        (at,) = (place for place, one in enumerate(parameters) if one.annotation is group)
+        (grouped,) = parameters[at : at + 1]
+        parameters[at : at + 1] = options
+
+        @wraps(command)
+        def called(**values: Any) -> None:
+            values[grouped.name] = group(**{one.name: values.pop(one.name) for one in options})
+            command(**values)
+
+        called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        called.__annotations__ = {one.name: one.annotation for one in parameters}
+        return called
+
+    return decorate
 
 
 def task_names() -> dict[str, str]:

@@ -43,33 +43,20 @@ def play(
     ] = ["role-trust"],  # noqa: B006 (typer copies it)
     attack: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="AGENT=NAME[:key=value,...]",
-            help="Attack by an agent; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. "
-            + OWN,
-        ),
+        typer.Option(metavar=f"AGENT={NAMED}", help=f"Attack; repeat for more. AGENT may be like 'sr_*'. {OWN}"),
     ] = None,
     settings: SettingsOption = None,
     games: Annotated[int, typer.Option(min=1, help="Number of games, played as one batch.")] = 1,
     seed: Seed = 0,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder for the results; by default one in results/play, named after scenario, models and attacks.",
-        ),
+        Path | None, typer.Option(metavar="DIR", help="Folder for the results; a new one in results/play if left out.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite results of another configuration.")] = False,
     video: Annotated[
         bool, typer.Option("--video", help="Also save a video of one game, play.mp4, and its last round, play.png.")
     ] = False,
     as_json: Annotated[
-        bool,
-        typer.Option(
-            "--json",
-            help="Print the content of results.json and nothing else; messages go to standard error, and files are "
-            "written only with --out.",
-        ),
+        bool, typer.Option("--json", help="Print results.json and nothing else, and write files only with --out.")
     ] = False,
 ) -> None:
     r"""Play [bold]any scenario[/] with any attackers and trust models, and save the results.

@@ -29,16 +29,11 @@ def replay(
     ),
     model: Annotated[
         str | None,
-        typer.Option(
-            metavar=NAMED,
-            help="Trust model of the run; its worst case of all conditions is played. By default that of the best one.",
-        ),
+        typer.Option(metavar=NAMED, help="Trust model whose worst case is played, the best one if left out."),
     ] = None,
     cell: Annotated[
         str | None,
-        typer.Option(
-            metavar="KEY", help="Cell of the run, MODEL|SCENARIO|TRACK|SHARE|RUNG|SEED; its worst attack is played."
-        ),
+        typer.Option(metavar="KEY", help="Cell whose worst attack is played, MODEL|SCENARIO|TRACK|SHARE|RUNG|SEED."),
     ] = None,
     attack: Annotated[
         str | None, typer.Option(metavar=NAMED, help="Attack of this cell, in place of the worst one.")

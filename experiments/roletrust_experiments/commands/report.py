@@ -16,24 +16,14 @@ from roletrust_experiments.commands.options import Out
 def report(
     results: Annotated[
         list[Path] | None,
-        typer.Argument(
-            help="Results of `roletrust benchmark`: one file for trust models, one for learners, or both; by default "
-            "results/benchmark/results.sqlite."
-        ),
+        typer.Argument(help="Results of benchmarks, one of trust models and one of learners at the most."),
     ] = None,
     pages: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Address of the folder with the pages of the trust models, to which the report then links.",
-        ),
+        str, typer.Option(metavar="ADDRESS", help="Folder with the pages of the trust models, to which it then links.")
     ] = "",
     logs: Annotated[
         Path | None,
-        typer.Option(
-            metavar="comparison.csv",
-            help="Results of `roletrust rate --compare` on your logs, which add a column of their replays.",
-        ),
+        typer.Option(metavar="comparison.csv", help="Results of `roletrust rate --compare`, which add a column."),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/report"),

@@ -16,9 +16,7 @@ def serve(
     model: Annotated[str, typer.Argument(metavar=NAMED, help="Trust model. " + OWN)],
     port: Annotated[
         int | None,
-        typer.Option(
-            min=0, max=65535, help="Port of an HTTP service; 0 is any free one. By default, standard input is answered."
-        ),
+        typer.Option(min=0, max=65535, help="Port of an HTTP service, 0 for any; standard input if left out."),
     ] = None,
     host: Annotated[
         str, typer.Option(help="Address of the HTTP service; others than this machine reach it at 0.0.0.0 only.")

@@ -43,10 +43,7 @@ def submit(
         typer.Option(metavar=NAMED, help="Trust model of the run to submit; repeat for more; all if left out."),
     ] = None,
     attacks: Annotated[
-        bool,
-        typer.Option(
-            "--attacks", help="Write the worst attacks of the run instead, for `roletrust benchmark --known`."
-        ),
+        bool, typer.Option("--attacks", help="Write the worst attacks instead, for `roletrust benchmark --known`.")
     ] = False,
     finder: Annotated[
         str, typer.Option(help="Name of the finder of the attacks, for tables; only with --attacks.")
@@ -100,21 +97,13 @@ def verify(
     file: Annotated[Path, typer.Argument(help="Submission that `roletrust submit` has written.")],
     number: Annotated[
         int | None,
-        typer.Option(
-            "--cells",
-            min=0,
-            help="Number of cells to play again, drawn at random; all if left out, as an entry needs that is ranked.",
-        ),
+        typer.Option("--cells", min=0, help="Number of cells to play again, drawn at random; all if left out."),
     ] = None,
     seed: Annotated[
-        int | None,
-        typer.Option(
-            min=0, help="Random seed of the choice of cells; by default a new one each time, which nobody can predict."
-        ),
+        int | None, typer.Option(min=0, help="Random seed of the choice of cells; one of chance if left out.")
     ] = None,
     fresh: Annotated[
-        bool,
-        typer.Option(help="Play the cells with a new seed, too, since a model may know the games of a public seed."),
+        bool, typer.Option(help="Play cells with a new seed, too: a model may know the games of a public one.")
     ] = True,
     own_suite: Annotated[
         bool, typer.Option("--own-suite", help="Accept a suite that is not one of this package.")
@@ -186,14 +175,9 @@ def _played(
     above: int = 0,
     records: Mapping[AnyCell, str] | None = None,
 ) -> Iterator[tuple[CellClaim, StoredCell]]:
-    """Iterate over claims, each with the result of its cell here, played with its seed and a number added to that.
+    """Iterate over claims, each with the result of its cell here, played with its seed and `above` added to that.
 
-    Args:
-        suite: Suite of the claims.
-        claims: Claims to check.
-        workers: Number of processes.
-        above: Number that is added to the seed.
-        records: Records of the attackers that play in place of a search, by cell.
+    Attackers with a record play in place of a search.
     """
     of_cell = {claim.cell._replace(seed=claim.seed + above): claim for claim in claims}
     limited = suite.model_copy(update={"limit_s": min(suite.limit_s, LONGEST_S)})

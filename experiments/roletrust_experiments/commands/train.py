@@ -23,17 +23,11 @@ if TYPE_CHECKING:
     from roletrust_agents.learned.cards import ModelCard
     from roletrust_agents.training.runs import Run, RunFolder, TrainingReport
 
-_SINGLE = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
-_COALITIONS = {
-    "evolution": "evolution",
-    "evolution-strategy": "evolution-strategy",
-    "gradients": "gradients",
-    "coalition-PPO": "coalition-ppo",
-}
-"""Learners of the network of a coalition, and their algorithms."""
+_COALITIONS = ("evolution", "evolution-strategy", "gradients", "coalition-PPO")
+"""Learners of the network of a coalition."""
 
-_ALGORITHMS = _SINGLE | _COALITIONS
-"""Names of the learners, and of their algorithms in configurations and saved attackers."""
+_ALGORITHMS = ("PPO", "SAC", "recurrent-PPO", *_COALITIONS)
+"""Names of the learners; in configurations and saved attackers they are in small letters."""
 
 
 def train(
@@ -41,9 +35,7 @@ def train(
     task: Annotated[str | None, typer.Argument(help=f"Attack task: {', '.join(task_names())}.")] = None,
     learner: Annotated[
         str,
-        typer.Option(
-            metavar=NAMED, help=f"Learning algorithm, one of {', '.join(_ALGORITHMS)}, with settings such as gamma=0.9."
-        ),
+        typer.Option(metavar=NAMED, help=f"Learner, also with settings (gamma=0.9): {', '.join(_ALGORITHMS)}."),
     ] = "PPO",
     steps: Annotated[
         int | None,
@@ -61,17 +53,11 @@ def train(
     settings: SettingsOption = None,
     model: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help="Trust model, role-trust if left out; a class of your own needs an entry point. "
-            "Learners of coalitions take several, and train against them in turn: " + ", ".join(_COALITIONS) + ".",
-        ),
+        typer.Option(metavar=NAMED, help="Trust model, role-trust if left out; coalitions train against several."),
     ] = None,
     compromised: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="AGENT", help="Agent that the attacker controls; repeat for more; the task's own if left out."
-        ),
+        typer.Option(metavar="AGENT", help="Agent of the attacker; repeat for more; the task's own if left out."),
     ] = None,
     objective: Annotated[
         Objective | None, typer.Option(help="Aim of the attacker; the task's own if left out.")
@@ -147,8 +133,8 @@ def train(
     if task is not None:
         task_id = find_task(task)
         name, changes = parse_parameters(learner)
-        algo: Any = {known.lower(): algo for known, algo in _ALGORITHMS.items()}.get(name.lower().replace(" ", "-"))
-        if algo is None:
+        algo: Any = name.lower().replace(" ", "-")
+        if algo not in map(str.lower, _ALGORITHMS):
             raise ValueError(f"unknown learner {name!r}{suggest(name, _ALGORITHMS)}")
         tuned = make_settings(task_id, algo, {**changes, **({"steps": steps} if steps else {})})
         defaults = TASKS[task_id].defaults
@@ -156,11 +142,9 @@ def train(
         if fields := parse_settings(settings or []):
             rules = rules.change(**fields)
         models = [_model_card(one, rules) for one in model or ["role-trust"]]
-        if len(models) > 1 and algo not in _COALITIONS.values():
-            raise ValueError(
-                f"--model is given {len(models)} times; only {', '.join(_COALITIONS)} train against several trust "
-                "models"
-            )
+        if len(models) > 1 and not _is_coalition(algo):
+            many, several = f"--model is given {len(models)} times", "train against several trust models"
+            raise ValueError(f"{many}; only {', '.join(_COALITIONS)} {several}")
         run = Run(
             algo=algo,
             steps=tuned.steps,
@@ -192,6 +176,10 @@ def train(
             raise typer.Exit(130) from None
 
 
+def _is_coalition(algo: str) -> bool:
+    return algo in map(str.lower, _COALITIONS)
+
+
 def _train(run: "Run", folder: "RunFolder") -> None:
     """Train a run from its last checkpoint or from the beginning."""
     from roletrust_agents.learned import save_attacker
@@ -201,7 +189,7 @@ def _train(run: "Run", folder: "RunFolder") -> None:
     from roletrust_agents.training.yardsticks import yardsticks
     from roletrust_experiments.plots.learners import learning_figure
 
-    learner = coalition_loop if run.algo in _COALITIONS.values() else loop
+    learner = coalition_loop if _is_coalition(run.algo) else loop
     learner.check_games(run)
     game = task_from_card(run.task, run.trust_model, run.scenario).game  # raises before anything is written
     folder.prepare()

@@ -119,17 +119,9 @@ def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> 
         high, low_each = curves.top[before, :, 0].mean(axis=0), curves.top[during, :, 0].min(axis=0)
         least = int((high - low_each).argmin())
         level, dip = float(high[least]), float(low_each[least])
-        claims.append(
-            Claim(
-                figure,
-                f"{_DIP}, {start:g} s",
-                "they dip",
-                f"≥ {_VISIBLE} deep",
-                f"{level:.2f} to {dip:.2f}",
-                [level, dip],
-                level - dip >= _VISIBLE,
-            )
-        )
+        words, needed = f"{level:.2f} to {dip:.2f}", f"≥ {_VISIBLE} deep"
+        seen = level - dip >= _VISIBLE
+        claims.append(Claim(figure, f"{_DIP}, {start:g} s", "they dip", needed, words, [level, dip], seen))
     return claims
 
 

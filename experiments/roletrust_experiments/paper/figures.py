@@ -45,28 +45,13 @@ def papers(period_s: float) -> tuple[Paper, Paper]:
         return round(window.start_s / period_s), round(window.stop_s / period_s)
 
     (off, on), (mouth, hush) = rounds(ON_OFF), rounds(BAD_MOUTHING)
-
+    on_off: dict[str, Policy] = {"sp_2": OnOff(start=off, stop=on)}
+    liar: dict[str, Policy] = {"sr_2": BadMouthing(start=mouth, stop=hush)}
+    labels = "on-off attack by SP_3", "bad-mouthing by SR_3"
+    titles = "Figure 3: on-off attack by provider 3", "Figure 4: bad-mouthing attack by rater 3"
     return (
-        Paper(
-            3,
-            "Figure 3: on-off attack by provider 3",
-            "ToP_3",
-            "on-off attack by SP_3",
-            ON_OFF,
-            {"sp_2": OnOff(start=off, stop=on)},
-            (),
-            claims.check_on_off,
-        ),
-        Paper(
-            4,
-            "Figure 4: bad-mouthing attack by rater 3",
-            "ToR_3",
-            "bad-mouthing by SR_3",
-            BAD_MOUTHING,
-            {"sr_2": BadMouthing(start=mouth, stop=hush)},
-            (0.6, 0.4),
-            claims.check_bad_mouthing,
-        ),
+        Paper(3, titles[0], "ToP_3", labels[0], ON_OFF, on_off, (), claims.check_on_off),
+        Paper(4, titles[1], "ToR_3", labels[1], BAD_MOUTHING, liar, (0.6, 0.4), claims.check_bad_mouthing),
     )
 
 

@@ -12,11 +12,8 @@ from roletrust_agents.learned import SavedAttacker
 from roletrust_env.benchmarking.learners.results import ALL_TASKS, LearnerResult, TaskScale, ranking
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, DASHES, HONEST, INK, QUIET, quiet
 
-_COLUMNS = 4
-"""Number of tasks side by side."""
-
-_LOWEST = -0.5
-"""Lowest share to draw; lower shares, far below honest play, are drawn here."""
+_COLUMNS = 4  # tasks side by side
+_LOWEST = -0.5  # lower shares, far below honest play, are drawn here
 
 
 def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence[float]]) -> Figure:

@@ -21,29 +21,14 @@ from roletrust_experiments.report.robustness import Robustness, Table
 Rows = Sequence[Mapping[str, Any]]
 """Rows of a table by the names of its columns."""
 
-_LINES = 6
-"""Maximum number of models with lines; more would hide each other."""
-
+_LINES = 6  # maximum number of models with lines; more would hide each other
 _COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[2], ATTACKERS[1], HONEST[2], ATTACKERS[3])
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 3)), (0, (2, 2)), (0, (9, 3, 2, 3)))
 _MARKS = ("o", "s", "^", "D", "v")
-
-
-_WIDTH = 10
-"""Width of a figure, inches."""
-
-_ROW = 0.3
-"""Height of a row of the heat map or of the leaderboard, inches."""
-
-_PANEL = 3.2
-"""Height of a panel with lines, inches."""
-
-_PANELS = 2
-"""Number of panels with lines side by side."""
-
-_MARK = 22
-"""Area of a mark, square points."""
-
+_WIDTH = 10  # of a figure, inches
+_ROW, _PANEL = 0.3, 3.2  # heights of a row of the heat map or of the leaderboard, and of a panel with lines, inches
+_PANELS = 2  # with lines side by side
+_MARK = 22  # area, square points
 _STYLE: Any = {  # Matplotlib's type of settings is a list of all their names
     # Text remains text, which can be searched and edited; the default of PDF is Type 3, which IEEE refuses.
     "pdf.fonttype": 42,

@@ -24,8 +24,7 @@ from roletrust_env.benchmarking.worst_case import (
 from roletrust_env.metrics.confidence import Estimate, Interval, over_seeds
 from roletrust_env.metrics.score import mean_or_nan, ratio
 
-_POINTS = 40
-"""Maximum number of points of a curve; the rounds of longer games are averaged a few at a time."""
+_POINTS = 40  # of a curve at most; the rounds of longer games are averaged a few at a time
 
 Floats = npt.NDArray[np.float64]
 _Worst = Mapping[tuple[str, Condition], WorstCase]

@@ -32,7 +32,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
 
 def test_a_ring_is_found_and_moves_ranks(log: RatingLog) -> None:
     mean, numbers = make_trust_model("mean"), numbers_of(log, None, None)
-    found = find_suspects(mean, log, numbers, same_agents=False, shuffles=3)
+    found = find_suspects(mean, log, numbers, shuffles=3)
     assert (len(found.groups), found.shuffles, found.false_groups) == (1, 3, 0)
     group = found.groups[0]
     assert [log.rater_names[place] for place in group.raters] == [f"ring{n}" for n in range(RING)]
@@ -54,7 +54,7 @@ def test_a_shuffled_log_has_the_numbers_of_ratings_and_no_pair_more_often(log: R
 def test_an_explanation_is_what_the_log_without_the_ratings_says(log: RatingLog) -> None:
     """As a stream has it in which these ratings never came."""
     numbers, agent = numbers_of(log, None, 1000), find_ratee(log, "s3")
-    found = explain(MODEL, log, numbers, agent, same_agents=False, most=3)
+    found = explain(MODEL, log, numbers, agent, most=3)
     assert (found.n_ratings, len(found.reasons)) == (int((log.ratees == agent).sum()), 3)
     changes = [abs(reason.without - found.trust) for reason in found.reasons]
     assert changes == sorted(changes, reverse=True)
@@ -72,5 +72,5 @@ def test_a_whole_log_is_played_as_a_stream_does(log: RatingLog) -> None:
     stream = TrustStream(MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), count=700)
     stream.update(log.raters, log.ratees, log.values)
     stream.finish()
-    run = played(MODEL, log, numbers_of(log, None, 700), same_agents=False)
+    run = played(MODEL, log, numbers_of(log, None, 700))
     assert run.rater_trust.tolist() == list(stream.rater_trust().values())

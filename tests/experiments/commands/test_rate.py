@@ -194,7 +194,7 @@ def test_rounds_that_do_not_fit_are_refused_before_the_file_is_read(
     def read(*_: object, **__: object) -> None:
         raise AssertionError("the file is read")
 
-    monkeypatch.setattr("roletrust_experiments.commands.rate.read_ratings", read)
+    monkeypatch.setattr("roletrust_experiments.commands.log_options.read_ratings", read)
     result = run("rate", str(tmp_path / "log.csv"), *rounds, "--out", str(tmp_path / "out"))
     assert result.exit_code == 2
     assert words in " ".join(result.stderr.split())

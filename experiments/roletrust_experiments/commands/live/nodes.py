@@ -1,5 +1,6 @@
 """`roletrust live agent`, `manager` and `keys`: single nodes of a team, and their keys."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,6 +17,7 @@ from roletrust_env.trust import TrustModel
 from roletrust_experiments.commands.console import console, errors
 from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns
+from roletrust_experiments.commands.options import NAMED
 
 _PAPER = "paper-3x3"
 _UNSUPPORTED = {"treatment", "presence"}  # all readers of a topic get the same message, and a process has one name
@@ -28,27 +30,17 @@ def agent(
     scenario: Scenario = _PAPER,
     role: Annotated[Role | None, typer.Option(help="Role to play; needed for an agent that has both.")] = None,
     attack: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME[:key=value,...]", help="Attack to play instead of honest play; see `roletrust list`."
-        ),
+        str | None, typer.Option(metavar=NAMED, help="Attack to play instead of honest play; see `roletrust list`.")
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option(
-            metavar="PATH_OR_NUMBER",
-            help="Video, image folder or camera number of a provider.",
-            show_default="rendered scene",
-        ),
+        typer.Option(metavar="PATH_OR_NUMBER", help="Video, image folder or camera number in place of the scene."),
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="Start --frames again at their end.")] = False,
     keys: Keys = None,
     speed: Speed = 1.0,
     start: Annotated[
-        int | None,
-        typer.Option(
-            help="Start of round 0, from which attacks count, ns since 1970; the next whole period by default."
-        ),
+        int | None, typer.Option(help="Start of round 0, ns since 1970; the next whole period if left out.")
     ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Random seed of the noise of bad service, or of the noise on a rater's links.")
@@ -88,40 +80,29 @@ def agent(
     rules = make_scenario(scenario)
     period, played = period_ns(rules.period_s, speed), _role(Team.of(rules), name, role)
     timeline = Timeline.aligned(period) if start is None else Timeline(start, period)
+    shared: Any = {"timeline": timeline, "keys": keys, "seed": seed, "network": network}
     if played == "provider":
         policy = _policy(rules, name, attack, "quality")
-        run_camera_node(
-            name,
-            rules,
-            timeline=timeline,
-            policy=policy,
-            frames=frames,
-            loop=loop,
-            keys=keys,
-            seed=seed,
-            network=network,
-        )
+        run_camera_node(name, rules, policy=policy, frames=frames, loop=loop, **shared)
     else:
         if frames is not None:
             raise ValueError(f"--frames are the pictures of a provider, and {name} plays a rater")
         policy = _policy(rules, name, attack, "ratings", "silence")
-        run_rater_node(name, rules, timeline=timeline, policy=policy, keys=keys, seed=seed, network=network)
+        run_rater_node(name, rules, policy=policy, **shared)
 
 
 def manager(
     journal: Annotated[Path, typer.Argument(help="Journal file for the rounds; an existing journal is continued.")],
     scenario: Scenario = _PAPER,
     trust_model: Annotated[
-        str, typer.Option("--model", metavar="NAME[:key=value,...]", help="Trust model; see `roletrust list`.")
+        str, typer.Option("--model", metavar=NAMED, help="Trust model; see `roletrust list`.")
     ] = "role-trust",
     keys: Keys = None,
     speed: Speed = 1.0,
     network: Network = False,
     recording: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR", help="Recording to play through the manager in place of the network, into a new journal."
-        ),
+        typer.Option(metavar="DIR", help="Recording to play in place of the network, into a new journal."),
     ] = None,
 ) -> None:
     """Run the [bold]manager[/], which matches ratings and publishes [green]/trust, /NAME/tor, /NAME/top[/].
@@ -152,15 +133,8 @@ def manager(
     if recording is not None:
         _replay(recording, journal, model, period, team, keys)
         return
-    run_manager_node(
-        model,
-        journal,
-        period=period,
-        team=team,
-        keys=keys,
-        network=network,
-        report=lambda line: errors.print(line, markup=False, soft_wrap=True),
-    )
+    report = partial(errors.print, markup=False, soft_wrap=True)
+    run_manager_node(model, journal, period=period, team=team, keys=keys, network=network, report=report)
 
 
 def _replay(recording: Path, journal: Path, model: TrustModel[Any], period: int, team: Team, keys: Path | None) -> None:

@@ -19,10 +19,7 @@ def record(
     network: Network = False,
     recover: Annotated[
         Path | None,
-        typer.Option(
-            metavar="PATH",
-            help="Folder or file of a damaged recording, whose readable messages are saved; nothing new is recorded.",
-        ),
+        typer.Option(metavar="PATH", help="Damaged recording whose readable messages are saved; no new ones are."),
     ] = None,
 ) -> None:
     """Record [bold]all messages[/] until Ctrl-C, as MCAP in the format of `ros2 bag`.
