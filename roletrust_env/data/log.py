@@ -31,6 +31,7 @@ class RatingLog(NamedTuple):
         rater_names: Names of the raters; the same list as that of the ratees if members rate members.
         ratee_names: Names of the ratees.
         was_sorted: Whether the file was in the order of time.
+        clock: Kind of its times, see `Clock.kind`; empty without times.
     """
 
     raters: Ints
@@ -40,6 +41,7 @@ class RatingLog(NamedTuple):
     rater_names: list[str]
     ratee_names: list[str]
     was_sorted: bool
+    clock: str = ""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -130,7 +132,7 @@ def read_ratings(
     clock = None if columns.time is None else times.clock()
     if clock is not None and not repeats:
         _refuse_repeats(table, (who, whom, unit, clock.exact))
-    log = RatingLog(who, whom, unit, clock and clock.seconds, raters, ratees, was_sorted=True)
+    log = RatingLog(who, whom, unit, clock and clock.seconds, raters, ratees, True, clock.kind if clock else "")
     if clock is not None and not (np.diff(clock.exact) >= 0).all():
         order = np.argsort(clock.exact, kind="stable")
         log = log._replace(raters=who[order], ratees=whom[order], values=unit[order], times=clock.seconds[order])

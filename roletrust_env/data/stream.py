@@ -304,7 +304,10 @@ class TrustStream:
         """Write the state to a file of NumPy arrays, complete or not at all.
 
         Two processes that load, update and save lose what one of them took: see `opened`. What a process has left in
-        the folder that was killed while it wrote is removed.
+        the folder that was killed while it wrote is removed. Where the path is a link, its file is written.
+
+        Raises:
+            OSError: The file cannot be written. It is as it was.
         """
         path = Path(path).resolve()
         waiting = self._together(self._waiting)
@@ -324,8 +327,11 @@ class TrustStream:
             **self._run.save(),
             **({} if self._pairs is None else self._pairs.save()),
         }
-        clear_unfinished(path.parent)
-        save_arrays(path, arrays)
+        try:
+            clear_unfinished(path.parent)
+            save_arrays(path, arrays)
+        except OSError as error:
+            raise OSError(f"{path} cannot be written, and is as it was: {error.strerror or error}") from None
 
     @classmethod
     def load(cls, path: Path | str, model: Any, **settings: Any) -> "TrustStream":
@@ -363,7 +369,8 @@ class TrustStream:
     def opened(cls, path: Path | str, model: Any, **settings: Any) -> Iterator["TrustStream"]:
         """Continue the stream of a file, which is saved at the end of the context, or begin one if there is none.
 
-        Whoever opens a stream in the same folder waits until then. After an error nothing is saved.
+        Whoever opens a stream in the same folder waits until then, except in the same thread, which would wait for
+        itself: that is an error. After an error nothing is saved.
 
         Args:
             path: File of the state.
@@ -377,7 +384,7 @@ class TrustStream:
         path = Path(path).resolve()  # a link stays one, and whoever opens its file has the same lock
         with locked(path.parent):
             if not os.access(path.parent, os.W_OK):
-                raise PermissionError(f"{path.parent} cannot be written, so the state would be lost")
+                raise PermissionError(f"{path} cannot be written: its folder cannot")
             stream = cls.load(path, model, **settings) if path.exists() else cls(model, **settings)
             yield stream
             stream.save(path)

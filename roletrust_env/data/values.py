@@ -12,6 +12,7 @@ from roletrust_env.trust.key_index import Floats, Ints
 _MISSING = ("na", "n/a", "nan", "nat", "null", "none", "-")
 """Texts that stand for no rating and no time, in small letters."""
 
+_NO_ZONE = "dates without a time zone"  # they count as UTC
 _EXACT, _DIGITS = 2**53, 15  # whole numbers below, and numbers of so many digits, are exact as float64
 
 Row = Callable[[int], str]
@@ -239,12 +240,18 @@ class Clock(NamedTuple):
     Attributes:
         seconds: Seconds since 1970 where that is known, else the numbers that are there, shape (n,).
         exact: What orders times and tells them apart: whole numbers without rounding, or the seconds, shape (n,).
-        words: What the times were: dates, or a unit.
+        words: What the times were: `dates`, `dates without a time zone`, which count as UTC, `numbers in s` or in
+            another unit, or `numbers`.
     """
 
     seconds: Floats
     exact: Ints | Floats
     words: str
+
+    @property
+    def kind(self) -> str:
+        """What may be compared: `numbers`, `dates without a time zone`, or `since 1970`."""
+        return self.words if self.words in ("numbers", _NO_ZONE) else "since 1970"
 
 
 class Times:
@@ -259,7 +266,7 @@ class Times:
             raise ValueError(f"the unit of times is {unit!r}; it must be {', '.join(UNITS)} or nothing")
         self._unit = unit
         self._zoned: bool | None = None
-        self._dates = False
+        self._dates = ""
         self._parts: list[tuple[Floats, Ints | None, int]] = []  # seconds or numbers; whole numbers, and how many are 1
 
     def add(self, column: Any, row: Row, *, comma: bool = False) -> None:
@@ -272,13 +279,14 @@ class Times:
         import pyarrow.types as kinds
 
         if not self._parts and is_text(column) and is_date(start := _iso(column[0].as_py())):
-            self._zoned, self._dates = has_zone(start), True
+            self._zoned = has_zone(start)
+            self._dates = "dates" if self._zoned else _NO_ZONE
         if self._zoned is not None:
             texts = column.cast(arrow.string()).to_pylist()
             ticks, unit = iso_dates(list(map(_iso, texts)), row, zoned=self._zoned)
             self._parts.append((ticks / UNITS[unit], ticks, UNITS[unit]))
         elif kinds.is_temporal(column.type):
-            self._dates = True
+            self._dates = "dates" if getattr(column.type, "tz", None) else _NO_ZONE
             self._parts.append(_dates(column, row))
         else:
             self._parts.append((numbers(column, "the time", row, comma=comma), *_whole_ticks(column, comma)))
@@ -288,7 +296,7 @@ class Times:
         floats = np.concatenate([part[0] for part in self._parts])
         exact = _same_unit([(ticks, scale) for _, ticks, scale in self._parts])
         unit = None if self._dates else self._unit or find_unit(floats)
-        words = "dates" if self._dates else f"numbers in {unit}" if unit else "numbers"
+        words = self._dates or (f"numbers in {unit}" if unit else "numbers")
         return Clock(floats / UNITS[unit] if unit else floats, floats if exact is None else exact, words)
 
 

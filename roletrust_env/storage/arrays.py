@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,9 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """
     with open(path, "rb") as file:
         try:
+            if not is_zipfile(file):  # NumPy would take it for a pickle
+                raise ValueError("it is no zip file")
+            file.seek(0)
             with np.load(file, allow_pickle=False) as stored:
                 arrays = dict(stored)
             checksum = arrays.pop(_SUM)

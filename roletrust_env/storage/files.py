@@ -6,10 +6,13 @@ import os
 import platform
 import re
 import shutil
+import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+_holders = set[tuple[int, int, Path]]()  # thread, process and folder of each lock
 
 
 @contextmanager
@@ -50,9 +53,12 @@ def locked(folder: Path) -> Iterator[None]:
     """Keep others out who lock the same folder; they wait. The lock leaves no file, and ends with its process.
 
     Raises:
-        OSError: The folder cannot be created, or the system has no such locks.
+        OSError: The folder cannot be created, this thread has locked it, or the system has no such locks.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    holder = threading.get_ident(), os.getpid(), folder.resolve()
+    if holder in _holders:
+        raise OSError(f"{folder} is in use by this thread already, which would wait for itself for ever")
     if os.name != "posix":
         raise OSError(f"{folder} cannot be locked on this system")
     import fcntl
@@ -60,8 +66,10 @@ def locked(folder: Path) -> Iterator[None]:
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
+        _holders.add(holder)
         yield
     finally:
+        _holders.discard(holder)
         os.close(descriptor)
 
 

@@ -178,8 +178,9 @@ def _play(
         opened: AbstractContextManager[TrustStream] = nullcontext(TrustStream(model, agents=agents, **rounds))
     else:
         people = np.array(log.rater_names, object)[log.raters], np.array(log.ratee_names, object)[log.ratees]
-        kept: Any = {"keep_evidence": True, "source": {"rating scale": list(reading.ends), "tag": reading.tag}}
-        opened = TrustStream.opened(state, model, repeats=reading.repeats, **kept, **rounds)
+        source = {"rating scale": list(reading.ends), "tag": reading.tag, "times": log.clock}
+        kept: Any = {"repeats": reading.repeats, "keep_evidence": True, "source": source}
+        opened = TrustStream.opened(state, model, **kept, **rounds)
     times = None if rounds["every"] is None else log.times
     depends = state is not None or rounds["lead"] is not None or (times is None and rounds["count"] is None)
     size = len(log.values) if depends else _BLOCK

@@ -137,6 +137,29 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
     assert "--state needs --every" in " ".join(result.stderr.split())
 
 
+def test_a_night_without_new_ratings_changes_no_trust_and_another_clock_is_refused(log: Path, tmp_path: Path) -> None:
+    """A log that is wholly late, an empty one, and dates without a time zone after some with one."""
+    head, first, *_ = log.read_text().splitlines(keepends=True)
+    dates = [line.rpartition(",")[0] + ",2026-01-02T05:00:00" for line in (first.strip(),)]
+    options = [*COLUMNS, "--every", "30", "--state", str(tmp_path / "state.npz"), "--out", str(tmp_path / "out")]
+    assert run("rate", str(log), *options).exit_code == 0
+    before = rows(tmp_path / "out" / "ratees.csv")
+    log.write_text(head + first)
+    assert "1 ratings of rounds that had ended" in run("rate", str(log), *options).output
+    assert rows(tmp_path / "out" / "ratees.csv") == before
+    for text, words in (
+        (head, "has no ratings"),
+        (head + dates[0], "times numbers; given now: times dates without a time zone"),
+        (head + dates[0] + "Z", "times numbers; given now: times since 1970"),
+    ):
+        state = (tmp_path / "state.npz").read_bytes()
+        log.write_text(text)
+        result = run("rate", str(log), *options)
+        assert result.exit_code == 2
+        assert words in " ".join(result.stderr.split())
+        assert (tmp_path / "state.npz").read_bytes() == state
+
+
 def test_a_bad_file_is_one_line_and_nothing_is_written(log: Path, tmp_path: Path) -> None:
     log.write_text(log.read_text() + "p1,s1,7,301\n")
     result = run("rate", str(log), *COLUMNS, "--out", str(tmp_path / "out"))
