@@ -40,12 +40,14 @@ class Dialect(NamedTuple):
         encoding: Encoding of a text, by its name in Python, such as `latin-1`.
         header: Whether the first row of a text has the names of the columns.
         unit: Unit of times that are numbers: `s`, `ms`, `us` or `ns`.
+        time_format: Form of dates, as `datetime.strptime` has it, such as `%d.%m.%Y`.
     """
 
     separator: str | None = None
     encoding: str | None = None
     header: bool | None = None
     unit: str | None = None
+    time_format: str | None = None
 
 
 class Beginning(NamedTuple):

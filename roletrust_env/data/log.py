@@ -69,12 +69,13 @@ def read_ratings(
     advance: Callable[[int], None] = lambda rows: None,
     tell: Callable[[str], None] = lambda line: None,
 ) -> RatingLog:
-    """Read ratings from CSV in any dialect, JSON lines (`.jsonl`, `.ndjson`) or Parquet (`.parquet`, `.pq`).
+    """Read ratings from CSV in any dialect, JSON (`.json`, `.jsonl`, `.ndjson`) or Parquet (`.parquet`, `.pq`).
 
-    Each may be compressed by gzip (`.gz`). The dialect of a text is found from its beginning, and so are columns with
-    common names. Feedback events of ERC-8004 become ratings, see `as_ratings`. Blank rows and lines of comment (`#`,
-    `%`) are left out. Rows count from 1, in a text with its header; a text in quotes that has several lines is in one
-    row. Names count without white space at their ends.
+    JSON has an object in each line, or all in an array. Each may be compressed by gzip (`.gz`). The dialect of a text
+    is found from its beginning, and so are columns with common names. Feedback events of ERC-8004 become ratings, see
+    `as_ratings`. Blank rows and lines of comment (`#`, `%`) are left out. Rows count from 1, in a text with its header;
+    a text in quotes that has several lines is in one row. Names count as `roletrust_env.data.values.trimmed` returns
+    them, and without `.0` if all are whole numbers.
 
     Args:
         path: Path of the file.
@@ -101,7 +102,11 @@ def read_ratings(
     if wrong := [text for text, value in known.items() if not isinstance(value, Real) or not np.isfinite(float(value))]:
         raise ValueError(f"the rating of {wrong[0]!r} is {known[wrong[0]]!r}; it must be a number")
     table = Table(path, columns.wanted, dialect, known, missing=missing, tag=tag)
-    people, values, times = list[Any](), list[Floats](), Times(dialect.unit)  # raters and ratees take turns
+    people, values, times = (
+        list[Any](),
+        list[Floats](),
+        Times(dialect.unit, dialect.time_format),
+    )  # raters and ratees take turns
     read = 0
     plain = by_number(columns.wanted) or columns.rating == Columns().rating
     what = "the rating" if plain else f"column {columns.rating!r}"
@@ -116,11 +121,11 @@ def read_ratings(
     if not read:
         raise ValueError(f"{path} has no ratings")
     if same_agents:
-        raters, (who, whom), joined = places(people, 2)
+        raters, (who, whom), joined, floats = places(people, 2)
         ratees = raters
     else:
-        (raters, (who,), joined), (ratees, (whom,), more) = places(people[::2], 1), places(people[1::2], 1)
-        joined += more
+        (raters, (who,), joined, floats), (ratees, (whom,), *more) = places(people[::2], 1), places(people[1::2], 1)
+        joined, floats = joined + more[0], floats + more[1]
     ratings = np.concatenate(values)
     try:
         unit = unit_ratings(ratings, scale, lambda at: f"{table.row(at)}: the rating is")
@@ -137,7 +142,7 @@ def read_ratings(
         order = np.argsort(clock.exact, kind="stable")
         log = log._replace(raters=who[order], ratees=whom[order], values=unit[order], times=clock.seconds[order])
         log = log._replace(was_sorted=False)
-    for line in _lines(table, joined, log, clock, every):
+    for line in _lines(table, joined, floats, log, clock, every):
         tell(line)
     return log
 
@@ -147,14 +152,17 @@ def _row_after(table: Table, read: int) -> Callable[[int], str]:
     return lambda at: table.row(read + int(at))
 
 
-def _lines(table: Table, joined: int, log: RatingLog, clock: Clock | None, every: float | None) -> Iterator[str]:
+def _lines(
+    table: Table, joined: int, floats: int, log: RatingLog, clock: Clock | None, every: float | None
+) -> Iterator[str]:
     """Yield how a file was read, and warnings with their numbers."""
     parts = [*table.found, *([f"times are {clock.words}"] if clock else []), *["sorted by time"][log.was_sorted :]]
     counts = {
         "blank rows": table.blank,
         "lines of comment": table.comments,
         "rows with a missing value left out": table.incomplete,
-        "names joined with another, from which white space at the ends was trimmed": joined,
+        "names joined with another, from which white space at the ends or the form of Unicode told them": joined,
+        "names of whole numbers without their .0": floats,
     }
     yield f"Read as {', '.join([*parts, *(f'{what}: {count:,}' for what, count in counts.items() if count)])}."
     many = f"Warning: all {len(log.values):,} ratings are"

@@ -1,4 +1,4 @@
-"""Blocks of the rows of a table: CSV in any dialect, JSON lines or Parquet, read by pyarrow."""
+"""Blocks of the rows of a table: CSV in any dialect, JSON lines, an array of JSON or Parquet, read by pyarrow."""
 
 import codecs
 import csv
@@ -28,6 +28,7 @@ _ROWS = 50_000  # in a block
 _BYTES = 1 << 23  # of a text that are parsed at a time
 _HEAD = 1 << 20  # bytes in which the dialect is found
 _TEXT = 1 << 16  # bytes of a text of several lines
+_OBJECTS = "it must be one JSON object in each line, or in an array"
 
 Block = list[Any]
 """Columns of pyarrow, in the order of the wanted ones."""
@@ -250,8 +251,9 @@ class Table:
         import pyarrow as arrow
         from pyarrow import json as arrow_json
 
-        header = list[str]()
-        for lines in _lines(file, "utf-8-sig"):
+        header, array = list[str](), file.read(_TEXT).removeprefix(codecs.BOM_UTF8).lstrip().startswith(b"[")
+        file.seek(0)
+        for lines in self._array(file.read()) if array else _lines(file, "utf-8-sig"):
             if not lines.strip():
                 continue
             options = arrow_json.ReadOptions(use_threads=False, block_size=len(lines) + 1)
@@ -268,7 +270,7 @@ class Table:
                 if re.search("/.* changed from (?:string to number|number to string)", reason):
                     table = self._json_texts(lines)
                 elif row.isdecimal():
-                    self._fault(int(row), f": {reason}; it must be one JSON object in each line".replace(".;", ";"))
+                    self._fault(int(row), f": {reason}; {_OBJECTS}".replace(".;", ";"))
                 else:
                     raise
             table = table.flatten()
@@ -279,11 +281,20 @@ class Table:
             )
             if not header:
                 header = table.column_names
-                self.found.append("JSON lines")
+                self.found.append("JSON array" if array else "JSON lines")
                 names = [header[place] for place in self._places("columns", header, len(header))]
             for name in set(names).difference(table.column_names):
                 table = table.append_column(name, arrow.nulls(len(table)))
             yield from self._cleaned(table, names, [])
+
+    def _array(self, text: bytes) -> Iterator[bytes]:
+        """Yield the values of an array of JSON as lines, many at a time."""
+        try:
+            rows = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"{self.path} is no array of JSON objects, or a damaged one: {error}") from None
+        for start in range(0, len(rows), _ROWS):
+            yield "".join(f"{json.dumps(row)}\n" for row in rows[start : start + _ROWS]).encode()
 
     def _json_texts(self, lines: bytes) -> Any:
         """Return JSON lines as a table of texts, where numbers and texts are in one column."""
@@ -295,7 +306,7 @@ class Table:
                 row = json.loads(line)
                 rows.append({**row, **{f"args.{name}": value for name, value in (row.get("args") or {}).items()}})
             except (ValueError, AttributeError, TypeError):
-                self._fault(len(rows), ": it must be one JSON object in each line")
+                self._fault(len(rows), f": {_OBJECTS}")
         names = dict.fromkeys(name for row in rows for name in row)
         return arrow.table({name: [_json_text(row.get(name)) for row in rows] for name in names})
 

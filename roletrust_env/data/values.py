@@ -1,11 +1,14 @@
 """Values in columns of pyarrow: names as codes, ratings as numbers, and times that stay exact."""
 
+import re
+import unicodedata
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.data.dates import dates_in_form, find_form, formatted_dates
 from roletrust_env.data.units import UNITS, find_unit, has_zone, is_date, iso_dates
 from roletrust_env.trust.key_index import Floats, Ints
 
@@ -15,13 +18,18 @@ _MISSING = ("na", "n/a", "nan", "nat", "null", "none", "-")
 _NO_ZONE = "dates without a time zone"  # they count as UTC
 _EXACT, _DIGITS = 2**53, 15  # whole numbers below, and numbers of so many digits, are exact as float64
 
+_WHOLE = r"^-?(0|[1-9]\d*)(\.0)?$"  # a whole number, also as pandas writes it if its column misses a value
+
 Row = Callable[[int], str]
 """Function from a place in a column to the file and the row, for messages."""
 
 
 def trimmed(name: str) -> str:
-    """Return a name as it counts: without white space at its ends, so that `ann` and `ann ` are one agent."""
-    return name.strip()
+    """Return a name as it counts: composed (NFC) and without white space at its ends.
+
+    So `ann` and `ann ` are one agent, and so are the two ways to write `é`, as one letter and with an accent.
+    """
+    return unicodedata.normalize("NFC", name.strip())
 
 
 def _file(row: Row) -> str:
@@ -129,7 +137,7 @@ def _byte_name(name: bytes) -> str:
     return f"0x{name.hex()}"
 
 
-def places(columns: list[Any], sides: int) -> tuple[list[str], list[Ints], int]:
+def places(columns: list[Any], sides: int) -> tuple[list[str], list[Ints], int, int]:
     """Return the names of coded columns, in the order in which they first occur, and the place of each.
 
     Args:
@@ -137,7 +145,8 @@ def places(columns: list[Any], sides: int) -> tuple[list[str], list[Ints], int]:
         sides: Number of sides, each of which gets an array of places.
 
     Returns:
-        Names, by `trimmed`; their places on each side; the number of names that differ from another in white space.
+        Names, by `trimmed`, and without `.0` if all are whole numbers; their places on each side; the number of names
+        that became another one by `trimmed`; and the number of names that lost a `.0`.
     """
     import pyarrow as arrow
     from pyarrow import compute
@@ -146,13 +155,18 @@ def places(columns: list[Any], sides: int) -> tuple[list[str], list[Ints], int]:
     names = parts[0].dictionary
     indices = [to_numpy(part.indices) for part in parts]
     found = [np.concatenate(indices[side::sides], dtype=np.int64) for side in range(sides)]
-    trim, joined = compute.utf8_trim_whitespace(names), 0  # white space as `trimmed` has it
-    if not trim.equals(names):
-        one = trim.dictionary_encode()
-        joined, names, among = len(names) - len(one.dictionary), one.dictionary, to_numpy(one.indices)
+    same = compute.utf8_trim_whitespace(names)  # white space as `trimmed` has it
+    same = compute.utf8_normalize(same, form="NFC")
+    joined, floats = len(names) - compute.count_distinct(same).as_py() if not same.equals(names) else 0, 0
+    ends = compute.ends_with(same, pattern=".0")
+    if compute.any(ends).as_py() and compute.all(compute.match_substring_regex(same, _WHOLE)).as_py():
+        floats, same = compute.sum(ends).as_py(), compute.replace_substring_regex(same, r"\.0$", "")
+    if not same.equals(names):
+        one = same.dictionary_encode()
+        names, among = one.dictionary, to_numpy(one.indices)
         found = [among[side].astype(np.int64) for side in found]
     texts: list[str] = names.to_pylist()
-    return texts, found, joined
+    return texts, found, joined, floats
 
 
 # --- ratings ------------------------------------------------------------------------------------------
@@ -175,7 +189,8 @@ def numbers(
     """
     import pyarrow as arrow
 
-    allowed = "a number or a date of ISO 8601, such as 2024-01-31" if what == "the time" else "a number"
+    dates = "a number or a date of ISO 8601, such as 2024-01-31; --time-format reads other dates"
+    allowed = dates if what == "the time" else "a number"
     if labels:
         codes = column.cast(arrow.string()).dictionary_encode()
         values = np.array([_label(text, labels) for text in codes.dictionary.to_pylist()] + [np.nan])
@@ -186,7 +201,9 @@ def numbers(
         at = int(wrong[0])
         shown = (column[at].as_py() or "") if is_text(column) else str(column[at] if labels else values[at])
         hint = "; --missing leaves such rows out" if shown.strip().casefold() in ("", *_MISSING) else ""
-        if not hint and not labels and what != "the time":
+        if re.search(r"\d[,.' ]\d{3}", shown):
+            hint = " without separators of thousands"
+        elif not hint and not labels and what != "the time":
             hint = "; --labels gives numbers to texts, such as yes=1,no=0"
         raise ValueError(f"{row(at)}: {what} is {shown!r}; it must be {allowed}{hint}")
     return values
@@ -240,8 +257,8 @@ class Clock(NamedTuple):
     Attributes:
         seconds: Seconds since 1970 where that is known, else the numbers that are there, shape (n,).
         exact: What orders times and tells them apart: whole numbers without rounding, or the seconds, shape (n,).
-        words: What the times were: `dates`, `dates without a time zone`, which count as UTC, `numbers in s` or in
-            another unit, or `numbers`.
+        words: What the times were: `dates`, `dates without a time zone`, which count as UTC, both also with their form,
+            `numbers in s` or in another unit, or `numbers`.
     """
 
     seconds: Floats
@@ -251,7 +268,7 @@ class Clock(NamedTuple):
     @property
     def kind(self) -> str:
         """What may be compared: `numbers`, `dates without a time zone`, or `since 1970`."""
-        return self.words if self.words in ("numbers", _NO_ZONE) else "since 1970"
+        return next((kind for kind in ("numbers", _NO_ZONE) if self.words.partition(", ")[0] == kind), "since 1970")
 
 
 class Times:
@@ -259,12 +276,15 @@ class Times:
 
     Args:
         unit: Unit of numbers; None to find it by their size.
+        time_format: Form of dates; None to find it.
     """
 
-    def __init__(self, unit: str | None) -> None:
+    def __init__(self, unit: str | None, time_format: str | None = None) -> None:
         if unit not in (None, *UNITS):
             raise ValueError(f"the unit of times is {unit!r}; it must be {', '.join(UNITS)} or nothing")
-        self._unit = unit
+        self._unit, self._format = unit, time_format
+        self._form: str | None = None
+        self._texts: list[tuple[Any, Row]] = []  # dates in other forms than ISO 8601, of which the whole column decides
         self._zoned: bool | None = None
         self._dates = ""
         self._parts: list[tuple[Floats, Ints | None, int]] = []  # seconds or numbers; whole numbers, and how many are 1
@@ -278,9 +298,15 @@ class Times:
         import pyarrow as arrow
         import pyarrow.types as kinds
 
-        if not self._parts and is_text(column) and is_date(start := _iso(column[0].as_py())):
-            self._zoned = has_zone(start)
-            self._dates = "dates" if self._zoned else _NO_ZONE
+        if not (self._parts or self._texts or self._format) and is_text(column):
+            if is_date(start := _iso(column[0].as_py())):
+                self._zoned = has_zone(start)
+                self._dates = "dates" if self._zoned else _NO_ZONE
+            else:
+                self._form = find_form(start)
+        if self._format or self._form:
+            self._texts.append((_plain(column.cast(arrow.string()), comma=False), row))
+            return
         if self._zoned is not None:
             texts = column.cast(arrow.string()).to_pylist()
             ticks, unit = iso_dates(list(map(_iso, texts)), row, zoned=self._zoned)
@@ -291,8 +317,29 @@ class Times:
         else:
             self._parts.append((numbers(column, "the time", row, comma=comma), *_whole_ticks(column, comma)))
 
+    def _row(self, place: int) -> str:
+        """Return the file and the row of a date in another form than ISO 8601."""
+        for texts, row in self._texts:
+            if place < len(texts):
+                return row(place)
+            place -= len(texts)
+        return ""
+
     def clock(self) -> Clock:
-        """Return all times."""
+        """Return all times.
+
+        Raises:
+            ValueError: Dates are not of one form, or it is unclear which.
+        """
+        if self._texts:
+            import pyarrow as arrow
+
+            texts = arrow.concat_arrays([part for part, _ in self._texts])
+            if self._format:
+                ticks, zoned, form = formatted_dates(texts.to_pylist(), self._row, self._format)
+            else:
+                ticks, zoned, form = dates_in_form(texts, self._row, str(self._form))
+            return Clock(ticks / UNITS["us"], ticks, ("dates" if zoned else _NO_ZONE) + form)
         floats = np.concatenate([part[0] for part in self._parts])
         exact = _same_unit([(ticks, scale) for _, ticks, scale in self._parts])
         unit = None if self._dates else self._unit or find_unit(floats)

@@ -19,6 +19,13 @@ parquet = pytest.importorskip("pyarrow.parquet")
 
 ROWS = [("ann", "Café", 5, 1706702400), ("bob", "Café", 1, 1706702460), ("ann", "寿司", 3, 1706788800)]
 DAYS = ["2024-01-31T12:00:00", "2024-01-31T12:01:00", "2024-02-01T12:00:00"]
+OTHER_DATES = {
+    "day-first": ["31.01.2024 12:00", "31.01.2024 12:01", "1.2.2024 12:00"],
+    "month-first": ["1/31/2024 12:00 PM", "1/31/2024 12:01pm", "2/1/2024 12:00 PM"],
+    "slashes": ["31/01/2024, 12:00:00", "31/01/2024, 12:01:00", "01/02/2024, 12:00:00"],
+    "names": ["Jan 31, 2024 12:00", "January 31, 2024 12:01:00.0", "Feb. 1, 2024 12:00"],
+    "mail": ["Wed, 31 Jan 2024 13:00:00 +0100", "31 jan 2024 12:01:00 GMT", "Thu, 01 Feb 2024 06:30:00 -0530"],
+}
 TIMED = Columns(time="time")
 
 
@@ -83,6 +90,10 @@ def texts() -> Iterator[tuple[str, bytes]]:
     yield "lines.ndjson", "\n\n".join(lines).encode()
     dated = [json.dumps(dict(zip(("user", "item", "score", "date"), row, strict=True))) for row in with_times(DAYS)]
     yield "dated.jsonl", "\n".join(dated).encode()
+    yield "array.json", b"\xef\xbb\xbf\n [" + ", \n".join(lines).encode() + b"]\n"
+    yield "accents.csv", text().replace("Café,5", "Cafe\u0301,5").encode()
+    for name, times in OTHER_DATES.items():
+        yield f"{name}.tsv", text("\t", rows=with_times(times)).encode()
 
 
 def check(log: RatingLog) -> None:
@@ -164,7 +175,58 @@ def test_names_are_trimmed_and_the_joined_are_told(tmp_path: Path) -> None:
     log, lines = told(path, Columns(), same_agents=True)
     assert log.rater_names == ["ann", "Ann", "x"]
     assert log.raters.tolist() == [0, 0, 0, 1]
-    assert "trimmed: 3." in lines
+    assert "told them: 3." in lines
+
+
+def test_names_of_whole_floats_are_whole_numbers_if_all_of_the_column_are(tmp_path: Path) -> None:
+    log, lines = told(write(tmp_path, "rater,ratee,rating\n3,x1,1\n3.0,x,1\n-1.0,x.0,0\n"), Columns())
+    assert (log.rater_names, log.raters.tolist(), log.ratee_names) == (["3", "-1"], [0, 0, 1], ["x1", "x", "x.0"])
+    assert "without their .0: 2." in lines
+    for other in ("3.5", "03.0", "a"):
+        log, lines = told(write(tmp_path, f"rater,ratee,rating\n3,x,1\n3.0,x,1\n{other},x,0\n"), Columns())
+        assert (log.rater_names, ".0" in lines) == (["3", "3.0", other], False)
+
+
+def test_a_whole_column_decides_the_form_of_dates(tmp_path: Path) -> None:
+    def dated(*times: str, **options: Any) -> tuple[list[float], str]:
+        log, lines = told(
+            write(tmp_path, text(";", rows=with_times([*times, *times[-1:] * (3 - len(times))]))), **options
+        )
+        return [] if log.times is None else log.times.tolist(), lines
+
+    def seconds(date: str) -> float:
+        return float(np.datetime64(date, "s").astype(np.int64))
+
+    scale: Any = {"scale": (1, 5)}
+    assert (
+        "times are dates without a time zone, the month first"
+        in dated("01/02/2024", "01/03/2024", "01/31/2024", **scale)[1]
+    )
+    for time_format, first in (("%d/%m/%Y", "2024-04-03"), ("%m/%d/%Y", "2024-03-04")):
+        with pytest.raises(ValueError, match=f"in '03/04/2024' the day or the month may be first; .*{time_format}'"):
+            dated("03/04/2024", "05/05/2024", **scale)
+        assert dated("03/04/2024", "05/05/2024", dialect=Dialect(time_format=time_format), **scale)[0][0] == seconds(
+            first
+        )
+    assert dated("03.04.2024", **scale)[0][0] == seconds("2024-04-03")
+    assert dated("03/03/2024", "05/05/2024", **scale)[0] == [
+        seconds(f"2024-{day}") for day in ("03-03", "05-05", "05-05")
+    ]
+    for times, message in (
+        (("31.01.2024", "31.02.2024"), "row 3: the time is '31.02.2024'; it must be a date in the form of the first"),
+        (("31/01/2024", "01/31/2024"), "row 3: the time is '01/31/2024'"),
+        (("31.01.2024 24:00",), "row 2: the time is '31.01.2024 24:00'"),
+        (("31 Jan 2024 12:00 +0100", "31 Jan 2024 12:00"), "row 3: the time is '31 Jan 2024 12:00'"),
+        (("31 Jam 2024",), "row 2: the time is '31 Jam 2024'"),
+        (
+            ("31.01.24",),
+            "row 2: the time is '31.01.24'; it must be a number or a date of .*; --time-format reads other",
+        ),
+    ):
+        with pytest.raises(ValueError, match=message):
+            dated(*times, **scale)
+    with pytest.raises(ValueError, match=r"row 2: unconverted data remains: .01.2024 \(--time-format\)"):
+        dated("31.01.2024", dialect=Dialect(time_format="%d"), **scale)
 
 
 def test_nanoseconds_are_exact(tmp_path: Path) -> None:
@@ -214,6 +276,7 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
         (start + "a,x,1,2\n\nb,x,good,3\n", "row 6: the rating is 'good'; it must be a number"),
         (start.encode() + b"a,x,1,2\n" * 200_000 + b"Jos\xe9,x,1,3\n", "row 200004: byte 0xe9 is no UTF-8; .* latin-1"),
         (start.encode() + "é,x,1,2\n".encode() + b"\xe9,x,1,3\n", "row 5: byte 0xe9 is no UTF-8"),
+        (start + 'a,x,"1,234.5",2\n', "row 4: the rating is '1,234.5'; it must be a number without separators of"),
         (start + "a,x,1,2\nb,x,5,3\n", "row 5: the rating is 5, off the scale from 0 to 1; .* --scale 1 5"),
         (start + '"a\nb",x,1,2\n"c,x,1,2\n', "row 5: a quote has no end"),
         (
@@ -228,7 +291,9 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
     for content, message in (
         ('{"rater": 1, "ratee": 2, "rating": 1}\n{"rater": \n', "row 2: Invalid value; it must be one JSON object"),
         ('{"rater": 1, "ratee": "a", "rating": 1}\n{"rater": "b", "ratee\n', "row 2: .* one JSON object in each line"),
-        ('[{"rater": 1}]', "row 1: .* it must be one JSON object in each line"),
+        ('[{"rater": 1}]', "columns: there is no column 'ratee'"),
+        ('[{"rater": 1}, 5]', "row 2: .* it must be one JSON object in each line, or in an array"),
+        ('[{"rater": 1}', "log.jsonl is no array of JSON objects, or a damaged one"),
         ('{"rater": 1, "rating": 1}\n', "columns: there is no column 'ratee'"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -52,6 +52,7 @@ class LogOptions:
     separator: Annotated[str | None, _option(help="Separator, also comma, tab, semicolon, bar, blanks.")] = None
     encoding: Annotated[str | None, _option(help="Encoding, such as utf-8, utf-16 or latin-1.")] = None
     header: Annotated[bool | None, _option(help="Whether the first row has the names of the columns.")] = None
+    time_format: Annotated[str | None, _option(help="Form of dates, such as %d.%m.%Y, if it is not found.")] = None
     time_unit: Annotated[str | None, _option(help="Unit of times that are numbers.", metavar="s|ms|us|ns")] = None
 
     @property
@@ -79,7 +80,7 @@ class LogOptions:
             missing=self.missing,
             tag=self.tag,
             labels=parse_settings(self.labels.split(",") if self.labels else (), "--labels"),
-            dialect=Dialect(self.separator, self.encoding, self.header, self.time_unit),
+            dialect=Dialect(self.separator, self.encoding, self.header, self.time_unit, self.time_format),
             every=self.every,
             advance=advance,
             tell=lambda line: console.print(escape(line), soft_wrap=True),
