@@ -385,6 +385,7 @@ class TrustStream:
         with locked(path.parent):
             if not os.access(path.parent, os.W_OK):
                 raise PermissionError(f"{path} cannot be written: its folder cannot")
+            clear_unfinished(path.parent, path)
             stream = cls.load(path, model, **settings) if path.exists() else cls(model, **settings)
             yield stream
             stream.save(path)

@@ -39,12 +39,19 @@ def unfinished_path(path: Path) -> Path:
     return path.with_name(f".{path.stem}.{platform.node()}-{os.getpid()}{path.suffix}")
 
 
-def clear_unfinished(folder: Path) -> None:
-    """Remove unfinished files and folders of dead processes of this machine from a folder."""
+def clear_unfinished(folder: Path, own: Path | None = None) -> None:
+    """Remove unfinished files and folders of dead processes of this machine from a folder.
+
+    Args:
+        folder: Folder.
+        own: File that nobody else may write now: its unfinished ones are removed whoever left them, since each run of a
+            container is another machine.
+    """
     name = re.compile(rf"\..+\.{re.escape(platform.node())}-(\d+)(\.\w+)?")
+    mine = None if own is None else re.compile(rf"\.{re.escape(own.stem)}\..+-\d+{re.escape(own.suffix)}")
     for path in folder.glob(".*"):
         found = name.fullmatch(path.name)
-        if found and not _alive(int(found[1])):
+        if (found and not _alive(int(found[1]))) or (mine and mine.fullmatch(path.name)):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 

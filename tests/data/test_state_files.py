@@ -77,6 +77,15 @@ def test_states_side_by_side_wait_for_each_other(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == paths
 
 
+def test_what_a_kill_has_left_elsewhere_is_removed(tmp_path: Path) -> None:
+    """A container has another name each night; files of other states and other files stay."""
+    others = [tmp_path / name for name in (".other.node-7.npz", ".state.npz", ".state.node-7.csv", "state.node-7.npz")]
+    for path in (*others, tmp_path / ".state.a1b2-7.npz"):
+        path.touch()
+    rated(tmp_path / "state.npz")
+    assert sorted(tmp_path.iterdir()) == sorted([*others, tmp_path / "state.npz"])
+
+
 def test_another_file_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "ratings.csv"
     path.write_text("rater,ratee,rating\n")
