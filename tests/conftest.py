@@ -42,6 +42,12 @@ def pytest_collection_modifyitems(config, items):
 
 
 @pytest.fixture(autouse=True)
+def _no_wait_for_the_disk(monkeypatch):
+    """Journals and states are written without waiting for the disk, which would be most of their time."""
+    monkeypatch.setattr(os, "fsync", lambda file: None)
+
+
+@pytest.fixture(autouse=True)
 def _registries(monkeypatch):
     """Names that a test registers are gone after it, so that no other test meets them."""
     load_plugins()

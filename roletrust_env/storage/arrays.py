@@ -1,6 +1,7 @@
 """Files of NumPy arrays with a checksum, which are never code."""
 
 import hashlib
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,9 +18,11 @@ _SUM = "sha256"
 
 
 def save_arrays(path: Path, arrays: Arrays) -> None:
-    """Write arrays of numbers to a file with a checksum, completely or not at all."""
+    """Write arrays of numbers to a file with a checksum, completely or not at all, also if the power fails."""
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays, **{_SUM: _checksum(arrays)})  # type: ignore[arg-type]
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:

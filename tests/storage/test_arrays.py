@@ -1,6 +1,7 @@
 """Files of arrays: they come back as they were, and whatever else is in the file is one error."""
 
 import io
+import os
 import pickle
 import zipfile
 from pathlib import Path
@@ -24,6 +25,13 @@ def test_arrays_come_back(tmp_path: Path) -> None:
         assert found[name].dtype == array.dtype
         assert np.array_equal(found[name], array)
     assert list(tmp_path.iterdir()) == [tmp_path / "a.npz"]
+
+
+def test_a_file_is_on_the_disk_before_it_replaces_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, sizes = tmp_path / "a.npz", list[int]()
+    monkeypatch.setattr(os, "fsync", lambda file: sizes.append(os.fstat(file).st_size * (not path.exists())))
+    save_arrays(path, ARRAYS)
+    assert sizes == [path.stat().st_size]
 
 
 def written(change: Any) -> bytes:
