@@ -1,13 +1,14 @@
 """Evidence of trust: on how many ratings, by how many independent agents and from which time each score rests."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import NormalDist
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.data.log import RatingLog
+from roletrust_env.data.log import Pairs, RatingLog
+from roletrust_env.data.names import NameList
 from roletrust_env.data.units import find_unit
 from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
@@ -36,7 +37,7 @@ class Evidence(NamedTuple):
         last: Time of the last rating; NaN without times or ratings.
     """
 
-    names: list[str]
+    names: NameList
     trust: Floats
     low: Floats
     high: Floats
@@ -47,12 +48,16 @@ class Evidence(NamedTuple):
 
     def at(self, places: Any) -> "Evidence":
         """Return the agents at some places."""
-        names = [self.names[place] for place in np.asarray(places).tolist()]
-        return Evidence(names, *(column[places] for column in self[1:]))
+        return Evidence(self.names.at(places), *(column[places] for column in self[1:]))
 
     def ranked(self, by: Rank = "low") -> "Evidence":
         """Return the agents with the best first; of equals, those with the higher trust, and with more ratings."""
-        return self.at(np.lexsort((-self.ratings, -self.trust, -(self.low if by == "low" else self.trust))))
+        import pyarrow as arrow
+        from pyarrow import compute
+
+        columns = {name: getattr(self, name) for name in (by, "trust", "ratings")}
+        order = compute.sort_indices(arrow.table(columns), [(name, "descending") for name in columns])  # a stable sort
+        return self.at(order.to_numpy())
 
     def table(self, role: Role, origin: Mapping[str, str]) -> Any:
         """Return the columns as a table of pyarrow, with those of a role and of an origin, which are the same for all.
@@ -105,10 +110,11 @@ class PairCounts:
     def evidence(self, role: Role, names: list[Any], trust: Floats) -> Evidence:
         """Return trust with its evidence for the agents of a role, by place."""
         size = len(self._index)
-        ends = pair_ends(self._index.keys)[role == "ratee"]
+        ends, counts = pair_ends(self._index.keys)[role == "ratee"], self._counts[:size]
         last = np.full(len(names), -np.inf)
         np.maximum.at(last, ends, self._last[:size])
-        return _of_pairs(names, trust, ends, self._counts[:size], np.where(last > -np.inf, last, np.nan))
+        ratings = np.bincount(ends, counts, len(names)).astype(np.int64)
+        return _of_pairs(names, trust, ratings, ends, counts, np.where(last > -np.inf, last, np.nan))
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that is kept, by name, for `load`."""
@@ -131,62 +137,57 @@ class PairCounts:
         self._index, self._counts, self._last = KeyIndex.of(keys), counts, last
 
 
-def evidence(log: RatingLog, role: Role, trust: Mapping[int, float]) -> Evidence:
+def evidence(log: RatingLog, role: Role, trust: Floats, pairs: Pairs) -> Evidence:
     """Return trust with its evidence in a log, for the agents of a role that have ratings there.
 
     Args:
         log: Log.
         role: Role of the agents.
-        trust: Trust by the place of an agent among the names of the log.
+        trust: Trust by the place of an agent among the names of the log, shape (n,).
+        pairs: Pairs of the log, see `RatingLog.pairs`.
     """
-    own, others = (log.ratees, log.raters) if role == "ratee" else (log.raters, log.ratees)
-    names = log.ratee_names if role == "ratee" else log.rater_names
-    keys, counts = np.unique(pair_keys(own, others), return_counts=True)
+    side = int(role == "ratee")
+    own, names = (log.raters, log.ratees)[side], (log.rater_names, log.ratee_names)[side]
     last = np.full(len(names), np.nan)
     if log.times is not None:
         last[own] = log.times  # ascending, so the last one stays
-    values = np.fromiter(trust.values(), np.float64, len(trust))
-    return _of_pairs(names, values, pair_ends(keys)[0], counts, last)
+    ratings = np.bincount(own, minlength=len(names))
+    return _of_pairs(names, trust, ratings, pair_ends(pairs.repeated)[side], pairs.counts, last)
 
 
-def _of_pairs(names: list[Any], trust: Floats, ends: Ints, counts: Ints, last: Floats) -> Evidence:
-    """Return the evidence of agents with ratings, from the agent and the number of ratings of each pair."""
-    size = len(names)
-    ratings = np.bincount(ends, counts, size).astype(np.int64)
-    independent = effective_number(ends, counts, size)
+def _of_pairs(names: Sequence[Any], trust: Floats, ratings: Ints, ends: Ints, counts: Ints, last: Floats) -> Evidence:
+    """Return the evidence of agents with ratings, from the agent and the number of ratings of pairs with several."""
+    import pyarrow as arrow
+
+    agents = ratings - np.bincount(ends, counts - 1, len(names)).astype(np.int64)
+    independent = effective_number(ratings, ends, counts)
     found = Evidence(
-        names,
-        trust,
-        *wilson_interval(trust, independent),
-        ratings,
-        np.bincount(ends, minlength=size),
-        independent,
-        last,
+        NameList(arrow.array(names)), trust, *wilson_interval(trust, independent), ratings, agents, independent, last
     )
     return found.at(np.flatnonzero(ratings))
 
 
-def effective_number(groups: Ints, counts: Ints, size: int) -> Floats:
-    """Return the effective number of raters in each of so many groups, from the number of ratings of each rater.
+def effective_number(ratings: Ints, ends: Ints, counts: Ints) -> Floats:
+    """Return the effective number of raters of each provider, from its pairs that have several ratings.
 
         n = (sum over raters i of c[i])^2 / sum over i of c[i]^2
 
-    where c[i] is the number of ratings of rater i in the group: the inverse of Simpson's index of their shares
-    (Simpson, "Measurement of Diversity", 1949), and Kish's effective size of a sample. It is the number of raters where
-    all have rated equally often, near 1 where one of them has given nearly all ratings, and 0 without ratings. Raters
-    that act together count one by one.
+    where c[i] is the number of ratings by rater i: the inverse of Simpson's index of their shares (Simpson,
+    "Measurement of Diversity", 1949), and Kish's effective size of a sample. It is the number of raters where all have
+    rated equally often, near 1 where one of them has given nearly all ratings, and 0 without ratings. Raters that act
+    together count one by one.
 
     Example:
-        >>> effective_number(np.array([0, 0, 1, 1]), np.array([5, 5, 200, 1]), 2).round(2).tolist()
+        >>> effective_number(np.array([10, 201]), np.array([0, 0, 1]), np.array([5, 5, 200])).round(2).tolist()
         [2.0, 1.01]
 
     Args:
-        groups: Group of each rater, such as the provider that it rates, shape (n,).
-        counts: Number of its ratings there, shape (n,).
-        size: Number of groups.
+        ratings: Number of ratings of each provider, shape (n,).
+        ends: Provider of each pair, shape (k,); of pairs with one rating all or none are given.
+        counts: Number of ratings of each pair, shape (k,).
     """
-    total = np.bincount(groups, counts, size)
-    squares = np.bincount(groups, counts.astype(np.float64) ** 2, size)
+    total = ratings.astype(np.float64)
+    squares = total + np.bincount(ends, counts * (counts - 1.0), len(total))
     return total**2 / np.maximum(squares, 1.0)
 
 

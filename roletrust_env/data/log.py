@@ -1,23 +1,40 @@
 """A log of ratings from a file, read by pyarrow and checked row by row."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from roletrust_env.data.columns import Columns, by_number
 from roletrust_env.data.dialect import Dialect
+from roletrust_env.data.names import NameColumns
 from roletrust_env.data.rounds import MOST, round_numbers
-from roletrust_env.data.tables import Table
+from roletrust_env.data.tables import Block, Table
 from roletrust_env.data.units import check_scale, unit_ratings
-from roletrust_env.data.values import Clock, Times, coded, numbers, places
-from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.data.values import Clock, Row, Times, named, numbers
+from roletrust_env.trust.edges import pair_keys
+from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 
 _FACTOR, _HALF = np.uint64(0x9E3779B97F4A7C15), np.uint64(32)
 _FEW, _SHARE = 100, 0.9  # more empty rounds, and a larger share of them, are told
 _YEAR, _FIRST, _LAST = 31_556_952, 1971, 2200  # seconds; years before and after which times are doubted
+
+
+class Pairs(NamedTuple):
+    """The pairs of rater and ratee in a log.
+
+    Attributes:
+        numbers: Number of each rating's pair, in the order in which pairs first occur, shape (n,).
+        repeated: Pairs with several ratings, see `pair_keys`, ascending, shape (k,).
+        counts: Number of the ratings of each of these, shape (k,).
+    """
+
+    numbers: Ints
+    repeated: Ints
+    counts: Ints
 
 
 class RatingLog(NamedTuple):
@@ -28,7 +45,7 @@ class RatingLog(NamedTuple):
         ratees: Place of each rating's ratee among the names, shape (n,).
         values: Ratings on [0, 1], shape (n,), 0 for the worst.
         times: Times, shape (n,), ascending; None if there are none.
-        rater_names: Names of the raters; the same list as that of the ratees if members rate members.
+        rater_names: Names of the raters; the same object as those of the ratees if members rate members.
         ratee_names: Names of the ratees.
         was_sorted: Whether the file was in the order of time.
         clock: Kind of its times, see `Clock.kind`; empty without times.
@@ -38,8 +55,8 @@ class RatingLog(NamedTuple):
     ratees: Ints
     values: Floats
     times: Floats | None
-    rater_names: list[str]
-    ratee_names: list[str]
+    rater_names: Sequence[str]
+    ratee_names: Sequence[str]
     was_sorted: bool
     clock: str = ""
 
@@ -52,6 +69,22 @@ class RatingLog(NamedTuple):
     def same_agents(self) -> bool:
         """Whether members rate members, so that a rater and a ratee of one name are one agent."""
         return self.rater_names is self.ratee_names
+
+    def pairs(self) -> Pairs:
+        """Return the pairs of rater and ratee."""
+        keys = pair_keys(self.raters, self.ratees)
+        ordered = np.sort(keys)
+        repeated, counts = np.unique(ordered[1:][ordered[1:] == ordered[:-1]], return_counts=True)
+        places = KeyIndex.of(repeated).places(keys, add=False)
+        again = np.flatnonzero(places >= 0)
+        places, first = places[again], np.empty(len(repeated), np.int64)
+        first[places[::-1]] = again[::-1]  # the last assignment stays
+        new = np.ones(len(keys), bool)
+        new[again] = False
+        new[first] = True
+        numbers = np.cumsum(new) - 1
+        numbers[again] = numbers[first[places]]
+        return Pairs(numbers, repeated, counts + 1)
 
 
 def read_ratings(
@@ -102,31 +135,31 @@ def read_ratings(
     if wrong := [text for text, value in known.items() if not isinstance(value, Real) or not np.isfinite(float(value))]:
         raise ValueError(f"the rating of {wrong[0]!r} is {known[wrong[0]]!r}; it must be a number")
     table = Table(path, columns.wanted, dialect, known, missing=missing, tag=tag)
-    people, values, times = (
-        list[Any](),
-        list[Floats](),
-        Times(dialect.unit, dialect.time_format),
-    )  # raters and ratees take turns
-    read = 0
+    values, times, read = list[Floats](), Times(dialect.unit, dialect.time_format), 0
+    groups = [(NameColumns(), (0, 1))] if same_agents else [(NameColumns(), (0,)), (NameColumns(), (1,))]
     plain = by_number(columns.wanted) or columns.rating == Columns().rating
     what = "the rating" if plain else f"column {columns.rating!r}"
-    for block in table.blocks():
-        row = _row_after(table, read)
-        people += [coded(block[side], f"column {columns[side]!r}", row) for side in (0, 1)]
-        values.append(numbers(block[2], what, row, comma=table.decimal_comma, labels=known))
-        if columns.time is not None:
-            times.add(block[3], row, comma=table.decimal_comma)
-        read += len(block[2])
-        advance(read)
-    if not read:
-        raise ValueError(f"{path} has no ratings")
-    if same_agents:
-        raters, (who, whom), joined, floats = places(people, 2)
-        ratees = raters
-    else:
-        (raters, (who,), joined, floats), (ratees, (whom,), *more) = places(people[::2], 1), places(people[1::2], 1)
-        joined, floats = joined + more[0], floats + more[1]
+    with ThreadPoolExecutor(len(groups)) as pool:
+        for block in table.blocks():
+            row = _row_after(table, read)
+
+            def add(group: tuple[NameColumns, tuple[int, ...]], block: Block = block, row: Row = row) -> None:
+                group[0].add(*(named(block[side], f"column {columns[side]!r}", row) for side in group[1]))
+
+            list(pool.map(add, groups))
+            values.append(numbers(block[2], what, row, comma=table.decimal_comma, labels=known))
+            if columns.time is not None:
+                times.add(block[3], row, comma=table.decimal_comma)
+            read += len(block[2])
+            advance(read)
+        if not read:
+            raise ValueError(f"{path} has no ratings")
+        found = list(pool.map(lambda group: group[0].places(len(group[1])), groups))
+    raters, ratees = found[0][0], found[-1][0]
+    who, whom = (places for _, sides, *_ in found for places in sides)
+    joined, floats = (sum(one[at] for one in found) for at in (2, 3))
     ratings = np.concatenate(values)
+    values.clear()
     try:
         unit = unit_ratings(ratings, scale, lambda at: f"{table.row(at)}: the rating is")
     except ValueError as error:
@@ -134,14 +167,17 @@ def read_ratings(
         raise ValueError(f"{error}; all ratings here are on --scale {ends}, from worst to best") from None
     if same_agents and (own := np.flatnonzero(who == whom)).size:
         raise ValueError(f"{table.row(int(own[0]))}: {raters[who[own[0]]]!r} rates itself")
-    clock = None if columns.time is None else times.clock()
-    if clock is not None and not repeats:
-        _refuse_repeats(table, (who, whom, unit, clock.exact))
-    log = RatingLog(who, whom, unit, clock and clock.seconds, raters, ratees, True, clock.kind if clock else "")
-    if clock is not None and not (np.diff(clock.exact) >= 0).all():
-        order = np.argsort(clock.exact, kind="stable")
-        log = log._replace(raters=who[order], ratees=whom[order], values=unit[order], times=clock.seconds[order])
-        log = log._replace(was_sorted=False)
+    log, clock = RatingLog(who, whom, unit, None, raters, ratees, was_sorted=True), None
+    if columns.time is not None:
+        clock = times.clock()
+        exact, order = clock.exact, None
+        log = log._replace(times=clock.seconds, clock=clock.kind)
+        if (exact[1:] < exact[:-1]).any():
+            order = np.argsort(exact, kind="stable")
+            exact, log = exact[order], log._replace(raters=who[order], ratees=whom[order], values=unit[order])
+            log = log._replace(times=clock.seconds[order], was_sorted=False)
+        if not repeats:
+            _refuse_repeats(table, log, exact, order)
     for line in _lines(table, joined, floats, log, clock, every):
         tell(line)
     return log
@@ -178,27 +214,39 @@ def _lines(
             yield f"Warning: times are from the year {first} to {last}; their unit may be another (--time-unit)."
     if every is not None and log.times[-1] - log.times[0] < every * MOST:
         rounds = round_numbers(log.times, every, float(log.times[0]))
-        total, full = int(rounds[-1]) + 1, len(np.unique(rounds))
+        total, full = int(rounds[-1]) + 1, 1 + np.count_nonzero(rounds[1:] != rounds[:-1])
         if total - full > max(_FEW, _SHARE * total):
             yield f"Warning: {total - full:,} of {total:,} rounds are empty; --every is {every:g}, in another unit?"
         if total == 1 and log.times[0] < log.times[-1]:
             yield f"{many} in one round; --every is {every:g}, in another unit?"
 
 
-def _refuse_repeats(table: Table, columns: tuple[Ints, Ints, Floats, Ints | Floats]) -> None:
-    """Refuse a row that is the same as an earlier one in all columns."""
-    digest = np.zeros(len(columns[0]), np.uint64)
+def _refuse_repeats(table: Table, log: RatingLog, times: Ints | Floats, order: Ints | None) -> None:
+    """Refuse a row that is the same as an earlier one in all columns.
+
+    Args:
+        table: File.
+        log: Its rows in the order of time.
+        times: Exact times, ascending.
+        order: Place of each row in the file; None if they are in its order.
+    """
+    equal = times[1:] == times[:-1]
+    near = np.flatnonzero(np.append(equal, False) | np.append(False, equal))
+    columns = [column[near] for column in (log.raters, log.ratees, log.values, times)]
+    digest = np.zeros(len(near), np.uint64)
     for column in columns:
         digest = (digest + (column + 0).view(np.uint64)) * _FACTOR  # + 0, since -0.0 is 0.0
         digest ^= digest >> _HALF
     digest.sort()
     if (digest[1:] != digest[:-1]).all():  # sorting all columns would take ten times as long
         return
-    order = np.lexsort(columns)
-    same = np.logical_and.reduce([np.diff(column[order]) == 0 for column in columns])
+    places = near if order is None else order[near]
+    by_value = np.lexsort([places, *columns])
+    same = np.logical_and.reduce([np.diff(column[by_value]) == 0 for column in columns])
     if (at := np.flatnonzero(same)).size:
-        later = at[np.argmin(order[at + 1])]
+        later = at[np.argmin(places[by_value[at + 1]])]
+        first, again = (table.row(int(places[by_value[place]])) for place in (later, later + 1))
         raise ValueError(
-            f"{table.row(int(order[later + 1]))} repeats {table.row(int(order[later])).rpartition(', ')[2]}: rater, "
-            "ratee, rating and time are the same; --repeats counts them as one"
+            f"{again} repeats {first.rpartition(', ')[2]}: rater, ratee, rating and time are the same; "
+            "--repeats counts them as one"
         )

@@ -159,8 +159,8 @@ class Table:
             table = table.filter(~drop)
         self._left_out += [self._read + place for place in gone]
         self._read += whole
-        for start in range(0, len(table), _ROWS):
-            yield [table[name].slice(start, _ROWS).combine_chunks() for name in names]
+        for batch in filter(len, table.to_batches(_ROWS)):
+            yield [batch[name] for name in names]
 
     # --- CSV ------------------------------------------------------------------------------------------
 

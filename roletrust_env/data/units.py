@@ -48,7 +48,9 @@ def unit_ratings(
     if not (right := (ratings >= worst) & (ratings <= best)).all():
         at = int(right.argmin())
         raise ValueError(f"{name(at)} {ratings[at]:g}, off the scale from {worst:g} to {best:g}")
-    return (ratings - worst) / (best - worst)
+    unit = ratings - worst
+    unit /= best - worst
+    return unit
 
 
 def date_seconds(dates: Any) -> Floats:

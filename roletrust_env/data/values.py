@@ -18,8 +18,6 @@ _MISSING = ("na", "n/a", "nan", "nat", "null", "none", "-")
 _NO_ZONE = "dates without a time zone"  # they count as UTC
 _EXACT, _DIGITS = 2**53, 15  # whole numbers below, and numbers of so many digits, are exact as float64
 
-_WHOLE = r"^-?(0|[1-9]\d*)(\.0)?$"  # a whole number, also as pandas writes it if its column misses a value
-
 Row = Callable[[int], str]
 """Function from a place in a column to the file and the row, for messages."""
 
@@ -42,10 +40,11 @@ def is_missing(column: Any, *, value: bool = False) -> npt.NDArray[np.bool_]:
     from pyarrow import compute
 
     if is_text(column):
-        texts = compute.utf8_trim_whitespace(column.cast(arrow.string()))
-        gone = compute.equal(compute.binary_length(texts), 0)
+        texts = column.cast(arrow.string())
+        gone = compute.or_(compute.utf8_is_space(texts), compute.equal(compute.binary_length(texts), 0))
         if value:
-            gone = compute.or_(gone, compute.is_in(compute.utf8_lower(texts), arrow.array(_MISSING)))
+            words = compute.utf8_lower(compute.utf8_trim_whitespace(texts))
+            gone = compute.or_(gone, compute.is_in(words, arrow.array(_MISSING)))
         gone = compute.fill_null(gone, True)
     else:
         gone = compute.is_null(column, nan_is_null=True)
@@ -72,8 +71,8 @@ def to_numpy(column: Any, missing: float = 0) -> Any:
 # --- names --------------------------------------------------------------------------------------------
 
 
-def coded(column: Any, what: str, row: Row) -> Any:
-    """Return a column of names as a dictionary of texts and places in it.
+def named(column: Any, what: str, row: Row) -> Any:
+    """Return a column of names as texts.
 
     Names are texts; whole numbers, also as floats; or bytes, which are texts in UTF-8 or else hexadecimal.
 
@@ -86,45 +85,40 @@ def coded(column: Any, what: str, row: Row) -> Any:
         ValueError: The column has no names, or one is missing.
     """
     import pyarrow as arrow
-    from pyarrow import compute
 
     kinds = arrow.types
     if kinds.is_floating(column.type):
-        column = compute.if_else(compute.is_nan(column), None, column)
-    codes = column.dictionary_encode()
-    names = codes.dictionary
-    if kinds.is_floating(names.type):
-        names = _whole(names, codes, what, row)
-    elif kinds.is_decimal(names.type):
-        names = names.cast(arrow.decimal256(76, 0))
-    elif kinds.is_binary(names.type) or kinds.is_large_binary(names.type) or kinds.is_fixed_size_binary(names.type):
-        names = arrow.array(list(map(_byte_name, names.to_pylist())), arrow.string())
-    elif not (is_text(names) or kinds.is_integer(names.type) or kinds.is_null(names.type)):
+        column = _whole(column, what, row)
+    elif kinds.is_decimal(column.type):
+        column = column.cast(arrow.decimal256(76, 0))
+    elif kinds.is_binary(column.type) or kinds.is_large_binary(column.type) or kinds.is_fixed_size_binary(column.type):
+        codes = column.dictionary_encode()
+        column = arrow.array(map(_byte_name, codes.dictionary.to_pylist()), arrow.string()).take(codes.indices)
+    elif not (is_text(column) or kinds.is_integer(column.type) or kinds.is_null(column.type)):
         raise ValueError(f"{_file(row)}, {what} is of type {column.type}; names must be texts or whole numbers")
-    names = names.cast(arrow.string())
-    empty = to_numpy(compute.binary_length(compute.utf8_trim_whitespace(names))) == 0
-    places = to_numpy(codes.indices, -1)
-    if (missing := np.flatnonzero((places < 0) | np.append(empty, True)[places])).size:
+    column = column.cast(arrow.string())
+    if (missing := np.flatnonzero(is_missing(column))).size:
         raise ValueError(f"{row(missing[0])} has no name in {what}")
-    return arrow.DictionaryArray.from_arrays(codes.indices, names)
+    return column
 
 
-def _whole(names: Any, codes: Any, what: str, row: Row) -> Any:
-    """Return floats as whole numbers.
+def _whole(column: Any, what: str, row: Row) -> Any:
+    """Return floats as whole numbers; NaN is missing.
 
     Raises:
         ValueError: One is not whole, or too large to be exact.
     """
     import pyarrow as arrow
 
-    numbers = to_numpy(names.cast(arrow.float64()))
-    if not (whole := (np.rint(numbers) == numbers) & (np.abs(numbers) < _EXACT)).all():
-        at = np.flatnonzero(np.append(~whole, False)[to_numpy(codes.indices, -1)])[0]
-        wrong = numbers[codes.indices[int(at)].as_py()]
+    numbers = to_numpy(column.cast(arrow.float64()), np.nan)
+    missing = np.isnan(numbers)
+    whole = np.where(missing, 0.0, numbers)
+    if (wrong := np.flatnonzero((np.rint(whole) != whole) | (np.abs(whole) >= _EXACT))).size:
         raise ValueError(
-            f"{row(at)}: {what} is {wrong!s}; a name that is a number must be whole and below 2 ** 53, or a text"
+            f"{row(wrong[0])}: {what} is {numbers[wrong[0]]!s}; a name that is a number must be whole and below "
+            "2 ** 53, or a text"
         )
-    return arrow.array(numbers.astype(np.int64))
+    return arrow.array(whole.astype(np.int64), mask=missing)
 
 
 def _byte_name(name: bytes) -> str:
@@ -135,38 +129,6 @@ def _byte_name(name: bytes) -> str:
     except UnicodeDecodeError:
         pass
     return f"0x{name.hex()}"
-
-
-def places(columns: list[Any], sides: int) -> tuple[list[str], list[Ints], int, int]:
-    """Return the names of coded columns, in the order in which they first occur, and the place of each.
-
-    Args:
-        columns: Columns, see `coded`; those of several sides take turns.
-        sides: Number of sides, each of which gets an array of places.
-
-    Returns:
-        Names, by `trimmed`, and without `.0` if all are whole numbers; their places on each side; the number of names
-        that became another one by `trimmed`; and the number of names that lost a `.0`.
-    """
-    import pyarrow as arrow
-    from pyarrow import compute
-
-    parts = arrow.chunked_array(columns).unify_dictionaries().chunks
-    names = parts[0].dictionary
-    indices = [to_numpy(part.indices) for part in parts]
-    found = [np.concatenate(indices[side::sides], dtype=np.int64) for side in range(sides)]
-    same = compute.utf8_trim_whitespace(names)  # white space as `trimmed` has it
-    same = compute.utf8_normalize(same, form="NFC")
-    joined, floats = len(names) - compute.count_distinct(same).as_py() if not same.equals(names) else 0, 0
-    ends = compute.ends_with(same, pattern=".0")
-    if compute.any(ends).as_py() and compute.all(compute.match_substring_regex(same, _WHOLE)).as_py():
-        floats, same = compute.sum(ends).as_py(), compute.replace_substring_regex(same, r"\.0$", "")
-    if not same.equals(names):
-        one = same.dictionary_encode()
-        names, among = one.dictionary, to_numpy(one.indices)
-        found = [among[side].astype(np.int64) for side in found]
-    texts: list[str] = names.to_pylist()
-    return texts, found, joined, floats
 
 
 # --- ratings ------------------------------------------------------------------------------------------
@@ -344,7 +306,8 @@ class Times:
         exact = _same_unit([(ticks, scale) for _, ticks, scale in self._parts])
         unit = None if self._dates else self._unit or find_unit(floats)
         words = self._dates or (f"numbers in {unit}" if unit else "numbers")
-        return Clock(floats / UNITS[unit] if unit else floats, floats if exact is None else exact, words)
+        scale = UNITS[unit or "s"]
+        return Clock(floats if scale == 1 else floats / scale, floats if exact is None else exact, words)
 
 
 def _iso(text: str | None) -> str:

@@ -19,7 +19,7 @@ def write_table(path: Path, table: Any, advance: Callable[[int], None] = lambda 
         path: Path of the file: `.parquet` for Parquet, else CSV. There, texts are in quotes, and missing ones empty.
             Columns of floats have six decimals if all are below 10^12.
         table: Table.
-        advance: Function that is called with the number of rows written so far.
+        advance: Function that is called with the number of rows that were written since the last call.
     """
     if path.suffix == ".parquet":
         from pyarrow.parquet import ParquetWriter as Writer
@@ -29,8 +29,9 @@ def write_table(path: Path, table: Any, advance: Callable[[int], None] = lambda 
         table = _decimals(table)
     with replacing(path) as temporary, Writer(temporary, table.schema) as writer:
         for start in range(0, max(len(table), 1), _ROWS):
-            writer.write_table(table.slice(start, _ROWS))
-            advance(min(start + _ROWS, len(table)))
+            part = table.slice(start, _ROWS)
+            writer.write_table(part)
+            advance(len(part))
 
 
 def _decimals(table: Any) -> Any:

@@ -57,13 +57,16 @@ class TrustRun(ABC):
         """The trust of each provider, shape (P,), in [0, 1]."""
 
     @abstractmethod
-    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
+    def play(self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None) -> None:
         """Play one round. Agents with a place beyond all earlier ones join; ratings of one pair count as their mean.
 
         Args:
             raters: Place of the rater of each rating, shape (E,), at least 0.
             providers: Place of the provider of each rating, shape (E,), at least 0.
             values: Ratings, shape (E,), in [0, 1].
+            pairs: Number of the pair of each rating, in the order in which pairs first occur in all rounds, shape (E,),
+                if that is known; then in all rounds or in none. A local model need not find them, but the run cannot be
+                saved, and no agent can leave.
         """
 
     def skip(self, rounds: int) -> None:
@@ -175,7 +178,7 @@ class GridRun(TrustRun):
         """The trust of each provider. See `TrustRun.provider_trust`."""
         return self.model.provider_trust(self.state)
 
-    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
+    def play(self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None) -> None:
         """Play one round. See `TrustRun.play`.
 
         Raises:
@@ -374,16 +377,20 @@ class EdgeRun(TrustRun):
         self._settle()
         return np.array(self.model.provider_trust(self._view(ages=False)))
 
-    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
+    def play(self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None) -> None:
         """Play one round. See `TrustRun.play`.
 
         Raises:
             ValueError: A model of another package fails, see `watched_update`.
         """
         self._make_room(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
-        keys = pair_keys(raters, providers)
-        pair = self._index.places(keys) if self._remembers else keys
-        self._grow({"pair": len(self._index), "age": len(self._index)})
+        if self._local and self._remembers and pairs is not None:
+            pair, known = pairs, int(pairs.max(initial=-1)) + 1
+        else:
+            keys = pair_keys(raters, providers)
+            pair = self._index.places(keys) if self._remembers else keys
+            known = len(self._index)
+        self._grow({"pair": known, "age": known})
         raters, providers, values, pair = merge_repeats(raters, providers, values, pair)
         if self._local:
             self._play_touched(raters, providers, values, pair)
@@ -467,8 +474,11 @@ class EdgeRun(TrustRun):
             missing = larger.get(kind, 0) - len(leaf)
             if missing <= 0:
                 return leaf
-            new = np.full(max(missing, len(leaf)), 0.0 if kind in ("pair", "age") else start[0], start.dtype)
-            return np.concatenate([leaf, new])
+            new = np.zeros(len(leaf) + max(missing, len(leaf)), start.dtype)
+            new[: len(leaf)] = leaf
+            if kind in ("rater", "provider"):
+                new[len(leaf) :] = start[0]
+            return new
 
         if larger:
             self._state = map_kinds(grown, self._state, self._start)

@@ -21,7 +21,7 @@ def test_it_counts_ratings_and_agents_as_a_slow_copy_does(tmp_path: Path) -> Non
     path.write_text("rater,ratee,rating,time\n" + "".join(f"{n},{m},1,{k}\n" for n, m, k in rows))
     log = read_ratings(path)._replace(times=np.arange(200.0))
     for role, own, other in (("ratee", 1, 0), ("rater", 0, 1)):
-        found = evidence(log, role, dict.fromkeys(range(9), 0.5))
+        found = evidence(log, role, np.full(9, 0.5), log.pairs())
         for place, name in enumerate(found.names):
             some = [row for row in rows if row[own] == name]
             counts = [sum(row[other] == agent for row in some) for agent in {row[other] for row in some}]

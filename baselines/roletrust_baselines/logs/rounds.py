@@ -1,13 +1,14 @@
 """The rounds of a whole log, and how they are played."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.data.log import RatingLog
+from roletrust_env.data.log import Pairs, RatingLog
 from roletrust_env.data.rounds import round_numbers, spans
-from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.run import TrustRun, make_run
 
 
@@ -26,11 +27,11 @@ def log_rounds(log: RatingLog, every: float) -> Ints:
     return round_numbers(log.times, every, float(log.times[0]))
 
 
-def play_round(run: TrustRun, number: int, raters: Ints, providers: Ints, values: Floats) -> None:
-    """Play the round of a number; rounds without ratings that lie before it are played first."""
+def play_round(run: TrustRun, number: int, *ratings: Any) -> None:
+    """Play the round of a number, see `TrustRun.play`; rounds without ratings that lie before it are played first."""
     if number > run.rounds:
         run.skip(number - run.rounds)
-    run.play(raters, providers, values)
+    run.play(*ratings)
 
 
 def numbers_of(log: RatingLog, every: float | None, count: int | None) -> Ints:
@@ -44,20 +45,32 @@ def numbers_of(log: RatingLog, every: float | None, count: int | None) -> Ints:
     return np.arange(len(log.values)) // (count or max(len(log.values), 1))
 
 
-def played(model: Any, log: RatingLog, numbers: Ints, *, without: npt.NDArray[np.bool_] | None = None) -> TrustRun:
+def played(
+    model: Any,
+    log: RatingLog,
+    numbers: Ints,
+    *,
+    pairs: Pairs | None = None,
+    without: npt.NDArray[np.bool_] | None = None,
+    advance: Callable[[int, int], None] = lambda done, total: None,
+) -> TrustRun:
     """Return a run that has played a whole log, with some ratings left out of their rounds.
 
     Args:
         model: Trust model.
         log: Log.
         numbers: Number of the round of each rating, shape (n,), ascending.
+        pairs: Pairs of the log, if they are known.
         without: Whether each rating is left out, shape (n,). None for none.
+        advance: Function that is called with the number of ratings that were played, and of all.
 
     Raises:
         MemoryError: The model does not fit, see `make_run`.
     """
     run = make_run(model, log.shape, one_role=not log.same_agents)
+    columns = [log.raters, log.ratees, log.values, *([] if pairs is None else [pairs.numbers])]
     for number, part in spans(numbers):
         there = slice(None) if without is None else ~without[part]
-        play_round(run, number, log.raters[part][there], log.ratees[part][there], log.values[part][there])
+        play_round(run, number, *(column[part][there] for column in columns))
+        advance(part.stop, len(numbers))
     return run

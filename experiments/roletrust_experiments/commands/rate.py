@@ -1,12 +1,12 @@
 """`roletrust rate`: whom to trust, from a log of ratings, and which trust model suits logs."""
 
-from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 import typer
@@ -15,7 +15,7 @@ from rich.progress import Progress
 
 from roletrust_baselines.logs.explanation import explain as explained
 from roletrust_baselines.logs.explanation import find_ratee
-from roletrust_baselines.logs.rounds import numbers_of
+from roletrust_baselines.logs.rounds import numbers_of, played
 from roletrust_baselines.logs.suspects import find_suspects
 from roletrust_env.data.evidence import Evidence, Role, evidence, joined, window
 from roletrust_env.data.log import RatingLog
@@ -31,7 +31,7 @@ from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_o
 from roletrust_experiments.commands.rate_tables import explanation_table, ranking_table, suspects_table
 
 _apart = attrgetter("n_late", "n_ahead", "n_repeated")  # ratings of a stream
-_BLOCK = 50_000  # ratings at a time, where rounds do not depend on it
+_ROLES: tuple[Role, ...] = get_args(Role)
 _MODEL = "leave-one-out"
 _REASON = "the nearest to the next ratings of the real log of docs/real.md; the paper's is --model role-trust"
 _BY_TIME, _WHOLE = "rounds go by time there", "a whole log, without --state and --lead"
@@ -134,15 +134,23 @@ def rate(
     with progress_bar() as progress:
         log = reading.read(ratings, stage(progress, f"Reading {ratings.name}"))
         agent = None if explain is None else find_ratee(log, explain)
-        stream = _play(chosen, log, state, reading, rounds, stage(progress, "Playing rounds"))
-        trusts: dict[Role, Any] = {"ratee": stream.provider_trust(), "rater": stream.rater_trust()}
-        ranked = {
-            role: (stream.evidence(role) if state else evidence(log, role, one)).ranked(rank_by)
-            for role, one in trusts.items()
-        }
-        origin = {**window(stream.window if state else log.times), "model": name, "version": version("roletrust-env")}
-        written = _write(out, ranked, origin, progress)
-        for role, one in ranked.items():
+        advance = stage(progress, "Playing rounds")
+        pairs = None if state else log.pairs()
+        if state_or_lead:
+            run: Any = _stream(chosen, log, state, reading, rounds)
+            trusts = [np.array(list(one().values())) for one in (run.provider_trust, run.rater_trust)]
+        else:
+            run = played(chosen, log, numbers_of(log, every, count), pairs=pairs, advance=advance)
+            trusts = [run.provider_trust, run.rater_trust]
+        origin = {**window(run.window if state else log.times), "model": name, "version": version("roletrust-env")}
+
+        def ranked(role: Role, trust: Any) -> Evidence:
+            return (evidence(log, role, trust, pairs) if pairs else run.evidence(role)).ranked(rank_by)
+
+        with ThreadPoolExecutor() as pool:  # pyarrow and NumPy sort and write two tables beside each other
+            found = dict(zip(_ROLES, pool.map(ranked, _ROLES, trusts), strict=True))
+            written = _write(out, found, origin, progress, pool)
+        for role, one in found.items():
             unknown = role == "rater" and not chosen.rates_raters
             console.print(
                 f"{escape(name)} has no notion of trust in raters."
@@ -151,8 +159,8 @@ def rate(
             )
         if agent is not None:
             advance = stage(progress, f"Explaining {explain}")
-            found = explained(chosen, log, numbers_of(log, every, count), agent, advance=advance)
-            console.print(explanation_table(found, log, agent, reading.ends))
+            reasons = explained(chosen, log, numbers_of(log, every, count), agent, advance=advance)
+            console.print(explanation_table(reasons, log, agent, reading.ends))
         if suspects:
             advance = stage(progress, "Looking for suspects")
             groups = find_suspects(chosen, log, numbers_of(log, every, count), seed=seed, advance=advance)
@@ -160,37 +168,24 @@ def rate(
             rows = [(n, log.rater_names[at], *one[2:]) for n, one in enumerate(groups.groups, 1) for at in one.raters]
             write_csv(folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows)
     console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
-    console.print(f"{len(log.values):,} ratings in {stream.rounds:,} rounds. Written to {written}", soft_wrap=True)
+    console.print(f"{len(log.values):,} ratings in {run.rounds:,} rounds. Written to {written}", soft_wrap=True)
 
 
-def _play(
-    model: Any,
-    log: RatingLog,
-    state: Path | None,
-    reading: LogOptions,
-    rounds: dict[str, Any],
-    advance: Callable[..., None],
-) -> TrustStream:
+def _stream(model: Any, log: RatingLog, state: Path | None, reading: LogOptions, rounds: dict[str, Any]) -> TrustStream:
     """Return a stream that has played a log, after the earlier ratings of a state, and print which were left out."""
     if state is None:
         agents: Any = tuple(np.arange(size) for size in log.shape)
         people: Any = log.raters, log.ratees
         opened: AbstractContextManager[TrustStream] = nullcontext(TrustStream(model, agents=agents, **rounds))
     else:
-        people = np.array(log.rater_names, object)[log.raters], np.array(log.ratee_names, object)[log.ratees]
+        names = (np.array(list(names), object) for names in (log.rater_names, log.ratee_names))
+        people = next(names)[log.raters], next(names)[log.ratees]
         source = {"rating scale": list(reading.ends), "tag": reading.tag, "times": log.clock}
         kept: Any = {"repeats": reading.repeats, "keep_evidence": True, "source": source}
         opened = TrustStream.opened(state, model, **kept, **rounds)
-    times = None if rounds["every"] is None else log.times
-    depends = state is not None or rounds["lead"] is not None or (times is None and rounds["count"] is None)
-    size = len(log.values) if depends else _BLOCK
     with opened as stream:
         before = _apart(stream)
-        for start in range(0, len(log.values), size):
-            part = slice(start, start + size)
-            when = None if times is None else times[part]
-            stream.update(people[0][part], people[1][part], log.values[part], when)
-            advance(start + size, len(log.values))
+        stream.update(people[0], people[1], log.values, log.times)
     stream.finish()
     if any(apart := [after - had for after, had in zip(_apart(stream), before, strict=True)]):
         words = "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the lead, {:,} repeated"
@@ -198,10 +193,15 @@ def _play(
     return stream
 
 
-def _write(out: Path, ranked: dict[Role, Evidence], origin: dict[str, str], progress: Progress) -> str:
+def _write(
+    out: Path, found: dict[Role, Evidence], origin: dict[str, str], progress: Progress, pool: ThreadPoolExecutor
+) -> str:
     """Write the tables of both roles, in one file if it is a Parquet file, and return what was written."""
-    tables = {out / f"{role}s.csv": one.table(role, origin) for role, one in ranked.items()}
-    single = out.suffix == ".parquet"
-    for path, table in ({out: joined(tables.values())} if single else tables).items():
-        write_table(path, table, stage(progress, f"Writing {path.name}", len(table)))
-    return str(out) if single else f"{out}: {', '.join(path.name for path in tables)}"
+    tables = {out / f"{role}s.csv": one.table(role, origin) for role, one in found.items()}
+    names = ", ".join(path.name for path in tables)
+    if single := out.suffix == ".parquet":
+        tables = {out: joined(tables.values())}
+    stage(progress, "Writing", sum(map(len, tables.values())))
+    advance = partial(progress.advance, progress.task_ids[-1])
+    list(pool.map(partial(write_table, advance=advance), tables, tables.values()))
+    return str(out) if single else f"{out}: {names}"

@@ -30,20 +30,20 @@ def ranking_of(log: RatingLog, model: str = "mean", rank_by: Rank = "low", top: 
     return Ranking(make_trust_model(model), log, MONTH, same_agents=True, rank_by=rank_by, top=top)
 
 
-def streamed(log: RatingLog, model: str) -> TrustStream:
-    """A stream of the log, as `rate` has it."""
+def rated(log: RatingLog, model: str, rank_by: Rank = "low") -> list[str]:
+    """The names of the ratees by rank, from a stream of the log."""
     agents = np.arange(log.shape[0]), np.arange(log.shape[1])
     stream = TrustStream(make_trust_model(model), agents=agents, every=MONTH, same_agents=True)
     stream.update(log.raters, log.ratees, log.values, log.times)
     stream.finish()
-    return stream
+    trust = np.array(list(stream.provider_trust().values()))
+    return evidence(log, "ratee", trust, log.pairs()).ranked(rank_by).names
 
 
 @pytest.mark.parametrize("rank_by", ["low", "trust"])
 def test_ranks_are_those_of_rate(log: RatingLog, rank_by: Rank) -> None:
-    ranked = evidence(log, "ratee", streamed(log, "leave-one-out").provider_trust()).ranked(rank_by)
     order = ranking_of(log, "leave-one-out", rank_by).order
-    assert [log.ratee_names[place] for place in order] == ranked.names
+    assert [log.ratee_names[place] for place in order] == rated(log, "leave-one-out", rank_by)
 
 
 def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> None:
@@ -63,9 +63,8 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
     longer = log._replace(
         raters=raters[order].astype(int), ratees=ratees[order].astype(int), values=values[order], times=times[order]
     )
-    found = evidence(longer, "ratee", streamed(longer, "mean").provider_trust()).ranked()
     attempt = ranking.play(target, plan, Prices(hijacked=7, rating=0.5))
-    assert attempt.rank == found.names.index(log.ratee_names[target.place]) + 1 > target.rank
+    assert attempt.rank == rated(longer, "mean").index(log.ratee_names[target.place]) + 1 > target.rank
     assert (attempt.ratings, attempt.accounts, attempt.rounds, attempt.days) == (8, 4, 2, 60)
     assert attempt.price == 4 * 7 + 8 * 0.5
 
