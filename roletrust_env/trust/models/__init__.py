@@ -7,6 +7,7 @@ from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 from roletrust_env.trust.models.central.means import Constant, DeviationWeighted, HuberMean, Mean, Median, TrimmedMean
 from roletrust_env.trust.models.central.random_walks import EigenTrust, PowerTrust
 from roletrust_env.trust.models.central.role_trust import RoleTrust
+from roletrust_env.trust.models.central.seeded_walks import MeritRank, PersonalizedPageRank, SybilRank
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.first_hand import FirstHand
@@ -30,7 +31,10 @@ OWN = {
     "leave-one-out": LeaveOneOut,
     "mean": Mean,
     "median": Median,
+    "merit-rank": MeritRank,
+    "personalized-pagerank": PersonalizedPageRank,
     "power-trust": PowerTrust,
+    "sybil-rank": SybilRank,
     "trimmed-mean": TrimmedMean,
     "wary-role-trust": WaryRoleTrust,
     "clustering": Clustering,

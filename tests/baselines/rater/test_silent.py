@@ -10,7 +10,7 @@ from roletrust_env.trust import Traits
 from roletrust_env.trust.model import registry
 
 ROUNDS = 15
-RELATIVE = {"eigentrust", "power-trust"}  # of which trust is a share of the largest
+RELATIVE = {"eigentrust", "merit-rank", "personalized-pagerank", "power-trust", "sybil-rank"}  # shares of the largest
 CENTRAL = [
     name
     for name in trust_models()

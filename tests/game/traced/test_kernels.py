@@ -15,7 +15,15 @@ from roletrust_env.trees import arrays
 
 pytestmark = pytest.mark.skipif(compiler.compiler() is None, reason="there is no C compiler")
 
-NO_KERNEL = {"beta-filtered", "eigentrust", "iterative-filtering", "power-trust", "travos"}
+NO_KERNEL = {
+    "beta-filtered",
+    "eigentrust",
+    "iterative-filtering",
+    "merit-rank",
+    "personalized-pagerank",
+    "power-trust",
+    "travos",
+}
 
 
 @pytest.fixture(autouse=True)

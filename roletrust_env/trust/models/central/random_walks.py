@@ -60,6 +60,16 @@ def own_role(pairs: Ratings, values: PerProvider, peers: PerPair) -> Array:
     return own
 
 
+def own_rating_role(pairs: Ratings, values: PerRater, peers: PerPair) -> Array:
+    """Return the rater's value of each provider that rates, and 0 of others, shape (P, ...); see `n_agents`."""
+    if pairs.raters is None:
+        return total(peers * values[:, None, ...], 0)
+    xp = namespace(values)
+    if pairs.twins is None:
+        return xp.zeros(pairs.shape[1], dtype=values.dtype, device=device_of(values))
+    return xp.where(pairs.twins >= 0, values[pairs.twins], 0.0)
+
+
 def walk(pairs: Ratings, links: Array, peers: Array, start: Trusts, a: float) -> Trusts:
     """Return where a random walker is found that follows links, or restarts with probability a: PageRank.
 
@@ -114,25 +124,31 @@ def _solved(pairs: Ratings, links: Array, follows: Array, peers: Array, start: T
     solution of the equations, plus another solution.
     """
     xp = namespace(links)
-    spread, restarted = _from_both(xp.ones_like(follows), a * start.tor, links, peers, 1 - a)
+    spread, restarted = passed_on([xp.ones_like(follows), a * start.tor], links, peers, 1 - a)
     lost = xp.clip(1 - total(follows * restarted, 0), 0.0, 1.0)  # rounding may leave less than 0
     anyone = (1 - a) * lost / (n_agents(pairs, peers) + (1 - a) * total(follows * spread, 0))
     tor = anyone * spread + restarted
     return Trusts(tor, (1 - a) * total(links * pairs.gather(tor, RATER), 0) + anyone + a * start.top)
 
 
-def _from_both(one: Array, other: Array, links: Array, peers: Array, on: float) -> tuple[Array, Array]:
-    """Return the raters' part of either source, (S, ...) each, if a share `on` is passed on along links to raters.
+def passed_on(sources: list[Array], links: Array, onward: Array, on: float) -> list[Array]:
+    """Return what raters get in all, (S, ...) for each source, if a share `on` is passed on in each step; on a grid.
 
     The matrix is diagonally dominant by columns, so rounding cannot make a result negative.
+
+    Args:
+        sources: Numbers of at least 0 that raters have by themselves, shape (S, ...) each.
+        links: Shares that go from each rater to each provider, shape (S, P, ...), at most 1 by rater.
+        onward: Shares that go on from each provider to each rater, shape (S, P, ...), at most 1 by provider.
+        on: Share that is passed on.
     """
     xp = namespace(links)
     here, there = (0, 1), (-2, -1)
-    back = xp.moveaxis(peers, here, there) @ xp.moveaxis(links, (0, 1), (-1, -2))
-    sources = xp.moveaxis(xp.stack([one, other], axis=1), here, there)
+    back = xp.moveaxis(onward, here, there) @ xp.moveaxis(links, (0, 1), (-1, -2))
+    given = xp.moveaxis(xp.stack(sources, axis=1), here, there)
     matrix = xp.eye(len(links), dtype=links.dtype, device=device_of(links)) - on * back
-    found = xp.moveaxis(xp.linalg.solve(matrix, sources), there, here)
-    return found[:, 0, ...], found[:, 1, ...]
+    found = xp.moveaxis(xp.linalg.solve(matrix, given), there, here)
+    return [found[:, k, ...] for k in range(len(sources))]
 
 
 PRE_TRUSTED = 0.5
@@ -141,8 +157,8 @@ PRE_TRUSTED = 0.5
 _ROUNDING = 1e-6  # scores below it count as 0
 
 
-class EigenTrustState(NamedTuple):
-    """Memory of EigenTrust.
+class SatisfactionState(NamedTuple):
+    """Memory of a model that judges by the satisfaction of each rater with each provider.
 
     Attributes:
         tor: Trust of the agents that rate, shape (S, ...).
@@ -155,6 +171,11 @@ class EigenTrustState(NamedTuple):
     top: PerProvider
     scores: PerPair
     peers: PerPair
+
+
+def satisfaction(scores: PerPair) -> Array:
+    """Return the satisfaction of each pair: the score if it is above 0 by more than rounding, and else 0."""
+    return namespace(scores).where(scores > _ROUNDING, scores, 0.0)
 
 
 @checked_dataclass
@@ -182,22 +203,21 @@ class EigenTrust(Published):
     differentiable = False  # a rater's row may become empty in one round
     takes_peers = True
 
-    def start(self, like: Array, peers: Array) -> EigenTrustState:
+    def start(self, like: Array, peers: Array) -> SatisfactionState:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return self._trusting(Ratings(nothing), nothing, shared(peers, like))
 
-    def update(self, state: EigenTrustState, ratings: Ratings) -> EigenTrustState:
+    def update(self, state: SatisfactionState, ratings: Ratings) -> SatisfactionState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         content = ratings.write(0 * state.scores, 2 * ratings.values - 1)
         return self._trusting(ratings.pairs, state.scores + content, state.peers)
 
-    def _trusting(self, pairs: Ratings, scores: Array, peers: Array) -> EigenTrustState:
-        xp = namespace(scores)
+    def _trusting(self, pairs: Ratings, scores: Array, peers: Array) -> SatisfactionState:
         each = 1 / n_agents(pairs, peers)
         p = Trusts(0 * pairs.reduce(scores, RATER) + each, 0 * pairs.reduce(scores, PROVIDER) + each)
-        trusts = walk(pairs, xp.where(scores > _ROUNDING, scores, 0.0), peers, p, PRE_TRUSTED)
-        return EigenTrustState(*trusts, scores, peers)
+        trusts = walk(pairs, satisfaction(scores), peers, p, PRE_TRUSTED)
+        return SatisfactionState(*trusts, scores, peers)
 
 
 POWER = 0.15
