@@ -82,7 +82,8 @@ class RatingLog(NamedTuple):
         new = np.ones(len(keys), bool)
         new[again] = False
         new[first] = True
-        numbers = np.cumsum(new) - 1
+        numbers = np.cumsum(new)
+        numbers -= 1
         numbers[again] = numbers[first[places]]
         return Pairs(numbers, repeated, counts + 1)
 

@@ -249,7 +249,9 @@ class Times:
         self._texts: list[tuple[Any, Row]] = []  # dates in other forms than ISO 8601, of which the whole column decides
         self._zoned: bool | None = None
         self._dates = ""
-        self._parts: list[tuple[Floats, Ints | None, int]] = []  # seconds or numbers; whole numbers, and how many are 1
+        self._parts: list[
+            tuple[Floats | Ints, Ints | None, int]
+        ] = []  # seconds or numbers; whole numbers, and how many are 1
 
     def add(self, column: Any, row: Row, *, comma: bool = False) -> None:
         """Take a block; a number may have a comma in place of its point if `comma` says so.
@@ -277,7 +279,8 @@ class Times:
             self._dates = "dates" if getattr(column.type, "tz", None) else _NO_ZONE
             self._parts.append(_dates(column, row))
         else:
-            self._parts.append((numbers(column, "the time", row, comma=comma), *_whole_ticks(column, comma)))
+            floats, (whole, parts) = numbers(column, "the time", row, comma=comma), _whole_ticks(column, comma)
+            self._parts.append((floats if whole is None or parts > 1 else whole, whole, parts))  # whole ones once
 
     def _row(self, place: int) -> str:
         """Return the file and the row of a date in another form than ISO 8601."""
@@ -302,7 +305,7 @@ class Times:
             else:
                 ticks, zoned, form = dates_in_form(texts, self._row, str(self._form))
             return Clock(ticks / UNITS["us"], ticks, ("dates" if zoned else _NO_ZONE) + form)
-        floats = np.concatenate([part[0] for part in self._parts])
+        floats = np.concatenate([part[0] for part in self._parts], dtype=np.float64)
         exact = _same_unit([(ticks, scale) for _, ticks, scale in self._parts])
         unit = None if self._dates else self._unit or find_unit(floats)
         words = self._dates or (f"numbers in {unit}" if unit else "numbers")
@@ -358,7 +361,8 @@ def _same_unit(parts: list[tuple[Ints | None, int]]) -> Ints | None:
     smallest = max(scale for _, scale in parts)
     found = []
     for ticks, scale in parts:
-        if ticks is None or np.abs(ticks).max(initial=0) > 2**63 // (smallest // scale) - 1:
+        factor = smallest // scale
+        if ticks is None or (factor > 1 and np.abs(ticks).max(initial=0) > 2**63 // factor - 1):
             return None
-        found.append(ticks * (smallest // scale))
+        found.append(ticks * factor if factor > 1 else ticks)
     return np.concatenate(found)
