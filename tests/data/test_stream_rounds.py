@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 
 from roletrust_baselines.logs.models import LOG_MODELS
-from roletrust_baselines.logs.rounds import log_rounds, play_round
+from roletrust_baselines.logs.rounds import log_rounds, played
 from roletrust_env.data import TrustStream, read_ratings
-from roletrust_env.data.log import Columns
-from roletrust_env.data.rounds import round_numbers, spans
+from roletrust_env.data.log import Columns, RatingLog
+from roletrust_env.data.rounds import round_numbers
 from roletrust_env.testing.trust_models import play_rounds
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
-from roletrust_env.trust.run import make_run
+from roletrust_env.trust.edges import pair_keys
 
 CENTRAL = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
 EVERY = 10.0
@@ -82,9 +82,7 @@ def rated(model: Any, ratings: list[Any], until: float, same_agents: bool, path:
         return [{}, {}]
     path.write_text("\n".join(",".join(map(str, one)) for one in some))
     log = read_ratings(path, Columns("1", "2", "3", "4"), same_agents=same_agents, repeats=True)
-    run = make_run(model, log.shape, one_role=not same_agents)
-    for number, part in spans(log_rounds(log, EVERY)):
-        play_round(run, number, log.raters[part], log.ratees[part], log.values[part])
+    run = played(model, log, log_rounds(log, EVERY), pairs=log.pairs())
     if until < np.inf:
         run.skip(round((until - min(one[3] for one in some)) / EVERY) - run.rounds)
     names = log.rater_names, log.ratee_names
@@ -92,6 +90,22 @@ def rated(model: Any, ratings: list[Any], until: float, same_agents: bool, path:
         dict(zip(map(int, who), trust.tolist(), strict=True))
         for who, trust in zip(names, (run.rater_trust, run.provider_trust), strict=True)
     ]
+
+
+@pytest.mark.parametrize("name", ["role-trust", "mean", "eigentrust"])
+def test_pairs_that_are_known_change_no_number(name: str) -> None:
+    """Also where they repeat in a round; a local model then looks none of them up."""
+    random, size, names = np.random.default_rng(0), 300, [str(n) for n in range(9)]
+    who, whom = random.integers(0, 9, (2, size))
+    log = RatingLog(who, whom, random.random(size), None, names, list(names), was_sorted=True)
+    numbers, model, pairs = np.arange(size) // 20, make_trust_model(name), log.pairs()
+    one, other = played(model, log, numbers), played(model, log, numbers, pairs=pairs)
+    assert np.array_equal(one.rater_trust, other.rater_trust)
+    assert np.array_equal(one.provider_trust, other.provider_trust)
+    keys, counts = np.unique(pair_keys(who, whom), return_counts=True)
+    assert dict(zip(pairs.repeated, pairs.counts, strict=True)) == {
+        key: count for key, count in zip(keys, counts, strict=True) if count > 1
+    }
 
 
 def test_members_of_a_round_that_has_not_ended_are_not_listed() -> None:
