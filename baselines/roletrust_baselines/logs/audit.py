@@ -7,6 +7,7 @@ cheapest attack: there may be a cheaper one.
 
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -25,30 +26,35 @@ from roletrust_baselines.logs.ranking import (
     Plan,
     Prices,
     Ranking,
+    Row,
     Sent,
     Target,
 )
-from roletrust_baselines.logs.replay import ROUNDS, HostileRatings
+from roletrust_baselines.logs.replay import ROUNDS
 from roletrust_baselines.logs.resampling import interval, mean_intervals
 from roletrust_env.data.evidence import Rank
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.key_index import Floats
 
 _STEPS = 0.6  # share of steps from the best among the plans that are drawn
+_SPENT = 0.5  # share of the drawn plans that cost nearly as much as the best
+_MANY = 20  # most decoys of these
 _ROUNDING = 1e-9  # of prices
-_SPARED = 3  # cheapest attacks of which ratings are left out
+_STARTS = 2  # cheapest attacks whose ratings are changed
+_SHIFTS = (-0.3, -0.1, -0.03, 0.03, 0.1, 0.3)  # of a rating
+_DECOYS = 8  # agents that a rating may be turned to, of either kind
 _POINTS = 24  # most points of a curve
 
 SIMPLE = (
     Plan(),
     Plan(strikes=3),
-    Plan(cover=2),
-    Plan(strikes=3, cover=1, popular=False),
-    Plan(strikes=6, cover=3, popular=False),
+    Plan(repeats=3),
+    Plan(repeats=12, mildness=0.2),
+    Plan(cover=3),
+    Plan(strikes=2, cover=2),
     Plan(rivals=2),
-    Plan("aged", age=1, cover=1),
-    Plan("aged", age=2, cover=5),
-    Plan("aged", age=2, cover=5, popular=False),
+    Plan("aged", age=1, cover=2),
+    Plan("aged", age=2, cover=6, strikes=2),
     Plan("hijacked"),
     Plan("hijacked", choice=1),
     Plan("hijacked", choice=2),
@@ -59,10 +65,11 @@ SIMPLE = (
 _CHOICES: dict[str, tuple[Any, ...]] = {
     "origin": ORIGINS,
     "strikes": (1, 2, 3, 4, 5, 6),
+    "repeats": (1, 1, 2, 3, 5, 8, 13, 20),
     "turns": (False, True),
     "quiet": (0, 0, 1, 3),
     "age": (1, 2, 4),
-    "mildness": (0.0, 0.0, 0.1, 0.2, 0.4),
+    "mildness": (0.0, 0.0, 0.1, 0.2, 0.3, 0.4),
     "cover": (0, 0, 1, 2, 3, 4, 6, 10),
     "popular": (True, False),
     "rivals": (0, 0, 1, 2, 5),
@@ -209,14 +216,16 @@ class _Search:
 
     Attributes:
         target: Target.
-        played: Attacks that were played, by their plan; none of their ratings is left out.
+        played: Attacks that were played, by their plan; all of their ratings are sent.
         best: The cheapest attack that pushes the target over the edge; None if none was found.
-        rounds: Its ratings.
+        rows: Its ratings.
+        descended: Attacks that were played with other ratings than those of a plan.
     """
 
     def __init__(self, ranking: Ranking, target: Target, prices: Prices, seed: tuple[int, ...]) -> None:
-        self.target, self.played, self.rounds = target, dict[Plan, Attempt](), list[HostileRatings]()
+        self.target, self.played, self.rows = target, dict[Plan, Attempt](), list[Row]()
         self.best: Attempt | None = None
+        self.descended = list[Attempt]()
         self._ranking, self._prices, self._rng = ranking, prices, np.random.default_rng(seed)
 
     @property
@@ -237,20 +246,91 @@ class _Search:
                 shapes += _beside(self.best.plan)
             idle = 0 if len(self.played) > before else idle + 1
 
-    def spare(self) -> None:
-        """Leave out each rating of the cheapest few attacks without which they still succeed."""
-        over = [one for one in self.played.values() if self._ranking.over_edge(self.target, one.rank)]
-        for one in sorted(over, key=lambda one: one.price)[:_SPARED]:
-            best, rounds = one, self._ranking.ratings(self.target, one.plan)
-            for number in range(len(rounds)):
-                for at in reversed(range(len(rounds[number].raters))):
-                    fewer = list(rounds)
-                    fewer[number] = HostileRatings(*(column[np.arange(len(column)) != at] for column in fewer[number]))
-                    found = self._ranking.play(self.target, one.plan, self._prices, fewer)
-                    if found.ratings and self._ranking.over_edge(self.target, found.rank):
-                        best, rounds = found, fewer
-            if not self.rounds or best.price < self.price - _ROUNDING:
-                self.best, self.rounds = best, rounds
+    def descend(self, budget: int) -> None:
+        """Change the ratings of the cheapest attacks until no change makes them cheaper, or a budget is spent.
+
+        An account or a rating is left out. If the attack then fails, other ratings are changed so that it comes nearer
+        to the edge, as long as that helps: in round, in value, or in whom they are about; those that are alike at once,
+        and one by one.
+        """
+        cheapest: dict[
+            int, Attempt
+        ] = {}  # by number of accounts, since few accounts and few ratings exclude each other
+        for one in sorted(filter(self._over, self.played.values()), key=_worth):
+            cheapest.setdefault(one.accounts, one)
+        starts = list(cheapest.values())[:_STARTS]
+        for number, one in enumerate(starts):
+            until = len(self.descended) + (budget - len(self.descended)) // (len(starts) - number)
+            rows: list[Row] | None = self._ranking.rows(self.target, one.plan)
+            while rows is not None:
+                best, rows = rows, self._cheaper(rows, one, until)
+                one = self.descended[-1] if rows else one
+            if not self.rows or one.price < self.price - _ROUNDING:
+                self.best, self.rows = one, best
+
+    def _cheaper(self, rows: list[Row], one: Attempt, until: int) -> list[Row] | None:
+        """Return the ratings of a cheaper attack, which was the last to be played; None if none is found."""
+        near: tuple[float, list[Row]] = -math.inf, []
+        account = max(row.account for row in rows)
+        for fewer in [
+            [row for row in rows if row.account != account],
+            *(_without(rows, group) for group in _alike(rows)),
+        ]:
+            if fewer and len(self.descended) < until:
+                found = self._try(one.plan, fewer)
+                if self._over(found):
+                    return fewer
+                near = max(near, (found.margin, fewer))
+        margin, rows = near
+        better = bool(rows)
+        while better:
+            better = False
+            for group, changed in self._changes(rows):
+                if len(self.descended) >= until:
+                    return None
+                if (
+                    group <= Counter(rows)
+                    and self._ranking.price(
+                        others := sorted([*(Counter(rows) - group).elements(), *changed]), self._prices
+                    )
+                    < one.price - _ROUNDING
+                ):
+                    found = self._try(one.plan, others)
+                    if self._over(found):
+                        return others
+                    if found.margin > margin + _ROUNDING:
+                        margin, rows, better = found.margin, others, True
+        return None
+
+    def _changes(self, rows: list[Row]) -> Iterator[tuple[Counter[Row], list[Row]]]:
+        """Yield changes of ratings, each with the ratings that it takes away and those that replace them."""
+        groups = _alike(rows)
+        order = self._rng.permutation(len(groups)).tolist()
+        for group in [*(groups[at] for at in order if len(groups[at]) > 1), *(groups[at][:1] for at in order)]:
+            for change in self._options(group[0]):
+                yield Counter(group), [row._replace(**change) for row in group]
+
+    def _options(self, row: Row) -> list[dict[str, Any]]:
+        """Return changes of a rating."""
+        down, ranking = self.target.goal == "sink", self._ranking
+        found: list[dict[str, Any]] = [{"round": at} for at in (row.round + 1, row.round - 1) if 0 <= at < ROUNDS]
+        values = (min(1.0, max(0.0, row.value + shift)) for shift in _SHIFTS)
+        found += [{"value": value} for value in values if value != row.value]
+        if row.agent != self.target.place:
+            edge = self._rng.permutation(ranking.rivals(self.target, _DECOYS))[:2].tolist()
+            some = self._rng.permutation(ranking.popular[:_DECOYS])[:2].tolist()
+            found += [{"agent": at, "value": ranking.decoy(at)} for at in [*edge, *some] if at != row.agent]
+            found += [{"agent": at, "value": float(down)} for at in edge[:1]]
+            found.append({"agent": self.target.place, "value": float(not down)})
+        return [change for change in found if change.get("agent", row.agent) not in (row.account,)]
+
+    def _try(self, plan: Plan, rows: list[Row]) -> Attempt:
+        found = self._ranking.play(self.target, plan, self._prices, rows)
+        self.descended.append(found)
+        return found
+
+    def _over(self, one: Attempt) -> bool:
+        return self._ranking.over_edge(self.target, one.rank)
 
     def _reduce(self, shape: Plan, budget: int) -> None:
         """Play a plan with the most accounts that cost no more than the best; if it succeeds, with fewer."""
@@ -268,27 +348,53 @@ class _Search:
         """Return the greatest number of accounts with no higher price than that of the best; 0 if there is none."""
         if self.best is None:
             return MOST
-        one = replace(shape, accounts=1)
-        _, price = self._ranking.price(one, self._prices, self._ranking.ratings(self.target, one))
+        price = self._ranking.price(self._ranking.rows(self.target, replace(shape, accounts=1)), self._prices)
         return MOST if price <= 0 else max(0, min(MOST, math.floor(self.price / price + _ROUNDING)))
 
     def _succeeds(self, plan: Plan) -> bool:
         """Play a plan, and return whether it pushes the target over the edge."""
         if plan not in self.played:
             self.played[plan] = found = self._ranking.play(self.target, plan, self._prices)
-            if found.price < self.price - _ROUNDING and self._ranking.over_edge(self.target, found.rank):
+            if self._over(found) and (self.best is None or _worth(found) < _worth(self.best)):
                 self.best = found
-        return self._ranking.over_edge(self.target, self.played[plan].rank)
+        return self._over(self.played[plan])
 
     def _drawn(self) -> Plan:
         """Return a step from the best plan in one or two of its numbers, or a plan of which all are drawn."""
         names, base = list(_CHOICES), Plan()
         if self.best and self._rng.random() < _STEPS:
             base, names = self.best.plan, self._rng.choice(names, self._rng.integers(1, 3), replace=False).tolist()
-        return _fitting(replace(base, **{name: self._draw(name) for name in names}))
+        plan = _fitting(replace(base, **{name: self._draw(name) for name in names}))
+        return self._spent(plan) if self.best and self._rng.random() < _SPENT else plan
+
+    def _spent(self, plan: Plan) -> Plan:
+        """Return a plan with as many decoys as a drawn number of accounts can pay for below the best price."""
+        number = int(self._rng.integers(1, self.best.accounts + 1)) if self.best else 1
+        bare = replace(plan, accounts=1, cover=0, age=0)
+        left = self.price / number - self._ranking.price(self._ranking.rows(self.target, bare), self._prices)
+        many = math.ceil(left / self._prices.rating - _ROUNDING) - 1 if self._prices.rating else _MANY
+        return _fitting(replace(plan, cover=min(max(many, 0), _MANY)))
 
     def _draw(self, name: str) -> Any:
         return _CHOICES[name][self._rng.integers(len(_CHOICES[name]))]
+
+
+def _alike(rows: Sequence[Row]) -> list[list[Row]]:
+    """Return ratings in groups that differ in the account alone."""
+    groups: dict[Any, list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.round, row.agent, row.value), []).append(row)
+    return list(groups.values())
+
+
+def _without(rows: Sequence[Row], group: Sequence[Row]) -> list[Row]:
+    """Return ratings without the last one of a group."""
+    return list((Counter(rows) - Counter(group[-1:])).elements())
+
+
+def _worth(one: Attempt) -> tuple[float, float]:
+    """Return what the better of two attacks that succeed has less of: the price and, of equals, the margin."""
+    return round(one.price / _ROUNDING) * _ROUNDING, -one.margin
 
 
 def _beside(plan: Plan) -> Iterator[Plan]:
@@ -301,6 +407,7 @@ def _beside(plan: Plan) -> Iterator[Plan]:
                 yield _fitting(replace(plan, **{name: other}))
     for more, fewer in ((1, -1), (-1, 1), (1, 1)):  # what one account gives matters as a product of these
         yield _fitting(replace(plan, strikes=plan.strikes + more, cover=max(0, plan.cover + fewer)))
+        yield _fitting(replace(plan, repeats=plan.repeats + 2 * more, cover=max(0, plan.cover + fewer)))
 
 
 def _fitting(plan: Plan) -> Plan:
@@ -313,21 +420,25 @@ def _fitting(plan: Plan) -> Plan:
     plan = replace(plan, strikes=strikes, age=age, turns=plan.turns and strikes > 1, accounts=1)
     cover = max(plan.cover, int(plan.origin == "aged"))
     return replace(
-        plan, cover=cover, popular=plan.popular or not cover, choice=plan.choice if plan.origin == "hijacked" else 0
+        plan,
+        repeats=max(plan.repeats, 1),
+        cover=cover,
+        popular=plan.popular or not cover,
+        choice=plan.choice if plan.origin == "hijacked" else 0,
     )
 
 
 def _searched(ranking: Ranking, targets: Sequence[Target], prices: Prices, budget: int, seed: int) -> list[_Search]:
-    """Search for each target; a quarter of the attacks are plans that were the best for other targets."""
+    """Search for each target: half of the attacks are plans, of which the last are the best for other targets."""
     searches, known = [], list(SIMPLE)
     for target in targets:
         search = _Search(ranking, target, prices, (seed, target.place))
-        search.run(known, budget * 3 // 4)
+        search.run(known, budget * 3 // 8)
         searches.append(search)
         known = _shapes(searches, known)
     for search in searches:
-        search.run(_shapes(searches, known), budget)
-        search.spare()
+        search.run(_shapes(searches, known), budget // 2)
+        search.descend(budget - len(search.played))
     return searches
 
 
@@ -342,7 +453,7 @@ def audit_model(
     prices: Prices,
     *,
     targets: int = 10,
-    budget: int = 100,
+    budget: int = 240,
     seeds: Sequence[int] = (0, 1),
     advance: Callable[[float], None] = lambda share: None,
 ) -> Audit:
@@ -364,14 +475,14 @@ def audit_model(
     for target, *searches in zip(chosen, *runs, strict=True):
         best = min(searches, key=lambda search: search.price)
         prices_found = tuple(search.price for search in searches)
-        sent = ranking.sent(best.rounds)
+        sent = ranking.sent(best.rows)
         exposures.append(Exposure(target.goal, *ranking.named(target), best.best, sent, prices_found))
         played = {plan: one for search in searches for plan, one in search.played.items()}
         for plan in (replace(shape, accounts=n) for shape in SIMPLE for n in ACCOUNTS):
             if plan not in played:
                 played[plan] = ranking.play(target, plan, prices)
-        spared = [search.best for search in searches if search.best]
-        trials.append(_Trials(target, ranking, [*played.values(), *spared]))
+        descended = [one for search in searches for one in search.descended]
+        trials.append(_Trials(target, ranking, [*played.values(), *descended]))
     advance(1.0)
     goals = [goal for goal in GOALS if any(target.goal == goal for target in chosen)]
     return Audit(
@@ -413,7 +524,7 @@ class _Trials(NamedTuple):
 
 def _simple(origin: Origin, accounts: int) -> Callable[[Attempt], bool]:
     shapes = {replace(shape, accounts=accounts) for shape in SIMPLE if shape.origin == origin}
-    return lambda one: one.plan in shapes and not one.spared
+    return lambda one: one.plan in shapes and not one.changed
 
 
 def _up_to(price: float) -> Callable[[Attempt], bool]:

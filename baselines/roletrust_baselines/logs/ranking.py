@@ -37,15 +37,22 @@ class Prices(NamedTuple):
         account: Price of a new account, also of one that ages.
         hijacked: Price of the account of an active rater.
         rating: Price of a rating.
+        day: Price of a day from the first rating to the end of the log.
     """
 
     account: float = 1.0
     hijacked: float = 10.0
     rating: float = 0.1
+    day: float = 0.0
 
-    def of_account(self, origin: Origin) -> float:
-        """Return the price of an account of an origin."""
-        return self.hijacked if origin == "hijacked" else self.account
+
+class Row(NamedTuple):
+    """A hostile rating: the number of its round among the last ones, from 0, and as places account and agent."""
+
+    round: int
+    account: int
+    agent: int
+    value: float
 
 
 @dataclass(frozen=True)
@@ -56,11 +63,12 @@ class Plan:
         origin: Origin of the accounts.
         accounts: Number of accounts, at least 1.
         strikes: Number of rounds in which they rate the target, at least 1.
+        repeats: Number of times that they rate it in each, at least 1. Repeats make its raters fewer in effect.
         turns: Whether each strikes in one of these rounds only, in turn.
         quiet: Number of rounds after the last strike.
         age: Number of rounds before the first strike in which they rate others only.
         mildness: Distance of their rating of the target from the worst or best, at most 0.5.
-        cover: Number of others that each rates in each of its rounds as the log rates them on average.
+        cover: Number of others that each rates by their trust, in turn in the rounds of age, or in the first strike.
         popular: Whether these others are those with the most ratings. Otherwise they are drawn.
         rivals: Number of agents at the edge of the top that each pushes the other way when it strikes.
         ring: Number of other accounts to which each gives the best rating in the first round.
@@ -70,6 +78,7 @@ class Plan:
     origin: Origin = "new"
     accounts: int = 1
     strikes: int = 1
+    repeats: int = 1
     turns: bool = False
     quiet: int = 0
     age: int = 0
@@ -87,6 +96,7 @@ class Plan:
             (True, f"{self.origin}" + (("", ", least active", ", its raters")[self.choice])),
             (self.age, f"{self.age} rounds of age"),
             (self.strikes > 1, f"{self.strikes} rounds" + " in turn" * self.turns),
+            (self.repeats > 1, f"{self.repeats} times"),
             (self.quiet, f"{self.quiet} quiet after"),
             (self.mildness, f"{self.mildness:g} mild"),
             (self.cover, f"{self.cover} decoys" + (", drawn" * (not self.popular))),
@@ -102,23 +112,25 @@ class Attempt:
 
     Attributes:
         plan: What its accounts do.
-        spared: Number of ratings of the plan that were left out.
+        changed: Whether ratings of the plan were left out or changed.
         accounts: Number of accounts that rate.
         ratings: Number of ratings.
         rounds: Number of rounds from its first rating to the end of the log.
         days: The same in days, if times are in seconds.
         price: Price of its accounts and ratings.
         rank: Rank of the target after it, 1 for the most trusted.
+        margin: How far what the target is ranked by is beyond that of the edge, which makes equal attacks comparable.
     """
 
     plan: Plan
-    spared: int
+    changed: bool
     accounts: int
     ratings: int
     rounds: int
     days: float
     price: float
     rank: int
+    margin: float
 
 
 class Sent(NamedTuple):
@@ -178,16 +190,17 @@ class Ranking:
         rated = pair_ends(self._keys)[0]
         self._total = np.bincount(rated, self._counts, self._size).astype(np.float64)
         self._squares = np.bincount(rated, self._counts.astype(np.float64) ** 2, self._size)
-        columns = self._columns([_ratings()] * ROUNDS)
-        order = np.lexsort([-column for column in columns[::-1]])
+        columns = self._columns(())
+        order, self._trust = np.lexsort([-column for column in columns[::-1]]), columns[1]
         self.order: Ints = order[self._total[order] > 0]
         if len(self.order) <= top:
             raise TooSmallError(f"{len(self.order)} agents have ratings; more than the top {top} are needed")
 
-    def _columns(self, rounds: Sequence[HostileRatings]) -> list[Floats]:
+    def _columns(self, rows: Sequence[Row]) -> list[Floats]:
         """Return what providers rank by, each from low to high: lower end or trust, trust, number of ratings."""
-        trust = self._end.trust(rounds)
-        who, whom = (np.concatenate(column) for column in list(zip(*rounds, strict=True))[:2])
+        number, who, whom, values = _apart(rows)
+        sent = [number == at for at in range(ROUNDS)]
+        trust = self._end.trust([HostileRatings(who[there], whom[there], values[there]) for there in sent])
         keys, more = np.unique(pair_keys(whom, who), return_counts=True)
         at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
         had = np.where(self._keys[at] == keys, self._counts[at], 0)
@@ -204,24 +217,32 @@ class Ranking:
         found = [Target(goal, int(self.order[at]), at + 1) for goal, at in ranks]  # type: ignore[arg-type]
         return [*found, Target("enter", self.newcomer, len(self.order) + 1)]
 
-    def play(
-        self, target: Target, plan: Plan, prices: Prices, rounds: Sequence[HostileRatings] | None = None
-    ) -> Attempt:
+    def play(self, target: Target, plan: Plan, prices: Prices, rows: Sequence[Row] | None = None) -> Attempt:
         """Play an attack.
 
         Args:
             target: Target.
             plan: What the accounts do; there may be fewer active raters than it hijacks.
             prices: What accounts and ratings cost.
-            rounds: The ratings of the plan that are sent; all if left out.
+            rows: Ratings that are sent in place of those of the plan.
         """
-        whole = self.ratings(target, plan)
-        rounds = whole if rounds is None else rounds
-        many, all_of_them = (sum(len(extra.raters) for extra in sent) for sent in (rounds, whole))
-        rank = self._rank(target.place, self._columns(rounds))
-        length = ROUNDS - next((number for number, extra in enumerate(rounds) if len(extra.raters)), ROUNDS)
-        accounts, price = self.price(plan, prices, rounds)
-        return Attempt(plan, all_of_them - many, accounts, many, length, length * self._every / _DAY, price, rank)
+        changed, rows = rows is not None, self.rows(target, plan) if rows is None else rows
+        columns = self._columns(rows)
+        others = columns[-1] > 0
+        others[target.place] = False
+        beyond = float(columns[0][target.place] - np.partition(columns[0][others], -self.top)[-self.top])
+        length, rank = self._length(rows), self._rank(target.place, columns)
+        return Attempt(
+            plan,
+            changed,
+            accounts=len({row.account for row in rows}),
+            ratings=len(rows),
+            rounds=length,
+            days=length * self._every / _DAY,
+            price=self.price(rows, prices),
+            rank=rank,
+            margin=-beyond if target.goal == "sink" else beyond,
+        )
 
     def _rank(self, place: int, columns: Sequence[Floats]) -> int:
         """Return the rank of a provider; one without ratings comes after all that have some."""
@@ -234,24 +255,28 @@ class Ranking:
             equal = equal & (column == column[place])
         return 1 + int(before.sum() + equal[:place].sum())
 
-    def price(self, plan: Plan, prices: Prices, rounds: Sequence[HostileRatings]) -> tuple[int, float]:
-        """Return the number of accounts that send ratings, and the price of all."""
-        accounts = len(np.unique(np.concatenate([extra.raters for extra in rounds])))
-        many = sum(len(extra.raters) for extra in rounds)
-        return accounts, accounts * prices.of_account(plan.origin) + many * prices.rating
+    def _length(self, rows: Sequence[Row]) -> int:
+        """Return the number of rounds from the first rating to the end of the log."""
+        return ROUNDS - min((row.round for row in rows), default=ROUNDS)
 
-    def sent(self, rounds: Sequence[HostileRatings]) -> list[Sent]:
+    def price(self, rows: Sequence[Row], prices: Prices) -> float:
+        """Return the price of ratings and of their accounts."""
+        accounts = {row.account for row in rows}
+        new = sum(account >= self._fresh[0] for account in accounts)
+        bought = new * prices.account + (len(accounts) - new) * prices.hijacked + len(rows) * prices.rating
+        return float(bought + self._length(rows) * self._every / _DAY * prices.day)
+
+    def sent(self, rows: Sequence[Row]) -> list[Sent]:
         """Return ratings with the names of their agents."""
-        (raters, providers), fresh = (self._end.log.rater_names, self._end.log.ratee_names), self._fresh[0]
+        (raters, providers), fresh = (self._end.log.rater_names, self._end.log.ratee_names), int(self._fresh[0])
         return [
             Sent(
                 ROUNDS - number,
                 raters[who] if who < len(raters) else f"new account {who - fresh + 1}",
-                _provider(providers, whom, int(fresh)),
+                _provider(providers, whom, fresh),
                 value,
             )
-            for number, extra in enumerate(rounds)
-            for who, whom, value in zip(*(column.tolist() for column in extra), strict=True)
+            for number, who, whom, value in rows
         ]
 
     def named(self, target: Target) -> tuple[str, int, int]:
@@ -264,38 +289,45 @@ class Ranking:
         """Return whether a target is on the other side of the edge of the top at a rank."""
         return (rank > self.top) if target.goal == "sink" else (rank <= self.top)
 
-    def ratings(self, target: Target, plan: Plan) -> list[HostileRatings]:
-        """Return the ratings of a plan in each of the last rounds."""
+    def rows(self, target: Target, plan: Plan) -> list[Row]:
+        """Return the ratings of a plan."""
         accounts = self._accounts(target, plan).tolist()
         last = ROUNDS - plan.quiet
         first = last - plan.strikes
         begin = max(0, first - plan.age)
-        worst, best = plan.mildness, 1 - plan.mildness
         down = target.goal == "sink"
-        rng, means = np.random.default_rng(0), self._end.past_means
+        value = plan.mildness if down else 1 - plan.mildness
+        rng = np.random.default_rng(0)
         known = self._popular[self._popular != target.place]
-        edge = [
-            at
-            for at in self.order[max(0, self.top - plan.rivals) : self.top + plan.rivals].tolist()
-            if at != target.place
-        ]
-        rivals = [at for at in edge if (at in self.order[: self.top]) != down]
-        rounds = []
-        for number in range(ROUNDS):
-            sent = list[tuple[int, int, float]]()
-            for k, account in enumerate(accounts if begin <= number < last else ()):
-                if number >= first and (not plan.turns or number == first + k % plan.strikes):
-                    sent.append((account, target.place, worst if down else best))
-                    sent += [(account, rival, float(down)) for rival in rivals]
-                if plan.ring and number == begin and self._end.same_agents:
-                    sent += [(account, other, 1.0) for other in (accounts[k + 1 :] + accounts[:k])[: plan.ring]]
-                if plan.cover:
-                    some = (
-                        known[: plan.cover] if plan.popular else rng.choice(known, min(plan.cover, len(known)), False)
-                    )
-                    sent += [(account, other, means[other]) for other in some.tolist()]
-            rounds.append(_ratings([one for one in sent if one[0] != one[1] or not self._end.same_agents]))
-        return rounds
+        rivals, rows = self.rivals(target, plan.rivals), list[Row]()
+        for k, account in enumerate(accounts):
+            strikes = [first + k % plan.strikes] if plan.turns else range(first, last)
+            for number in strikes:
+                rows += [Row(number, account, target.place, value)] * plan.repeats
+                rows += [Row(number, account, rival, float(down)) for rival in rivals]
+            if self._end.same_agents:
+                others = (accounts[k + 1 :] + accounts[:k])[: plan.ring]
+                rows += [Row(begin, account, other, 1.0) for other in others]
+            some = known[: plan.cover] if plan.popular else rng.choice(known, min(plan.cover, len(known)), False)
+            rounds = max(1, first - begin)
+            for n, other in enumerate(some.tolist()):
+                rows.append(Row(begin + n % rounds, account, other, float(self._trust[other])))
+        return sorted(row for row in rows if row.account != row.agent or not self._end.same_agents)
+
+    def rivals(self, target: Target, many: int) -> list[int]:
+        """Return the places of agents at the edge of the top, so many on the side to which a target is pushed."""
+        down = target.goal == "sink"
+        edge = self.order[self.top : self.top + many] if down else self.order[max(0, self.top - many) : self.top]
+        return [at for at in edge.tolist() if at != target.place]
+
+    def decoy(self, agent: int) -> float:
+        """Return the trust of an agent without an attack: a rating that agrees with the others."""
+        return float(self._trust[agent])
+
+    @property
+    def popular(self) -> Ints:
+        """The places of the agents with ratings before the last rounds, those with the most first."""
+        return self._popular
 
     def _accounts(self, target: Target, plan: Plan) -> Ints:
         """Return the places of the accounts."""
@@ -310,10 +342,10 @@ class Ranking:
         return active[: plan.accounts]
 
 
-def _ratings(sent: Sequence[tuple[int, int, float]] = ()) -> HostileRatings:
-    """Return ratings, each with its account, provider and value, as columns."""
-    who, whom, values = zip(*sent, strict=True) if sent else ((), (), ())
-    return HostileRatings(np.array(who, np.int64), np.array(whom, np.int64), np.array(values, np.float64))
+def _apart(rows: Sequence[Row]) -> tuple[Ints, Ints, Ints, Floats]:
+    """Return ratings as columns."""
+    number, who, whom, values = zip(*rows, strict=True) if rows else ((), (), (), ())
+    return *(np.array(column, np.int64) for column in (number, who, whom)), np.array(values, np.float64)  # type: ignore[return-value]
 
 
 def _provider(names: Sequence[str], place: int, fresh: int) -> str:

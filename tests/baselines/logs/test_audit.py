@@ -8,7 +8,7 @@ import pytest
 
 from roletrust_baselines.logs.audit import audit_model
 from roletrust_baselines.logs.folders import write_log
-from roletrust_baselines.logs.ranking import Plan, Prices, Ranking
+from roletrust_baselines.logs.ranking import Plan, Prices, Ranking, Row
 from roletrust_baselines.logs.rounds import TooSmallError
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.evidence import Rank, evidence
@@ -50,7 +50,7 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
     ranking = ranking_of(log)
     target = ranking.targets(1, 0)[3]
     plan = Plan("hijacked", accounts=4, strikes=2, choice=2, mildness=0.1)
-    sent = ranking.sent(ranking.ratings(target, plan))
+    sent = ranking.sent(ranking.rows(target, plan))
     rounds = np.floor((log.times - log.times[0]) / MONTH)
     last = np.unique(rounds)[::-1]
     place = {name: at for at, name in enumerate(log.rater_names)}
@@ -72,49 +72,64 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
 def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
     ranking = ranking_of(log)
     lifted = ranking.targets(1, 0)[-2]
-    plan = Plan("aged", accounts=3, strikes=2, turns=True, quiet=1, age=1, mildness=0.2, cover=4, rivals=2, ring=1)
-    rounds = ranking.ratings(lifted, plan)
-    about = [int((one.providers == lifted.place).sum()) for one in rounds]
-    assert about == [0, 0, 0, 2, 1, 0]
-    assert [len(one.raters) for one in rounds] == [0, 0, 12 + 3, 12 + 2 * 3, 12 + 3, 0]
-    struck = rounds[3]
-    assert set(struck.values[struck.providers == lifted.place]) == {0.8}
-    edge = ranking.order[8:10]
-    assert set(struck.values[np.isin(struck.providers, edge) & (struck.values == 0)]) == {0.0}
-    first = rounds[2]
-    ring = first.providers >= log.shape[1]
-    assert (ring.sum(), set(first.values[ring])) == (3, {1.0})
-    past = log.times < log.times[-1] - 6 * MONTH
-    for place, value in zip(first.providers[~ring], first.values[~ring], strict=True):
-        assert value == pytest.approx(log.values[past & (log.ratees == place)].mean(), abs=0.1)
-    drawn = ranking.ratings(lifted, replace(plan, popular=False))
-    assert len(drawn[2].raters) == len(rounds[2].raters)
+    plan = Plan(
+        "aged", accounts=3, strikes=2, repeats=2, turns=True, quiet=1, age=2, mildness=0.2, cover=5, rivals=2, ring=1
+    )
+    rows = ranking.rows(lifted, plan)
+    struck = [row for row in rows if row.agent == lifted.place]
+    assert [(row.round, row.value) for row in struck] == [(3, 0.8)] * 4 + [(4, 0.8)] * 2
+    pushed = [row for row in rows if row.value == 0.0]
+    assert {row.agent for row in pushed} == set(ranking.order[8:10].tolist())
+    assert len(pushed) == 3 * 2
+    ring = [row for row in rows if row.agent >= log.shape[1]]
+    assert [(row.round, row.value) for row in ring] == [(1, 1.0)] * 3
+    decoys = [row for row in rows if row.round < 3 and row not in ring]
+    assert [row.round for row in decoys] == [1] * 9 + [2] * 6
+    trust = streamed(log, "mean").provider_trust()
+    assert all(row.value == pytest.approx(trust[row.agent], abs=1e-12) for row in decoys)
+    drawn = ranking.rows(lifted, replace(plan, popular=False))
+    assert {row.agent for row in drawn} != {row.agent for row in rows}
+    assert len(drawn) == len(rows)
 
 
 def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_not_need(log: RatingLog) -> None:
-    found = audit_model(ranking_of(log, top=2), Prices(), targets=2, budget=20)
+    found = audit_model(ranking_of(log, top=2), Prices(day=0.001), targets=2, budget=60)
     assert [one.goal for one in found.exposures].count("sink") == 2
     ranking = ranking_of(log, top=2)
+    targets = {target[::2]: target for target in ranking.targets(2, 0)}
+    place = {name: at for at, name in enumerate(log.rater_names)}
     for one in found.exposures:
-        best = one.cheapest
+        best, target = one.cheapest, targets[one.goal, one.rank]
         assert best is not None
         assert len(one.sent) == best.ratings
         assert len({rating.account for rating in one.sent}) == best.accounts
-        assert (
-            min(one.prices)
-            == one.price
-            == pytest.approx(best.accounts * Prices().of_account(best.plan.origin) + 0.1 * best.ratings)
-        )
+        hijacked = len({rating.account for rating in one.sent} & place.keys())
+        bought = best.accounts - hijacked + 10 * hijacked + 0.1 * best.ratings
+        assert min(one.prices) == one.price == pytest.approx(bought + 0.001 * best.days)
+        assert best.margin >= 0
         assert (best.rank > 2) == (one.goal == "sink")
+        rows = [
+            Row(
+                6 - sent.round,
+                place.get(sent.account, len(place) + int(sent.account.split()[-1])),
+                place.get(sent.agent, len(place)),
+                sent.value,
+            )
+            for sent in one.sent
+        ]
+        assert ranking.play(target, best.plan, Prices(), rows).rank == best.rank
+        for at in range(len(rows)):  # each rating is needed
+            fewer = rows[:at] + rows[at + 1 :]
+            assert not fewer or not ranking.over_edge(target, ranking.play(target, best.plan, Prices(), fewer).rank)
     for target in ranking.targets(2, 0):  # no single rating of a new account is cheaper
-        played = ranking.play(target, Plan(), Prices())
+        played = ranking.play(target, Plan(), Prices(day=0.001))
         price = next(one.price for one in found.exposures if (one.goal, one.rank) == (target.goal, target.rank))
         assert not ranking.over_edge(target, played.rank) or price <= played.price
     for goal in found.medians:
         curve = [one for one in found.curve if one.goal == goal]
         assert all(np.diff([one.places.value for one in curve]) >= 0)
         assert curve[-1].pushed.value == 1
-    again = audit_model(ranking_of(log, top=2), Prices(), targets=2, budget=20)
+    again = audit_model(ranking_of(log, top=2), Prices(day=0.001), targets=2, budget=60)
     assert repr(again) == repr(found)
 
 
