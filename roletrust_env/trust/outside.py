@@ -45,6 +45,8 @@ LIMIT_S = 60.0
 _MOST_BYTES = 64_000_000  # of an answer
 _TOLD = 500  # characters of an error message of the other side that are shown
 _ENDS_S = 1.0  # seconds for a process without output to end by itself
+_TOGETHER = 200_000  # values of trust in the answers to messages that are sent at once
+_ENDED = 20  # games whose end is told at once
 _WAITING = 100_000  # answers that nobody has asked for yet
 
 
@@ -240,6 +242,7 @@ class Sessions:
         # A service may have games of several processes, which do not know of each other.
         self._numbers = count(secrets.randbits(32) << 20)
         self._rounds: dict[int, int] = {}
+        self._ended = list[int]()  # of which the other side has not heard
 
     def begin(self, shape: Shape, games: int) -> tuple[Ints, Answers]:
         """Begin games, and return their numbers and the trust before any rating.
@@ -275,6 +278,25 @@ class Sessions:
         self._rounds.update(zip(numbers.tolist(), rounds.tolist(), strict=True))
         return answers
 
+    def replay(self, shape: Shape, tails: Sequence[str]) -> Floats:
+        """Play a game of known rounds, and return the trust in the providers at its end, shape (P,).
+
+        Messages are sent many at a time, and answers before the last one are not read. The game is then over.
+
+        Args:
+            shape: Ints of raters and providers, (S, P).
+            tails: Messages of the rounds from the beginning, see `round_tail`.
+        """
+        number, answer = next(self._numbers), ""
+        many = max(1, _TOGETHER // sum(shape))
+        for at in range(0, len(tails), many):
+            answer = self.link.ask([_headed(number, tail) for tail in tails[at : at + many]])[-1]
+        self._ended.append(number)
+        if len(self._ended) >= _ENDED:
+            self.link.tell(json.dumps({"over": self._ended}))
+            self._ended.clear()
+        return self._read([answer], shape).top[:, 0]
+
     def round_of(self, number: int) -> int | None:
         """Return the round that a game has reached; None if it is over."""
         return self._rounds.get(number)
@@ -286,7 +308,9 @@ class Sessions:
         self.link.tell(json.dumps({"over": numbers}))
 
     def _ask(self, requests: Sequence[str], shape: Shape) -> Answers:
-        lines = self.link.ask(requests)
+        return self._read(self.link.ask(requests), shape)
+
+    def _read(self, lines: Sequence[str], shape: Shape) -> Answers:
         answers = Answers(np.ones((shape[0], len(lines))), np.empty((shape[1], len(lines))))
         for k, line in enumerate(lines):
             try:
@@ -299,9 +323,17 @@ class Sessions:
         return answers
 
 
+def round_tail(round: int, shape: Shape, ratings: list[list[float]]) -> str:
+    """Return the message of a round without the number of its game, which comes first."""
+    return json.dumps({"round": round, "raters": shape[0], "providers": shape[1], "ratings": ratings})[1:]
+
+
+def _headed(number: int, tail: str) -> str:
+    return f'{{"game": {number}, {tail}'
+
+
 def _request(number: int, round: int, shape: Shape, ratings: list[list[float]]) -> str:
-    sizes = {"raters": shape[0], "providers": shape[1]}
-    return json.dumps({"game": number, "round": round, **sizes, "ratings": ratings})
+    return _headed(number, round_tail(round, shape, ratings))
 
 
 def _read(line: str, shape: Shape) -> dict[str, list[float]]:
@@ -398,6 +430,15 @@ class OutsideModel:
     def provider_trust(self, state: OutsideState) -> Array:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return state.top
+
+    def replay(self, shape: tuple[int, int], tails: Sequence[str]) -> Floats:
+        """Return the trust in providers after a game of known rounds. See `Sessions.replay`.
+
+        Raises:
+            ValueError: The other side fails, or its answer is wrong.
+        """
+        with self._named():
+            return self._sessions().replay(shape, tails)
 
     def _begin(self, like: Array) -> tuple[Ints, Answers]:
         with self._named():

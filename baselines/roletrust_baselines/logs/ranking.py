@@ -1,13 +1,18 @@
 """Attacks on the ranking of a log: what hostile accounts send, what it costs, and the ranks after it."""
 
+import json
+import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.replay import ROUNDS, Ending, HostileRatings
-from roletrust_baselines.logs.rounds import TooSmallError
+from roletrust_baselines.logs.replay import ACTIVE, ROUNDS, Ending, HostileRatings
+from roletrust_baselines.logs.rounds import TooSmallError, numbers_of
 from roletrust_env.data.evidence import Rank, wilson_interval
 from roletrust_env.data.log import RatingLog
 from roletrust_env.trust.edges import pair_ends, pair_keys
@@ -116,7 +121,7 @@ class Attempt:
         accounts: Number of accounts that rate.
         ratings: Number of ratings.
         rounds: Number of rounds from its first rating to the end of the log.
-        days: The same in days, if times are in seconds.
+        days: The same in days, if times are in seconds; NaN without times.
         price: Price of its accounts and ratings.
         rank: Rank of the target after it, 1 for the most trusted.
         margin: How far what the target is ranked by is beyond that of the edge, which makes equal attacks comparable.
@@ -150,6 +155,29 @@ class Target(NamedTuple):
     rank: int
 
 
+class Journal:
+    """Outcomes of attacks, kept in a file, so that a search that is interrupted goes on where it was.
+
+    Attributes:
+        path: File.
+        known: Rank and margin by attack.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read what an earlier search has kept; a line that is torn is ignored."""
+        self.path, self.known = path, dict[str, tuple[int, float]]()
+        for line in path.read_text().splitlines() if path.exists() else ():
+            with suppress(ValueError, TypeError):
+                key, rank, beyond = json.loads(line)
+                self.known[key] = rank, beyond
+
+    def add(self, key: str, outcome: tuple[int, float]) -> None:
+        """Keep an outcome."""
+        self.known[key] = outcome
+        with self.path.open("a") as file:
+            file.write("\n" + json.dumps([key, *outcome]))
+
+
 class Ranking:
     """The ranks at the end of a log, without and with an attack.
 
@@ -157,35 +185,56 @@ class Ranking:
     trust; of equals, those with the higher trust, and with more ratings, come first.
 
     Attributes:
+        model: Trust model.
+        log: Log.
+        every: Length of a round; None if rounds are by number.
+        same_agents: Whether a rater and a ratee of one name are one agent.
         top: Number of agents in the top.
         newcomer: Place of an agent that nobody has rated.
         order: Places of the ranked agents without an attack, the best first.
     """
 
     def __init__(
-        self, model: Any, log: RatingLog, every: float, *, same_agents: bool, top: int = 10, rank_by: Rank = "low"
+        self,
+        model: Any,
+        log: RatingLog,
+        every: float | None,
+        *,
+        count: int | None = None,
+        same_agents: bool,
+        top: int = 10,
+        rank_by: Rank = "low",
+        journal: Journal | None = None,
     ) -> None:
         """Play the log.
 
         Args:
             model: Trust model.
-            log: Log with times.
-            every: Length of a round.
+            log: Log.
+            every: Length of a round; None if rounds are by number.
+            count: Number of ratings of a round; None for all in one.
             same_agents: Whether a rater and a ratee of one name are one agent.
             top: Number of agents in the top.
             rank_by: What agents are ranked by.
+            journal: Outcomes that are known.
 
         Raises:
-            TooSmallError: The log has too few rounds, or too few ranked agents.
+            TooSmallError: The log has too few ranked agents.
+            ValueError: Rounds go by time, and the log has no times.
             MemoryError: The model does not fit, see `make_run`.
         """
-        self.top, self._rank_by, self._every = top, rank_by, every
-        self._end = Ending(model, log, every, same_agents=same_agents, more=1 + MOST)
+        self.top, self.every, self._rank_by, self._journal = top, every, rank_by, journal
+        self.model, self.log, self.same_agents = model, log, same_agents
+        self._count, numbers = count, numbers_of(log, every, count)
+        facts = *log[:3], numbers, np.array([top, same_agents, rank_by == "low"])
+        self._digest = sha256(b"".join(np.asarray(one).tobytes() for one in facts) + repr(model).encode())
+        self._end = Ending(model, log, numbers, same_agents=same_agents, more=1 + MOST)
         self.newcomer = log.shape[1]
         self._fresh = log.shape[0] + 1 + np.arange(MOST)
         self._keys, self._counts = np.unique(pair_keys(log.ratees, log.raters), return_counts=True)
-        received = np.argsort(-np.bincount(log.ratees[: self._end.past]), kind="stable")
-        self._popular = received[~np.isnan(self._end.past_means[received])]
+        received, given = (np.bincount(side) for side in (log.ratees, log.raters))
+        self._popular = np.argsort(-received, kind="stable")[: (received > 0).sum()]
+        self._active = np.argsort(-given, kind="stable")[: (given >= ACTIVE).sum()]
         self._size = log.shape[1] + 1 + MOST
         rated = pair_ends(self._keys)[0]
         self._total = np.bincount(rated, self._counts, self._size).astype(np.float64)
@@ -195,6 +244,11 @@ class Ranking:
         self.order: Ints = order[self._total[order] > 0]
         if len(self.order) <= top:
             raise TooSmallError(f"{len(self.order)} agents have ratings; more than the top {top} are needed")
+
+    def of(self, model: Any) -> "Ranking":
+        """Return the ranking of the same log by another model."""
+        settings: Any = {"same_agents": self.same_agents, "top": self.top, "rank_by": self._rank_by}
+        return Ranking(model, self.log, self.every, count=self._count, **settings)
 
     def _columns(self, rows: Sequence[Row]) -> list[Floats]:
         """Return what providers rank by, each from low to high: lower end or trust, trust, number of ratings."""
@@ -227,22 +281,35 @@ class Ranking:
             rows: Ratings that are sent in place of those of the plan.
         """
         changed, rows = rows is not None, self.rows(target, plan) if rows is None else rows
-        columns = self._columns(rows)
-        others = columns[-1] > 0
-        others[target.place] = False
-        beyond = float(columns[0][target.place] - np.partition(columns[0][others], -self.top)[-self.top])
-        length, rank = self._length(rows), self._rank(target.place, columns)
+        rank, beyond = self._outcome(target.place, rows)
+        length = self._length(rows)
         return Attempt(
             plan,
             changed,
             accounts=len({row.account for row in rows}),
             ratings=len(rows),
             rounds=length,
-            days=length * self._every / _DAY,
+            days=self._days(length),
             price=self.price(rows, prices),
             rank=rank,
             margin=-beyond if target.goal == "sink" else beyond,
         )
+
+    def _outcome(self, place: int, rows: Sequence[Row]) -> tuple[int, float]:
+        """Return the rank of a provider after an attack, and how far it is above the edge of the others' top."""
+        digest = self._digest.copy()
+        digest.update(repr((place, rows)).encode())
+        key = digest.hexdigest()
+        if self._journal and key in self._journal.known:
+            return self._journal.known[key]
+        columns = self._columns(rows)
+        others = columns[-1] > 0
+        others[place] = False
+        edge = np.partition(columns[0][others], -self.top)[-self.top]
+        outcome = self._rank(place, columns), float(columns[0][place] - edge)
+        if self._journal:
+            self._journal.add(key, outcome)
+        return outcome
 
     def _rank(self, place: int, columns: Sequence[Floats]) -> int:
         """Return the rank of a provider; one without ratings comes after all that have some."""
@@ -259,16 +326,19 @@ class Ranking:
         """Return the number of rounds from the first rating to the end of the log."""
         return ROUNDS - min((row.round for row in rows), default=ROUNDS)
 
+    def _days(self, rounds: int) -> float:
+        return math.nan if self.every is None else rounds * self.every / _DAY
+
     def price(self, rows: Sequence[Row], prices: Prices) -> float:
         """Return the price of ratings and of their accounts."""
         accounts = {row.account for row in rows}
         new = sum(account >= self._fresh[0] for account in accounts)
         bought = new * prices.account + (len(accounts) - new) * prices.hijacked + len(rows) * prices.rating
-        return float(bought + self._length(rows) * self._every / _DAY * prices.day)
+        return float(bought) + (self._days(self._length(rows)) * prices.day if prices.day else 0.0)
 
     def sent(self, rows: Sequence[Row]) -> list[Sent]:
         """Return ratings with the names of their agents."""
-        (raters, providers), fresh = (self._end.log.rater_names, self._end.log.ratee_names), int(self._fresh[0])
+        (raters, providers), fresh = (self.log.rater_names, self.log.ratee_names), int(self._fresh[0])
         return [
             Sent(
                 ROUNDS - number,
@@ -281,7 +351,7 @@ class Ranking:
 
     def named(self, target: Target) -> tuple[str, int, int]:
         """Return the name, the rank and the number of ratings of a target."""
-        names = self._end.log.ratee_names
+        names = self.log.ratee_names
         name = names[target.place] if target.place < len(names) else ""
         return name, target.rank, int(self._total[target.place])
 
@@ -305,14 +375,14 @@ class Ranking:
             for number in strikes:
                 rows += [Row(number, account, target.place, value)] * plan.repeats
                 rows += [Row(number, account, rival, float(down)) for rival in rivals]
-            if self._end.same_agents:
+            if self.same_agents:
                 others = (accounts[k + 1 :] + accounts[:k])[: plan.ring]
                 rows += [Row(begin, account, other, 1.0) for other in others]
             some = known[: plan.cover] if plan.popular else rng.choice(known, min(plan.cover, len(known)), False)
             rounds = max(1, first - begin)
             for n, other in enumerate(some.tolist()):
                 rows.append(Row(begin + n % rounds, account, other, float(self._trust[other])))
-        return sorted(row for row in rows if row.account != row.agent or not self._end.same_agents)
+        return sorted(row for row in rows if row.account != row.agent or not self.same_agents)
 
     def rivals(self, target: Target, many: int) -> list[int]:
         """Return the places of agents at the edge of the top, so many on the side to which a target is pushed."""
@@ -326,18 +396,18 @@ class Ranking:
 
     @property
     def popular(self) -> Ints:
-        """The places of the agents with ratings before the last rounds, those with the most first."""
+        """The places of the agents with ratings, those with the most first."""
         return self._popular
 
     def _accounts(self, target: Target, plan: Plan) -> Ints:
         """Return the places of the accounts."""
         if plan.origin != "hijacked":
             return self._fresh[: plan.accounts]
-        active = self._end.ranked[::-1] if plan.choice != 1 else self._end.ranked
+        active = self._active[::-1] if plan.choice == 1 else self._active
         if plan.choice == 2:
-            log = self._end.log
-            active = active[np.argsort(~np.isin(active, log.raters[log.ratees == target.place]), kind="stable")]
-        if self._end.same_agents:
+            own = self.log.raters[self.log.ratees == target.place]
+            active = active[np.argsort(~np.isin(active, own), kind="stable")]
+        if self.same_agents:
             active = active[active != target.place]
         return active[: plan.accounts]
 

@@ -16,15 +16,19 @@ from roletrust_env.data.log import RatingLog
 from roletrust_env.data.rounds import spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.beta_distribution import reputation
+from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.outside import OutsideModel
+from roletrust_env.trust.outside import OutsideModel, round_tail
+from roletrust_env.trust.ratings import merge_repeats
 from roletrust_env.trust.run import TrustRun, make_run
 
 TARGETS, ROUNDS = 20, 6
 """Number of targets, and of rounds that the attack lasts."""
 
+ACTIVE = 5
+"""An account with so many ratings is worth hijacking."""
+
 _DRAWS = 5  # of hijacked accounts
-_ACTIVE = 5  # an account with so many ratings is worth hijacking
 
 
 class Attack(NamedTuple):
@@ -78,8 +82,15 @@ class HostileRatings(NamedTuple):
     values: Floats
 
 
+def _joined(parts: Sequence[HostileRatings]) -> HostileRatings:
+    """Return the ratings of several parts as those of one."""
+    return HostileRatings(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
 class Ending:
     """A log that was played up to its last 6 rounds, and that can be ended with and without hostile ratings.
+
+    In a log with fewer rounds, hostile ratings that come earlier are in its first one.
 
     Attributes:
         log: Log.
@@ -87,37 +98,46 @@ class Ending:
         past: Number of ratings before the last rounds.
     """
 
-    def __init__(self, model: Any, log: RatingLog, every: float, *, same_agents: bool, more: int) -> None:
+    def __init__(self, model: Any, log: RatingLog, numbers: Ints, *, same_agents: bool, more: int) -> None:
         """Play the log, and remember the beginning of each of its last rounds.
 
         Args:
             model: Trust model.
             log: Log.
-            every: Length of a round.
+            numbers: Number of the round of each rating, shape (n,), ascending.
             same_agents: Whether a rater and a ratee of the same name are one agent.
             more: Number of further raters, and of further providers, for which there is room.
 
         Raises:
-            TooSmallError: The log has no 7 rounds with ratings.
             MemoryError: The model does not fit, see `make_run`.
         """
-        parts = list(spans(log_rounds(log, every)))
-        if len(parts) <= ROUNDS:
-            raise TooSmallError(f"the log has {len(parts)} rounds with ratings; an attack needs more than {ROUNDS}")
-        self.log, self.same_agents, self.past = log, same_agents, parts[-ROUNDS][1].start
+        parts = list(spans(numbers))
+        self.log, self.same_agents, self.past = log, same_agents, parts[-ROUNDS:][0][1].start
         self._model, self._room = model, (log.shape[0] + more, log.shape[1] + more)
-        self._parts, self._rest = parts, parts[-ROUNDS:]
-        self._begun = [self._played(len(parts) - ROUNDS)]
-        for number, part in self._rest[:-1] if not isinstance(model, OutsideModel) else ():
+        self._rest = parts[-ROUNDS:]
+        self._begun, self._lines = list[TrustRun](), list[str]()
+        if isinstance(model, OutsideModel):  # a game with it cannot branch
+            self._tell([(number, self._of_log(part)) for number, part in parts[:-ROUNDS]], self._lines)
+            return
+        self._begun.append(make_run(model, self._room, one_role=not same_agents))
+        for number, part in parts[:-ROUNDS]:
+            play_round(self._begun[0], number, *self._of_log(part))
+        for number, part in self._rest[:-1]:
             self._begun.append(deepcopy(self._begun[-1]))
-            play_round(self._begun[-1], number, log.raters[part], log.ratees[part], log.values[part])
+            play_round(self._begun[-1], number, *self._of_log(part))
 
-    def _played(self, many: int) -> TrustRun:
-        """Return a run of so many rounds of the log."""
-        run, log = make_run(self._model, self._room, one_role=not self.same_agents), self.log
-        for number, part in self._parts[:many]:
-            play_round(run, number, log.raters[part], log.ratees[part], log.values[part])
-        return run
+    def _of_log(self, part: slice) -> HostileRatings:
+        """Return some ratings of the log."""
+        return HostileRatings(self.log.raters[part], self.log.ratees[part], self.log.values[part])
+
+    def _tell(self, rounds: Sequence[tuple[int, HostileRatings]], lines: list[str]) -> None:
+        """Add the messages of rounds to those of a game with an outside model, and of rounds without ratings."""
+        for number, sent in rounds:
+            while len(lines) <= number:
+                lines.append(round_tail(len(lines), self._room, []))
+            raters, providers, values, _ = merge_repeats(*sent, pair_keys(sent.raters, sent.providers))
+            listed = [list(one) for one in zip(raters.tolist(), providers.tolist(), values.tolist(), strict=True)]
+            lines.append(round_tail(len(lines), self._room, listed))
 
     def trust(self, rounds: Sequence[HostileRatings]) -> Floats:
         """Return the trust of all providers at the end of the log.
@@ -126,13 +146,21 @@ class Ending:
             rounds: Ratings of the hostile accounts in each of the last rounds, beside those of the log. A rating of
                 an account by itself does not count if raters and ratees are the same agents.
         """
-        first = next((at for at, extra in enumerate(rounds) if len(extra.raters)), ROUNDS - 1)
-        outside, log = isinstance(self._model, OutsideModel), self.log  # a game with such a model cannot branch
-        run = self._played(len(self._parts) - ROUNDS + first) if outside else deepcopy(self._begun[first])
-        for (number, part), extra in zip(self._rest[first:], rounds[first:], strict=True):
+        missing = ROUNDS - len(self._rest)
+        rounds = [_joined(rounds[: missing + 1]), *rounds[missing + 1 :]]
+        first = next((at for at, extra in enumerate(rounds) if len(extra.raters)), len(rounds) - 1)
+        ended = list[tuple[int, HostileRatings]]()
+        for (number, part), extra in zip(self._rest, rounds, strict=True):
             others = (extra.raters != extra.providers) | (not self.same_agents)
-            parts = zip((log.raters[part], log.ratees[part], log.values[part]), extra, strict=True)
-            play_round(run, number, *(np.concatenate([real, false[others]]) for real, false in parts))
+            false = HostileRatings(*(column[others] for column in extra))
+            ended.append((number, _joined([self._of_log(part), false])))
+        if isinstance(self._model, OutsideModel):
+            lines = list(self._lines)
+            self._tell(ended, lines)
+            return self._model.replay(self._room, lines)
+        run = deepcopy(self._begun[first])
+        for number, sent in ended[first:]:
+            play_round(run, number, *sent)
         return run.provider_trust
 
     @cached_property
@@ -148,7 +176,7 @@ class Ending:
     def ranked(self) -> Ints:
         """Raters with at least 5 ratings before the attack, those with the fewest ratings first."""
         given = np.bincount(self.log.raters[: self.past], minlength=self.log.shape[0])
-        active = np.flatnonzero(given >= _ACTIVE)
+        active = np.flatnonzero(given >= ACTIVE)
         return active[np.argsort(given[active], kind="stable")]
 
 
@@ -176,11 +204,14 @@ class Replay(Ending):
             TooSmallError: The log has no 7 rounds with ratings, or too few providers or raters.
             MemoryError: The model does not fit, see `make_run`.
         """
-        super().__init__(model, log, every, same_agents=same_agents, more=TARGETS + most)
+        numbers = log_rounds(log, every)
+        if (many := len(np.unique(numbers))) <= ROUNDS:
+            raise TooSmallError(f"the log has {many} rounds with ratings; an attack needs more than {ROUNDS}")
+        super().__init__(model, log, numbers, same_agents=same_agents, more=TARGETS + most)
         self.best, self.active = _best(log, self.past), np.sort(self.ranked)
         if len(self.best) < TARGETS or len(self.active) < most:
             raise TooSmallError(
-                f"an attack needs {TARGETS} providers and {most} raters with {_ACTIVE} ratings in the log"
+                f"an attack needs {TARGETS} providers and {most} raters with {ACTIVE} ratings in the log"
             )
         self.newcomers, self.fresh = log.shape[1] + np.arange(TARGETS), log.shape[0] + TARGETS + np.arange(most)
         self._rated = np.union1d(np.unique(log.ratees), self.newcomers)
@@ -377,4 +408,4 @@ def hostile_ratings(replay: Replay, targets: Ints, tactic: Tactic, rng: np.rando
         parts.append(HostileRatings(np.full(len(others), account), others, replay.past_means[others]))
     if tactic.ring and replay.same_agents:
         parts.append(equal_ratings(tactic.accounts, tactic.accounts, 1.0))
-    return HostileRatings(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return _joined(parts)

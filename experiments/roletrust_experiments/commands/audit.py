@@ -4,24 +4,34 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from time import perf_counter
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_baselines.logs.audit import Audit, AuditReport, audit_model
-from roletrust_baselines.logs.forecasts import forecasts, next_rating
-from roletrust_baselines.logs.ranking import ACCOUNTS, Prices, Ranking
+from roletrust_baselines.logs.audit import (
+    SHORT,
+    AuditReport,
+    Comparison,
+    attack_count,
+    audit_model,
+    compare_models,
+)
+from roletrust_baselines.logs.ranking import ACCOUNTS, Journal, Prices, Ranking
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_json, write_text
+from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
+from roletrust_env.trust.outside import OutsideModel
 from roletrust_experiments.commands.console import console, number_table, progress_bar, stage
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
 from roletrust_experiments.report.audit import WORDS, audit_page
 
+_OTHERS = 3  # models beside the audited one
 _SHOWN = 3  # most exposed agents of each goal
 
 
@@ -34,17 +44,24 @@ def audit(
     ] = "leave-one-out",
     other: Annotated[
         list[str] | None,
-        typer.Option(metavar=NAMED, help="Further trust model, to see if it resists more; repeat for more."),
+        typer.Option(
+            metavar=NAMED, help="Model to compare; repeat for more. If left out, the three that forecast best."
+        ),
+    ] = None,
+    alone: Annotated[bool, typer.Option("--alone", help="Compare with no other model.")] = False,
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Number of ratings of a round, for a log without times.")
     ] = None,
     rank_by: Annotated[
         Literal["low", "trust"], typer.Option(help="Rank by the lower end of the interval of trust, or by trust.")
     ] = "low",
     top: Annotated[int, typer.Option(min=1, help="Number of agents in the top.")] = 10,
     targets: Annotated[int, typer.Option(min=1, help="Number of targets that are drawn below the top.")] = 10,
-    budget: Annotated[int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")] = 100,
+    budget: Annotated[int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")] = 240,
     price_account: Annotated[float, typer.Option(min=0, help="Price of a new account.")] = 1.0,
     price_hijacked: Annotated[float, typer.Option(min=0, help="Price of an active rater's account.")] = 10.0,
     price_rating: Annotated[float, typer.Option(min=0, help="Price of a rating.")] = 0.1,
+    price_day: Annotated[float, typer.Option(min=0, help="Price of a day from the first rating to the end.")] = 0.0,
     fail_below: Annotated[
         float | None, typer.Option(help="Exit with code 1 if the median price of a goal is lower.")
     ] = None,
@@ -76,61 +93,92 @@ def audit(
     [dim]# in CI, a scorer of your own: accounts cost 2, ratings 5, and no goal may cost less than 100[/]
     [cyan]roletrust audit log.csv --scorer exec:./my-score --price-account 2 --price-rating 5 --fail-below 100[/]
     """
-    prices, names = Prices(price_account, price_hijacked, price_rating), list(dict.fromkeys([model, *(other or ())]))
-    models = {name: parse_named(registry, name) for name in names}
+    if count is not None and (reading.every is not None or price_day):
+        raise ValueError("--count is not for --every and --price-day: it makes rounds by number, not by time")
+    prices, chosen = Prices(price_account, price_hijacked, price_rating, price_day), parse_named(registry, model)
+    others = {name: parse_named(registry, name) for name in other or ()}
     prepare_folder(out)
-    every, same_agents = MONTH if reading.every is None else reading.every, bool(reading.same_agents)
+    out.mkdir(parents=True, exist_ok=True)
+    every = None if count else MONTH if reading.every is None else reading.every
+    outside, journal = isinstance(chosen, OutsideModel), Journal(out / "audit.journal")
+    if journal.known:
+        console.print(f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}")
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
-        log = replace(reading, every=every).read(ratings)
-        found, forecast, seeds = dict[str, Audit](), dict[str, dict[str, Interval]](), (seed, seed + 1)
-        for name, chosen in models.items():
-            ranking = Ranking(chosen, log, every, same_agents=same_agents, top=top, rank_by=rank_by)
-            advance = stage(progress, f"Attacking {name}", 1)
-            found[name] = audit_model(ranking, prices, targets=targets, budget=budget, seeds=seeds, advance=advance)
-            if other:
-                forecast[name] = next_rating(forecasts(chosen, log, every, same_agents=same_agents), log, seed)
+        log, begun = replace(reading, every=every).read(ratings), perf_counter()
+        settings: Any = {"same_agents": bool(reading.same_agents), "top": top, "rank_by": rank_by}
+        ranking = Ranking(chosen, log, every, count=count, journal=journal if outside else None, **settings)
+        if outside:
+            _estimate(model, perf_counter() - begun, attack_count(top + targets + 1, budget, 2))
+        advance, seeds = stage(progress, f"Attacking {model}", 1), (seed, seed + 1)
+        found = audit_model(ranking, prices, targets=targets, budget=budget, seeds=seeds, advance=advance)
+        compared, step = dict[str, Comparison](), stage(progress, "Comparing with other models", 1)
+        if not alone:
+            models, most = (others, len(others)) if others else (_central_models(), _OTHERS)
+            compared = compare_models(
+                ranking, model, models, prices, targets=targets, seed=seed, most=most, advance=step
+            )
     many = len(log.values)
-    report = AuditReport(ratings.name, many, every, top, rank_by, prices, budget, seeds, found, forecast)
+    report = AuditReport(ratings.name, many, every, top, rank_by, prices, budget, seeds, model, found, compared)
     write_text(out / "audit.json", report.json().decode() + "\n")
     write_json(out / "audit.schema.json", report.schema())
     write_text(out / "audit.html", audit_page(report))
+    journal.path.unlink(missing_ok=True)
     for table in _tables(report):
         console.print(table)
-    audited = found[model]
-    told = f"{audited.played:,} attacks; both searches found the same price for {audited.agreement:.0%} of the targets"
+    far = f", and prices at most {found.apart:.0%} apart" if found.apart else ""
+    told = f"{found.played:,} attacks; both searches found the same price for {found.agreement:.0%} of the targets{far}"
     console.print(f"{told}. Written to {out}: audit.html, audit.json, audit.schema.json", soft_wrap=True)
-    low = min(one.value for one in audited.medians.values())
+    low = min(one.value for one in found.medians.values())
     if fail_below is not None and low < fail_below:
         console.print(f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True)
         raise typer.Exit(1)
 
 
+def _estimate(model: str, seconds: float, attacks: int) -> None:
+    """Say how long an audit of a model outside may take."""
+    length = f"{seconds * attacks / 60:,.0f} minutes" if seconds * attacks > 120 else f"{seconds * attacks:,.0f} s"
+    told = f"{model} took {seconds:.2g} s to play the log; up to {attacks:,} attacks take about {length}"
+    console.print(escape(f"{told}. --budget and --targets make them fewer."), soft_wrap=True)
+
+
+def _central_models() -> dict[str, Any]:
+    models = {name: make_trust_model(name) for name in trust_models()}
+    return {name: one for name, one in models.items() if Traits.of(one).family == "central"}
+
+
 def _tables(report: AuditReport) -> list[Table]:
-    """Return what is found about the first model, and the models beside each other, as tables of 80 columns."""
-    model, found = next(iter(report.models.items()))
+    """Return what is found about a model, and models beside each other, as tables of 80 columns."""
+    model, found = report.model, report.audit
     title = f"Cheapest attacks found on {escape(model)}, top {report.top} of {found.ranked:,} agents"
     cheap = number_table(title, "", "rank", "ratings", "price", "accounts", "sent", "days", name="target")
     for goal, median in found.medians.items():
         whole = [one for one in found.exposures if one.goal == goal]
-        cheap.add_row(f"[bold]{WORDS[goal]}, median of {len(whole)}[/]", "", "", _cell(median, _amount))
+        of = f", median of {len(whole)}" if len(whole) > 1 else ""
+        cheap.add_row(f"[bold]{WORDS[goal]}{of}[/]", "", "", _cell(median, _amount))
         for one in whole[:_SHOWN]:
             best = one.cheapest
-            cells = (f"{best.accounts}", f"{best.ratings}", f"{best.days:,.0f}") if best else ()
+            cells = (f"{best.accounts}", f"{best.ratings}", _days(best.days)) if best else ()
             agent = escape(one.agent) or "nobody has rated"
             cheap.add_row(f"  {agent}", f"{one.rank:,}", f"{one.ratings:,}", _amount(one.price), *cells)
     moved = number_table("Mean number of ranks that accounts move a target", "", *map(str, ACCOUNTS), name="accounts")
     for goal, origin in dict.fromkeys((one.goal, one.origin) for one in found.movements):
         line = [one.places for one in found.movements if (one.goal, one.origin) == (goal, origin)]
         moved.add_row(f"{WORDS[goal]}, {origin}", *(_cell(one, "{:,.0f}".format) for one in line))
-    if not report.forecasts:
+    if not report.compared:
         return [cheap, moved]
     headings = *(WORDS[goal] for goal in found.medians), "r", "AUC"
-    beside = number_table("Median price, and forecast of the next rating", "", *headings, name="model")
-    for name, audited in report.models.items():
-        forecast = (_cell(report.forecasts[name][what], "{:.3f}".format) for what in ("r", "auc"))
-        beside.add_row(escape(name), *(_cell(one, _amount) for one in audited.medians.values()), *forecast)
+    beside = number_table(
+        f"Median price in {SHORT} attacks, and forecast of the next rating", "", *headings, name="model"
+    )
+    for name, both in report.compared.items():
+        forecast = (_cell(both.forecast[what], "{:.3f}".format) for what in ("r", "auc"))
+        beside.add_row(escape(name), *(_cell(price, _amount) for price in both.medians.values()), *forecast)
     return [cheap, moved, beside]
+
+
+def _days(days: float) -> str:
+    return "" if math.isnan(days) else f"{days:,.0f}"
 
 
 def _amount(price: float) -> str:

@@ -24,7 +24,7 @@ def audit_page(report: AuditReport) -> str:
 
 def _curves(report: AuditReport) -> Figure:
     """Return what attacks up to a price reach: the share of targets that cross the edge, and the ranks they move."""
-    found = next(iter(report.models.values()))
+    found = report.audit
     figure = Figure(figsize=(10, 3.6), layout="constrained")
     labels = {"pushed": "share of targets pushed over the edge", "places": "ranks moved, mean"}
     for axes, (name, label) in zip(figure.subplots(1, 2), labels.items(), strict=True):

@@ -22,30 +22,88 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_audit_says_the_same_on_screen_in_json_and_on_its_page(log: Path, tmp_path: Path):
     jsonschema = pytest.importorskip("jsonschema")
     prices = ["--price-account", "7", "--price-rating", "0.5", "--fail-below", "1000"]
+    models = ["--model", "mean", "--other", "beta"]
     columns = ["--rater", "1", "--ratee", "2", "--rating", "3", "--time", "4"]
-    result = run("audit", str(log), *SMALL, *prices, *columns, "--model", "mean", "--out", str(tmp_path))
+    result = run("audit", str(log), *SMALL, *prices, *columns, *models, "--out", str(tmp_path))
     assert result.exit_code == 1, result.output
     assert "Failed: a median price is" in result.output
     found, page = json.loads((tmp_path / "audit.json").read_text()), (tmp_path / "audit.html").read_text()
     jsonschema.validate(found, json.loads((tmp_path / "audit.schema.json").read_text()))
-    assert (found["format"], list(found["models"])) == ("roletrust-audit-1", ["mean"])
-    first = found["models"]["mean"]["exposures"][0]["cheapest"]
+    assert (found["format"], found["model"], list(found["compared"])) == ("roletrust-audit-1", "mean", ["mean", "beta"])
+    first = found["audit"]["exposures"][0]["cheapest"]
     assert first["price"] == first["accounts"] * 7 + first["ratings"] * 0.5
     for text in ("out of top", "newcomer in", f"{first['price']:,.4g}"):
         assert text in result.output
         assert text in page
     assert page.index("data:image/png") < page.index("<table>")
+    assert "Median price in 60 attacks" in result.output
     assert max(map(len, result.output.splitlines()[1:-3])) <= 80
 
 
-@pytest.mark.slow
-def test_models_stand_beside_each_other_and_a_scorer_outside_is_audited_as_one_inside(log: Path, tmp_path: Path):
-    arguments = ["audit", str(log), *SMALL, "--fail-below", "0.5", "--out", str(tmp_path)]
-    outside = f"exec:{sys.executable} -c 'from roletrust_experiments import main; main()' serve mean"
-    result = run(*arguments, "--scorer", "mean", "--other", outside)
+def test_a_log_without_times_is_audited_in_rounds_by_number(tmp_path: Path):
+    rows = [f"r{n % 7},a{n * n % 5},{(n * n % 5) / 8 + 0.2}" for n in range(40)]
+    (tmp_path / "log.csv").write_text("\n".join(["rater,ratee,rating", *rows]))
+    arguments = [
+        "audit",
+        str(tmp_path / "log.csv"),
+        "--top",
+        "1",
+        "--targets",
+        "1",
+        "--budget",
+        "6",
+        "--out",
+        str(tmp_path),
+    ]
+    result = run(*arguments, "--count", "40")
     assert result.exit_code == 0, result.output
     found = json.loads((tmp_path / "audit.json").read_text())
-    inside, same = found["models"].values()
-    assert inside == same
-    assert set(found["forecasts"][outside]) >= {"r", "auc"}
-    assert "Median price, and forecast" in result.output
+    assert (found["every"], found["compared"]) == (None, {})
+    assert {one["cheapest"]["days"] for one in found["audit"]["exposures"]} == {None}
+    result = run(*arguments, "--count", "40", "--price-day", "1")
+    assert "--count is not for --every and --price-day" in result.output
+
+
+SCORER = """
+import json, sys
+for n, line in enumerate(sys.stdin):
+    one = json.loads(line)
+    if n > {most}:
+        sys.exit("out of memory")
+    if "over" not in one:
+        given = [r[2] for r in one["ratings"]]
+        print(json.dumps({{"providers": [0.5 + 0.4 * sum(given) / (1 + len(given))] * one["providers"]}}), flush=True)
+"""
+
+
+def test_an_audit_of_a_scorer_that_dies_goes_on_where_it_was(log: Path, tmp_path: Path):
+    scorer = tmp_path / "scorer.py"
+    arguments = ["audit", str(log), *SMALL, "--alone", "--scorer", f"exec:{sys.executable} {scorer}"]
+    scorer.write_text(SCORER.format(most=250))
+    result = run(*arguments, "--out", str(tmp_path / "broken"))
+    assert result.exit_code == 2, result.output
+    assert "it has ended with exit code 1: out of memory" in result.output
+    journal = tmp_path / "broken" / "audit.journal"
+    with journal.open("a") as file:
+        file.write('\n["torn')
+    scorer.write_text(SCORER.format(most=10**9))
+    result = run(*arguments, "--out", str(tmp_path / "broken"))
+    assert "attacks are known from an interrupted audit" in result.output
+    assert run(*arguments, "--out", str(tmp_path / "whole")).exit_code == 0
+    found, whole = ((tmp_path / name / "audit.json").read_text() for name in ("broken", "whole"))
+    assert found == whole
+    assert not journal.exists()
+
+
+@pytest.mark.slow
+def test_a_scorer_outside_is_audited_as_a_model_inside(log: Path, tmp_path: Path):
+    outside = f"exec:{sys.executable} -c 'from roletrust_experiments import main; main()' serve mean"
+    found = []
+    for model in ("mean", outside):
+        result = run("audit", str(log), *SMALL, "--scorer", model, "--out", str(tmp_path), "--fail-below", "0.5")
+        assert result.exit_code == 0, result.output
+        found.append(json.loads((tmp_path / "audit.json").read_text()))
+    inside, same = found
+    assert inside["audit"] == same["audit"]
+    assert inside["compared"]["mean"] == same["compared"][outside]
+    assert list(inside["compared"])[1:] == [one for one in same["compared"] if one not in ("mean", outside)][:3]
