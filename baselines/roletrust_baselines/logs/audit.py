@@ -199,6 +199,7 @@ def audit_model(
     prices: Prices,
     *,
     targets: int = 10,
+    named: Sequence[str] = (),
     budget: int = 240,
     seeds: Sequence[int] = (0, 1),
     advance: Callable[[float], None] = lambda share: None,
@@ -209,11 +210,12 @@ def audit_model(
         ranking: Log with its ranks.
         prices: What accounts and ratings cost.
         targets: Number of ranked agents that are drawn as targets from those below the top.
+        named: Names of the targets, in place of the top, of those that are drawn, and of a newcomer.
         budget: Number of attacks that a search plays for each target.
         seeds: Random seed of each search; the first one also draws targets and resamples.
         advance: Function that is called with the share of the work that is done.
     """
-    chosen, done = ranking.targets(targets, seeds[0]), itertools.count(1)
+    chosen, done = ranking.targets(targets, seeds[0], named), itertools.count(1)
     whole = attack_count(len(chosen), budget, len(seeds))
 
     def tick() -> None:

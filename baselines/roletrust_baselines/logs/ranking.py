@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from roletrust_baselines.logs.explanation import find_ratee
 from roletrust_baselines.logs.replay import ACTIVE, ROUNDS, Ending, HostileRatings
 from roletrust_baselines.logs.rounds import TooSmallError, numbers_of
 from roletrust_env.data.evidence import Rank, wilson_interval
@@ -264,12 +265,24 @@ class Ranking:
         low, _ = wilson_interval(trust, total**2 / np.maximum(squares, 1.0))  # see `effective_number`
         return [low if self._rank_by == "low" else trust, trust, total]
 
-    def targets(self, many: int, seed: int) -> list[Target]:
-        """Return the agents of the top, so many that are drawn from those below it, and a newcomer."""
+    def targets(self, many: int, seed: int, named: Sequence[str] = ()) -> list[Target]:
+        """Return the agents of the top, so many that are drawn from those below it, and a newcomer.
+
+        Args:
+            many: Number of agents to draw.
+            seed: Random seed of the draws.
+            named: Names of the agents to return in place of all these.
+
+        Raises:
+            ValueError: An agent has no ratings.
+        """
         drawn = np.sort(np.random.default_rng(seed).permutation(len(self.order) - self.top)[:many]) + self.top
-        ranks = [*(("sink", at) for at in range(self.top)), *(("lift", int(at)) for at in drawn)]
-        found = [Target(goal, int(self.order[at]), at + 1) for goal, at in ranks]  # type: ignore[arg-type]
-        return [*found, Target("enter", self.newcomer, len(self.order) + 1)]
+        chosen = [*range(self.top), *drawn.tolist()]
+        if named:
+            places = dict.fromkeys(find_ratee(self.log, name) for name in named)
+            chosen = sorted(int(np.flatnonzero(self.order == place)[0]) for place in places)
+        found = [Target("sink" if at < self.top else "lift", int(self.order[at]), at + 1) for at in chosen]
+        return found if named else [*found, Target("enter", self.newcomer, len(self.order) + 1)]
 
     def play(self, target: Target, plan: Plan, prices: Prices, rows: Sequence[Row] | None = None) -> Attempt:
         """Play an attack.

@@ -56,6 +56,9 @@ def audit(
         Literal["low", "trust"], typer.Option(help="Rank by the lower end of the interval of trust, or by trust.")
     ] = "low",
     top: Annotated[int, typer.Option(min=1, help="Number of agents in the top.")] = 10,
+    target: Annotated[
+        list[str] | None, typer.Option(metavar="AGENT", help="Agent to push, in place of all others; repeat for more.")
+    ] = None,
     targets: Annotated[int, typer.Option(min=1, help="Number of targets that are drawn below the top.")] = 10,
     budget: Annotated[int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")] = 240,
     price_account: Annotated[float, typer.Option(min=0, help="Price of a new account.")] = 1.0,
@@ -95,6 +98,8 @@ def audit(
     """
     if count is not None and (reading.every is not None or price_day):
         raise ValueError("--count is not for --every and --price-day: it makes rounds by number, not by time")
+    if not all(map(math.isfinite, (price_account, price_hijacked, price_rating, price_day, fail_below or 0))):
+        raise ValueError("prices and --fail-below must be finite numbers")
     prices, chosen = Prices(price_account, price_hijacked, price_rating, price_day), parse_named(registry, model)
     others = {name: parse_named(registry, name) for name in other or ()}
     prepare_folder(out)
@@ -105,13 +110,19 @@ def audit(
         console.print(f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}")
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
-        log, begun = replace(reading, every=every).read(ratings), perf_counter()
+        try:
+            log, begun = replace(reading, every=every).read(ratings), perf_counter()
+        except ValueError as error:
+            without = "no column 'time'" in str(error)
+            raise ValueError(f"{error}; without times, --count makes rounds by number" if without else error) from None
         settings: Any = {"same_agents": bool(reading.same_agents), "top": top, "rank_by": rank_by}
         ranking = Ranking(chosen, log, every, count=count, journal=journal if outside else None, **settings)
         if outside:
-            _estimate(model, perf_counter() - begun, attack_count(top + targets + 1, budget, 2))
+            _estimate(model, perf_counter() - begun, attack_count(len(target or ()) or top + targets + 1, budget, 2))
         advance, seeds = stage(progress, f"Attacking {model}", 1), (seed, seed + 1)
-        found = audit_model(ranking, prices, targets=targets, budget=budget, seeds=seeds, advance=advance)
+        found = audit_model(
+            ranking, prices, targets=targets, named=target or (), budget=budget, seeds=seeds, advance=advance
+        )
         compared, step = dict[str, Comparison](), stage(progress, "Comparing with other models", 1)
         if not alone:
             models, most = (others, len(others)) if others else (_central_models(), _OTHERS)

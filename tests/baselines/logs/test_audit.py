@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from roletrust_baselines.logs.audit import audit_model
@@ -30,14 +31,18 @@ def ranking_of(log: RatingLog, model: str = "mean", rank_by: Rank = "low", top: 
     return Ranking(make_trust_model(model), log, MONTH, same_agents=True, rank_by=rank_by, top=top)
 
 
-def rated(log: RatingLog, model: str, rank_by: Rank = "low") -> list[str]:
-    """The names of the ratees by rank, from a stream of the log."""
+def streamed(log: RatingLog, model: str) -> npt.NDArray[np.float64]:
+    """The trust in the ratees, from a stream of the log."""
     agents = np.arange(log.shape[0]), np.arange(log.shape[1])
     stream = TrustStream(make_trust_model(model), agents=agents, every=MONTH, same_agents=True)
     stream.update(log.raters, log.ratees, log.values, log.times)
     stream.finish()
-    trust = np.array(list(stream.provider_trust().values()))
-    return evidence(log, "ratee", trust, log.pairs()).ranked(rank_by).names
+    return np.array(list(stream.provider_trust().values()))
+
+
+def rated(log: RatingLog, model: str, rank_by: Rank = "low") -> list[str]:
+    """The names of the ratees by rank, as `rate` has them."""
+    return evidence(log, "ratee", streamed(log, model), log.pairs()).ranked(rank_by).names
 
 
 @pytest.mark.parametrize("rank_by", ["low", "trust"])
@@ -85,7 +90,7 @@ def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
     assert [(row.round, row.value) for row in ring] == [(1, 1.0)] * 3
     decoys = [row for row in rows if row.round < 3 and row not in ring]
     assert [row.round for row in decoys] == [1] * 9 + [2] * 6
-    trust = streamed(log, "mean").provider_trust()
+    trust = streamed(log, "mean")
     assert all(row.value == pytest.approx(trust[row.agent], abs=1e-12) for row in decoys)
     drawn = ranking.rows(lifted, replace(plan, popular=False))
     assert {row.agent for row in drawn} != {row.agent for row in rows}
@@ -131,6 +136,15 @@ def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_n
         assert curve[-1].pushed.value == 1
     again = audit_model(ranking_of(log, top=2), Prices(day=0.001), targets=2, budget=60)
     assert repr(again) == repr(found)
+
+
+def test_targets_may_be_named(log: RatingLog) -> None:
+    ranking = ranking_of(log)
+    best, worst = (log.ratee_names[ranking.order[at]] for at in (0, -1))
+    found = ranking.targets(3, 0, [worst, best, best])
+    assert [(one.goal, one.rank) for one in found] == [("sink", 1), ("lift", len(ranking.order))]
+    with pytest.raises(ValueError, match="no agent 'nobody' has ratings"):
+        ranking.targets(3, 0, ["nobody"])
 
 
 def test_more_agents_than_the_top_are_needed(log: RatingLog) -> None:
