@@ -1,0 +1,99 @@
+"""How well methods find the truth from votes, by the number of own labels; and what bought judges do to them."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_baselines.logs.resampling import correlation, interval, mean, ranks
+from roletrust_baselines.panels.verdicts import Method, right
+from roletrust_baselines.panels.votes import Votes
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.trust.key_index import Floats, Ints
+
+ALL = "all"
+"""Name of all kinds of items together."""
+
+
+class Scope(NamedTuple):
+    """Items on which verdicts are judged, and those that may be labelled.
+
+    Attributes:
+        scored: Kind of the items that are judged.
+        labels: Kind of the items that are labelled; where it is another one, no judged item is.
+        votes: Votes on both.
+        judged: Whether each item is judged, shape (I,).
+        pool: Places of the items that may be labelled.
+    """
+
+    scored: str
+    labels: str
+    votes: Votes
+    judged: np.ndarray
+    pool: Ints
+
+
+def scopes(votes: Votes) -> list[Scope]:
+    """Return all items, and where there are kinds each with labels from itself and with labels from the others."""
+    known = votes.truth >= 0
+    found = [Scope(ALL, ALL, votes, known, np.flatnonzero(known))]
+    if len(votes.kind_names) < 2:
+        return found
+    for place, name in enumerate(votes.kind_names):
+        here = votes.kinds == place
+        for labels, source in ((name, here), ("others", ~here)):
+            part = votes.only(here | source)
+            of_kind, labelled = (chosen[here | source] for chosen in (here & known, source & known))
+            found.append(Scope(name, labels, part, of_kind, np.flatnonzero(labelled)))
+    return found
+
+
+def draws(scope: Scope, labels: int, many: int, seed: int) -> list[Ints]:
+    """Return items to label, drawn many times; once without labels, and never if nothing would be left to judge."""
+    if labels == 0:
+        return [np.zeros(0, np.int64)]
+    if labels >= len(scope.pool):
+        return []
+    rng = np.random.default_rng([seed, labels])
+    return [np.sort(rng.choice(scope.pool, labels, replace=False)) for _ in range(many)]
+
+
+def hits(scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints]) -> tuple[Floats, list[Floats]]:
+    """Return how right the verdict is on each judged item, shape (n,), and the trust in the judges, each time.
+
+    An item counts with its mean over the sets of labels in which it has none.
+
+    Args:
+        scope: Items.
+        votes: Votes on them, which may differ from those of the scope.
+        method: Method.
+        labelled: Sets of labels, see `draws`.
+    """
+    total, count = np.zeros((2, len(votes.truth)))
+    trust = list[Floats]()
+    for one in labelled if method.takes_labels else labelled[:1]:
+        verdict, there = method(votes, one), scope.judged.copy()
+        if method.takes_labels:
+            there[one] = False
+        total[there] += right(votes, verdict.support)[there]
+        count += there
+        trust += [] if verdict.trust is None else [verdict.trust]
+    return total[count > 0] / count[count > 0], trust
+
+
+def judge(scope: Scope, method: Method, labelled: Sequence[Ints], seed: int = 0) -> dict[str, Interval]:
+    """Return how well a method does, over several sets of labels.
+
+    - `accuracy`: share of the judged items without a label in which the verdict is right, see `hits`. Intervals
+      resample items.
+    - `spearman`: rank correlation of mean trust in the judges with their true accuracy on the judged items. Intervals
+      resample judges. Missing without trust in judges.
+    """
+    each, trust = hits(scope, scope.votes, method, labelled)
+    found = {"accuracy": interval(mean(each), np.arange(len(each)), seed)}
+    if trust:
+        accuracy = scope.votes.only(scope.judged).accuracy
+        graded = ~np.isnan(accuracy)
+        pair = ranks(np.mean(trust, axis=0)[graded]), ranks(accuracy[graded])
+        found["spearman"] = interval(correlation(*pair), np.arange(int(graded.sum())), seed)
+    return found

@@ -1,0 +1,214 @@
+"""Verdicts of a panel: by a vote that trust weights, by the view of one who has labels, and by methods of crowd work.
+
+An answer to an item is a provider, and a judge is a rater that rates it by the share of its votes for it. Who has own
+labels is one more rater, the owner: it rates the answers to its items 1 if true and 0 if not.
+"""
+
+import dataclasses
+import warnings
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from roletrust_baselines.panels.votes import Votes
+from roletrust_env.trust import Traits
+from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.run import GridRun, make_run
+
+TIE = 1e-9
+"""Weights that differ by less are equal."""
+
+NOBODY = np.zeros(0, np.int64)
+"""No labels."""
+
+
+class Verdict(NamedTuple):
+    """What is made of the votes.
+
+    Attributes:
+        support: Support of each answer to each item, shape (I, A); the answer with most is the verdict.
+        trust: Trust in the judges, shape (J,); None without.
+    """
+
+    support: Floats
+    trust: Floats | None
+
+
+class Method(Protocol):
+    """A way from votes to a verdict.
+
+    Attributes:
+        takes_labels: Whether labels of the owner can change it.
+    """
+
+    @property
+    def takes_labels(self) -> bool:
+        """Whether labels of the owner can change the verdict."""
+
+    def __call__(self, votes: Votes, labelled: Ints) -> Verdict:
+        """Return the verdict on all items.
+
+        Args:
+            votes: Votes and truth.
+            labelled: Places of the items with the truth that is known to the owner.
+        """
+
+
+def right(votes: Votes, support: Floats) -> Floats:
+    """Return how right a verdict is on each item, shape (I,): 1, 0 or in a tie a share; NaN if the truth is unknown."""
+    best = support >= support.max(axis=1, keepdims=True) - TIE
+    known = votes.truth >= 0
+    hit = best[np.arange(len(best)), votes.truth] / best.sum(axis=1)
+    return np.where(known, hit, np.nan)
+
+
+@dataclasses.dataclass(frozen=True)
+class ByTrust:
+    """The verdict by a trust model, after all votes as one round.
+
+    - With one trust for all, the vote weighted by trust in the judges, ToR. Labels would be the votes of one more judge
+      among many, and are left out.
+    - With a trust for each judge, the trust that the owner of the labels has in the answers, and its credence in the
+      judges, where the model has one.
+
+    Attributes:
+        model: Trust model.
+    """
+
+    model: Any
+
+    @property
+    def takes_labels(self) -> bool:
+        """Whether each judge has a trust of its own."""
+        return Traits.of(self.model).family != "central"
+
+    def __call__(self, votes: Votes, labelled: Ints) -> Verdict:
+        """Return the verdict. See `Method`.
+
+        Raises:
+            MemoryError: The model does not fit, see `make_run`.
+        """
+        judges, items, answers = votes.shape
+        raters, rated, values = votes.judges, votes.items, votes.shares
+        if self.takes_labels:
+            raters = np.concatenate([raters, np.full(len(labelled), judges)])
+            rated = np.concatenate([rated, labelled])
+            values = np.concatenate([values, np.eye(answers)[votes.truth[labelled]]])
+        run = make_run(self.model, (judges + self.takes_labels, items * answers))
+        run.play(np.repeat(raters, answers), votes.answers_to(rated).ravel(), values.ravel())
+        trust = run.rater_trust[:judges] if self.model.rates_raters else None
+        if isinstance(run, GridRun) and self.takes_labels:
+            if len(labelled) and hasattr(run.state, "credence"):
+                trust = run.state.credence[judges, :judges]
+            return Verdict(self.model.judge_trust(run.state)[judges].reshape(items, answers), trust)
+        return Verdict(votes.tally(np.ones(judges) if trust is None else trust), trust)
+
+
+@dataclasses.dataclass(frozen=True)
+class Majority:
+    """The verdict by votes of equal weight."""
+
+    takes_labels = False
+
+    def __call__(self, votes: Votes, labelled: Ints) -> Verdict:
+        """Return the verdict. See `Method`."""
+        return Verdict(votes.tally(np.ones(votes.shape[0])), None)
+
+
+@dataclasses.dataclass(frozen=True)
+class LabelsOnly:
+    """The verdict by votes that count as their judges are right on the labels.
+
+        weight = log(p / (1 - p)),   p = (right + 1) / (labelled + 2)
+
+    It is the best vote of independent judges between two answers if p is the chance to be right (Nitzan and Paroush,
+    1982). A judge that is mostly wrong counts against its vote. Without labels nothing is said.
+    """
+
+    takes_labels = True
+
+    def __call__(self, votes: Votes, labelled: Ints) -> Verdict:
+        """Return the verdict. See `Method`."""
+        known = np.isin(votes.items, labelled)
+        hits = votes.shares[known, votes.truth[votes.items[known]]]
+        total, count = (np.bincount(votes.judges[known], w, votes.shape[0]) for w in (hits, np.ones(len(hits))))
+        chance = (total + 1) / (count + 2)
+        return Verdict(votes.tally(np.log(chance / (1 - chance))), chance)
+
+
+# --- methods of crowd-kit -----------------------------------------------------------------------------
+
+
+def _expected_accuracy(method: Any) -> Any:
+    """Return the probability that a judge is right, by its confusion matrix and the shares of the truths."""
+    by_label = {truth: method.errors_[truth].unstack("label", fill_value=0.0) for truth in method.priors_.index}
+    return sum(answers[truth] * method.priors_[truth] for truth, answers in by_label.items())
+
+
+_TRUST: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "dawid-skene": ("DawidSkene", _expected_accuracy),
+    "one-coin-dawid-skene": ("OneCoinDawidSkene", lambda method: method.skills_),
+    "glad": ("GLAD", lambda method: 1 / (1 + np.exp(-method.alphas_))),
+    "mace": ("MACE", lambda method: method.spamming_[:, 1] / method.spamming_.sum(1)),
+}
+
+CROWD_METHODS = tuple(_TRUST)
+"""Names of the methods of crowd-kit."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ByCrowdMethod:
+    """The verdict by a method of crowd-kit (Ustalov et al., 2024), with the settings of the library.
+
+    - `dawid-skene`: a confusion matrix for each judge (Dawid and Skene, 1979). Trust is the expected accuracy. Labels
+      are known truths.
+    - `one-coin-dawid-skene`: an accuracy for each judge (Zhang et al., 2016), which is the trust.
+    - `glad`: an ability of each judge and a difficulty of each item (Whitehill et al., 2009). Trust is the accuracy at
+      an item of difficulty 1.
+    - `mace`: a probability of each judge not to guess (Hovy et al., 2013), which is the trust.
+
+    An opinion counts as the answer with the largest share in it; of equal ones, the first.
+
+    Attributes:
+        name: Name of the method, see `CROWD_METHODS`.
+
+    Raises:
+        ValueError: There is no such method, or crowd-kit is not installed.
+    """
+
+    name: str
+
+    @property
+    def takes_labels(self) -> bool:
+        """Whether the method is told known truths."""
+        return self.name == "dawid-skene"
+
+    def __post_init__(self) -> None:
+        """Check the name, and that the library is installed."""
+        if self.name not in _TRUST:
+            raise ValueError(f"unknown method {self.name!r}; known: {', '.join(_TRUST)}")
+        if find_spec("crowdkit") is None:
+            raise ValueError(f"{self.name} needs crowd-kit: pip install 'roletrust-env[crowd]'")
+
+    def __call__(self, votes: Votes, labelled: Ints) -> Verdict:
+        """Return the verdict. See `Method`."""
+        import pandas as pd
+        from crowdkit import aggregation
+
+        kind, trust = _TRUST[self.name]
+        judges, items, answers = votes.shape
+        method = getattr(aggregation, kind)()
+        said = {"task": votes.items, "worker": votes.judges, "label": votes.shares.argmax(axis=1)}
+        known = {}
+        if self.takes_labels and len(labelled):
+            known = {"true_labels": pd.Series(votes.truth[labelled], index=labelled)}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it uses parts of pandas that will go
+            method.fit(pd.DataFrame(said), **known)
+        chance = method.probas_.reindex(index=range(items), columns=range(answers)).fillna(0.0)
+        each = trust(method)
+        if self.name != "mace":  # MACE has an array in the order of the judges
+            each = each.reindex(range(judges))
+        return Verdict(chance.to_numpy(), np.nan_to_num(np.asarray(each, np.float64)))
