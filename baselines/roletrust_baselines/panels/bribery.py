@@ -48,20 +48,6 @@ class Bribe(NamedTuple):
         return f"{self.choice}, lie at leads from {self.low:.2f} to {self.high:.2f}, else {self.elsewhere}"
 
 
-class Worst(NamedTuple):
-    """The most harmful bribe that was found.
-
-    Attributes:
-        bought: Number of bought judges.
-        bribe: How they vote.
-        accuracy: Share of items in which the verdict is right, see `judge`; intervals resample items.
-    """
-
-    bought: int
-    bribe: Bribe
-    accuracy: Interval
-
-
 def _changed(bribe: Bribe | None, rng: np.random.Generator) -> Bribe:
     """Return a bribe at random, or one that differs from another in one choice or in its window."""
     low, high = np.sort(rng.uniform(-1, 1, 2))
@@ -119,8 +105,8 @@ def bribed(votes: Votes, judges: Ints, bribe: Bribe) -> Votes:
 
 def worst_bribe(
     scope: Scope, method: Method, bought: int, labelled: Sequence[Ints], budget: int, seed: int = 0
-) -> Worst:
-    """Search the bribe under which a method is right in the fewest items.
+) -> tuple[Interval, Bribe]:
+    """Return the least accuracy that a search finds, with its interval, and the bribe.
 
     The search begins with plain lies by each choice of judges, goes on with as many at random as make half of the
     budget, and then changes the best. The owner's labels are true, and the attacker does not know which items have one.
@@ -141,4 +127,4 @@ def worst_bribe(
         each, _ = hits(scope, attacked, method, labelled)
         if not len(least) or each.mean() < least.mean():
             least, found = each, bribe
-    return Worst(bought, found, interval(mean(least), np.arange(len(least)), seed))
+    return interval(mean(least), np.arange(len(least)), seed), found

@@ -3,7 +3,8 @@
 import dataclasses
 import itertools
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -13,10 +14,12 @@ from roletrust_baselines.logs.resampling import correlation, interval, mean, ran
 from roletrust_baselines.panels.verdicts import TIE
 from roletrust_baselines.panels.votes import read_codes
 from roletrust_env.data.dialect import Dialect
+from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.trust import Traits
+from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.algorithms import agent_trust
 from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.model import registry
 from roletrust_env.trust.run import GridRun, make_run
 
 _FIRST, _SECOND, _TIE = ("first", "1", "a", "model_a", "left"), ("second", "2", "b", "model_b", "right"), ("tie", "0.5")
@@ -155,10 +158,18 @@ class Standing(NamedTuple):
 
 
 class PeerMethod(Protocol):
-    """A way from comparisons to the standing of agents."""
+    """A way from comparisons to the standing of agents.
 
-    def __call__(self, votes: Comparisons, own: Comparisons | None) -> Standing:
-        """Return the standing, from votes of agents and, where given, own votes of the owner."""
+    Attributes:
+        takes_own: Whether own votes of the owner can change it.
+    """
+
+    @property
+    def takes_own(self) -> bool:
+        """Whether own votes of the owner can change the standing."""
+
+    def __call__(self, votes: Comparisons, own: Comparisons | None = None) -> Standing:
+        """Return the standing, from votes of agents and own votes of the owner."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -174,11 +185,15 @@ class PeersByTrust:
 
     model: Any
 
-    def __call__(self, votes: Comparisons, own: Comparisons | None) -> Standing:
+    @property
+    def takes_own(self) -> bool:
+        """Whether each judge has a trust of its own."""
+        return Traits.of(self.model).family != "central"
+
+    def __call__(self, votes: Comparisons, own: Comparisons | None = None) -> Standing:
         """Return the standing. See `PeerMethod`."""
         many = len(votes.agents)
-        personal = Traits.of(self.model).family != "central"
-        owner = own is not None and len(own.judges) > 0 and personal
+        owner = own is not None and len(own.judges) > 0 and self.takes_own
         run = make_run(self.model, (many + owner,) * 2, one_role=False)
         if owner and own is not None:
             run.play(*_ratings(own._replace(judges=np.full(len(own.judges), many))))
@@ -198,7 +213,9 @@ class PeersByTrust:
 class WinRate:
     """The standing by the share of comparisons that an agent's answers win, whoever votes."""
 
-    def __call__(self, votes: Comparisons, own: Comparisons | None) -> Standing:
+    takes_own = False
+
+    def __call__(self, votes: Comparisons, own: Comparisons | None = None) -> Standing:
         """Return the standing. See `PeerMethod`."""
         return Standing(np.nan_to_num(votes.win_rate, nan=0.5))
 
@@ -213,7 +230,9 @@ class BradleyTerry:
 
     reliable: bool = False
 
-    def __call__(self, votes: Comparisons, own: Comparisons | None) -> Standing:
+    takes_own = False
+
+    def __call__(self, votes: Comparisons, own: Comparisons | None = None) -> Standing:
         """Return the standing. See `PeerMethod`."""
         import pandas as pd
         from crowdkit import aggregation
@@ -248,21 +267,36 @@ def _ratings(votes: Comparisons) -> tuple[Ints, Ints, Floats]:
     return raters[others], rated[others], values[others]
 
 
-def against_people(standing: Standing, votes: Comparisons, people: Comparisons, seed: int = 0) -> dict[str, Interval]:
-    """Return how well a standing agrees with people.
+def against_people(
+    votes: Comparisons, people: Comparisons, method: PeerMethod, own: Sequence[Ints], seed: int = 0
+) -> dict[str, Interval]:
+    """Return how well the standing of agents agrees with people.
 
     - `agreement`: share of people's votes, ties apart, that are for the agent with the higher score; equal scores are
-      half. Intervals resample items.
-    - `spearman`: rank correlation of scores with people's win rates, over agents that were compared by both. Intervals
-      resample agents.
+      half. A vote counts with its mean over the sets of own votes that it is not in. Intervals resample items.
+    - `spearman`: rank correlation of mean scores with people's win rates. Intervals resample agents.
+
+    Args:
+        votes: Votes of agents.
+        people: Votes of people.
+        method: Method.
+        own: Places of people's votes that are the owner's own, several sets, which may be empty.
+        seed: Random seed of the resamples.
     """
-    decided = people.at(people.values != 0.5)
-    ahead = standing.score[decided.first] - standing.score[decided.second]
-    right = np.where(abs(ahead) < TIE, 0.5, (ahead > 0) == (decided.values == 1))
-    both = np.intersect1d(votes.authors, people.authors)
-    pair = ranks(standing.score[both]), ranks(people.win_rate[both])
+    total, count = np.zeros((2, len(people.judges)))
+    scores = list[Floats]()
+    for places in own if method.takes_own else [np.zeros(0, np.int64)]:
+        scores.append(method(votes, people.at(places)).score)
+        ahead = scores[-1][people.first] - scores[-1][people.second]
+        right = np.where(abs(ahead) < TIE, 0.5, (ahead > 0) == (people.values == 1))
+        counted = people.values != 0.5
+        counted[places] = False
+        total[counted] += right[counted]
+        count += counted
+    known, both = count > 0, np.intersect1d(votes.authors, people.authors)
+    pair = ranks(np.mean(scores, axis=0)[both]), ranks(people.win_rate[both])
     return {
-        "agreement": interval(mean(right), decided.items, seed),
+        "agreement": interval(mean(total[known] / count[known]), people.items[known], seed),
         "spearman": interval(correlation(*pair), np.arange(len(both)), seed),
     }
 
@@ -308,3 +342,25 @@ def _sets(judges: Ints, number: int, most: int, rng: np.random.Generator) -> Ite
     else:
         for _ in range(most):
             yield rng.choice(judges, number, replace=False)
+
+
+def make_peer_method(name: str) -> PeerMethod:
+    """Return a method by its name: `win-rate`, `bradley-terry`, `reliable-bradley-terry` or a trust model.
+
+    Raises:
+        ValueError: There is no such method, or a library is missing.
+    """
+    simple: dict[str, PeerMethod] = {
+        "win-rate": WinRate(),
+        "bradley-terry": BradleyTerry(),
+        "reliable-bradley-terry": BradleyTerry(reliable=True),
+    }
+    if name.endswith("bradley-terry") and find_spec("crowdkit") is None:
+        raise ValueError(f"{name} needs crowd-kit: pip install 'roletrust-env[crowd]'")
+    return simple[name] if name in simple else PeersByTrust(parse_named(registry, name))
+
+
+def all_peer_methods() -> list[str]:
+    """Return the names of all methods that are installed. Bradley-Terry takes most of the time."""
+    terry = ["bradley-terry", "reliable-bradley-terry"] if find_spec("crowdkit") else []
+    return ["win-rate", *terry, *trust_models()]

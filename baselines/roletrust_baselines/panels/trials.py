@@ -1,9 +1,10 @@
-"""How well methods find the truth from votes, by the number of own labels; and what bought judges do to them."""
+"""How well methods find the truth from votes, by the number of own labels."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from roletrust_baselines.logs.resampling import correlation, interval, mean, ranks
 from roletrust_baselines.panels.verdicts import Method, right
@@ -20,16 +21,16 @@ class Scope(NamedTuple):
 
     Attributes:
         scored: Kind of the items that are judged.
-        labels: Kind of the items that are labelled; where it is another one, no judged item is.
+        labelled: Kind of the items that may be labelled; where it is another one, no judged item is.
         votes: Votes on both.
         judged: Whether each item is judged, shape (I,).
         pool: Places of the items that may be labelled.
     """
 
     scored: str
-    labels: str
+    labelled: str
     votes: Votes
-    judged: np.ndarray
+    judged: npt.NDArray[np.bool_]
     pool: Ints
 
 
@@ -41,10 +42,10 @@ def scopes(votes: Votes) -> list[Scope]:
         return found
     for place, name in enumerate(votes.kind_names):
         here = votes.kinds == place
-        for labels, source in ((name, here), ("others", ~here)):
+        for labelled, source in ((name, here), ("other", ~here)):
             part = votes.only(here | source)
-            of_kind, labelled = (chosen[here | source] for chosen in (here & known, source & known))
-            found.append(Scope(name, labels, part, of_kind, np.flatnonzero(labelled)))
+            of_kind, pool = (chosen[here | source] for chosen in (here & known, source & known))
+            found.append(Scope(name, labelled, part, of_kind, np.flatnonzero(pool)))
     return found
 
 

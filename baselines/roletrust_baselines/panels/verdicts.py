@@ -13,8 +13,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from roletrust_baselines.panels.votes import Votes
-from roletrust_env.trust import Traits
+from roletrust_env.evaluation.specs import parse_named
+from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.model import registry
 from roletrust_env.trust.run import GridRun, make_run
 
 TIE = 1e-9
@@ -212,3 +214,25 @@ class ByCrowdMethod:
         if self.name != "mace":  # MACE has an array in the order of the judges
             each = each.reindex(range(judges))
         return Verdict(chance.to_numpy(), np.nan_to_num(np.asarray(each, np.float64)))
+
+
+# --- by name ------------------------------------------------------------------------------------------
+
+SIMPLE: dict[str, Method] = {"majority": Majority(), "labels-only": LabelsOnly()}
+"""Methods without a model."""
+
+
+def make_method(name: str) -> Method:
+    """Return a method by its name: one of `SIMPLE` or `CROWD_METHODS`, or a trust model, see `parse_named`.
+
+    Raises:
+        ValueError: There is no such method, or a library is missing.
+    """
+    if name in SIMPLE:
+        return SIMPLE[name]
+    return ByCrowdMethod(name) if name in CROWD_METHODS else ByTrust(parse_named(registry, name))
+
+
+def all_methods() -> list[str]:
+    """Return the names of all methods that are installed. GLAD and MACE take most of the time."""
+    return [*SIMPLE, *(CROWD_METHODS if find_spec("crowdkit") else ()), *trust_models()]
