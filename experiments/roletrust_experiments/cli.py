@@ -31,6 +31,7 @@ _HERE = "roletrust_experiments.commands"
         "verify": f"{_HERE}.submit:verify",
         "rate": f"{_HERE}.rate:rate",
         "audit": f"{_HERE}.audit:audit",
+        "panel": f"{_HERE}.panel:panel",
         "live": f"{_HERE}.live.app:live",
     }
 )

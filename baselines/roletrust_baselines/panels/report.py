@@ -1,14 +1,21 @@
 """A trial of methods on a panel: all its numbers, as rows, and as tables in Markdown."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from roletrust_baselines.panels.bribery import worst_bribe
-from roletrust_baselines.panels.trials import Scope, draws, judge, scopes
-from roletrust_baselines.panels.verdicts import Method
+from roletrust_baselines.panels.peers import Comparisons, PeerMethod, against_people, judges_to_win
+from roletrust_baselines.panels.trials import ALL, Scope, draws, judge, scopes
+from roletrust_baselines.panels.verdicts import TIE, Method
 from roletrust_baselines.panels.votes import Votes
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
+
+Tables = dict[str, tuple[list[str], list[list[str]]]]
+"""Headings and lines by title."""
 
 
 class Row(NamedTuple):
@@ -37,6 +44,28 @@ class Row(NamedTuple):
     low: float
     high: float
     bribe: str = ""
+
+
+class PeerRow(NamedTuple):
+    """A number of a trial of peers.
+
+    Attributes:
+        method: Method.
+        own: Number of own votes.
+        measure: What is measured, see `against_people`; or `to win`: how many bought judges put an agent first.
+        agent: The agent, where the measure is of one.
+        value: Value; NaN where all judges do not suffice.
+        low: Lower end of its 95% interval; NaN without.
+        high: Upper end.
+    """
+
+    method: str
+    own: int
+    measure: str
+    agent: str
+    value: float
+    low: float = math.nan
+    high: float = math.nan
 
 
 class Plan(NamedTuple):
@@ -99,7 +128,12 @@ def _attacked(scope: Scope, name: str, method: Method, plan: Plan) -> Iterator[R
                 yield Row(*scope[:2], name, labels, bought, "attacked", *value, str(bribe) if bought else "")
 
 
-def accuracy_tables(rows: Sequence[Row]) -> dict[str, tuple[list[str], list[list[str]]]]:
+def trial_steps(votes: Votes, plan: Plan) -> int:
+    """Return how often `trial` calls `advance` for each method."""
+    return len(scopes(votes)) + (plan.budget > 0)
+
+
+def accuracy_tables(rows: Sequence[Row]) -> Tables:
     """Return tables by title: headings, and a line for each method, from the best to the worst with most labels."""
     tables = {}
     for scored, labelled in dict.fromkeys((row.scored, row.labelled) for row in rows):
@@ -119,19 +153,128 @@ def _table(
     rows: Sequence[Row], across: Callable[[Row], int], down: Callable[[Row], str]
 ) -> tuple[list[str], list[list[str]]]:
     """Return headings and lines, sorted by the last column."""
-    cells = {(down(row), across(row)): row for row in rows}
+    found = {(down(row), across(row)): row for row in rows}
     columns = sorted({across(row) for row in rows})
-    names = sorted(dict.fromkeys(map(down, rows)), key=lambda name: -max(cells[name, columns[-1]].value, 0.0))
-    lines = [
-        [name, *(f"{row.value:.3f} ({row.low:.3f}, {row.high:.3f})" for row in (cells[name, c] for c in columns))]
-        for name in names
-    ]
+    names = sorted(dict.fromkeys(map(down, rows)), key=lambda name: -found[name, columns[-1]].value)
+    lines = [[name, *(_interval(found[name, at]) for at in columns)] for name in names]
     return ["method", *map(str, columns)], lines
 
 
-def markdown(rows: Sequence[Row], words: str) -> str:
-    """Return the tables as Markdown, with words before them."""
-    parts = ["# Trust in judges", words]
-    for title, (headings, lines) in accuracy_tables(rows).items():
+def markdown(words: str, tables: Tables) -> str:
+    """Return tables as Markdown, with words before them."""
+    parts = ["# Trust in judges", *([words] if words else [])]
+    for title, (headings, lines) in tables.items():
         parts += [f"## {title}", markdown_table(headings, lines, names=1)]
     return "\n\n".join(parts) + "\n"
+
+
+def headline(rows: Sequence[Row]) -> str:
+    """Return the sentence that is worth most: what the best method makes of few labels, beside the majority."""
+    whole = [row for row in rows if row.scored == ALL and row.measure == "accuracy"]
+    few = next((n for n in sorted({row.labels for row in whole}) if n), 0)
+    best = max((row for row in whole if row.labels == few), key=lambda row: row.value)
+    plain = [row for row in whole if row.method == "majority" != best.method][:1]
+    beside = "".join(f", the majority in {_interval(row)}" for row in plain)
+    return f"With {few} own labels, {best.method} is right in {_interval(best)} of the items{beside}."
+
+
+def _interval(row: Row | PeerRow) -> str:
+    return f"{row.value:.3f}" if math.isnan(row.low) else f"{row.value:.3f} ({row.low:.3f}, {row.high:.3f})"
+
+
+def judged(votes: Votes, method: Method) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
+    """Return lines of all judges, the most trusted first, and of all items, with all known truths as labels.
+
+    Returns:
+        Name of the judge, trust, number of items, share that is right; name of the item, verdict, its share of the
+        support, truth.
+    """
+    labelled = np.flatnonzero(votes.truth >= 0)
+    support, trust = method(votes, labelled)
+    count = np.bincount(votes.judges, minlength=votes.shape[0])
+    trusted = np.full(len(count), np.nan) if trust is None else trust
+    order = np.lexsort((-count, -np.nan_to_num(trusted))).tolist()
+    judges = [(votes.judge_names[at], float(trusted[at]), int(count[at]), float(votes.accuracy[at])) for at in order]
+    share = support - support.min(axis=1, keepdims=True).clip(max=0)
+    share /= np.maximum(share.sum(axis=1, keepdims=True), TIE)
+    answers = [*votes.answer_names, ""]  # the last is no answer
+    best = zip(votes.item_names, support.argmax(axis=1).tolist(), votes.truth.tolist(), strict=True)
+    return judges, [(name, answers[at], float(share[n, at]), answers[true]) for n, (name, at, true) in enumerate(best)]
+
+
+def cells(line: Sequence[Any]) -> list[str]:
+    """Return a line as texts; a dash where there is no number."""
+    return [
+        one
+        if isinstance(one, str)
+        else f"{one:,}"
+        if isinstance(one, int)
+        else "-"
+        if math.isnan(one)
+        else f"{one:.3f}"
+        for one in line
+    ]
+
+
+# --- agents that judge one another --------------------------------------------------------------------
+
+AGENT = ("agent", "ToP", "ToR", "ToA", "wins", "wins, people")
+"""Headings of the lines of `standings`."""
+
+
+def standings(votes: Comparisons, method: PeerMethod, people: Comparisons | None) -> list[tuple[Any, ...]]:
+    """Return a line for each agent with answers, the best first, see `AGENT`."""
+    standing, empty = method(votes), np.full(len(votes.agents), np.nan)
+    columns = (standing.score, standing.tor, standing.toa, votes.win_rate, people and people.win_rate)
+    order = votes.authors[np.argsort(-standing.score[votes.authors], kind="stable")].tolist()
+    return [(votes.agents[at], *(float((empty if one is None else one)[at]) for one in columns)) for at in order]
+
+
+def peer_trial(
+    votes: Comparisons,
+    people: Comparisons,
+    methods: Mapping[str, PeerMethod],
+    plan: Plan,
+    advance: Callable[[str], None] = lambda what: None,
+) -> Iterator[PeerRow]:
+    """Yield how well methods agree with people, by the number of own votes, and how many bought judges win.
+
+    Args:
+        votes: Votes of agents.
+        people: Votes of people; own ones are drawn from them.
+        methods: Methods by name.
+        plan: What is measured; with a budget, also how many judges must be bought.
+        advance: Function that is called with the name of each method.
+    """
+    rng = np.random.default_rng(plan.seed)
+    many = len(people.judges)
+    sets = {
+        n: [rng.choice(many, n, replace=False) for _ in range(plan.draws if n else 1)] for n in plan.labels if n < many
+    }
+    for name, method in methods.items():
+        advance(name)
+        found: dict[str, Interval] = {}
+        for number, own in sets.items():
+            if method.takes_own or not found:
+                found = against_people(votes, people, method, own, plan.seed)
+            yield from (PeerRow(name, number, measure, "", *value) for measure, value in found.items())
+        for agent in votes.authors.tolist() if plan.budget else ():
+            least = judges_to_win(votes, method, agent, None, plan.budget, plan.seed)
+            yield PeerRow(name, 0, "to win", votes.agents[agent], math.nan if least is None else least)
+
+
+def peer_tables(rows: Sequence[PeerRow]) -> Tables:
+    """Return tables by title: agreement with people by the number of own votes, and the numbers of bought judges."""
+    agreement, bought = (_grid([row for row in rows if row.measure == one]) for one in ("agreement", "to win"))
+    titles = "Agreement with people, by the number of own votes", "Judges that must be bought to put an agent first"
+    return {title: table for title, table in zip(titles, (agreement, bought), strict=True) if table[1]}
+
+
+def _grid(rows: Sequence[PeerRow]) -> tuple[list[str], list[list[str]]]:
+    """Return headings and lines by method, across agents or numbers of own votes."""
+    across = list(dict.fromkeys(row.agent or f"{row.own}" for row in rows))
+    lines: dict[str, list[str]] = {}
+    for row in rows:
+        word = ("none" if math.isnan(row.value) else f"{row.value:.0f}") if row.agent else _interval(row)
+        lines.setdefault(row.method, []).append(word)
+    return ["method", *across], [[name, *line] for name, line in lines.items()]

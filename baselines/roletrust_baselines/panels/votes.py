@@ -11,6 +11,7 @@ import numpy.typing as npt
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.tables import Table
 from roletrust_env.data.values import coded, is_missing, places
+from roletrust_env.storage.files import write_csv
 from roletrust_env.trust.key_index import Floats, Ints
 
 _MAY_MISS = ("vote", "truth")
@@ -222,3 +223,33 @@ def _of_items(path: Path, items: Codes, what: Codes, role: str) -> Ints:
     of = np.full(len(items.names), -1, np.int64)
     of[pairs[0]] = pairs[1]
     return of
+
+
+def write_votes(path: Path, seed: int = 0, items: int = 200, judges: int = 30) -> None:
+    """Write a small synthetic file of votes, with the columns item, judge, vote and truth.
+
+    A third of the items is made to mislead: there most judges are mostly wrong.
+
+    Args:
+        path: Path of the file, ending in `.csv`.
+        seed: Random seed.
+        items: Number of items.
+        judges: Number of judges.
+    """
+    rng = np.random.default_rng(seed)
+    truth, hard, skill = rng.integers(0, 2, items), rng.random(items) < 1 / 3, rng.uniform(0.55, 0.95, judges)
+    able = rng.random(judges) < 0.25
+    chance = np.where(hard[:, None] & ~able, 1 - skill, skill)
+    votes = np.where(rng.random((items, judges)) < chance, truth[:, None], 1 - truth[:, None])
+    lines = [
+        (
+            f"item {n}",
+            "hard" if hard[n] else "easy",
+            f"judge {k}",
+            ("no", "yes")[votes[n, k]],
+            ("no", "yes")[true],
+        )
+        for n, true in enumerate(truth.tolist())
+        for k in range(judges)
+    ]
+    write_csv(path, ("item", "kind", "judge", "vote", "truth"), lines)

@@ -1,0 +1,181 @@
+"""`roletrust panel`: which judges to trust, from their votes on items or on one another's answers."""
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+
+from roletrust_baselines.panels.peers import PEOPLE, Comparisons, all_peer_methods, make_peer_method, read_comparisons
+from roletrust_baselines.panels.report import (
+    AGENT,
+    PeerRow,
+    Plan,
+    Row,
+    accuracy_tables,
+    cells,
+    headline,
+    judged,
+    markdown,
+    peer_tables,
+    peer_trial,
+    standings,
+    trial,
+    trial_steps,
+)
+from roletrust_baselines.panels.verdicts import all_methods, make_method
+from roletrust_baselines.panels.votes import Votes, read_votes, write_votes
+from roletrust_env.data.dialect import Dialect
+from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_experiments.commands.console import console, number_table, progress_bar, short
+from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
+
+_FEW = 5  # judges at each end of the table
+_NARROW = re.compile(r"(?<=[( ])-?\d\.\d{3}")  # ends of intervals
+_MODEL = "first-hand"
+
+
+def panel(
+    votes: Annotated[Path, typer.Argument(help="File of votes: CSV, JSON lines or Parquet, as for `roletrust rate`.")],
+    judge: Annotated[
+        list[str] | None, typer.Option(metavar="COLUMN", help="Column of the judge; repeat for several together.")
+    ] = None,
+    item: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the item.")] = "item",
+    vote: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the vote.")] = "vote",
+    truth: Annotated[
+        str | None, typer.Option(metavar="COLUMN|FILE", help="Column of the truth, or file of item and truth.")
+    ] = None,
+    kind: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of the kind of item.")] = None,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="Agents compare answers of agents: columns first and second.")
+    ] = False,
+    people: Annotated[str, typer.Option(help="With --peers, judge with the votes of people.")] = PEOPLE,
+    model: Annotated[
+        list[str] | None, typer.Option(metavar=NAMED, help=f"Method or trust model; repeat for more. {OWN}")
+    ] = None,
+    measure: Annotated[bool, typer.Option("--measure", help="Measure all methods, against the truth.")] = False,
+    labels: Annotated[list[int] | None, typer.Option(min=0, help="Number of own labels; repeat for more.")] = None,
+    draws: Annotated[int, typer.Option(min=1, help="Number of sets of labels that are drawn.")] = 20,
+    attack: Annotated[
+        int, typer.Option(min=0, metavar="BUDGET", help="Number of bribes that a search tries for each attack.")
+    ] = 0,
+    separator: Annotated[str | None, typer.Option(help="Separator of the file.")] = None,
+    encoding: Annotated[str | None, typer.Option(help="Encoding of the file.")] = None,
+    synthetic: Annotated[bool, typer.Option("--synthetic", help="First write a synthetic file of votes.")] = False,
+    seed: Seed = 0,
+    out: Out = Path("results/panel"),
+) -> None:
+    """Say [bold]which judges to trust[/], from a file of their votes, and what the panel says of each item.
+
+    Judges are annotators, reviewers or language models. A row is a vote: a judge, an item and any answer; several votes
+    of a judge on an item are one opinion. Items with a known truth are labels of your own (--truth): they enter a trust
+    model as the experience of one more judge, you, and the verdict on the other items is what it trusts.
+
+    Written: [green]judges.csv[/], the trust in each judge; [green]verdicts.csv[/], the verdict on each item.
+
+    With --measure, the truth is hidden, and methods get few labels of it, drawn many times: how often is each right,
+    with how many labels, and with labels of another kind of item (--kind)? With --attack, some judges are bought: a
+    search finds which, and when they lie. Written: [green]measures.csv[/], [green]panel.md[/], [green]panel.png[/].
+
+    With --peers, agents judge one another's answers, so they are raters and providers: ToR, ToP and ToA, and with
+    --measure the ranking against votes of people, and how many judges must be bought to put each agent first.
+
+    [bold]Examples[/]
+
+    [dim]# 20 of your own labels in labels.csv (item, truth)[/]
+    [cyan]roletrust panel votes.csv --truth labels.csv[/]
+
+    [dim]# a judge is a model and a prompt; which method, and how many labels?[/]
+    [cyan]roletrust panel votes.csv --judge model --judge prompt --truth truth --kind subset --measure[/]
+
+    [dim]# what do bought judges do?[/]
+    [cyan]roletrust panel votes.csv --truth truth --measure --attack 40 --model majority --model first-hand[/]
+    """
+    plan = Plan(tuple(sorted(set(labels))) if labels else Plan().labels, draws, budget=attack, seed=seed)
+    dialect, measured = Dialect(separator, encoding), measure or attack > 0
+    if synthetic:
+        votes.parent.mkdir(parents=True, exist_ok=True)
+        write_votes(votes, seed)
+    tell: Callable[[str], None] = lambda line: console.print(escape(line), soft_wrap=True)  # noqa: E731
+    if peers:
+        (one,) = judge or ["judge"]
+        comparisons, crowd = read_comparisons(votes, one, item, vote=vote, people=people, dialect=dialect, tell=tell)
+        if measured and crowd is None:
+            raise ValueError(f"there are no votes of people, the judge {people!r} (--people), to measure against")
+        prepare_folder(out)
+        names = model or (all_peer_methods() if measured else [_MODEL])
+        _peers(comparisons, crowd if measured else None, names, plan, out)
+        return
+    gold = Path(truth) if truth and Path(truth).is_file() else truth
+    ballot = read_votes(votes, judge or ["judge"], item, vote, gold, kind, dialect=dialect, tell=tell)
+    if measured and (ballot.truth < 0).all():
+        raise ValueError("there is no truth to measure against (--truth COLUMN or FILE)")
+    prepare_folder(out)
+    _verdicts(ballot, (model or [_MODEL])[0], out)
+    if measured:
+        _measured(ballot, model or all_methods(), plan, out)
+
+
+def _verdicts(votes: Votes, name: str, out: Path) -> None:
+    """Write the trust in the judges and the verdicts, with all labels, and print the best and the worst judges."""
+    judges, verdicts = judged(votes, make_method(name))
+    write_csv(out / "judges.csv", ("judge", "trust", "items", "right"), judges)
+    write_csv(out / "verdicts.csv", ("item", "verdict", "support", "truth"), verdicts)
+    ends = judges if len(judges) <= 2 * _FEW else [*judges[:_FEW], *judges[-_FEW:]]
+    title = f"Judges by {name}, with {int((votes.truth >= 0).sum()):,} labels"
+    _print(title, ["judge", "trust", "items", "right on labels"], [cells(line) for line in ends])
+    told = f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv"
+    console.print(told, soft_wrap=True)
+
+
+def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None:
+    """Measure methods, and write and print the tables and the figure."""
+    from roletrust_experiments.plots.panel import panel_figure
+
+    methods = {name: make_method(name) for name in dict.fromkeys(names)}
+    rows = _progress(lambda advance: trial(votes, methods, plan, advance), trial_steps(votes, plan) * len(methods))
+    write_csv(out / "measures.csv", Row._fields, rows)
+    tables, words = accuracy_tables(rows), headline(rows)
+    for title, (headings, lines) in tables.items():
+        _print(title, headings, lines)
+    console.print(escape(words), soft_wrap=True)
+    write_text(out / "panel.md", markdown(words, tables))
+    panel_figure(rows).savefig(out / "panel.png", dpi=150)
+    console.print(f"Written to {out}: measures.csv, panel.md, panel.png", soft_wrap=True)
+
+
+def _peers(votes: Comparisons, people: Comparisons | None, names: Sequence[str], plan: Plan, out: Path) -> None:
+    """Write and print the standing of agents, and where people voted, its measures against them."""
+    methods = {name: make_peer_method(name) for name in dict.fromkeys(names)}
+    name = next(iter(methods))
+    lines = standings(votes, methods[name], people)
+    write_csv(out / "agents.csv", AGENT, lines)
+    _print(f"Agents that judge one another, by {name}", AGENT, [cells(line) for line in lines])
+    if people is not None:
+        rows = _progress(lambda advance: peer_trial(votes, people, methods, plan, advance), len(methods))
+        write_csv(out / "measures.csv", PeerRow._fields, rows)
+        tables = peer_tables(rows)
+        for title, (headings, body) in tables.items():
+            _print(title, headings, body)
+        write_text(out / "panel.md", markdown("", tables))
+    console.print(f"Written to {out}", soft_wrap=True)
+
+
+def _progress(play: Callable[[Callable[[str], None]], Iterable[Any]], total: int) -> list[Any]:
+    """Return the rows of a trial, with a bar."""
+    with progress_bar(counted=False) as progress:
+        task = progress.add_task("", total=total)
+        return list(play(lambda name: progress.update(task, description=f"Measuring {name}", advance=1)))
+
+
+def _print(title: str, headings: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
+    """Print a table, with two digits of the ends of intervals, below their values."""
+    table = number_table(title, "", *headings[1:], name=headings[0])
+    for name, *numbers in lines:
+        table.add_row(
+            escape(name),
+            *(short(_NARROW.sub(lambda end: f"{float(end[0]):.2f}", one)).replace(" (", "\n(") for one in numbers),
+        )
+    console.print(table)
