@@ -184,7 +184,7 @@ def read_codes(
         raise ValueError(f"{path} has no rows")
     found = {}
     for role, columns in parts.items():
-        names, (codes,), _ = places(columns, 1)
+        names, (codes,), *_ = places(columns, 1)
         every = np.full(read, -1, np.int64)
         every[np.concatenate(there[role])] = codes
         found[role] = Codes(names, every)

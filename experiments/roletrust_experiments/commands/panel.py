@@ -100,7 +100,9 @@ def panel(
         write_votes(votes, seed)
     tell: Callable[[str], None] = lambda line: console.print(escape(line), soft_wrap=True)  # noqa: E731
     if peers:
-        (one,) = judge or ["judge"]
+        if judge and len(judge) > 1:
+            raise ValueError("with --peers a judge is one column (--judge)")
+        (one,) = judge or ("judge",)
         comparisons, crowd = read_comparisons(votes, one, item, vote=vote, people=people, dialect=dialect, tell=tell)
         if measured and crowd is None:
             raise ValueError(f"there are no votes of people, the judge {people!r} (--people), to measure against")

@@ -1,0 +1,105 @@
+"""`roletrust panel`: its files and messages, of votes on items and of agents that judge one another."""
+
+import csv
+from pathlib import Path
+
+import pytest
+from command_line import run
+
+
+@pytest.fixture(scope="module")
+def votes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path: Path = tmp_path_factory.mktemp("votes") / "votes.csv"
+    result = run("panel", str(path), "--synthetic", "--out", str(path.parent / "out"))
+    assert result.exit_code == 0, result.output
+    return path
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.open()))
+
+
+def test_a_few_labels_decide_whom_to_trust_and_the_verdicts(votes: Path, tmp_path: Path) -> None:
+    truth = {row["item"]: row["truth"] for row in table(votes)}
+    some = dict(list(truth.items())[:20])
+    (tmp_path / "labels.csv").write_text("item,truth\n" + "".join(f"{item},{one}\n" for item, one in some.items()))
+    right = {}
+    for name, more in (("labels", ["--truth", str(tmp_path / "labels.csv")]), ("none", [])):
+        result = run("panel", str(votes), *more, "--out", str(tmp_path / name))
+        assert result.exit_code == 0, result.output
+        assert max(map(len, result.output.splitlines()[1:-1])) <= 80
+        verdicts = table(tmp_path / name / "verdicts.csv")
+        judges = table(tmp_path / name / "judges.csv")
+        right[name] = sum(row["verdict"] == truth[row["item"]] for row in verdicts if row["item"] not in some)
+        assert sum(row["truth"] != "" for row in verdicts) == (20 if more else 0)
+        trust = [float(row["trust"]) for row in judges]
+        assert trust == sorted(trust, reverse=True)
+        assert len(judges) == 30
+    assert right["labels"] > right["none"] + 20
+
+
+def test_methods_are_measured_and_attacked(votes: Path, tmp_path: Path) -> None:
+    more = ["--truth", "truth", "--kind", "kind", "--labels", "0", "--labels", "5", "--draws", "3", "--attack", "5"]
+    result = run("panel", str(votes), *more, "--model", "majority", "--model", "first-hand", "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    assert "With 5 own labels, first-hand is right in" in result.output
+    rows = table(tmp_path / "measures.csv")
+    assert {row["scored"] for row in rows} == {"all", "easy", "hard"}
+    attacked = {(row["method"], row["labels"], row["bought"]): float(row["value"]) for row in rows if row["bribe"]}
+    assert attacked["majority", "0", "10"] < attacked["first-hand", "5", "10"]
+    page = (tmp_path / "panel.md").read_text()
+    for row in rows:
+        assert row["measure"] == "spearman" or f"{float(row['value']):.3f}" in page
+    assert (tmp_path / "panel.png").stat().st_size > 10_000
+
+
+def test_agents_that_judge_one_another(tmp_path: Path) -> None:
+    rows = [
+        (judge, item, one, other, "tie" if (item + int(judge == "b")) % 5 == 0 else "first")
+        for item in range(12)
+        for judge in ("a", "b", "c", "human")
+        for one, other in (("a", "b"), ("a", "c"), ("b", "c"))
+    ]
+    path = tmp_path / "votes.csv"
+    path.write_text("judge,item,first,second,vote\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
+    result = run(
+        *(
+            "panel",
+            str(path),
+            "--peers",
+            "--measure",
+            "--attack",
+            "5",
+            "--labels",
+            "0",
+            "--labels",
+            "4",
+            "--draws",
+            "2",
+        ),
+        *("--model", "win-rate", "--model", "role-trust", "--model", "first-hand", "--out", str(tmp_path / "out")),
+    )
+    assert result.exit_code == 0, result.output
+    assert [row["agent"] for row in table(tmp_path / "out" / "agents.csv")] == ["a", "b", "c"]
+    measures = table(tmp_path / "out" / "measures.csv")
+    assert {row["value"] for row in measures if row["measure"] == "agreement" and row["own"] == "0"} == {"1.000000"}
+    win = {
+        row["agent"]: float(row["value"])
+        for row in measures
+        if row["measure"] == "to win" and row["method"] == "win-rate"
+    }
+    assert win["a"] == 0 < win["b"]
+
+
+def test_what_is_missing_is_said(votes: Path, tmp_path: Path) -> None:
+    for arguments, match in (
+        (["--measure"], "there is no truth to measure against (--truth COLUMN or FILE)"),
+        (["--truth", "gold"], "there is no column 'gold'"),
+        (["--peers"], "there is no column 'first'"),
+        (["--model", "majorities"], "unknown trust model 'majorities'"),
+        (["--peers", "--judge", "judge", "--judge", "kind"], "with --peers a judge is one column"),
+    ):
+        result = run("panel", str(votes), *arguments, "--out", str(tmp_path / "none"))
+        assert result.exit_code == 2, result.output
+        assert match in " ".join(result.output.split()), result.output
+    assert not (tmp_path / "none").exists()
