@@ -5,11 +5,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.resampling import interval, mean
 from roletrust_baselines.panels.trials import Scope, hits
-from roletrust_baselines.panels.verdicts import Method
+from roletrust_baselines.panels.verdicts import TIE, Method, log_odds
 from roletrust_baselines.panels.votes import Votes
-from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.key_index import Ints
 
 Choice = Literal["best", "worst", "kindred", "random"]
@@ -26,44 +24,44 @@ class Bribe(NamedTuple):
     """How bought judges vote on the items on which they voted.
 
     The lead of an item is that of the truth over the wrong answer with most votes, as a share of the votes of judges
-    that are not bought: from -1 to 1. Where it is in a window, bought judges lie, and all vote for that wrong answer.
-    Elsewhere they may earn trust.
+    that are not bought: from -1 to 1. These may have equal weights, or those of one who knows how accurate they are.
+    Where the lead is in a window, bought judges lie, and all vote for that wrong answer. Elsewhere they may earn trust.
 
     Attributes:
         choice: Judges that are bought: the most or the least accurate, those that agree most with one another, or any.
         low: Least lead at which they lie.
         high: Greatest lead at which they lie.
-        elsewhere: What they vote on other items: as they did before, the truth, or the majority of the others.
+        elsewhere: What they vote on other items: as they did before, the truth, or the favourite of the others.
+        known: Share of the log-odds of accuracy in the weights of the others' votes, in [0, 1]; the rest is equal.
     """
 
     choice: Choice = "best"
     low: float = -1.0
     high: float = 1.0
     elsewhere: Elsewhere = "own"
+    known: float = 0.0
 
     def __str__(self) -> str:
         """Return the bribe in words."""
         if (self.low, self.high) == (-1, 1):
             return f"{self.choice}, always lie"
-        return f"{self.choice}, lie at leads from {self.low:.2f} to {self.high:.2f}, else {self.elsewhere}"
+        leads = f"leads from {self.low:.2f} to {self.high:.2f} (known {self.known:.2f})"
+        return f"{self.choice}, lie at {leads}, else {self.elsewhere}"
 
 
 def _changed(bribe: Bribe | None, rng: np.random.Generator) -> Bribe:
-    """Return a bribe at random, or one that differs from another in one choice or in its window."""
-    low, high = np.sort(rng.uniform(-1, 1, 2))
-    new = Bribe(
-        _CHOICES[rng.integers(4)], float(low) if rng.random() < 0.5 else -1.0, float(high), _ELSEWHERE[rng.integers(3)]
-    )
+    """Return a bribe at random, or one that differs from another in one choice or in its numbers."""
+    one, other, known = rng.uniform((-1, -1, 0), 1).tolist()
+    low, high = sorted((one if rng.random() < 0.5 else -1.0, other))
+    known = known if rng.random() < 0.5 else 0.0
+    new = Bribe(_CHOICES[rng.integers(4)], low, high, _ELSEWHERE[rng.integers(3)], known)
     if bribe is None:
         return new
-    step = rng.normal(0, 0.15, 2)
-    low, high = np.sort(np.clip([bribe.low + step[0], bribe.high + step[1]], -1, 1))
-    near = (
-        bribe._replace(choice=new.choice),
-        bribe._replace(elsewhere=new.elsewhere),
-        bribe._replace(low=low, high=high),
-    )
-    return near[rng.choice(3, p=(0.2, 0.2, 0.6))]
+    step = rng.normal(0, (0.15, 0.15, 0.3))
+    low, high = np.sort(np.clip([bribe.low + step[0], bribe.high + step[1]], -1, 1)).tolist()
+    near = {"low": low, "high": high, "known": min(max(bribe.known + step[2], 0.0), 1.0)}
+    part = ({"choice": new.choice}, {"elsewhere": new.elsewhere}, near)
+    return bribe._replace(**part[rng.choice(3, p=(0.2, 0.2, 0.6))])
 
 
 def chosen(votes: Votes, bought: int, choice: Choice, seed: int = 0) -> Ints:
@@ -80,16 +78,18 @@ def chosen(votes: Votes, bought: int, choice: Choice, seed: int = 0) -> Ints:
     return np.argsort(accuracy if choice == "worst" else -accuracy, kind="stable")[:bought]
 
 
-def bribed(votes: Votes, judges: Ints, bribe: Bribe) -> Votes:
-    """Return the votes as they are once these judges are bought."""
+def bribed(votes: Votes, bought: int, bribe: Bribe, seed: int = 0) -> Votes:
+    """Return the votes as they are once so many judges are bought; the seed is for a choice at random."""
+    judges = chosen(votes, bought, bribe.choice, seed)
     _, items, answers = votes.shape
-    free, every = np.ones(votes.shape[0]), np.arange(items)
-    free[judges] = 0
-    tally = votes.tally(free)
-    total, favourite = tally.sum(axis=1), tally.argmax(axis=1)
+    odds, every = log_odds(votes.accuracy), np.arange(items)
+    weights = 1 - bribe.known + bribe.known * odds / max(abs(odds).mean(), TIE)
+    weights[judges] = 0
+    tally, total = votes.tally(weights), votes.tally(abs(weights)).sum(axis=1)
+    favourite = tally.argmax(axis=1)
     true = np.where(votes.truth >= 0, votes.truth, favourite)
     others = tally.copy()
-    others[every, true] = -1
+    others[every, true] = -np.inf
     wrong = others.argmax(axis=1)
     ahead = tally[every, true] - tally[every, wrong]
     lead = np.divide(ahead, total, out=np.zeros(items), where=total > 0)
@@ -103,28 +103,35 @@ def bribed(votes: Votes, judges: Ints, bribe: Bribe) -> Votes:
     return votes._replace(shares=shares)
 
 
-def worst_bribe(
-    scope: Scope, method: Method, bought: int, labelled: Sequence[Ints], budget: int, seed: int = 0
-) -> tuple[Interval, Bribe]:
-    """Return the least accuracy that a search finds, with its interval, and the bribe.
+def find_bribe(
+    scope: Scope,
+    method: Method,
+    bought: int,
+    labelled: Sequence[Ints],
+    budget: int,
+    seed: int = 0,
+    starts: Sequence[Bribe] = (),
+) -> Bribe:
+    """Return the bribe under which a method is right in the fewest items, of those that a search tries.
 
-    The search begins with plain lies by each choice of judges, goes on with as many at random as make half of the
-    budget, and then changes the best. The owner's labels are true, and the attacker does not know which items have one.
+    The search begins with plain lies by each choice of judges and with given bribes, goes on with as many at random as
+    make half of the budget, and then changes the best.
 
     Args:
         scope: Items.
         method: Method.
         bought: Number of judges that are bought.
-        labelled: Sets of labels, see `draws`.
+        labelled: Sets of labels, see `draws`. They are others than those with which the bribe is measured, since the
+            attacker does not know which items have one.
         budget: Number of bribes that are tried.
         seed: Random seed.
+        starts: Bribes that are tried in addition.
     """
-    rng, least, found = np.random.default_rng(seed), np.zeros(0), Bribe()
-    plain = [Bribe(choice) for choice in _CHOICES]
-    for at in range(budget):
-        bribe = plain[at] if at < len(plain) else _changed(found if 2 * at > budget else None, rng)
-        attacked = bribed(scope.votes, chosen(scope.votes, bought, bribe.choice, seed), bribe)
-        each, _ = hits(scope, attacked, method, labelled)
-        if not len(least) or each.mean() < least.mean():
-            least, found = each, bribe
-    return interval(mean(least), np.arange(len(least)), seed), found
+    rng, least, found = np.random.default_rng(seed), np.inf, Bribe()
+    given = [*(Bribe(choice) for choice in _CHOICES), *dict.fromkeys(starts)]
+    for at in range(budget + len(given) - len(_CHOICES)):
+        bribe = given[at] if at < len(given) else _changed(found if 2 * (at - len(given)) > budget else None, rng)
+        each, _ = hits(scope, bribed(scope.votes, bought, bribe, seed), method, labelled)
+        if each.mean() < least:
+            least, found = float(each.mean()), bribe
+    return found

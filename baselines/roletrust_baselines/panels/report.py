@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.panels.bribery import worst_bribe
+from roletrust_baselines.panels.bribery import Bribe, bribed, find_bribe
 from roletrust_baselines.panels.peers import Comparisons, PeerMethod, against_people, judges_to_win
 from roletrust_baselines.panels.trials import ALL, Scope, draws, judge, scopes
 from roletrust_baselines.panels.verdicts import TIE, Method
@@ -86,7 +86,7 @@ class Plan(NamedTuple):
     seed: int = 0
 
 
-_ATTACKED_DRAWS = 3  # sets of labels under attack, where each bribe plays all
+_ATTACKED_DRAWS = 3  # sets of labels in the search of a bribe
 
 
 def trial(
@@ -112,20 +112,25 @@ def trial(
                     found = judge(scope, method, labelled, plan.seed)
                 for measure, value in found.items() if labelled else ():
                     yield Row(scope.scored, scope.labelled, name, labels, 0, measure, *value)
+    bribes: list[Bribe] = []
     for name, method in methods.items() if plan.budget else ():
         advance(name)
-        yield from _attacked(scopes(votes)[0], name, method, plan)
+        yield from _attacked(scopes(votes)[0], name, method, plan, bribes)
 
 
-def _attacked(scope: Scope, name: str, method: Method, plan: Plan) -> Iterator[Row]:
-    """Yield the accuracy of a method under bought judges."""
+def _attacked(scope: Scope, name: str, method: Method, plan: Plan, bribes: list[Bribe]) -> Iterator[Row]:
+    """Yield the accuracy of a method under bought judges. Each search also tries all bribes that were found so far."""
     middle = sorted(plan.labels)[len(plan.labels) // 2]
     for labels in dict.fromkeys((0, middle)) if method.takes_labels else (0,):
-        for bought in (0, *plan.bought):
-            if bought < scope.votes.shape[0] and (labelled := draws(scope, labels, _ATTACKED_DRAWS, plan.seed)):
-                budget = plan.budget if bought else 1
-                value, bribe = worst_bribe(scope, method, bought, labelled, budget, plan.seed)
+        seen = draws(scope, labels, _ATTACKED_DRAWS, plan.seed + 1)  # the attacker's guess of labels
+        labelled = draws(scope, labels, plan.draws, plan.seed)
+        for bought in (0, *plan.bought) if labelled else ():
+            if bought < scope.votes.shape[0]:
+                bribe = find_bribe(scope, method, bought, seen, plan.budget, plan.seed, bribes) if bought else Bribe()
+                votes = bribed(scope.votes, bought, bribe, plan.seed)
+                value = judge(scope, method, labelled, plan.seed, votes)["accuracy"]
                 yield Row(*scope[:2], name, labels, bought, "attacked", *value, str(bribe) if bought else "")
+                bribes += [bribe] if bought else []
 
 
 def trial_steps(votes: Votes, plan: Plan) -> int:

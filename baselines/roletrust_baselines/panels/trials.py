@@ -82,15 +82,24 @@ def hits(scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints]) -
     return total[count > 0] / count[count > 0], trust
 
 
-def judge(scope: Scope, method: Method, labelled: Sequence[Ints], seed: int = 0) -> dict[str, Interval]:
+def judge(
+    scope: Scope, method: Method, labelled: Sequence[Ints], seed: int = 0, votes: Votes | None = None
+) -> dict[str, Interval]:
     """Return how well a method does, over several sets of labels.
 
     - `accuracy`: share of the judged items without a label in which the verdict is right, see `hits`. Intervals
       resample items.
     - `spearman`: rank correlation of mean trust in the judges with their true accuracy on the judged items. Intervals
       resample judges. Missing without trust in judges.
+
+    Args:
+        scope: Items.
+        method: Method.
+        labelled: Sets of labels, see `draws`.
+        seed: Random seed of the resamples.
+        votes: Votes in place of those of the scope, such as with bought judges.
     """
-    each, trust = hits(scope, scope.votes, method, labelled)
+    each, trust = hits(scope, scope.votes if votes is None else votes, method, labelled)
     found = {"accuracy": interval(mean(each), np.arange(len(each)), seed)}
     if trust:
         accuracy = scope.votes.only(scope.judged).accuracy

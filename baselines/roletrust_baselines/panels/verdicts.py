@@ -58,6 +58,13 @@ class Method(Protocol):
         """
 
 
+def log_odds(chance: Floats) -> Floats:
+    """Return the logarithm of the odds of chances; NaN is even, and none is nearer to 0 or 1 than 0.001."""
+    chance = np.clip(np.nan_to_num(chance, nan=0.5), 0.001, 0.999)
+    odds: Floats = np.log(chance / (1 - chance))
+    return odds
+
+
 def right(votes: Votes, support: Floats) -> Floats:
     """Return how right a verdict is on each item, shape (I,): 1, 0 or in a tie a share; NaN if the truth is unknown."""
     best = support >= support.max(axis=1, keepdims=True) - TIE
@@ -137,7 +144,7 @@ class LabelsOnly:
         hits = votes.shares[known, votes.truth[votes.items[known]]]
         total, count = (np.bincount(votes.judges[known], w, votes.shape[0]) for w in (hits, np.ones(len(hits))))
         chance = (total + 1) / (count + 2)
-        return Verdict(votes.tally(np.log(chance / (1 - chance))), chance)
+        return Verdict(votes.tally(log_odds(chance)), chance)
 
 
 # --- methods of crowd-kit -----------------------------------------------------------------------------

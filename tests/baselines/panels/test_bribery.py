@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from panel_cases import votes_of
 
-from roletrust_baselines.panels.bribery import Bribe, bribed, chosen, worst_bribe
+from roletrust_baselines.panels.bribery import Bribe, bribed, chosen, find_bribe
 from roletrust_baselines.panels.trials import draws, judge, scopes
-from roletrust_baselines.panels.verdicts import Majority, make_method
+from roletrust_baselines.panels.verdicts import Majority, log_odds, make_method
 from roletrust_baselines.panels.votes import Votes
 
 
@@ -19,8 +19,8 @@ def votes() -> Votes:
 
 
 def test_a_plain_lie_is_wrong_everywhere_and_leaves_others_alone(votes: Votes) -> None:
-    judges = np.array([2, 5])
-    found = bribed(votes, judges, Bribe())
+    judges = chosen(votes, 2, "random", 4)
+    found = bribed(votes, 2, Bribe("random"), 4)
     bought = np.isin(votes.judges, judges)
     assert np.array_equal(found.shares[~bought], votes.shares[~bought])
     assert (found.shares[bought, votes.truth[votes.items[bought]]] == 0).all()
@@ -30,8 +30,8 @@ def test_a_plain_lie_is_wrong_everywhere_and_leaves_others_alone(votes: Votes) -
 
 @pytest.mark.parametrize("elsewhere", ["own", "truth", "majority"])
 def test_lies_are_told_in_the_window_alone(votes: Votes, elsewhere: str) -> None:
-    judges, bribe = np.array([0, 7]), Bribe("best", 0.1, 0.6, elsewhere)  # type: ignore[arg-type]
-    found = bribed(votes, judges, bribe)
+    judges, bribe = chosen(votes, 2, "best"), Bribe("best", 0.1, 0.6, elsewhere)  # type: ignore[arg-type]
+    found = bribed(votes, 2, bribe)
     others = votes.tally(np.isin(np.arange(8), judges, invert=True).astype(float))
     for row in np.flatnonzero(np.isin(votes.judges, judges)):
         item = votes.items[row]
@@ -56,11 +56,32 @@ def test_judges_are_chosen_by_accuracy_or_likeness(votes: Votes) -> None:
     assert set(chosen(twins, 2, "kindred")) == {1, 2}
 
 
+def test_known_judges_count_as_they_are_right(votes: Votes) -> None:
+    """Lies where the truth leads by log-odds are told elsewhere than where it leads by number."""
+    equal, known = (bribed(votes, 2, Bribe("best", 0.0, 1.0, "own", share)) for share in (0.0, 1.0))
+    judges = chosen(votes, 2, "best")
+    odds = log_odds(votes.accuracy)
+    odds[judges] = 0
+    tally = votes.tally(odds)
+    rows = np.isin(votes.judges, judges)
+    for item in range(30):
+        ahead = tally[item, votes.truth[item]] >= np.delete(tally[item], votes.truth[item]).max()
+        said = known.shares[rows & (votes.items == item)]
+        assert not ahead or (said[:, votes.truth[item]] == 0).all()
+    assert not np.array_equal(equal.shares, known.shares)
+
+
 def test_a_longer_search_is_never_better_for_the_panel(votes: Votes) -> None:
     scope, method = scopes(votes)[0], make_method("first-hand")
     labelled = draws(scope, 5, 2, 0)
-    honest = judge(scope, method, labelled)["accuracy"].value
-    found = [worst_bribe(scope, method, 3, labelled, budget)[0].value for budget in (1, 4, 16)]
-    assert honest > found[0] >= found[1] >= found[2]
-    assert worst_bribe(scope, Majority(), 8, draws(scope, 0, 1, 0), 1)[0].value == 0
-    assert worst_bribe(scope, method, 3, labelled, 16) == worst_bribe(scope, method, 3, labelled, 16)
+
+    def least(budget: int, starts: tuple[Bribe, ...] = ()) -> float:
+        bribe = find_bribe(scope, method, 3, labelled, budget, starts=starts)
+        return judge(scope, method, labelled, votes=bribed(votes, 3, bribe))["accuracy"].value
+
+    found = [least(budget) for budget in (1, 4, 16)]
+    assert judge(scope, method, labelled)["accuracy"].value > found[0] >= found[1] >= found[2]
+    best = find_bribe(scope, method, 3, labelled, 16)
+    assert least(4, (best,)) <= found[2]
+    all_lie = bribed(votes, 8, Bribe())
+    assert judge(scope, Majority(), draws(scope, 0, 1, 0), votes=all_lie)["accuracy"].value == 0
