@@ -95,4 +95,4 @@ from roletrust_experiments.cli import app
 for name, command in typer.main.get_command(app).commands.items(): command.loaded; print(name)"""
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.returncode == 0, shown.stderr
-    assert len(shown.stdout.split()) == 13
+    assert len(shown.stdout.split()) == 14

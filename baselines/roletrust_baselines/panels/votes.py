@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.data.dialect import Dialect
+from roletrust_env.data.names import NameColumns
 from roletrust_env.data.tables import Table
-from roletrust_env.data.values import coded, is_missing, places
+from roletrust_env.data.values import is_missing, named
 from roletrust_env.storage.files import write_csv
 from roletrust_env.trust.key_index import Floats, Ints
 
@@ -172,22 +173,22 @@ def read_codes(
 
     table, read = Table(path, wanted, dialect), 0
     there = {role: list[Any]() for role in wanted}
-    parts = {role: list[Any]() for role in wanted}
+    columns = {role: NameColumns() for role in wanted}
     for block in table.blocks():
         for (role, name), column in zip(wanted.items(), block, strict=True):
             rows = np.flatnonzero(~is_missing(column, value=True)) if role in _MAY_MISS else np.arange(len(column))
             row = _row(table, read + rows)
-            parts[role].append(coded(column.take(arrow.array(rows)), f"column {name!r}", row))
+            columns[role].add(named(column.take(arrow.array(rows)), f"column {name!r}", row))
             there[role].append(read + rows)
         read += len(block[0])
     if not read:
         raise ValueError(f"{path} has no rows")
     found = {}
-    for role, columns in parts.items():
-        names, (codes,), *_ = places(columns, 1)
+    for role, column in columns.items():
+        names, (codes,), *_ = column.places(1)
         every = np.full(read, -1, np.int64)
         every[np.concatenate(there[role])] = codes
-        found[role] = Codes(names, every)
+        found[role] = Codes(list(names), every)
     absent = int((found["vote"].places < 0).sum()) if "vote" in found else 0
     tell(f"Read as {', '.join(table.found)}{f', abstentions: {absent:,}' if absent else ''}.")
     return found

@@ -58,8 +58,8 @@ def panel(
     measure: Annotated[bool, typer.Option("--measure", help="Measure all methods, against the truth.")] = False,
     labels: Annotated[list[int] | None, typer.Option(min=0, help="Number of own labels; repeat for more.")] = None,
     draws: Annotated[int, typer.Option(min=1, help="Number of sets of labels that are drawn.")] = 20,
-    attack: Annotated[
-        int, typer.Option(min=0, metavar="BUDGET", help="Number of bribes that a search tries for each attack.")
+    bribes: Annotated[
+        int, typer.Option(min=0, help="Number of bribes that a search tries for each number of bought judges.")
     ] = 0,
     separator: Annotated[str | None, typer.Option(help="Separator of the file.")] = None,
     encoding: Annotated[str | None, typer.Option(help="Encoding of the file.")] = None,
@@ -76,7 +76,7 @@ def panel(
     Written: [green]judges.csv[/], the trust in each judge; [green]verdicts.csv[/], the verdict on each item.
 
     With --measure, the truth is hidden, and methods get few labels of it, drawn many times: how often is each right,
-    with how many labels, and with labels of another kind of item (--kind)? With --attack, some judges are bought: a
+    with how many labels, and with labels of another kind of item (--kind)? With --bribes, some judges are bought: a
     search finds which, and when they lie. Written: [green]measures.csv[/], [green]panel.md[/], [green]panel.png[/].
 
     With --peers, agents judge one another's answers, so they are raters and providers: ToR, ToP and ToA, and with
@@ -91,10 +91,10 @@ def panel(
     [cyan]roletrust panel votes.csv --judge model --judge prompt --truth truth --kind subset --measure[/]
 
     [dim]# what do bought judges do?[/]
-    [cyan]roletrust panel votes.csv --truth truth --measure --attack 40 --model majority --model first-hand[/]
+    [cyan]roletrust panel votes.csv --truth truth --measure --bribes 100 --model majority --model first-hand[/]
     """
-    plan = Plan(tuple(sorted(set(labels))) if labels else Plan().labels, draws, budget=attack, seed=seed)
-    dialect, measured = Dialect(separator, encoding), measure or attack > 0
+    plan = Plan(tuple(sorted(set(labels))) if labels else Plan().labels, draws, budget=bribes, seed=seed)
+    dialect, measured = Dialect(separator, encoding), measure or bribes > 0
     if synthetic:
         votes.parent.mkdir(parents=True, exist_ok=True)
         write_votes(votes, seed)

@@ -39,7 +39,7 @@ def test_a_few_labels_decide_whom_to_trust_and_the_verdicts(votes: Path, tmp_pat
 
 
 def test_methods_are_measured_and_attacked(votes: Path, tmp_path: Path) -> None:
-    more = ["--truth", "truth", "--kind", "kind", "--labels", "0", "--labels", "5", "--draws", "3", "--attack", "5"]
+    more = ["--truth", "truth", "--kind", "kind", "--labels", "0", "--labels", "5", "--draws", "3", "--bribes", "5"]
     result = run("panel", str(votes), *more, "--model", "majority", "--model", "first-hand", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert "With 5 own labels, first-hand is right in" in result.output
@@ -68,7 +68,7 @@ def test_agents_that_judge_one_another(tmp_path: Path) -> None:
             str(path),
             "--peers",
             "--measure",
-            "--attack",
+            "--bribes",
             "5",
             "--labels",
             "0",
