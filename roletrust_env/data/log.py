@@ -27,7 +27,7 @@ class Pairs(NamedTuple):
     """The pairs of rater and ratee in a log.
 
     Attributes:
-        numbers: Number of each rating's pair, in the order in which pairs first occur, shape (n,).
+        numbers: Number of each rating's pair: the place of the pair's first rating, shape (n,).
         repeated: Pairs with several ratings, see `pair_keys`, ascending, shape (k,).
         counts: Number of the ratings of each of these, shape (k,).
     """
@@ -79,12 +79,8 @@ class RatingLog(NamedTuple):
         again = np.flatnonzero(places >= 0)
         places, first = places[again], np.empty(len(repeated), np.int64)
         first[places[::-1]] = again[::-1]  # the last assignment stays
-        new = np.ones(len(keys), bool)
-        new[again] = False
-        new[first] = True
-        numbers = np.cumsum(new)
-        numbers -= 1
-        numbers[again] = numbers[first[places]]
+        numbers = np.arange(len(keys))
+        numbers[again] = first[places]
         return Pairs(numbers, repeated, counts + 1)
 
 

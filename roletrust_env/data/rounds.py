@@ -95,9 +95,9 @@ def judged(
 
 def spans(numbers: Ints) -> Iterator[tuple[int, slice]]:
     """Yield each round that has ratings, its number and its slice of the ratings, for ascending round numbers."""
-    starts = np.flatnonzero(np.diff(numbers, prepend=-1))
+    starts = [0] * (len(numbers) > 0) + (1 + np.flatnonzero(numbers[1:] != numbers[:-1])).tolist()
     for start, stop in zip(starts, [*starts, len(numbers)][1:], strict=True):
-        yield int(numbers[start]), slice(int(start), int(stop))
+        yield int(numbers[start]), slice(start, stop)
 
 
 def check_rounds(every: Any, count: int | None) -> None:

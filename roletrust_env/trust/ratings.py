@@ -309,6 +309,8 @@ def merge_repeats(raters: Ints, providers: Ints, values: Floats, pair: Ints) -> 
         (array([0.4, 1. ]), array([1, 2]))
     """
     numbers = pair
+    if (pair[1:] > pair[:-1]).all():  # as where all pairs are new
+        return raters, providers, values, pair
     if pair.max(initial=0) > _SPARE * len(pair):  # they are too far apart to be counted
         ordered = np.sort(pair)
         if (ordered[1:] != ordered[:-1]).all():

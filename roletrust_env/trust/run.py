@@ -25,6 +25,7 @@ from roletrust_env.trust.ratings import Ratings, merge_repeats
 MEMORY = 2e9
 """Bytes that a state on a grid may take. An update takes some times as much for a moment."""
 
+_SPARE = 7  # spare room for each pair that is known; zeros take no memory until they are written
 _NEARLY_ALL = 4  # from one in so many on, all agents are updated
 _SIDES = 11, 13  # numbers of raters and providers of a trial, which no shape has by chance
 
@@ -64,8 +65,8 @@ class TrustRun(ABC):
             raters: Place of the rater of each rating, shape (E,), at least 0.
             providers: Place of the provider of each rating, shape (E,), at least 0.
             values: Ratings, shape (E,), in [0, 1].
-            pairs: Number of the pair of each rating, in the order in which pairs first occur in all rounds, shape (E,),
-                if that is known; then in all rounds or in none. A local model need not find them, but the run cannot be
+            pairs: Number of the pair of each rating, ascending in the order in which pairs first occur, shape (E,), if
+                that is known; then in all rounds or in none. A local model need not find them, but the run cannot be
                 saved, and no agent can leave.
         """
 
@@ -474,9 +475,10 @@ class EdgeRun(TrustRun):
             missing = larger.get(kind, 0) - len(leaf)
             if missing <= 0:
                 return leaf
-            new = np.zeros(len(leaf) + max(missing, len(leaf)), start.dtype)
+            of_pairs = kind in ("pair", "age")
+            new = np.zeros(len(leaf) + max(missing, (_SPARE if of_pairs else 1) * len(leaf)), start.dtype)
             new[: len(leaf)] = leaf
-            if kind in ("rater", "provider"):
+            if not of_pairs:
                 new[len(leaf) :] = start[0]
             return new
 
