@@ -242,6 +242,7 @@ class Sessions:
         # A service may have games of several processes, which do not know of each other.
         self._numbers = count(secrets.randbits(32) << 20)
         self._rounds: dict[int, int] = {}
+        self._past: tuple[Sequence[str], int] | None = None  # messages of a game that is copied, and its number
         self._ended = list[int]()  # of which the other side has not heard
 
     def begin(self, shape: Shape, games: int) -> tuple[Ints, Answers]:
@@ -278,24 +279,39 @@ class Sessions:
         self._rounds.update(zip(numbers.tolist(), rounds.tolist(), strict=True))
         return answers
 
-    def replay(self, shape: Shape, tails: Sequence[str]) -> Floats:
+    def replay(self, shape: Shape, past: Sequence[str], tails: Sequence[str]) -> Floats:
         """Play a game of known rounds, and return the trust in the providers at its end, shape (P,).
 
-        Messages are sent many at a time, and answers before the last one are not read. The game is then over.
+        Messages are sent many at a time, and answers before the last one are not checked. The game is then over. If the
+        other side can copy games, the past is played once, and each further game with the same past begins as its copy.
 
         Args:
             shape: Ints of raters and providers, (S, P).
-            tails: Messages of the rounds from the beginning, see `round_tail`.
+            past: Messages of the first rounds, see `round_tail`.
+            tails: Messages of the rounds after it.
         """
-        number, answer = next(self._numbers), ""
-        many = max(1, _TOGETHER // sum(shape))
-        for at in range(0, len(tails), many):
-            answer = self.link.ask([_headed(number, tail) for tail in tails[at : at + many]])[-1]
+        number = next(self._numbers)
+        begin = [_headed(number, tail) for tail in past]
+        if self._past is None or self._past[0] is not past:
+            first = self._send(begin, shape)[0]
+            with suppress(ValueError, AttributeError, RecursionError):
+                if json.loads(first).get("copies") is True:
+                    self._past, number = (past, number), next(self._numbers)
+            begin = []
+        if self._past is not None and self._past[0] is past:
+            begin = [json.dumps({"game": number, "copy": self._past[1]})]
+        answer = self._send([*begin, *(_headed(number, tail) for tail in tails)], shape)[-1]
         self._ended.append(number)
         if len(self._ended) >= _ENDED:
             self.link.tell(json.dumps({"over": self._ended}))
             self._ended.clear()
         return self._read([answer], shape).top[:, 0]
+
+    def _send(self, lines: Sequence[str], shape: Shape) -> list[str]:
+        """Send lines, many at a time, and return the first and the last answer."""
+        many = max(1, _TOGETHER // sum(shape))
+        answers = [self.link.ask(lines[at : at + many]) for at in range(0, len(lines), many)]
+        return [answers[0][0], answers[-1][-1]]
 
     def round_of(self, number: int) -> int | None:
         """Return the round that a game has reached; None if it is over."""
@@ -431,14 +447,14 @@ class OutsideModel:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return state.top
 
-    def replay(self, shape: tuple[int, int], tails: Sequence[str]) -> Floats:
+    def replay(self, shape: tuple[int, int], past: Sequence[str], tails: Sequence[str]) -> Floats:
         """Return the trust in providers after a game of known rounds. See `Sessions.replay`.
 
         Raises:
             ValueError: The other side fails, or its answer is wrong.
         """
         with self._named():
-            return self._sessions().replay(shape, tails)
+            return self._sessions().replay(shape, past, tails)
 
     def _begin(self, like: Array) -> tuple[Ints, Answers]:
         with self._named():

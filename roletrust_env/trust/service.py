@@ -30,6 +30,13 @@ class _Over(BaseModel):
     over: list[int]
 
 
+class _Copy(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    game: int
+    copied: Annotated[int, Field(alias="copy")]
+
+
 class _Round(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -50,7 +57,7 @@ class TrustService:
         >>> from roletrust_env import make_trust_model
         >>> service = TrustService(make_trust_model("mean"))
         >>> service.answer('{"game": 1, "round": 0, "raters": 1, "providers": 2, "ratings": []}')
-        '{"providers": [0.5, 0.5]}'
+        '{"providers": [0.5, 0.5], "copies": true}'
         >>> service.answer('{"game": 1, "round": 1, "raters": 1, "providers": 2, "ratings": [[0, 1, 0.9]]}')
         '{"providers": [0.5, 0.7]}'
     """
@@ -71,17 +78,31 @@ class TrustService:
                 for game in _Over.model_validate_json(line).over:
                     self._games.pop(game, None)
                 return None
-            message = _Round.model_validate_json(line)
+            kind: type[_Copy | _Round] = _Copy if isinstance(data, dict) and "copy" in data else _Round
+            message = kind.model_validate_json(line)
         except ValidationError as error:
             raise ValueError(explain(error)) from None
         except (ValueError, RecursionError) as error:
             raise ValueError(f"there is no JSON: {error}") from None
-        run = self._play(message)
-        trust = {"providers": _values("provider_trust", run.provider_trust)}
+        run = self._copied(message) if isinstance(message, _Copy) else self._play(message)
+        trust: dict[str, Any] = {"providers": _values("provider_trust", run.provider_trust)}
         if self._model.rates_raters:
             trust["raters"] = _values("rater_trust", run.rater_trust)
+        if not run.rounds:
+            trust["copies"] = True
         self._games[message.game] = run
         return json.dumps(trust)
+
+    def _copied(self, message: _Copy) -> GridRun:
+        """Return the run of a game of which another begins as a copy; a round makes a new run of it."""
+        if message.copied not in self._games:
+            raise ValueError(f"game {message.copied} is not in progress, so it cannot be copied")
+        self._check_number(message.game)
+        return self._games[message.copied]
+
+    def _check_number(self, game: int) -> None:
+        if game not in self._games and len(self._games) >= MOST_GAMES:
+            raise ValueError(f"{MOST_GAMES:,} games are in progress, which is the most; say which ones are over")
 
     def _play(self, message: _Round) -> GridRun:
         """Return a run after the round of a message; the one before it is as it was."""
@@ -91,8 +112,7 @@ class TrustService:
         if message.round == 0:
             if message.ratings:
                 raise ValueError(f"game {game} begins with ratings; they come from round 1 on")
-            if game not in self._games and len(self._games) >= MOST_GAMES:
-                raise ValueError(f"{MOST_GAMES:,} games are in progress, which is the most; say which ones are over")
+            self._check_number(game)
             return GridRun(self._model, np.zeros(shape), pairs_of(shape, one_role=True))
         before = self._games.get(game)
         if before is None or before.rounds + 1 != message.round or before.shape != shape:

@@ -115,6 +115,18 @@ def test_a_client_that_waits_holds_up_nobody():
         server.shutdown()
 
 
+def test_a_copy_of_a_game_goes_on_apart_from_it():
+    service = TrustService(make_trust_model("mean"))
+    assert json.loads(service.answer(message()))["copies"] is True
+    service.answer(message(round=1, ratings=[[0, 0, 1.0]]))
+    before = json.loads(service.answer(json.dumps({"game": 9, "copy": 1})))
+    apart = json.loads(service.answer(message(9, round=2, ratings=[[0, 0, 0.0]])))
+    assert before["providers"][0] > apart["providers"][0]
+    assert json.loads(service.answer(json.dumps({"game": 8, "copy": 1}))) == before
+    with pytest.raises(ValueError, match="game 77 is not in progress"):
+        service.answer(json.dumps({"game": 9, "copy": 77}))
+
+
 def test_the_number_of_games_is_limited(monkeypatch):
     monkeypatch.setattr(services, "MOST_GAMES", 2)
     service = TrustService(make_trust_model("mean"))

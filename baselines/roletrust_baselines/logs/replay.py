@@ -117,7 +117,8 @@ class Ending:
         self._rest = parts[-ROUNDS:]
         self._begun, self._lines = list[TrustRun](), list[str]()
         if isinstance(model, OutsideModel):  # a game with it cannot branch
-            self._tell([(number, self._of_log(part)) for number, part in parts[:-ROUNDS]], self._lines)
+            past = [(number, self._of_log(part)) for number, part in parts[:-ROUNDS]]
+            self._lines = self._messages(past, 0) or [round_tail(0, self._room, [])]
             return
         self._begun.append(make_run(model, self._room, one_role=not same_agents))
         for number, part in parts[:-ROUNDS]:
@@ -130,14 +131,16 @@ class Ending:
         """Return some ratings of the log."""
         return HostileRatings(self.log.raters[part], self.log.ratees[part], self.log.values[part])
 
-    def _tell(self, rounds: Sequence[tuple[int, HostileRatings]], lines: list[str]) -> None:
-        """Add the messages of rounds to those of a game with an outside model, and of rounds without ratings."""
+    def _messages(self, rounds: Sequence[tuple[int, HostileRatings]], since: int) -> list[str]:
+        """Return the messages of rounds of a game with an outside model, and of those without ratings between them."""
+        lines = list[str]()
         for number, sent in rounds:
-            while len(lines) <= number:
-                lines.append(round_tail(len(lines), self._room, []))
+            while since + len(lines) <= number:
+                lines.append(round_tail(since + len(lines), self._room, []))
             raters, providers, values, _ = merge_repeats(*sent, pair_keys(sent.raters, sent.providers))
             listed = [list(one) for one in zip(raters.tolist(), providers.tolist(), values.tolist(), strict=True)]
-            lines.append(round_tail(len(lines), self._room, listed))
+            lines.append(round_tail(since + len(lines), self._room, listed))
+        return lines
 
     def trust(self, rounds: Sequence[HostileRatings]) -> Floats:
         """Return the trust of all providers at the end of the log.
@@ -155,9 +158,7 @@ class Ending:
             false = HostileRatings(*(column[others] for column in extra))
             ended.append((number, _joined([self._of_log(part), false])))
         if isinstance(self._model, OutsideModel):
-            lines = list(self._lines)
-            self._tell(ended, lines)
-            return self._model.replay(self._room, lines)
+            return self._model.replay(self._room, self._lines, self._messages(ended, len(self._lines)))
         run = deepcopy(self._begun[first])
         for number, sent in ended[first:]:
             play_round(run, number, *sent)
