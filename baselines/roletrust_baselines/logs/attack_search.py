@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_baselines.logs.ranking import MOST, ORIGINS, Attempt, Plan, Prices, Ranking, Row, Target
-from roletrust_baselines.logs.replay import ROUNDS
+from roletrust_baselines.logs.ranking import LAST, MOST, ORIGINS, Attempt, Plan, Prices, Ranking, Row, Target
 
 _STEPS = 0.6  # share of steps from the best among the plans that are drawn
 _SPENT = 0.5  # share of the drawn plans that cost nearly as much as the best
@@ -35,6 +34,7 @@ SIMPLE = (
     Plan(rivals=2),
     Plan("aged", age=1, cover=2),
     Plan("aged", age=2, cover=6, strikes=2),
+    Plan("aged", age=10, cover=10),
     Plan("hijacked"),
     Plan("hijacked", choice=1),
     Plan("hijacked", choice=2),
@@ -44,11 +44,11 @@ SIMPLE = (
 
 _CHOICES: dict[str, tuple[Any, ...]] = {
     "origin": ORIGINS,
-    "strikes": (1, 2, 3, 4, 5, 6),
+    "strikes": (1, 2, 3, 4, 5, 6, 9),
     "repeats": (1, 1, 2, 3, 5, 8, 13, 20),
     "turns": (False, True),
     "quiet": (0, 0, 1, 3),
-    "age": (1, 2, 4),
+    "age": (1, 2, 4, 8),
     "mildness": (0.0, 0.0, 0.1, 0.2, 0.3, 0.4),
     "cover": (0, 0, 1, 2, 3, 4, 6, 10),
     "popular": (True, False),
@@ -162,7 +162,7 @@ class Search:
     def _options(self, row: Row) -> list[dict[str, Any]]:
         """Return changes of a rating."""
         down, ranking = self.target.goal == "sink", self._ranking
-        found: list[dict[str, Any]] = [{"round": at} for at in (row.round + 1, row.round - 1) if 0 <= at < ROUNDS]
+        found: list[dict[str, Any]] = [{"round": at} for at in (row.round + 1, row.round - 1) if 0 <= at < LAST]
         values = (min(1.0, max(0.0, row.value + shift)) for shift in _SHIFTS)
         found += [{"value": value} for value in values if value != row.value]
         if row.agent != self.target.place:
@@ -263,9 +263,9 @@ def _beside(plan: Plan) -> Iterator[Plan]:
 
 def _fitting(plan: Plan) -> Plan:
     """Return a plan with one spelling of what it does, within the last rounds."""
-    plan = replace(plan, quiet=min(plan.quiet, ROUNDS - 2))
-    strikes = min(max(plan.strikes, 1), ROUNDS - plan.quiet)
-    age = min(plan.age, ROUNDS - plan.quiet - strikes) if plan.origin == "aged" else 0
+    plan = replace(plan, quiet=min(plan.quiet, LAST - 2))
+    strikes = min(max(plan.strikes, 1), LAST - plan.quiet)
+    age = min(plan.age, LAST - plan.quiet - strikes) if plan.origin == "aged" else 0
     if plan.origin == "aged":
         strikes, age = (strikes, age) if age else (strikes - 1 or 1, 1)
     plan = replace(plan, strikes=strikes, age=age, turns=plan.turns and strikes > 1, accounts=1)

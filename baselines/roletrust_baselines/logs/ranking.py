@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from roletrust_baselines.logs.explanation import find_ratee
-from roletrust_baselines.logs.replay import ACTIVE, ROUNDS, Ending, HostileRatings
+from roletrust_baselines.logs.replay import ACTIVE, Ending, HostileRatings
 from roletrust_baselines.logs.rounds import TooSmallError, numbers_of
 from roletrust_env.data.evidence import Rank, wilson_interval
 from roletrust_env.data.log import RatingLog
@@ -32,6 +32,9 @@ ACCOUNTS = (1, 3, 10, 30)
 
 MOST = ACCOUNTS[-1]
 """Greatest number of accounts of an attack."""
+
+LAST = 12
+"""Number of the last rounds of a log, in which attacks are. Where the age of an account counts, fewer are dearer."""
 
 _DAY = 86_400.0  # seconds
 
@@ -229,7 +232,7 @@ class Ranking:
         self._count, numbers = count, numbers_of(log, every, count)
         facts = *log[:3], numbers, np.array([top, same_agents, rank_by == "low"])
         self._digest = sha256(b"".join(np.asarray(one).tobytes() for one in facts) + repr(model).encode())
-        self._end = Ending(model, log, numbers, same_agents=same_agents, more=1 + MOST)
+        self._end = Ending(model, log, numbers, LAST, same_agents=same_agents, more=1 + MOST)
         self.newcomer = log.shape[1]
         self._fresh = log.shape[0] + 1 + np.arange(MOST)
         self._keys, self._counts = np.unique(pair_keys(log.ratees, log.raters), return_counts=True)
@@ -254,7 +257,7 @@ class Ranking:
     def _columns(self, rows: Sequence[Row]) -> list[Floats]:
         """Return what providers rank by, each from low to high: lower end or trust, trust, number of ratings."""
         number, who, whom, values = _apart(rows)
-        sent = [number == at for at in range(ROUNDS)]
+        sent = [number == at for at in range(LAST)]
         trust = self._end.trust([HostileRatings(who[there], whom[there], values[there]) for there in sent])
         keys, more = np.unique(pair_keys(whom, who), return_counts=True)
         at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
@@ -337,7 +340,7 @@ class Ranking:
 
     def _length(self, rows: Sequence[Row]) -> int:
         """Return the number of rounds from the first rating to the end of the log."""
-        return ROUNDS - min((row.round for row in rows), default=ROUNDS)
+        return LAST - min((row.round for row in rows), default=LAST)
 
     def _days(self, rounds: int) -> float:
         return math.nan if self.every is None else rounds * self.every / _DAY
@@ -354,7 +357,7 @@ class Ranking:
         (raters, providers), fresh = (self.log.rater_names, self.log.ratee_names), int(self._fresh[0])
         return [
             Sent(
-                ROUNDS - number,
+                LAST - number,
                 raters[who] if who < len(raters) else f"new account {who - fresh + 1}",
                 _provider(providers, whom, fresh),
                 value,
@@ -375,7 +378,7 @@ class Ranking:
     def rows(self, target: Target, plan: Plan) -> list[Row]:
         """Return the ratings of a plan."""
         accounts = self._accounts(target, plan).tolist()
-        last = ROUNDS - plan.quiet
+        last = LAST - plan.quiet
         first = last - plan.strikes
         begin = max(0, first - plan.age)
         down = target.goal == "sink"

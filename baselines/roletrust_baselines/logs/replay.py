@@ -88,7 +88,7 @@ def _joined(parts: Sequence[HostileRatings]) -> HostileRatings:
 
 
 class Ending:
-    """A log that was played up to its last 6 rounds, and that can be ended with and without hostile ratings.
+    """A log that was played up to its last rounds, and that can be ended with and without hostile ratings.
 
     In a log with fewer rounds, hostile ratings that come earlier are in its first one.
 
@@ -98,13 +98,14 @@ class Ending:
         past: Number of ratings before the last rounds.
     """
 
-    def __init__(self, model: Any, log: RatingLog, numbers: Ints, *, same_agents: bool, more: int) -> None:
+    def __init__(self, model: Any, log: RatingLog, numbers: Ints, last: int, *, same_agents: bool, more: int) -> None:
         """Play the log, and remember the beginning of each of its last rounds.
 
         Args:
             model: Trust model.
             log: Log.
             numbers: Number of the round of each rating, shape (n,), ascending.
+            last: Number of the last rounds.
             same_agents: Whether a rater and a ratee of the same name are one agent.
             more: Number of further raters, and of further providers, for which there is room.
 
@@ -112,16 +113,16 @@ class Ending:
             MemoryError: The model does not fit, see `make_run`.
         """
         parts = list(spans(numbers))
-        self.log, self.same_agents, self.past = log, same_agents, parts[-ROUNDS:][0][1].start
+        self.log, self.same_agents, self.past = log, same_agents, parts[-last:][0][1].start
         self._model, self._room = model, (log.shape[0] + more, log.shape[1] + more)
-        self._rest = parts[-ROUNDS:]
+        self._last, self._rest = last, parts[-last:]
         self._begun, self._lines = list[TrustRun](), list[str]()
         if isinstance(model, OutsideModel):  # a game with it cannot branch
-            past = [(number, self._of_log(part)) for number, part in parts[:-ROUNDS]]
+            past = [(number, self._of_log(part)) for number, part in parts[:-last]]
             self._lines = self._messages(past, 0) or [round_tail(0, self._room, [])]
             return
         self._begun.append(make_run(model, self._room, one_role=not same_agents))
-        for number, part in parts[:-ROUNDS]:
+        for number, part in parts[:-last]:
             play_round(self._begun[0], number, *self._of_log(part))
         for number, part in self._rest[:-1]:
             self._begun.append(deepcopy(self._begun[-1]))
@@ -149,7 +150,7 @@ class Ending:
             rounds: Ratings of the hostile accounts in each of the last rounds, beside those of the log. A rating of
                 an account by itself does not count if raters and ratees are the same agents.
         """
-        missing = ROUNDS - len(self._rest)
+        missing = self._last - len(self._rest)
         rounds = [_joined(rounds[: missing + 1]), *rounds[missing + 1 :]]
         first = next((at for at, extra in enumerate(rounds) if len(extra.raters)), len(rounds) - 1)
         ended = list[tuple[int, HostileRatings]]()
@@ -208,7 +209,7 @@ class Replay(Ending):
         numbers = log_rounds(log, every)
         if (many := len(np.unique(numbers))) <= ROUNDS:
             raise TooSmallError(f"the log has {many} rounds with ratings; an attack needs more than {ROUNDS}")
-        super().__init__(model, log, numbers, same_agents=same_agents, more=TARGETS + most)
+        super().__init__(model, log, numbers, ROUNDS, same_agents=same_agents, more=TARGETS + most)
         self.best, self.active = _best(log, self.past), np.sort(self.ranked)
         if len(self.best) < TARGETS or len(self.active) < most:
             raise TooSmallError(

@@ -19,7 +19,7 @@ from roletrust_baselines.logs.audit import (
     audit_model,
     compare_models,
 )
-from roletrust_baselines.logs.ranking import ACCOUNTS, Journal, Prices, Ranking
+from roletrust_baselines.logs.ranking import ACCOUNTS, Journal, Plan, Prices, Ranking
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_json, write_text
@@ -73,8 +73,8 @@ def audit(
 ) -> None:
     """Find [bold]how cheaply the ranking of a log is pushed[/]: by which accounts and ratings, and at what price.
 
-    Hostile accounts join the last six rounds of the log, beside its ratings: new ones, aged ones, which first rate as
-    others do, and hijacked ones of active raters. A search looks for the cheapest attack that pushes a target out of
+    Hostile accounts join the last twelve rounds of the log, beside its ratings: new ones, aged ones, which first rate
+    others, and hijacked ones of active raters. A search looks for the cheapest attack that pushes a target out of
     the top, or into it: each agent of the top, agents that are drawn below it, and one that nobody has rated. It knows
     the log and sees the ranks, and there may be a cheaper attack. A second search from the next seed shows its chance.
 
@@ -111,13 +111,15 @@ def audit(
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
         try:
-            log, begun = replace(reading, every=every).read(ratings), perf_counter()
+            log = replace(reading, every=every).read(ratings)
         except ValueError as error:
             without = "no column 'time'" in str(error)
             raise ValueError(f"{error}; without times, --count makes rounds by number" if without else error) from None
         settings: Any = {"same_agents": bool(reading.same_agents), "top": top, "rank_by": rank_by}
         ranking = Ranking(chosen, log, every, count=count, journal=journal if outside else None, **settings)
-        if outside:
+        if outside and not journal.known:
+            begun = perf_counter()
+            ranking.play(ranking.targets(targets, seed, target or ())[0], Plan(), prices)
             _estimate(model, perf_counter() - begun, attack_count(len(target or ()) or top + targets + 1, budget, 2))
         advance, seeds = stage(progress, f"Attacking {model}", 1), (seed, seed + 1)
         found = audit_model(
@@ -149,7 +151,7 @@ def audit(
 def _estimate(model: str, seconds: float, attacks: int) -> None:
     """Say how long an audit of a model outside may take."""
     length = f"{seconds * attacks / 60:,.0f} minutes" if seconds * attacks > 120 else f"{seconds * attacks:,.0f} s"
-    told = f"{model} took {seconds:.2g} s to play the log; up to {attacks:,} attacks take about {length}"
+    told = f"{model} takes {seconds:.2g} s for an attack; up to {attacks:,} attacks take about {length}"
     console.print(escape(f"{told}. --budget and --targets make them fewer."), soft_wrap=True)
 
 

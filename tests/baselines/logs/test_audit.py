@@ -9,7 +9,7 @@ import pytest
 
 from roletrust_baselines.logs.audit import audit_model
 from roletrust_baselines.logs.folders import write_log
-from roletrust_baselines.logs.ranking import Plan, Prices, Ranking, Row
+from roletrust_baselines.logs.ranking import LAST, Plan, Prices, Ranking, Row
 from roletrust_baselines.logs.rounds import TooSmallError
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.evidence import Rank, evidence
@@ -82,14 +82,14 @@ def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
     )
     rows = ranking.rows(lifted, plan)
     struck = [row for row in rows if row.agent == lifted.place]
-    assert [(row.round, row.value) for row in struck] == [(3, 0.8)] * 4 + [(4, 0.8)] * 2
+    assert [(row.round, row.value) for row in struck] == [(LAST - 3, 0.8)] * 4 + [(LAST - 2, 0.8)] * 2
     pushed = [row for row in rows if row.value == 0.0]
     assert {row.agent for row in pushed} == set(ranking.order[8:10].tolist())
     assert len(pushed) == 3 * 2
     ring = [row for row in rows if row.agent >= log.shape[1]]
-    assert [(row.round, row.value) for row in ring] == [(1, 1.0)] * 3
-    decoys = [row for row in rows if row.round < 3 and row not in ring]
-    assert [row.round for row in decoys] == [1] * 9 + [2] * 6
+    assert [(row.round, row.value) for row in ring] == [(LAST - 5, 1.0)] * 3
+    decoys = [row for row in rows if row.round < LAST - 3 and row not in ring]
+    assert [row.round for row in decoys] == [LAST - 5] * 9 + [LAST - 4] * 6
     trust = streamed(log, "mean")
     assert all(row.value == pytest.approx(trust[row.agent], abs=1e-12) for row in decoys)
     drawn = ranking.rows(lifted, replace(plan, popular=False))
@@ -115,7 +115,7 @@ def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_n
         assert (best.rank > 2) == (one.goal == "sink")
         rows = [
             Row(
-                6 - sent.round,
+                LAST - sent.round,
                 place.get(sent.account, len(place) + int(sent.account.split()[-1])),
                 place.get(sent.agent, len(place)),
                 sent.value,
