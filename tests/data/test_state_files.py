@@ -50,6 +50,17 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
         raise AssertionError("the work has begun")
 
 
+def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def flock(*_: Any) -> None:
+        raise OSError(errno.ENOTSUP, "Operation not supported")
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    with pytest.raises(OSError, match=f"{tmp_path} cannot be locked: Operation not supported"):
+        rated(tmp_path / "state.npz")
+    monkeypatch.undo()
+    assert rated(tmp_path / "state.npz").rounds == 1
+
+
 def test_a_link_stays_one_and_its_file_has_the_state(tmp_path: Path) -> None:
     link, path = tmp_path / "link.npz", tmp_path / "far" / "state.npz"
     path.parent.mkdir()
