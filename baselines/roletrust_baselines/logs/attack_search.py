@@ -168,7 +168,7 @@ class Search:
         if row.agent != self.target.place:
             edge = self._rng.permutation(ranking.rivals(self.target, _DECOYS))[:2].tolist()
             some = self._rng.permutation(ranking.popular[:_DECOYS])[:2].tolist()
-            found += [{"agent": at, "value": ranking.decoy(at)} for at in [*edge, *some] if at != row.agent]
+            found += [{"agent": at, "value": float(ranking.trust[at])} for at in [*edge, *some] if at != row.agent]
             found += [{"agent": at, "value": float(down)} for at in edge[:1]]
             found.append({"agent": self.target.place, "value": float(not down)})
         return [change for change in found if change.get("agent", row.agent) not in (row.account,)]

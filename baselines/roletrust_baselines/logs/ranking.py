@@ -196,6 +196,8 @@ class Ranking:
         top: Number of agents in the top.
         newcomer: Place of an agent that nobody has rated.
         order: Places of the ranked agents without an attack, the best first.
+        popular: Places of the agents with ratings, those with the most first.
+        trust: Trust in each agent without an attack.
     """
 
     def __init__(
@@ -237,14 +239,14 @@ class Ranking:
         self._fresh = log.shape[0] + 1 + np.arange(MOST)
         self._keys, self._counts = np.unique(pair_keys(log.ratees, log.raters), return_counts=True)
         received, given = (np.bincount(side) for side in (log.ratees, log.raters))
-        self._popular = np.argsort(-received, kind="stable")[: (received > 0).sum()]
+        self.popular = np.argsort(-received, kind="stable")[: (received > 0).sum()]
         self._active = np.argsort(-given, kind="stable")[: (given >= ACTIVE).sum()]
         self._size = log.shape[1] + 1 + MOST
         rated = pair_ends(self._keys)[0]
         self._total = np.bincount(rated, self._counts, self._size).astype(np.float64)
         self._squares = np.bincount(rated, self._counts.astype(np.float64) ** 2, self._size)
         columns = self._columns(())
-        order, self._trust = np.lexsort([-column for column in columns[::-1]]), columns[1]
+        order, self.trust = np.lexsort([-column for column in columns[::-1]]), columns[1]
         self.order: Ints = order[self._total[order] > 0]
         if len(self.order) <= top:
             raise TooSmallError(f"{len(self.order)} agents have ratings; more than the top {top} are needed")
@@ -384,7 +386,7 @@ class Ranking:
         down = target.goal == "sink"
         value = plan.mildness if down else 1 - plan.mildness
         rng = np.random.default_rng(0)
-        known = self._popular[self._popular != target.place]
+        known = self.popular[self.popular != target.place]
         rivals, rows = self.rivals(target, plan.rivals), list[Row]()
         for k, account in enumerate(accounts):
             strikes = [first + k % plan.strikes] if plan.turns else range(first, last)
@@ -397,7 +399,7 @@ class Ranking:
             some = known[: plan.cover] if plan.popular else rng.choice(known, min(plan.cover, len(known)), False)
             rounds = max(1, first - begin)
             for n, other in enumerate(some.tolist()):
-                rows.append(Row(begin + n % rounds, account, other, float(self._trust[other])))
+                rows.append(Row(begin + n % rounds, account, other, float(self.trust[other])))
         return sorted(row for row in rows if row.account != row.agent or not self.same_agents)
 
     def rivals(self, target: Target, many: int) -> list[int]:
@@ -405,15 +407,6 @@ class Ranking:
         down = target.goal == "sink"
         edge = self.order[self.top : self.top + many] if down else self.order[max(0, self.top - many) : self.top]
         return [at for at in edge.tolist() if at != target.place]
-
-    def decoy(self, agent: int) -> float:
-        """Return the trust of an agent without an attack: a rating that agrees with the others."""
-        return float(self._trust[agent])
-
-    @property
-    def popular(self) -> Ints:
-        """The places of the agents with ratings, those with the most first."""
-        return self._popular
 
     def _accounts(self, target: Target, plan: Plan) -> Ints:
         """Return the places of the accounts."""

@@ -19,7 +19,7 @@ from roletrust_baselines.logs.audit import (
     audit_model,
     compare_models,
 )
-from roletrust_baselines.logs.ranking import ACCOUNTS, Journal, Plan, Prices, Ranking
+from roletrust_baselines.logs.ranking import ACCOUNTS, GOALS, Journal, Plan, Prices, Ranking
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_json, write_text
@@ -139,7 +139,7 @@ def audit(
     journal.path.unlink(missing_ok=True)
     for table in _tables(report):
         console.print(table)
-    far = f", and prices at most {found.apart:.0%} apart" if found.apart else ""
+    far = f", and prices at most {found.apart:.0%} apart" if found.apart > 0 else ""
     told = f"{found.played:,} attacks; both searches found the same price for {found.agreement:.0%} of the targets{far}"
     console.print(f"{told}. Written to {out}: audit.html, audit.json, audit.schema.json", soft_wrap=True)
     low = min(one.value for one in found.medians.values())
@@ -180,18 +180,16 @@ def _tables(report: AuditReport) -> list[Table]:
         moved.add_row(f"{WORDS[goal]}, {origin}", *(_cell(one, "{:,.0f}".format) for one in line))
     if not report.compared:
         return [cheap, moved]
-    headings = *(WORDS[goal] for goal in found.medians), "r", "AUC"
-    beside = number_table(
-        f"Median price in {SHORT} attacks, and forecast of the next rating", "", *headings, name="model"
-    )
+    title = f"Median price in {SHORT} attacks, and correlation r of trust with the next rating"
+    beside = number_table(title, "", *(WORDS[goal] for goal in GOALS), "r", name="model")
     for name, both in report.compared.items():
-        forecast = (_cell(both.forecast[what], "{:.3f}".format) for what in ("r", "auc"))
-        beside.add_row(escape(name), *(_cell(price, _amount) for price in both.medians.values()), *forecast)
+        costs = [_cell(both.medians[goal], _amount) for goal in GOALS]
+        beside.add_row(escape(name), *costs, _cell(both.forecast["r"], "{:.3f}".format))
     return [cheap, moved, beside]
 
 
 def _days(days: float) -> str:
-    return "" if math.isnan(days) else f"{days:,.0f}"
+    return "" if math.isnan(days) else f"{days:,.0f}" if days >= 10 else f"{days:.2g}"
 
 
 def _amount(price: float) -> str:
