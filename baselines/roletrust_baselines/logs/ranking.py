@@ -169,6 +169,7 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         """Read what an earlier search has kept; a line that is torn is ignored."""
+        path.parent.mkdir(parents=True, exist_ok=True)
         self.path, self.known = path, dict[str, tuple[int, float]]()
         for line in path.read_text().splitlines() if path.exists() else ():
             with suppress(ValueError, TypeError):

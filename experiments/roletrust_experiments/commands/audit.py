@@ -103,10 +103,9 @@ def audit(
     prices, chosen = Prices(price_account, price_hijacked, price_rating, price_day), parse_named(registry, model)
     others = {name: parse_named(registry, name) for name in other or ()}
     prepare_folder(out)
-    out.mkdir(parents=True, exist_ok=True)
     every = None if count else MONTH if reading.every is None else reading.every
-    outside, journal = isinstance(chosen, OutsideModel), Journal(out / "audit.journal")
-    if journal.known:
+    journal = Journal(out / "audit.journal") if isinstance(chosen, OutsideModel) else None
+    if journal and journal.known:
         console.print(f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}")
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
@@ -116,8 +115,8 @@ def audit(
             without = "no column 'time'" in str(error)
             raise ValueError(f"{error}; without times, --count makes rounds by number" if without else error) from None
         settings: Any = {"same_agents": bool(reading.same_agents), "top": top, "rank_by": rank_by}
-        ranking = Ranking(chosen, log, every, count=count, journal=journal if outside else None, **settings)
-        if outside and not journal.known:
+        ranking = Ranking(chosen, log, every, count=count, journal=journal, **settings)
+        if journal and not journal.known:
             begun = perf_counter()
             ranking.play(ranking.targets(targets, seed, target or ())[0], Plan(), prices)
             _estimate(model, perf_counter() - begun, attack_count(len(target or ()) or top + targets + 1, budget, 2))
@@ -136,7 +135,8 @@ def audit(
     write_text(out / "audit.json", report.json().decode() + "\n")
     write_json(out / "audit.schema.json", report.schema())
     write_text(out / "audit.html", audit_page(report))
-    journal.path.unlink(missing_ok=True)
+    if journal:
+        journal.path.unlink(missing_ok=True)
     for table in _tables(report):
         console.print(table)
     far = f", and prices at most {found.apart:.0%} apart" if found.apart > 0 else ""
