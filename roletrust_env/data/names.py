@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.data.values import to_numpy, trimmed
+from roletrust_env.data.values import is_text, to_numpy, trimmed
 from roletrust_env.trust.key_index import Ints, KeyIndex
 
 _WHOLE = r"^-?(0|[1-9]\d*)(\.0)?$"  # a whole number, also as pandas writes it if its column misses a value
@@ -58,7 +58,7 @@ class NameColumns:
 
     def add(self, *columns: Any) -> None:
         """Take columns, which take turns in each call."""
-        self._waiting += columns
+        self._waiting += [column if (words := _words(column)) is None else words for column in columns]
         if sum(map(len, self._waiting)) > _WAIT * sum(map(len, self._known)) + _LEAST:
             self._encode()
 
@@ -66,12 +66,11 @@ class NameColumns:
         import pyarrow as arrow
 
         columns = [*self._known, *self._waiting]
-        words = [_words(column) for column in columns]
-        short = all(word is not None for word in words)
-        parts = arrow.chunked_array(words if short else columns).dictionary_encode().chunks
+        if len({column.type for column in columns}) > 1:
+            columns = list(map(_texts, columns))
+        parts = arrow.chunked_array(columns).dictionary_encode().chunks
         self._places += [to_numpy(part.indices) for part in parts[len(parts) - len(self._waiting) :]]
-        names, self._waiting = parts[-1].dictionary, []
-        self._known = [arrow.array(to_numpy(names).view("S8")).cast(arrow.string()) if short else names]
+        self._known, self._waiting = [parts[-1].dictionary], []
 
     def places(self, sides: int) -> tuple[NameList, list[Ints], int, int]:
         """Return the names and their places; what was taken is given up.
@@ -86,10 +85,8 @@ class NameColumns:
         from pyarrow import compute
 
         self._encode()
-        (names,), found = (
-            self._known,
-            [np.concatenate(self._places[side::sides], dtype=np.int64) for side in range(sides)],
-        )
+        (names,) = map(_texts, self._known)
+        found = [np.concatenate(self._places[side::sides], dtype=np.int64) for side in range(sides)]
         self._places = []
         same = compute.utf8_trim_whitespace(names)  # white space as `trimmed` has it
         same = compute.utf8_normalize(same, form="NFC")
@@ -115,6 +112,13 @@ def _words(names: Any) -> Any:
     words = np.frombuffer(compute.ascii_rpad(names, 8, "\0").buffers()[2], np.int64, len(names))
     own = np.count_nonzero(words.view(np.uint8)) == compute.sum(sizes).as_py()  # no name has a NUL
     return arrow.array(words) if own else None
+
+
+def _texts(names: Any) -> Any:
+    """Return names as texts again, if they are whole numbers."""
+    import pyarrow as arrow
+
+    return names if is_text(names) else arrow.array(to_numpy(names).view("S8")).cast(arrow.string())
 
 
 class NameIndex:
