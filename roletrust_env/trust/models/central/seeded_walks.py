@@ -38,7 +38,7 @@ _REST = 1e-15  # a relative step this small is rounding
 
 
 class Graph(NamedTuple):
-    """Who satisfies whom, and where walkers start.
+    """Satisfied pairs, and the starts of walkers.
 
     Attributes:
         pairs: Pairs of raters and providers, on a grid or on edges.
@@ -46,6 +46,7 @@ class Graph(NamedTuple):
         peers: Flag, 1 where a rater and a provider are one agent, see `random_walks.n_agents`.
         mute: Flag, 1 for a provider that cannot rate, shape (P, ...).
         seeds: Flag, 1 for a seed, shape (S, ...).
+        known: Flag, 1 for a seed that is named, of agents.
         start: Share of walkers that start from each rater, shape (S, ...).
     """
 
@@ -54,6 +55,7 @@ class Graph(NamedTuple):
     peers: PerPair
     mute: PerProvider
     seeds: PerRater
+    known: Trusts
     start: PerRater
 
     def of_raters(self, values: PerRater) -> Trusts:
@@ -93,7 +95,7 @@ class BySeeds(Published, ABC):
     def start(self, like: Array, peers: Array) -> Any:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
-        state = SatisfactionState(nothing[:, 0, ...], nothing[0], nothing, shared(peers, like))
+        state = self._blank(nothing, shared(peers, like))
         return self._after(self._graph(Ratings(nothing), state), state)
 
     def update(self, state: Any, ratings: Ratings) -> Any:
@@ -101,6 +103,10 @@ class BySeeds(Published, ABC):
         scores = state.scores + ratings.write(0 * state.scores, 2 * ratings.values - 1)
         state = state._replace(scores=scores)
         return self._after(self._graph(ratings.pairs, state), state)
+
+    def _blank(self, nothing: Array, peers: PerPair) -> Any:
+        """Return a state of zeros, of which the trust is still to be found."""
+        return SatisfactionState(nothing[:, 0, ...], nothing[0], nothing, peers)
 
     def _graph(self, pairs: Ratings, state: Any) -> Graph:
         xp, peers = namespace(state.scores), state.peers
@@ -111,7 +117,9 @@ class BySeeds(Published, ABC):
         flag = xp.asarray(flags, dtype=links.dtype, device=device_of(links))
         seeds = nobody + flag.reshape(-1, *[1] * (nobody.ndim - 1))
         mute = 1 - own_rating_role(pairs, nobody + 1, peers)
-        return Graph(pairs, links, peers, mute, seeds, seeds / max(float(flags.sum()), 1.0))
+        named = seeds if self.seeds else nobody
+        known = Trusts(named, own_rating_role(pairs, named, peers))
+        return Graph(pairs, links, peers, mute, seeds, known, seeds / max(float(flags.sum()), 1.0))
 
     def _after(self, graph: Graph, state: Any) -> Any:
         """Return the state with the trust that follows from its graph."""
@@ -123,12 +131,12 @@ class BySeeds(Published, ABC):
 
     def _published(self, graph: Graph, reached: Trusts) -> Trusts:
         """Return 1 for seeds that are named, and for others the share of the largest; see the class."""
-        xp, known = namespace(graph.links), graph.of_raters(graph.seeds if self.seeds else 0 * graph.seeds)
-        others = Trusts((1 - known.tor) * reached.tor, (1 - known.top) * reached.top)
-        most = xp.maximum(largest(others.tor), largest(others.top))
+        xp, others = namespace(graph.links), [(1 - sure) * x for x, sure in zip(reached, graph.known, strict=True)]
+        most = xp.maximum(*map(largest, others))
         most = most * xp.astype(largest(graph.pairs.reduce(graph.links, RATER, "max")) > 0, most.dtype)
         most, all_alike = xp.where(most > 0, most, most + 1), 1 - xp.astype(most > 0, most.dtype)
-        return Trusts(*(xp.clip(x / most + all_alike + sure, 0.0, 1.0) for x, sure in zip(others, known, strict=True)))
+        shares = [x / most + all_alike + sure for x, sure in zip(others, graph.known, strict=True)]
+        return Trusts(*(xp.clip(share, 0.0, 1.0) for share in shares))
 
 
 def visits(graph: Graph, alpha: float, back: bool) -> Trusts:
@@ -176,7 +184,7 @@ class PersonalizedPageRank(BySeeds):
     back to a rater that it satisfies, C[j, i] = l[i, j] / sum over i of l[i, j], as in random walks between users and
     items. This is not in the paper, where all are peers. It lets raters be trusted where nobody rates them, and lets
     Sybils in that praise what seeds like; without `back` only the ratings of seeds, and of the raters that they trust,
-    count.
+    count. With alpha = 1/2 and without `back` it is EigenTrust, of which the pre-trusted peers are the seeds.
 
     A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all before anybody is
     satisfied, and if no trust has reached any of them.
@@ -263,26 +271,20 @@ class MeritRank(BySeeds):
     back: bool = True
     source = "Nasrulin et al. (2022)"
 
-    def start(self, like: Array, peers: Array) -> MeritRankState:
-        """Return the state before any rating. See `TrustModel.start`."""
-        plain: SatisfactionState = super().start(like, peers)
-        return MeritRankState(*plain, Merits(0 * plain.tor, 0 * plain.top))
+    def _blank(self, nothing: Array, peers: PerPair) -> Any:
+        tor, top = nothing[:, 0, ...], nothing[0]
+        return MeritRankState(tor, top, nothing, peers, Merits(tor, top))
 
     def _after(self, graph: Graph, state: Any) -> Any:
-        if not isinstance(state, MeritRankState):  # before any rating there is no merit
-            return super()._after(graph, state)
-        new = self._reached(graph)
-        merits = Merits(*((1 - self.gamma) * old + one for old, one in zip(state.merits, new, strict=True)))
-        trusts = self._published(graph, Trusts(*merits))
-        return MeritRankState(*trusts, state.scores, state.peers, merits)
+        new = zip(state.merits, self._reached(graph), strict=True)
+        merits = Merits(*((1 - self.gamma) * old + one for old, one in new))
+        return MeritRankState(*self._published(graph, Trusts(*merits)), state.scores, state.peers, merits)
 
     def _reached(self, graph: Graph) -> Trusts:
         """Return (1 - beta b) r."""
-        found, started = visits(graph, self.alpha, self.back), graph.of_raters(graph.start)
-        xp, known = namespace(found.tor), graph.of_raters(graph.seeds if self.seeds else 0 * graph.seeds)
-        tor, top = (
-            (1 - sure) * xp.clip(x - first, 0.0, None) for x, first, sure in zip(found, started, known, strict=True)
-        )
+        xp, started = namespace(graph.links), graph.of_raters(graph.start)
+        found = zip(visits(graph, self.alpha, self.back), started, graph.known, strict=True)
+        tor, top = ((1 - sure) * xp.clip(x - first, 0.0, None) for x, first, sure in found)
         visited = total(tor, 0) + total(graph.mute * top, 0) + TINY
         bridged = behind_bridges(graph, self.back)
         return Trusts(*((1 - self.beta * b) * x / visited for b, x in zip(bridged, (tor, top), strict=True)))

@@ -1,0 +1,193 @@
+"""What Sybils gain where members rate members: trust for one attacker, by its Sybils and by the honest members it wins.
+
+The attacker's identities vouch for one another in four ways (`roletrust_baselines.logs.sybil_graphs`), in a synthetic
+community or at the end of a log of real ratings (`--log`). Minutes of a core.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, get_args
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from roletrust_baselines.logs.sybil_graphs import SybilGraph, Topology
+from roletrust_env.data import read_ratings
+from roletrust_env.data.log import RatingLog
+from roletrust_env.evaluation.specs import parse_named
+from roletrust_env.metrics.confidence import Estimate
+from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.trust.model import registry
+from roletrust_env.trust.run import make_run
+from studies.charts import Panel, Series, panels_figure
+from studies.study import Recipe, Run, Study, mean_of, with_ends
+
+EIGENTRUST = "personalized-pagerank:alpha=0.5"
+"""EigenTrust with its pre-trusted peers, the seeds."""
+MODELS = ("eigentrust", "leave-one-out", EIGENTRUST, "personalized-pagerank", "merit-rank", "sybil-rank")
+TOPOLOGIES: tuple[Topology, ...] = get_args(Topology)
+SYBILS, BRIDGES = (0, 1, 3, 10, 30, 100), (0, 1, 3, 10, 30)
+USUAL = 30, 3
+"""Number of Sybils where bridge edges vary, and the other way round."""
+CASES = sorted({*((n, USUAL[1]) for n in SYBILS), *((USUAL[0], k) for k in BRIDGES)})
+
+
+class Options(NamedTuple):
+    """The community and the numbers of runs.
+
+    Attributes:
+        log: Log of real ratings in which members rate members; a synthetic community if left out.
+        low: Worst rating of the log.
+        high: Best rating of the log.
+        members: Number of members of the synthetic community.
+        runs: Number of runs, each with another community, or with other honest members that are won.
+        seeds: Number of seeds: the first members.
+    """
+
+    log: str = ""
+    low: float = -10.0
+    high: float = 10.0
+    members: int = 300
+    runs: int = 30
+    seeds: int = 5
+
+
+FILES = ("gains.md", "gains.png", "gains.csv")
+RECIPES = {
+    "sybils": Recipe(Options(), {name: f"sybils/{name}" for name in FILES}),
+    "sybils-log": Recipe(
+        Options(log="logs/bitcoin-otc/otc_network.csv.gz", runs=10), {name: f"sybils/log/{name}" for name in FILES}
+    ),
+}
+
+GAINS = ("share", "rank")
+"""Share of the trust of all but the seeds that the attacker's identities have, and share of the honest members
+that are no seeds and have less trust than its target."""
+
+Found = Mapping[str, Mapping[str, Estimate]]
+"""Gains by model, topology, number of Sybils and of bridge edges."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Play all cases, and write the page."""
+    with Study(__name__, RECIPES, arguments) as study:
+        options = study.options
+        jobs = {str(k): (options, study.seed, k) for k in range(options.runs)}
+        runs = list(study.play(measured, jobs, {"seed": study.seed, **options._asdict()}).values())
+        found = {key: {name: mean_of([run[key][name] for run in runs]) for name in GAINS} for key in runs[0]}
+        rows = [[*key.split(), *(x for name in GAINS for x in one[name].interval)] for key, one in found.items()]
+        study.csv("gains.csv", ["model", "topology", "sybils", "bridges", *with_ends(GAINS)], rows)
+        study.figure("gains.png", sybils_figure(found, f"{len(runs)} runs, 95% intervals; the worst topology for each"))
+        made = f"{len(runs)} runs, made by `{study.command}`."
+        study.page("gains.md", sentence(found), table(found), made)
+
+
+def community(members: int, rng: np.random.Generator) -> RatingLog:
+    """Return the ratings of a synthetic community: members join one after the other and trade with six others.
+
+    They choose these by how many partners those have. A partner returns the rating with probability 0.8. A tenth are
+    cheats of quality 0.1, and the quality of others is uniform from 0.7 to 1. Ratings have a noise of 0.1.
+    """
+    quality = np.where(rng.random(members) < 0.1, 0.1, rng.uniform(0.7, 1, members))
+    partners, pairs = np.ones(members), list[tuple[int, int]]()
+    for one in range(1, members):
+        chances = partners[:one] / partners[:one].sum()
+        for other in rng.choice(one, min(one, 6), replace=False, p=chances).tolist():
+            partners[[one, other]] += 1
+            pairs += [(one, other), (other, one)][: 1 + (rng.random() < 0.8)]
+    raters, ratees = np.array(pairs).T
+    values = np.clip(quality[ratees] + rng.normal(0, 0.1, len(pairs)), 0, 1)
+    names = [str(k) for k in range(members)]
+    return RatingLog(raters, ratees, values, None, names, names, was_sorted=True)
+
+
+def measured(options: Options, seed: int, run: int) -> Run:
+    """Return the gains of all cases in one run. The first members are seeds; any others may be won."""
+    rng = np.random.default_rng([seed, run])
+    if options.log:
+        log = read_ratings(Path(options.log), scale=(options.low, options.high), same_agents=True)
+    else:
+        log = community(options.members, rng)
+    members = (options.seeds + rng.permutation(len(log.rater_names) - options.seeds)).tolist()
+    cases: list[tuple[int, int | str, list[int], int | None]] = [(n, k, members[:k], None) for n, k in CASES]
+    found = {}
+    for model in MODELS:
+        for topology in TOPOLOGIES:
+            for sybils, bridges, helpers, bought in [*cases, (USUAL[0], "bought", [], members[0])]:
+                attack = SybilGraph(topology, sybils, returned=model == "sybil-rank")
+                found[f"{model} {topology} {sybils} {bridges}"] = gains(
+                    model, attack, log, options.seeds, helpers, bought
+                )
+    return found
+
+
+def gains(
+    model: str, attack: SybilGraph, log: RatingLog, seeds: int, helpers: Sequence[int] = (), bought: int | None = None
+) -> dict[str, float]:
+    """Return what an attack gains, see `GAINS`."""
+    attacked, own = attack.added_to(log, helpers, bought), attack.identities(log, bought)
+    made = parse_named(registry, model, {"seeds": tuple(range(seeds))})
+    run = make_run(made, attacked.shape, one_role=False)
+    run.play(attacked.raters, attacked.ratees, attacked.values)
+    trust = run.provider_trust
+    honest = np.delete(trust, [*range(seeds), *own])
+    all_trust = honest.sum() + trust[own].sum()
+    below = np.mean(honest < trust[own[0]]) + np.mean(honest == trust[own[0]]) / 2
+    return {"share": float(trust[own].sum() / all_trust) if all_trust else 0.0, "rank": float(below)}
+
+
+def worst(found: Found, model: str, sybils: int, bridges: int | str, gain: str) -> tuple[str, Estimate]:
+    """Return the topology with the highest mean gain, and this gain."""
+    cases = {topology: found[f"{model} {topology} {sybils} {bridges}"][gain] for topology in TOPOLOGIES}
+    return max(cases.items(), key=lambda case: case[1].mean)
+
+
+def sybils_figure(found: Found, note: str) -> Figure:
+    """Return both gains against the number of Sybils and against the number of bridge edges."""
+    panels = []
+    for gain, what in zip(GAINS, ("share of all trust", "members below the target"), strict=True):
+        for along, at in (("Sybils", SYBILS), ("bridge edges", BRIDGES)):
+            series = []
+            for model in MODELS:
+                pairs = [(n, USUAL[1]) if along == "Sybils" else (USUAL[0], n) for n in at]
+                series.append(Series(model, at, [worst(found, model, *pair, gain)[1].interval for pair in pairs]))
+            title = f"{USUAL[1]} bridge edges" if along == "Sybils" else f"{USUAL[0]} Sybils"
+            panels.append(Panel(title, along, what, series, "symlog"))
+    return panels_figure("What does an attacker gain by Sybils, and by honest members that it wins?", panels, note)
+
+
+def percent(share: Estimate) -> str:
+    """Return a share and half its interval in percent."""
+    return f"{100 * share.mean:.2f}% ± {100 * share.half:.2f}"
+
+
+def table(found: Found) -> str:
+    """Return the gains of each topology at the usual numbers, and without Sybils."""
+    rows = []
+    for model in MODELS:
+        cells = [found[f"{model} line 0 {USUAL[1]}"]]
+        cells += [found[f"{model} {topology} {USUAL[0]} {USUAL[1]}"] for topology in TOPOLOGIES]
+        for gain, label in zip(GAINS, (f"`{model}`: share", "members below the target"), strict=True):
+            rows.append([label, *(percent(one[gain]) for one in cells)])
+    return markdown_table(["", "no Sybils", *TOPOLOGIES], rows, 1)
+
+
+def sentence(found: Found) -> str:
+    """Return what the most Sybils gain with the usual bridge edges, and the usual Sybils without any."""
+    many = {model: worst(found, model, SYBILS[-1], USUAL[1], "share") for model in MODELS}
+    none = {model: worst(found, model, USUAL[0], 0, "share")[1].mean for model in MODELS}
+    sold = {model: worst(found, model, USUAL[0], "bought", "share")[1] for model in MODELS}
+    order = sorted(many, key=lambda model: many[model][1].mean)
+    shares = ", ".join(f"{percent(many[model][1])} under `{model}` ({many[model][0]})" for model in order)
+    accounts = ", ".join(f"{percent(sold[model])} under `{model}`" for model in order)
+    free = " and ".join(f"{none[model]:.1%} under `{model}`" for model in order if none[model] > 0)
+    rest = ", and nothing under the others" if free else ""
+    return (
+        f"With {SYBILS[-1]} Sybils and {USUAL[1]} bridge edges an attacker has this share of all trust, in the worst "
+        f"topology: {shares}. Without a bridge edge, {USUAL[0]} Sybils have {free or 'nothing'}{rest}. Behind the "
+        f"bought account of a member that is drawn, they and it have {accounts}."
+    )
+
+
+if __name__ == "__main__":
+    main()
