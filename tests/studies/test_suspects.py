@@ -25,7 +25,7 @@ def written(path: Path) -> Path:
 def test_accounts_rate_the_same_targets_and_a_club_as_others_do(tmp_path: Path) -> None:
     log = read_ratings(written(tmp_path / "log.csv"), Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
     for honest in (False, True):
-        found, accounts = planted(log, 6, 4, 3, np.random.default_rng(1), honest=honest)
+        found, accounts = planted(log, 6, 4, 4, 3, np.random.default_rng(1), honest=honest)
         new = np.isin(found.raters, accounts)
         assert new.sum() == 6 * (4 + 3)
         assert found.times is not None
@@ -39,9 +39,20 @@ def test_accounts_rate_the_same_targets_and_a_club_as_others_do(tmp_path: Path) 
 
 
 def test_the_page_has_a_line_for_each_kind_and_size(tmp_path: Path) -> None:
-    options = ["--log", str(written(tmp_path / "log.csv")), "--size", "8", "--runs", "1", "--shuffles", "10"]
+    options = [
+        "--log",
+        str(written(tmp_path / "log.csv")),
+        "--size",
+        "8",
+        "--targets",
+        "5",
+        "--runs",
+        "1",
+        "--shuffles",
+        "10",
+    ]
     main([*options, "--model", "mean", "--workers", "1", "--out", str(tmp_path / "out")])
     page = (tmp_path / "out" / "suspects.md").read_text()
-    assert "| ring | 8 | " in page
-    assert "| honest club | 8 | " in page
+    assert "| ring | 5 of 5 | 8 | " in page
+    assert "| honest club | 5 of 5 | 8 | " in page
     assert "In 10 shuffled logs there were 0 groups." in page

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from roletrust_baselines.logs.resampling import ranks
 from roletrust_baselines.logs.rounds import played
@@ -15,10 +16,10 @@ SHUFFLES = 19
 """Number of shuffled logs: a group that moves ranks more than in each, and is further from others, has p = 0.05."""
 
 _LEVELS = 4  # ratings are alike if they are the same after rounding to one of five levels
-_CHANCE = 0.5  # expected number of others with which a rater is joined by chance
-_SMALLEST = 3  # votes that two raters share
+_CHANCES = (4.0, 2.0, 1.0, 0.5)  # thresholds: the bound on the probability is wide, so that 4 may be less than 3.35
+_SMALLEST = 2  # votes that two raters share
 _CORE = 3  # others of its group with which each rater is joined
-_TOP = 10  # groups that are compared with shuffled logs
+_TOP = 20  # groups that are shown
 _PAIRS = 10_000_000  # pairs of ratings that are compared at most; the most popular ratees are left out first
 _SWAPS = 100  # rounds of swaps
 
@@ -33,9 +34,10 @@ class Suspects(NamedTuple):
             has the square of the number of its raters in the group as weight, so that cover hides no targets.
         apart: Mean distance of their ratings from those of others of the same agents, with the same weights, or from
             the mean of the log where there are no others.
-        chance: Mean shift in shuffled logs.
-        p: Share of shuffled logs, and of the log itself, in which the shift is at least as large, or the same for
-            `apart` if it is larger.
+        chance: Mean shift in the shuffled logs that were played; NaN if none was.
+        p: Significance by the test of Besag and Clifford ("Sequential Monte Carlo p-Values", 1991), which plays no more
+            logs than it needs: 1/n if the n-th shuffled log is the first one in which the shift or `apart` is at least
+            as large, and if there is none 1/(n + 1) with all n of them.
     """
 
     raters: Ints
@@ -85,44 +87,69 @@ def find_suspects(
     Raises:
         MemoryError: The model does not fit, see `make_run`.
     """
-    rng, groups = np.random.default_rng(seed), alike(log)
-    raters = [group for group, _ in groups]
-    order = np.argsort(-effects(model, log, numbers, raters)[:, 0], kind="stable")
-    groups = [groups[place] for place in order[:_TOP].tolist()]
-    raters = [group for group, _ in groups]
-    measured = np.zeros((shuffles + 1, len(groups), 2))
-    false_groups = 0
-    for turn in range(shuffles + 1):
-        one = shuffled(log, rng) if turn else log
-        false_groups += len(alike(one)) if turn else 0
-        measured[turn] = effects(model, one, numbers, raters)
-        advance(turn + 1, shuffles + 1)
-    p = (measured >= measured[0]).mean(0).max(1)
-    chances = measured[1:, :, 0].mean(0)
+    rng = np.random.default_rng(seed)
+    logs = [shuffled(log, rng) for _ in range(shuffles)]
+    joined, false_groups = threshold(logs)
+    groups = alike(log, joined)
+    raters, aparts = [group for group, _ in groups], [apart(log, group) for group, _ in groups]
+    measured = shifts(model, log, numbers, raters)
+    by_chance, left = [list[float]() for _ in groups], list(range(len(groups)))
+    p = np.full(len(groups), 1 / (shuffles + 1))
+    for turn, one in enumerate(logs, 1):
+        close = [at for at in left if apart(one, raters[at]) >= aparts[at]]
+        left = [at for at in left if at not in close]
+        for at, shift in zip(left, shifts(model, one, numbers, [raters[at] for at in left]), strict=True):
+            by_chance[at].append(float(shift))
+        close += [at for at in left if by_chance[at][-1] >= measured[at]]
+        left = [at for at in left if at not in close]
+        p[close] = 1 / turn
+        advance(turn, shuffles)
     found = [
-        Suspects(*group, float(shift), float(apart), float(chance), float(share))
-        for group, (shift, apart), chance, share in zip(groups, measured[0], chances, p, strict=True)
+        Suspects(*group, float(shift), far, float(np.mean(chances)) if chances else np.nan, float(share))
+        for group, shift, far, chances, share in zip(groups, measured, aparts, by_chance, p, strict=True)
     ]
     found.sort(key=lambda group: (group.p > 1 / min(shuffles + 1, 20), -group.shift))
-    return Search(found, shuffles, false_groups)
+    return Search(found[:_TOP], shuffles, false_groups)
 
 
-def effects(model: Any, log: RatingLog, numbers: Ints, groups: list[Ints]) -> Floats:
-    """Return `shift` and `apart` of each group of raters, shape (n, 2), see `Suspects`."""
-    found = np.zeros((len(groups), 2))
+def threshold(logs: list[RatingLog]) -> tuple[float, int]:
+    """Return the largest of a few thresholds for `alike` at which shuffled logs have no groups, and their groups then.
+
+    If they have some at each, the threshold is the smallest.
+    """
+    for joined in _CHANCES:
+        if not any(alike(one, joined) for one in logs):
+            return joined, 0
+    return joined, sum(len(alike(one, joined)) for one in logs)
+
+
+def shifts(model: Any, log: RatingLog, numbers: Ints, groups: list[Ints]) -> Floats:
+    """Return `shift` of each group of raters, shape (n,), see `Suspects`."""
     if not groups:
-        return found
-    rated, size = np.unique(log.ratees), log.shape[1]
-    before = ranks(played(model, log, numbers).provider_trust[rated])
-    for at, raters in enumerate(groups):
-        theirs = np.isin(log.raters, raters)
-        after = ranks(played(model, log, numbers, without=theirs).provider_trust[rated])
-        pairs = np.unique(pair_keys(log.raters[theirs], log.ratees[theirs]))
-        weights = np.bincount(pair_ends(pairs)[1], minlength=size) ** 2
-        own, others = (_means(log.ratees[part], log.values[part], size) for part in (theirs, ~theirs))
-        apart = np.where(weights > 0, np.abs(own - np.where(np.isnan(others), log.values.mean(), others)), 0.0)
-        found[at] = np.average(np.abs(after - before), weights=weights[rated]), np.average(apart, weights=weights)
-    return found
+        return np.zeros(0)
+    rated = np.unique(log.ratees)
+    pairs, found = log.pairs(), []
+    before = ranks(played(model, log, numbers, pairs=pairs).provider_trust[rated])
+    for raters in groups:
+        theirs, weights = _theirs(log, raters)
+        after = ranks(played(model, log, numbers, pairs=pairs, without=theirs).provider_trust[rated])
+        found.append(np.average(np.abs(after - before), weights=weights[rated]))
+    return np.array(found)
+
+
+def apart(log: RatingLog, raters: Ints) -> float:
+    """Return `apart` of a group of raters, see `Suspects`."""
+    theirs, weights = _theirs(log, raters)
+    own, others = (_means(log.ratees[part], log.values[part], log.shape[1]) for part in (theirs, ~theirs))
+    far = np.where(weights > 0, np.abs(own - np.where(np.isnan(others), log.values.mean(), others)), 0.0)
+    return float(np.average(far, weights=weights))
+
+
+def _theirs(log: RatingLog, raters: Ints) -> tuple[npt.NDArray[np.bool_], Ints]:
+    """Return whether each rating is one of a group, and the weight of each ratee."""
+    theirs = np.isin(log.raters, raters)
+    pairs = np.unique(pair_keys(log.raters[theirs], log.ratees[theirs]))
+    return theirs, np.bincount(pair_ends(pairs)[1], minlength=log.shape[1]) ** 2
 
 
 def _means(ratees: Ints, values: Floats, size: int) -> Floats:
@@ -131,7 +158,7 @@ def _means(ratees: Ints, values: Floats, size: int) -> Floats:
     return np.where(count > 0, np.bincount(ratees, values, size) / np.maximum(count, 1), np.nan)
 
 
-def alike(log: RatingLog) -> list[tuple[Ints, Ints]]:
+def alike(log: RatingLog, chance: float) -> list[tuple[Ints, Ints]]:
     """Return groups of at least four raters that rate the same ratees alike far beyond chance, and these ratees.
 
     A vote is a ratee and one of five levels of a rating. In a log with the same numbers of votes of each rater and of
@@ -143,12 +170,14 @@ def alike(log: RatingLog) -> list[tuple[Ints, Ints]]:
     probability is at most exp(s - lam) (lam / s)^s. It is computed among the votes with at most 4, 8, 16, ... raters,
     so that ratings of popular ratees hide nobody, and the smallest counts.
 
-    Two raters are joined if s is at least 3 and so many or more would join each rater with half another one by chance.
-    In such a random graph no set of raters is joined with three others of the set each; this core of the graph is cut
-    into communities by the method of Louvain (Blondel et al., "Fast Unfolding of Communities in Large Networks", 2008).
+    Two raters are joined if s is at least 2 and so many or more would join each rater with `chance` others at the most.
+    A random graph in which each is joined with 3.35 others has no set of raters that are joined with three others of
+    the set each (Pittel et al., "Sudden Emergence of a Giant k-Core", 1996). This core of the graph is cut into
+    communities by the method of Louvain (Blondel et al., "Fast Unfolding of Communities in Large Networks", 2008).
 
     Args:
         log: Log.
+        chance: Expected number of others with which a rater is joined by chance, at the most. See `threshold`.
 
     Raises:
         ValueError: networkx is missing.
@@ -161,7 +190,7 @@ def alike(log: RatingLog) -> list[tuple[Ints, Ints]]:
     _, vote = np.unique(log.ratees * (_LEVELS + 1) + level, return_inverse=True)
     raters, votes = pair_ends(np.unique(pair_keys(log.raters, vote)))
     graph = nx.Graph()
-    graph.add_weighted_edges_from(_joined(raters, votes))
+    graph.add_weighted_edges_from(_joined(raters, votes, chance))
     found = []
     for group in nx.community.louvain_communities(nx.k_core(graph, _CORE), seed=0):
         members = np.array(sorted(group))
@@ -171,32 +200,39 @@ def alike(log: RatingLog) -> list[tuple[Ints, Ints]]:
     return found
 
 
-def _joined(raters: Ints, votes: Ints) -> Iterator[tuple[int, int, float]]:
+def _joined(raters: Ints, votes: Ints, chance: float) -> Iterator[tuple[int, int, float]]:
     """Yield the pairs of raters that share votes beyond chance, with the size of the logarithm of the probability."""
     received = np.bincount(votes)
     limits = 2 ** np.arange(2, max(3, int(received.max() - 1).bit_length() + 1))
-    enough = np.log(len(np.unique(raters)) * len(limits) / _CHANCE)
+    enough = np.log(len(np.unique(raters)) * len(limits) / chance)
     order = np.lexsort((raters, votes))
     sorted_raters, starts = raters[order], np.cumsum(received) - received
-    parts, left, least = [np.zeros(0, np.int64)], _PAIRS, 1
-    for limit in limits.tolist():
-        for size in np.unique(received[(received > least) & (received <= limit)]).tolist():
-            members = sorted_raters[starts[received == size][:, None] + np.arange(size)]
-            left -= len(members) * size * (size - 1) // 2
-            if left < 0:
-                return
-            first, second = np.triu_indices(size, 1)
-            parts.append(pair_keys(members[:, first], members[:, second]).ravel())
-        least, rare = limit, received <= limit
+    parts, left, most = [np.zeros((2, 0), np.int64)], _PAIRS, limits[-1]  # pairs, and the raters of their votes
+    for size in np.unique(received[received > 1]).tolist():
+        members = sorted_raters[starts[received == size][:, None] + np.arange(size)]
+        left -= len(members) * size * (size - 1) // 2
+        if left < 0:
+            most = size - 1
+            break
+        first, second = np.triu_indices(size, 1)
+        keys = pair_keys(members[:, first], members[:, second]).ravel()
+        parts.append(np.stack([keys, np.full(len(keys), size)]))
+    keys, sizes = np.concatenate(parts, axis=1)
+    order = np.argsort(keys, kind="stable")
+    _, times = np.unique(keys, return_counts=True)
+    order = order[np.repeat(times >= _SMALLEST, times)]
+    keys, begin = np.unique(keys[order], return_index=True)
+    pairs = pair_ends(keys)
+    for limit in limits[limits <= most].tolist() if len(keys) else ():
+        shared = np.add.reduceat((sizes[order] <= limit).astype(np.int64), begin)
+        one, other, shared = (column[shared >= _SMALLEST] for column in (*pairs, shared))
+        rare = received <= limit
         given = np.bincount(raters[rare[votes]], minlength=int(raters.max()) + 1)
-        keys, shared = np.unique(np.concatenate(parts), return_counts=True)
-        keys, shared = keys[shared >= _SMALLEST], shared[shared >= _SMALLEST]
-        one, other = pair_ends(keys)
-        chance = float((received[rare] * (received[rare] - 1.0)).sum()) / max(int(given.sum()), 1) ** 2
-        mean = given[one] * given[other] * chance
+        likely = float((received[rare] * (received[rare] - 1.0)).sum()) / max(int(given.sum()), 1) ** 2
+        mean = given[one] * given[other] * likely
         surprise = np.where(shared > mean, mean - shared + shared * np.log(shared / mean), 0.0)
-        joined = surprise >= enough
-        yield from zip(one[joined].tolist(), other[joined].tolist(), surprise[joined].tolist(), strict=True)
+        beyond = surprise >= enough
+        yield from zip(one[beyond].tolist(), other[beyond].tolist(), surprise[beyond].tolist(), strict=True)
 
 
 def shuffled(log: RatingLog, rng: np.random.Generator) -> RatingLog:

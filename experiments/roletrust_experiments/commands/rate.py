@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from roletrust_baselines.logs.explanation import explain as explained
-from roletrust_baselines.logs.explanation import find_ratee
+from roletrust_baselines.logs.explanation import find_agent
 from roletrust_baselines.logs.rounds import numbers_of, played
 from roletrust_baselines.logs.suspects import find_suspects
 from roletrust_env.data.evidence import Evidence, Role, evidence, joined, window
@@ -53,7 +53,7 @@ def rate(
         Literal["low", "trust"], _evidence(help="Rank by the lower end of the interval of trust, or by trust.")
     ] = "low",
     top: Annotated[int, _evidence(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
-    explain: Annotated[str | None, _evidence(metavar="AGENT", help="Show what makes the trust in a ratee.")] = None,
+    explain: Annotated[str | None, _evidence(metavar="AGENT", help="Show what makes the trust in an agent.")] = None,
     suspects: Annotated[bool, _evidence("--suspects", help="Look for raters that act together.")] = False,
     state: Annotated[Path | None, _state(help="File of earlier ratings, which takes new; with --every.")] = None,
     late: Annotated[
@@ -79,9 +79,10 @@ def rate(
     agents in them, and of effectively independent ones, the last rating, the window of the log, model and version.
     First are those with the highest lower end of the interval. With --out trust.parquet both roles are one table.
 
-    --explain shows the most important raters of an agent, and its trust without the ratings of each. --suspects shows
-    groups of raters that rate the same ratees alike far beyond chance, and how far ranks move without each of them,
-    beside shuffled logs, in which nobody acts together: [green]suspects.csv[/].
+    --explain shows the most important raters of an agent, and its trust without the ratings of each; of a rater, its
+    ratings that agree and differ most with the trust in those that it rates, and its trust without each. --suspects
+    shows groups of raters that rate the same ratees alike far beyond chance, and how far ranks move without each of
+    them, beside shuffled logs, in which nobody acts together: [green]suspects.csv[/].
 
     With --state, rounds go on where an earlier run with this file has ended, and all agents so far are written, with
     the evidence of all ratings so far. Ratings of the running round are taken once, however often they come, unless
@@ -133,7 +134,7 @@ def rate(
     rounds: Any = {"every": every, "count": count, "same_agents": bool(reading.same_agents), "late": late, "lead": lead}
     with progress_bar() as progress:
         log = reading.read(ratings, stage(progress, f"Reading {ratings.name}"))
-        agent = None if explain is None else find_ratee(log, explain)
+        roles = {} if explain is None else find_agent(log, explain)
         advance = stage(progress, "Playing rounds")
         pairs = None if state else log.pairs()
         if state_or_lead:
@@ -157,10 +158,11 @@ def rate(
                 if unknown
                 else ranking_table(one, role, rank_by, top)
             )
-        if agent is not None:
-            advance = stage(progress, f"Explaining {explain}")
-            reasons = explained(chosen, log, numbers_of(log, every, count), agent, advance=advance)
-            console.print(explanation_table(reasons, log, agent, reading.ends))
+        for role, agent in roles.items():
+            if role == "ratee" or chosen.rates_raters:
+                advance = stage(progress, f"Explaining trust in the {role} {explain}")
+                reasons = explained(chosen, log, numbers_of(log, every, count), role, agent, advance=advance)
+                console.print(explanation_table(reasons, log, reading.ends))
         if suspects:
             advance = stage(progress, "Looking for suspects")
             groups = find_suspects(chosen, log, numbers_of(log, every, count), seed=seed, advance=advance)

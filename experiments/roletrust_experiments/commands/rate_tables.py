@@ -28,18 +28,21 @@ def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
     return table
 
 
-def explanation_table(found: Explanation, log: RatingLog, agent: int, scale: tuple[float, float]) -> Table:
+def explanation_table(found: Explanation, log: RatingLog, scale: tuple[float, float]) -> Table:
     """Return what makes the trust in an agent, with ratings on their scale."""
-    worst, best = scale
-    title = f"Trust in {escape(log.ratee_names[agent])}: {found.trust:.4f}, rank {found.rank:,} by trust"
-    many = f"{len(found.reasons)} of {found.n_raters:,} raters with {found.n_ratings:,} ratings."
-    caption = f"{many} Trust without it: of the log without its ratings of the agent."
-    table = number_table(title, caption, "ratings", "trust in it", "trust without it", "change", "rank", name="rater")
-    for rater, tor, ratings, without, rank in found.reasons:
+    rated, (worst, best) = found.role == "ratee", scale
+    names, other = (log.rater_names, "rater") if rated else (log.ratee_names, "ratee")
+    title = f"Trust in the {found.role} {escape(found.name)}: {found.trust:.4f}, rank {found.rank:,} by trust"
+    whose = "its ratings of the agent" if rated else "the agent's ratings of it"
+    many = f"{len(found.reasons)} of {found.n_others:,} {other}s with {found.n_ratings:,} ratings."
+    caption = f"{many} Others: their mean rating. Without: trust after the log without {whose}."
+    table = number_table(title, caption, "ratings", "others", "trust in it", "without", "change", "rank", name=other)
+    for agent, trust, ratings, others, without, rank in found.reasons:
         values = [f"{worst + value * (best - worst):g}" for value in ratings[-_SHOWN:].tolist()]
         shown = ", ".join(["..."] * (len(ratings) > _SHOWN) + values)
-        trusts = f"{tor:.3f}", f"{without:.4f}", f"{without - found.trust:+.4f}"
-        table.add_row(escape(log.rater_names[rater]), shown, *trusts, f"{rank:,}")
+        view = f"{worst + others * (best - worst):.3g}" if others == others else "-"  # NaN
+        trusts = f"{trust:.3f}", f"{without:.4f}", f"{without - found.trust:+.4f}"
+        table.add_row(escape(names[agent]), shown, view, *trusts, f"{rank:,}")
     return table
 
 
@@ -53,6 +56,6 @@ def suspects_table(found: Search, log: RatingLog) -> Table:
     table = number_table(title, caption, "raters", "ratees", "shift", "shuffled", "apart", "p")
     for raters, ratees, shift, apart, chance, p in found.groups:
         names = [*(log.rater_names[place] for place in raters[:_SHOWN].tolist()), *["..."] * (len(raters) > _SHOWN)]
-        shown = (f"{number:.3f}" for number in (shift, chance, apart))
+        shown = (f"{number:.3f}" if number == number else "-" for number in (shift, chance, apart))  # NaN
         table.add_row(escape(", ".join(names)), f"{len(raters):,}", f"{len(ratees):,}", *shown, f"{p:.2f}")
     return table
