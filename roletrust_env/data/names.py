@@ -44,7 +44,7 @@ class NameList(Sequence[Any]):
 
     def at(self, places: Any) -> "NameList":
         """Return the names at some places."""
-        return NameList(self.column.take(places))
+        return NameList(self.column.take(np.asarray(places, np.int64)))
 
 
 class NameColumns:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from difflib import get_close_matches
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -60,20 +60,20 @@ class Explanation(NamedTuple):
     reasons: list[Reason]
 
 
-def find_agent(log: RatingLog, name: str) -> dict[Role, int]:
-    """Return the place of an agent in each role in which it has ratings, by its name.
+def find_agent(log: RatingLog, name: str, roles: tuple[Role, ...] = get_args(Role)) -> dict[Role, int]:
+    """Return the place of an agent by its name, in each of some roles in which it has ratings.
 
     Raises:
         ValueError: There is none. The message has the nearest names.
     """
-    agents: dict[Role, tuple[list[str], Ints]] = {
-        "ratee": (log.ratee_names, log.ratees),
-        "rater": (log.rater_names, log.raters),
-    }
-    places = {role: {names[at]: at for at in np.unique(column).tolist()} for role, (names, column) in agents.items()}
+    places = {}
+    for role in roles:
+        names, agents = (log.ratee_names, log.ratees) if role == "ratee" else (log.rater_names, log.raters)
+        texts = list(names)
+        places[role] = {texts[at]: at for at in np.unique(agents).tolist()}
     if found := {role: known[trimmed(name)] for role, known in places.items() if trimmed(name) in known}:
         return found
-    known = {one.casefold(): one for role in places.values() for one in list(role)[:_MANY]}
+    known = {one.casefold(): one for role in roles for one in list(places[role])[:_MANY]}
     near = " or ".join(repr(known[one]) for one in get_close_matches(trimmed(name).casefold(), known, _NEAR))
     raise ValueError(f"no agent {name!r} has ratings{f'; did you mean {near}?' if near else ''}")
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.explanation import find_ratee
+from roletrust_baselines.logs.explanation import find_agent
 from roletrust_baselines.logs.replay import ACTIVE, Ending, HostileRatings
 from roletrust_baselines.logs.rounds import TooSmallError, numbers_of
 from roletrust_env.data.evidence import Rank, wilson_interval
@@ -285,7 +285,7 @@ class Ranking:
         drawn = np.sort(np.random.default_rng(seed).permutation(len(self.order) - self.top)[:many]) + self.top
         chosen = [*range(self.top), *drawn.tolist()]
         if named:
-            places = dict.fromkeys(find_ratee(self.log, name) for name in named)
+            places = dict.fromkeys(find_agent(self.log, name, ("ratee",))["ratee"] for name in named)
             chosen = sorted(int(np.flatnonzero(self.order == place)[0]) for place in places)
         found = [Target("sink" if at < self.top else "lift", int(self.order[at]), at + 1) for at in chosen]
         return found if named else [*found, Target("enter", self.newcomer, len(self.order) + 1)]

@@ -50,7 +50,7 @@ def suspects_table(found: Search, log: RatingLog) -> Table:
     """Return the groups of raters that rate alike, and what they do to ranks."""
     caption = (
         f"In {found.shuffles} shuffled logs: {found.false_groups} groups. Shift: of percentiles of their ratees. "
-        "Apart: from ratings of others. With p above 0.05, a group may be an honest club."
+        "Apart: from ratings of others. With p = 1/n, the n-th log did as much; above 0.05, it may be an honest club."
     )
     title = f"Raters that rate alike beyond chance: {len(found.groups)} groups"
     table = number_table(title, caption, "raters", "ratees", "shift", "shuffled", "apart", "p")

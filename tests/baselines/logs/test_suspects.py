@@ -75,8 +75,8 @@ def test_an_explanation_is_what_the_log_without_the_ratings_says(log: RatingLog)
 
 
 def test_an_agent_has_the_roles_in_which_it_has_ratings_and_near_names_are_said(log: RatingLog) -> None:
-    both = log._replace(rater_names=["s33", *log.rater_names[1:]])
-    assert find_agent(both, "s33") == {"ratee": log.ratee_names.index("s33"), "rater": 0}
+    both = log._replace(rater_names=["s33", *list(log.rater_names)[1:]])
+    assert find_agent(both, "s33") == {"ratee": list(log.ratee_names).index("s33"), "rater": 0}
     with pytest.raises(ValueError, match="no agent 'S33x' has ratings; did you mean 's33' or"):
         find_agent(log, "S33x")
 

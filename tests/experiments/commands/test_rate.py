@@ -91,7 +91,7 @@ def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path
     ring = [f"ring{n},s{shop},5,301" for n in range(5) for shop in range(20, 25)]
     log.write_text("\n".join([log.read_text().splitlines()[0], *lines, *ring]))
     options = [*COLUMNS, "--model", "mean", "--repeats", "--out", str(tmp_path / "out")]
-    result = run("rate", str(log), *options, "--explain", "s7", "--suspects")
+    result = run("rate", str(log), *options, "--explain", "s7", "--suspects", "--top", "0")
     assert result.exit_code == 0, result.output
     assert "Trust in the ratee s7: 0." in result.output
     assert "In 19 shuffled logs: 0 groups" in " ".join(result.output.split())
