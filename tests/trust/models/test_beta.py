@@ -36,6 +36,19 @@ def test_two_rounds_by_hand() -> None:
     assert model.provider_trust(state) == pytest.approx([2.35 / 4.8])
 
 
+@pytest.mark.parametrize("levels", [2, 5, 10])
+def test_it_is_the_point_estimate_of_dirichlet_reputation_of_ratings_on_levels(levels: int) -> None:
+    rng, values, keep, evidence = np.random.default_rng(0), np.linspace(0, 1, levels), 0.9, np.zeros((levels, 3))
+    model = make_trust_model("beta", keep=keep)
+    state = model.start(np.zeros((4, 3)))
+    for _ in range(5):
+        places = rng.integers(levels, size=(4, 3))
+        state = model.update(state, Ratings(values[places]))
+        evidence = keep * evidence + (places[None] == np.arange(levels)[:, None, None]).sum(axis=1)
+        scores = (evidence + 2 / levels) / (2 + evidence.sum(axis=0))
+        np.testing.assert_allclose(model.provider_trust(state), values @ scores, rtol=0, atol=1e-12)
+
+
 def test_what_is_kept_must_be_a_share() -> None:
     with pytest.raises(ValueError, match=r"keep.*\[0, 1\]"):
         make_trust_model("beta", keep=1.1)

@@ -36,6 +36,10 @@ class Beta(Published):
     in which the provider is rated. The discounting of raters by their own reputation is left out, since only providers
     are rated.
 
+    Where ratings are K equally spaced levels f[1] = 0 to f[K] = 1, this is also Dirichlet reputation, Jøsang and Haller
+    (2007), with their prior weight C = 2 and equal base rates: the point estimate, the sum over the levels of
+    f[k] (R[k] + C / K) / (C + sum of R), where R[k] is the number of ratings of level k, faded.
+
     Attributes:
         keep: Share of the evidence of earlier rounds that is kept each round, in [0, 1]; 1 forgets nothing.
         initial: Trust before any rating, in [0, 1].
