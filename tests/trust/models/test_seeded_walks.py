@@ -219,11 +219,10 @@ def test_a_second_honest_agent_makes_a_way_around_the_bridge() -> None:
 
 
 def test_trust_ends_where_providers_cannot_rate_unless_walks_go_back() -> None:
-    """The seed likes the first product, and the second rater likes both: it is trusted, and its choice through it."""
+    """The seed likes the first product, and rater 1 likes both, for which it needs no help: so it lifts the second."""
     ratings, mask = np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([[True, False], [True, True]])
-    for kind in (PersonalizedPageRank, MeritRank):
-        for back in (True, False):
-            model = kind((0,), back=back)
-            state = model.update(model.start(ratings, ratings < 0), Ratings(ratings, mask))
-            assert model.rater_trust(state)[0] == 1
-            assert (model.rater_trust(state)[1] > 0) == (model.provider_trust(state)[1] > 0) == back
+    backward = [PersonalizedPageRank((0,)), MeritRank((0,)), SybilRank((0,), steps=3)]
+    for model in [*backward, PersonalizedPageRank((0,), back=False), MeritRank((0,), back=False)]:
+        state = model.update(model.start(ratings, ratings < 0), Ratings(ratings, mask))
+        assert model.rater_trust(state)[0] == 1
+        assert (model.rater_trust(state)[1] > 0) == (model.provider_trust(state)[1] > 0) == (model in backward)
