@@ -51,7 +51,7 @@ class Options(NamedTuple):
     cover: int = 5
     targets: tuple[int, ...] = (5, 20)
     rated: int = 5
-    runs: int = 5
+    runs: int = 2
     shuffles: int = 100
 
 
