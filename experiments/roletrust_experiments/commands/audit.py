@@ -126,7 +126,7 @@ def audit(
         )
         compared, step = dict[str, Comparison](), stage(progress, "Comparing with other models", 1)
         if not alone:
-            models, most = (others, len(others)) if others else (_central_models(), _OTHERS)
+            models, most = (others, len(others)) if others else (_quick_models(), _OTHERS)
             compared = compare_models(
                 ranking, model, models, prices, targets=targets, seed=seed, most=most, advance=step
             )
@@ -155,9 +155,11 @@ def _estimate(model: str, seconds: float, attacks: int) -> None:
     console.print(escape(f"{told}. --budget and --targets make them fewer."), soft_wrap=True)
 
 
-def _central_models() -> dict[str, Any]:
+def _quick_models() -> dict[str, Any]:
+    """Return the central models that update what a round touches alone: an attack takes them little time."""
     models = {name: make_trust_model(name) for name in trust_models()}
-    return {name: one for name, one in models.items() if Traits.of(one).family == "central"}
+    traits = {name: Traits.of(one) for name, one in models.items()}
+    return {name: models[name] for name, one in traits.items() if one.family == "central" and (one.local or one.nearby)}
 
 
 def _tables(report: AuditReport) -> list[Table]:
