@@ -200,7 +200,7 @@ def audit_model(
     *,
     targets: int = 10,
     named: Sequence[str] = (),
-    budget: int = 140,
+    budget: int = 120,
     seeds: Sequence[int] = (0, 1),
     advance: Callable[[float], None] = lambda share: None,
 ) -> Audit:

@@ -60,7 +60,7 @@ def audit(
         list[str] | None, typer.Option(metavar="AGENT", help="Agent to push, in place of all others; repeat for more.")
     ] = None,
     targets: Annotated[int, typer.Option(min=1, help="Number of targets that are drawn below the top.")] = 10,
-    budget: Annotated[int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")] = 140,
+    budget: Annotated[int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")] = 120,
     price_account: Annotated[float, typer.Option(min=0, help="Price of a new account.")] = 1.0,
     price_hijacked: Annotated[float, typer.Option(min=0, help="Price of an active rater's account.")] = 10.0,
     price_rating: Annotated[float, typer.Option(min=0, help="Price of a rating.")] = 0.1,
