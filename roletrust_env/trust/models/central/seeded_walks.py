@@ -245,7 +245,7 @@ class MeritRank(BySeeds):
 
     - Transitivity decay `alpha`: a walk ends in each step with this probability, and at an agent without links.
     - Connectivity decay `beta`: an agent is behind a bridge if all walks that reach it have passed one other agent that
-      is no seed, such as an attacker with all of its Sybils behind it.
+      is no seed, such as an attacker with all of its Sybils behind it. Where every rater is a seed, nobody is.
     - Epoch decay `gamma`: an epoch is a round. With 1 only the present graph counts, in which no rating is forgotten.
 
     The authors sample walks; here r is exact and bridges are those of the graph. Their experiments decay an agent by
@@ -286,7 +286,7 @@ class MeritRank(BySeeds):
         found = zip(visits(graph, self.alpha, self.back), started, graph.known, strict=True)
         tor, top = ((1 - sure) * xp.clip(x - first, 0.0, None) for x, first, sure in found)
         visited = total(tor, 0) + total(graph.mute * top, 0) + TINY
-        bridged = behind_bridges(graph, self.back)
+        bridged = behind_bridges(graph, self.back) if self.seeds else Trusts(0 * tor, 0 * top)
         return Trusts(*((1 - self.beta * b) * x / visited for b, x in zip(bridged, (tor, top), strict=True)))
 
 
@@ -296,7 +296,7 @@ def behind_bridges(graph: Graph, back: bool) -> Trusts:
     It is a search from the seeds. Agents that a seed has a link to are heads: no other agent is on all walks to them.
     Each head sends its own label on, and others send on the label that has reached them. Where two labels meet, two
     walks meet that have no agent in common but seeds: this agent is a head, too, and the search begins again. In the
-    end all others have the label of the head that all of their walks pass.
+    end all others have the label of the head that all of their walks pass. Where every rater is a seed, all are heads.
 
     Args:
         graph: Graph of the agents.
