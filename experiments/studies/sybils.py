@@ -6,7 +6,7 @@ community or at the end of a log of real ratings (`--log`). Minutes of a core.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,6 +25,8 @@ from studies.study import Recipe, Run, Study, mean_of, with_ends
 EIGENTRUST = "personalized-pagerank:alpha=0.5"
 """EigenTrust with its pre-trusted peers, the seeds."""
 MODELS = ("eigentrust", "leave-one-out", EIGENTRUST, "personalized-pagerank", "merit-rank", "sybil-rank")
+PERSONAL = "first-hand"
+"""Model in which the seeds judge by their own experience; too large for a log of thousands of members."""
 TOPOLOGIES: tuple[Topology, ...] = get_args(Topology)
 SYBILS, BRIDGES = (0, 1, 3, 10, 30, 100), (0, 1, 3, 10, 30)
 USUAL = 30, 3
@@ -111,7 +113,7 @@ def measured(options: Options, seed: int, run: int) -> Run:
     members = (options.seeds + rng.permutation(len(log.rater_names) - options.seeds)).tolist()
     cases: list[tuple[int, int | str, list[int], int | None]] = [(n, k, members[:k], None) for n, k in CASES]
     found = {}
-    for model in MODELS:
+    for model in MODELS if options.log else (*MODELS, PERSONAL):
         for topology in TOPOLOGIES:
             for sybils, bridges, helpers, bought in [*cases, (USUAL[0], "bought", [], members[0])]:
                 attack = SybilGraph(topology, sybils, returned=model == "sybil-rank")
@@ -124,16 +126,22 @@ def measured(options: Options, seed: int, run: int) -> Run:
 def gains(
     model: str, attack: SybilGraph, log: RatingLog, seeds: int, helpers: Sequence[int] = (), bought: int | None = None
 ) -> dict[str, float]:
-    """Return what an attack gains, see `GAINS`."""
+    """Return what an attack gains, see `GAINS`; under a personal model by the mean trust of the seeds as judges."""
     attacked, own = attack.added_to(log, helpers, bought), attack.identities(log, bought)
-    made = parse_named(registry, model, {"seeds": tuple(range(seeds))})
-    run = make_run(made, attacked.shape, one_role=False)
+    made: Any = parse_named(registry, model, {"seeds": tuple(range(seeds))})
+    run: Any = make_run(made, attacked.shape, one_role=False)
     run.play(attacked.raters, attacked.ratees, attacked.values)
-    trust = run.provider_trust
+    judges = hasattr(made, "judge_trust")
+    trust = made.judge_trust(run.state)[:seeds].mean(axis=0) if judges else run.provider_trust
     honest = np.delete(trust, [*range(seeds), *own])
     all_trust = honest.sum() + trust[own].sum()
     below = np.mean(honest < trust[own[0]]) + np.mean(honest == trust[own[0]]) / 2
     return {"share": float(trust[own].sum() / all_trust) if all_trust else 0.0, "rank": float(below)}
+
+
+def models_of(found: Found) -> list[str]:
+    """Return the models that were measured, in order."""
+    return list(dict.fromkeys(key.split()[0] for key in found))
 
 
 def worst(found: Found, model: str, sybils: int, bridges: int | str, gain: str) -> tuple[str, Estimate]:
@@ -148,7 +156,7 @@ def sybils_figure(found: Found, note: str) -> Figure:
     for gain, what in zip(GAINS, ("share of all trust", "members below the target"), strict=True):
         for along, at in (("Sybils", SYBILS), ("bridge edges", BRIDGES)):
             series = []
-            for model in MODELS:
+            for model in models_of(found):
                 pairs = [(n, USUAL[1]) if along == "Sybils" else (USUAL[0], n) for n in at]
                 series.append(Series(model, at, [worst(found, model, *pair, gain)[1].interval for pair in pairs]))
             title = f"{USUAL[1]} bridge edges" if along == "Sybils" else f"{USUAL[0]} Sybils"
@@ -164,7 +172,7 @@ def percent(share: Estimate) -> str:
 def table(found: Found) -> str:
     """Return the gains of each topology at the usual numbers, and without Sybils."""
     rows = []
-    for model in MODELS:
+    for model in models_of(found):
         cells = [found[f"{model} line 0 {USUAL[1]}"]]
         cells += [found[f"{model} {topology} {USUAL[0]} {USUAL[1]}"] for topology in TOPOLOGIES]
         for gain, label in zip(GAINS, (f"`{model}`: share", "members below the target"), strict=True):
@@ -174,13 +182,14 @@ def table(found: Found) -> str:
 
 def sentence(found: Found) -> str:
     """Return what the most Sybils gain with the usual bridge edges, and the usual Sybils without any."""
-    many = {model: worst(found, model, SYBILS[-1], USUAL[1], "share") for model in MODELS}
-    none = {model: worst(found, model, USUAL[0], 0, "share")[1].mean for model in MODELS}
-    sold = {model: worst(found, model, USUAL[0], "bought", "share")[1] for model in MODELS}
+    models = models_of(found)
+    many = {model: worst(found, model, SYBILS[-1], USUAL[1], "share") for model in models}
+    none = {model: worst(found, model, USUAL[0], 0, "share")[1].mean for model in models}
+    sold = {model: worst(found, model, USUAL[0], "bought", "share")[1] for model in models}
     order = sorted(many, key=lambda model: many[model][1].mean)
     shares = ", ".join(f"{percent(many[model][1])} under `{model}` ({many[model][0]})" for model in order)
     accounts = ", ".join(f"{percent(sold[model])} under `{model}`" for model in order)
-    free = " and ".join(f"{none[model]:.1%} under `{model}`" for model in order if none[model] > 0)
+    free = ", ".join(f"{none[model]:.1%} under `{model}`" for model in order if none[model] > 0)
     rest = ", and nothing under the others" if free else ""
     return (
         f"With {SYBILS[-1]} Sybils and {USUAL[1]} bridge edges an attacker has this share of all trust, in the worst "

@@ -8,7 +8,20 @@ import pytest
 
 from roletrust_baselines.logs.sybil_graphs import SybilGraph
 from roletrust_env.metrics.confidence import Estimate
-from studies.sybils import BRIDGES, CASES, MODELS, SYBILS, TOPOLOGIES, Options, community, gains, main, measured, worst
+from studies.sybils import (
+    BRIDGES,
+    CASES,
+    MODELS,
+    PERSONAL,
+    SYBILS,
+    TOPOLOGIES,
+    Options,
+    community,
+    gains,
+    main,
+    measured,
+    worst,
+)
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -30,7 +43,8 @@ def test_gains_by_hand() -> None:
         alone, sold = (gains(model, SybilGraph("line", n, returned=True), log, 2, bought=7)["share"] for n in (0, 5))
         assert 0 < alone < 0.5
         assert sold > 0
-    assert gains("eigentrust", SybilGraph("cycle", 50), log, 2)["share"] > 0.5
+    for model in ("eigentrust", PERSONAL):
+        assert gains(model, SybilGraph("cycle", 50), log, 2)["share"] > 0.5
 
 
 def test_the_worst_topology_is_the_one_with_the_highest_mean() -> None:
@@ -43,7 +57,7 @@ def test_the_study_writes_the_means_of_its_runs(tmp_path: Path, capsys: pytest.C
     main(["--members", "30", "--runs", "2", "--seeds", "2", "--workers", "1", "--out", str(tmp_path)])
     with (tmp_path / "gains.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == len(MODELS) * len(TOPOLOGIES) * (len(CASES) + 1)
+    assert len(rows) == (len(MODELS) + 1) * len(TOPOLOGIES) * (len(CASES) + 1)
     options = Options(members=30, runs=2, seeds=2)
     runs = [measured(options, 0, k) for k in range(2)]
     for row in rows[::17]:
@@ -56,6 +70,6 @@ def test_the_study_writes_the_means_of_its_runs(tmp_path: Path, capsys: pytest.C
 def test_published_tables_are_of_this_study(folder: str) -> None:
     with (DOCS / folder / "gains.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert {row["model"] for row in rows} == set(MODELS)
+    assert {row["model"] for row in rows} == {*MODELS, *([] if "log" in folder else [PERSONAL])}
     assert {int(row["sybils"]) for row in rows} == set(SYBILS)
     assert {row["bridges"] for row in rows} == {*map(str, BRIDGES), "bought"}
