@@ -33,7 +33,7 @@ from roletrust_experiments.commands.console import console, number_table, progre
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
 _FEW = 5  # judges at each end of the table
-_NARROW = re.compile(r"(?<=[( ])-?\d\.\d{3}")  # ends of intervals
+_INTERVAL = re.compile(r" \((.*), (.*)\)")
 _MODEL = "first-hand"
 
 
@@ -115,9 +115,10 @@ def panel(
     if measured and (ballot.truth < 0).all():
         raise ValueError("there is no truth to measure against (--truth COLUMN or FILE)")
     prepare_folder(out)
-    _verdicts(ballot, (model or [_MODEL])[0], out)
     if measured:
         _measured(ballot, model or all_methods(), plan, out)
+    else:
+        _verdicts(ballot, (model or [_MODEL])[0], out)
 
 
 def _verdicts(votes: Votes, name: str, out: Path) -> None:
@@ -173,11 +174,14 @@ def _progress(play: Callable[[Callable[[str], None]], Iterable[Any]], total: int
 
 
 def _print(title: str, headings: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
-    """Print a table, with two digits of the ends of intervals, below their values."""
-    table = number_table(title, "", *headings[1:], name=headings[0])
-    for name, *numbers in lines:
-        table.add_row(
-            escape(name),
-            *(short(_NARROW.sub(lambda end: f"{float(end[0]):.2f}", one)).replace(" (", "\n(") for one in numbers),
-        )
+    """Print a table, with half the width of an interval behind its value."""
+    found = [[_INTERVAL.sub(_half, one) for one in line] for line in lines]
+    caption = "± half of the 95% interval" * any("±" in one for line in found for one in line)
+    table = number_table(title, caption, *headings[1:], name=headings[0])
+    for name, *numbers in found:
+        table.add_row(escape(name), *map(short, numbers))
     console.print(table)
+
+
+def _half(interval: re.Match[str]) -> str:
+    return f" ± {(float(interval[2]) - float(interval[1])) / 2:.2f}"
