@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from log_cases import BAD, GOOD
 
-from roletrust_baselines.logs.crowd import read_crowd, write_crowd
 from roletrust_baselines.logs.folders import find_logs
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.log import read_ratings
@@ -125,23 +124,5 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_parquet_files_is_found(tmp_path: Path) -> None:
-    write_crowd(tmp_path)
-    wanted = read_crowd(tmp_path / "answer.csv.gz", tmp_path / "truth.csv.gz")
-    answers, known = wanted.answers, ~np.isnan(wanted.truth)
-    workers = [answers.rater_names[at] for at in answers.raters]
-    questions = [answers.ratee_names[at] for at in answers.ratees]
-    columns = {"question": questions, "worker": workers, "answer": answers.values}
-    written(tmp_path, columns, "answer.parquet")
-    names = [name for name, there in zip(answers.ratee_names, known, strict=True) if there]
-    written(tmp_path, {"question": names, "truth": wanted.truth[known]}, "truth.parquet")
     written(tmp_path, table(GOOD), "my_network.parquet")
-    for name in ("answer.csv.gz", "truth.csv.gz"):
-        (tmp_path / name).unlink()
-    first, second = find_logs(tmp_path)
-    assert (first.truth, second.truth) == (tmp_path / "truth.parquet", None)
-    found = read_crowd(tmp_path / "answer.parquet", tmp_path / "truth.parquet")
-    assert found.answers.shape == answers.shape
-    assert np.array_equal(found.truth, wanted.truth)
-    columns["answer"] = columns["answer"] + np.r_[np.zeros(len(workers) - 1), 0.25]
-    with pytest.raises(ValueError, match=rf"row {len(workers)}: column 'answer' is '0.25'; it must be 0 or 1"):
-        read_crowd(written(tmp_path, columns, "answer.parquet"), tmp_path / "truth.parquet")
+    assert [found.path.name for found in find_logs(tmp_path)] == ["my_network.parquet"]

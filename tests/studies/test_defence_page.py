@@ -61,7 +61,6 @@ def on_logs(model):
     columns = (
         ("next rating", "r"),
         ("next rating", "rmse"),
-        ("crowd work", "accuracy"),
         ("attack", "sink, 3 hijacked"),
     )
     found = {(row["protocol"], row["measure"]): row for row in rows("logs.csv") if row["model"] == model}

@@ -16,7 +16,6 @@ MEASURES = [
     ("next rating", "r"),
     ("next rating", "rmse"),
     ("rater forward", "trust"),
-    ("crowd work", "accuracy"),
     ("attack", "sink, 3 hijacked"),
     ("attack", "lift, honest"),
 ]

@@ -12,31 +12,27 @@ from roletrust_env.data.tables import ENDINGS
 
 KNOWN = {
     "76bd9d8f1d3ff9a1813d9fc8e6902a0ee4d0a2f8c1003842dbc9ec79149ab60c": "Bitcoin OTC",
-    "9d08d4cfc6357bdd477c0e5f670cfe096ef5389e169f7da820b1906174009088": "crowd work, product",
 }
 """Names of the logs whose numbers the documentation gives, by the SHA-256 of their unpacked contents."""
 
 SOURCES = (
-    "a log is RATINGS: *network.csv or ratings.csv, with rater, ratee, rating and time, such as SNAP's "
-    "soc-sign-bitcoin-otc (https://snap.stanford.edu/data/soc-sign-bitcoin-otc.html); or CROWD WORK: answer.csv "
-    "(question, worker, answer) and truth.csv (question, truth), with headers; each may be compressed "
-    "(.gz), or a Parquet file with the same columns (.parquet)"
+    "a log is *network.csv or ratings.csv, with rater, ratee, rating and time, such as SNAP's soc-sign-bitcoin-otc "
+    "(https://snap.stanford.edu/data/soc-sign-bitcoin-otc.html); it may be compressed (.gz), or a Parquet file "
+    "with the same columns (.parquet)"
 )
-"""Forms of the files, and where to get one."""
+"""Form of the files, and where to get one."""
 
 
 class Folder(NamedTuple):
-    """Files of one log.
+    """File of one log.
 
     Attributes:
-        path: File of the ratings or answers.
-        truth: File of the truth of crowd work; None for ratings.
+        path: File of the ratings.
         name: Name of a known log, or the path.
         sha256: Hash of the unpacked contents, hexadecimal.
     """
 
     path: Path
-    truth: Path | None
     name: str
     sha256: str
 
@@ -49,22 +45,17 @@ def find_logs(folder: Path) -> list[Folder]:
         OSError: A file cannot be read.
     """
     if folder.is_file():
-        return [_folder(folder, None)]
-    found = []
+        return [_folder(folder)]
+    found = list[Folder]()
     for place in [folder, *sorted(path for path in folder.glob("*") if path.is_dir())]:
         tables = [(path, path.name.removesuffix(end)) for end in ENDINGS for path in place.glob(f"*{end}")]
-        truths = [path for path, stem in tables if stem == "truth"]
-        for path, stem in sorted(tables):
-            if stem.endswith("network") or stem == "ratings":
-                found.append(_folder(path, None))
-            elif stem == "answer" and truths:
-                found.append(_folder(path, truths[0]))
+        found += [_folder(path) for path, stem in sorted(tables) if stem.endswith("network") or stem == "ratings"]
     if not found:
         raise ValueError(f"{folder} has no log; {SOURCES}")
     return found
 
 
-def _folder(path: Path, truth: Path | None) -> Folder:
+def _folder(path: Path) -> Folder:
     digest = hashlib.sha256()
     with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
         try:
@@ -73,7 +64,7 @@ def _folder(path: Path, truth: Path | None) -> Folder:
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise ValueError(f"{path} is a damaged gzip file: {error}") from None
     sha256 = digest.hexdigest()
-    return Folder(path, truth, KNOWN.get(sha256, f"{path.parent.name}/{path.name}"), sha256)
+    return Folder(path, KNOWN.get(sha256, f"{path.parent.name}/{path.name}"), sha256)
 
 
 def write_log(path: Path, seed: int = 0, members: int = 120, months: int = 24) -> None:

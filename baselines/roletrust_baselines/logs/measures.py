@@ -1,11 +1,10 @@
-"""All measures of a trust model on one log, and their tables: forecasts and attacks, or crowd work."""
+"""All measures of a trust model on one log, and their tables: forecasts and attacks."""
 
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from roletrust_baselines.logs.advice import advise
-from roletrust_baselines.logs.crowd import CrowdTask, crowd_work
 from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
 from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
 from roletrust_baselines.logs.rounds import TooSmallError
@@ -13,8 +12,8 @@ from roletrust_env.data.log import RatingLog
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
 
-Row = tuple[str, str, float | None, str, str, str, float, float, float]
-"""Log, its SHA-256, length of a round or None, protocol, model, measure, value, and the ends of its interval."""
+Row = tuple[str, str, float, str, str, str, float, float, float]
+"""Log, its SHA-256, length of a round, protocol, model, measure, value, and the ends of its interval."""
 
 Found = dict[tuple[str, str], Interval]
 """Measures by protocol and name."""
@@ -35,10 +34,8 @@ class Protocols(NamedTuple):
     search: int
     seed: int
 
-    def measure(self, model: Any, log: RatingLog | CrowdTask) -> tuple[Found, dict[str, str]]:
+    def measure(self, model: Any, log: RatingLog) -> tuple[Found, dict[str, str]]:
         """Return the measures of a model on a log, and the reasons why some could not be played, by what they are."""
-        if isinstance(log, CrowdTask):
-            return _named("crowd work", crowd_work(model, log, self.seed)), {}
         found, missing = Found(), {}
         for what, play in (("forecasts", self._forecasts), ("attacks", self._attacks)):
             try:

@@ -10,8 +10,9 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, NonNegativeFloat
 
 from roletrust_env.arrays import Array, is_compiling, namespace, total
+from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.model import Published
+from roletrust_env.trust.model import Published, registry
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
 STEPS = 60
@@ -389,3 +390,12 @@ LOG_MODELS: dict[str, Any] = {
     "centred-clipping": CentredClipping,
 }
 """Classes by name. Elsewhere they are written `roletrust_baselines.logs.models:FairnessGoodness`."""
+
+
+def make_log_model(name: str) -> Any:
+    """Return a trust model by its name: one of `LOG_MODELS` with its default values, or else see `parse_named`.
+
+    Raises:
+        ValueError: There is no such model.
+    """
+    return LOG_MODELS[name]() if name in LOG_MODELS else parse_named(registry, name)

@@ -10,16 +10,15 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_baselines.logs.resampling import correlation, interval, mean, ranks
 from roletrust_baselines.panels.verdicts import TIE
 from roletrust_baselines.panels.votes import read_codes
 from roletrust_env.data.dialect import Dialect
-from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.algorithms import agent_trust
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.model import registry
 from roletrust_env.trust.run import GridRun, make_run
 
 _FIRST, _SECOND, _TIE = ("first", "1", "a", "model_a", "left"), ("second", "2", "b", "model_b", "right"), ("tie", "0.5")
@@ -357,10 +356,10 @@ def make_peer_method(name: str) -> PeerMethod:
     }
     if name.endswith("bradley-terry") and find_spec("crowdkit") is None:
         raise ValueError(f"{name} needs crowd-kit: pip install 'roletrust-env[crowd]'")
-    return simple[name] if name in simple else PeersByTrust(parse_named(registry, name))
+    return simple[name] if name in simple else PeersByTrust(make_log_model(name))
 
 
 def all_peer_methods() -> list[str]:
     """Return the names of all methods that are installed. Bradley-Terry takes most of the time."""
     terry = ["bradley-terry", "reliable-bradley-terry"] if find_spec("crowdkit") else []
-    return ["win-rate", *terry, *trust_models()]
+    return ["win-rate", *terry, *trust_models(), *LOG_MODELS]

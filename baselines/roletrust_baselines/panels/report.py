@@ -90,9 +90,13 @@ _ATTACKED_DRAWS = 3  # sets of labels in the search of a bribe
 
 
 def trial(
-    votes: Votes, methods: Mapping[str, Method], plan: Plan, advance: Callable[[str], None] = lambda what: None
+    votes: Votes,
+    methods: Mapping[str, Method],
+    plan: Plan,
+    advance: Callable[[str], None] = lambda what: None,
+    leave_out: Callable[[str], None] = lambda reason: None,
 ) -> Iterator[Row]:
-    """Yield the numbers of a trial on votes with a known truth, method by method.
+    """Yield the numbers of a trial on votes with a known truth, method by method. What does not fit is left out.
 
     Attacks are on all items, without labels and with the median of the numbers of labels.
 
@@ -101,21 +105,34 @@ def trial(
         methods: Methods by name.
         plan: What is measured.
         advance: Function that is called with the name of each method, once for each scope.
+        leave_out: Function that is called with the reason why a method is left out.
     """
+    fitting = dict(methods)
     for scope in scopes(votes):
         for name, method in methods.items():
             advance(name)
-            found: dict[str, Interval] = {}
-            for labels in plan.labels:
-                labelled = draws(scope, labels, plan.draws, plan.seed)
-                if labelled and (method.takes_labels or not found):
-                    found = judge(scope, method, labelled, plan.seed)
-                for measure, value in found.items() if labelled else ():
-                    yield Row(scope.scored, scope.labelled, name, labels, 0, measure, *value)
+            if name not in fitting:
+                continue
+            try:
+                yield from _measured(scope, name, method, plan)
+            except MemoryError as error:
+                del fitting[name]
+                leave_out(f"{name}: {error}")
     bribes: list[Bribe] = []
-    for name, method in methods.items() if plan.budget else ():
+    for name, method in fitting.items() if plan.budget else ():
         advance(name)
         yield from _attacked(scopes(votes)[0], name, method, plan, bribes)
+
+
+def _measured(scope: Scope, name: str, method: Method, plan: Plan) -> Iterator[Row]:
+    """Yield the measures of a method by the number of labels."""
+    found: dict[str, Interval] = {}
+    for labels in plan.labels:
+        labelled = draws(scope, labels, plan.draws, plan.seed)
+        if labelled and (method.takes_labels or not found):
+            found = judge(scope, method, labelled, plan.seed)
+        for measure, value in found.items() if labelled else ():
+            yield Row(scope.scored, scope.labelled, name, labels, 0, measure, *value)
 
 
 def _attacked(scope: Scope, name: str, method: Method, plan: Plan, bribes: list[Bribe]) -> Iterator[Row]:

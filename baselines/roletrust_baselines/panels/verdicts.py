@@ -12,11 +12,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_baselines.panels.votes import Votes
-from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.model import registry
 from roletrust_env.trust.run import GridRun, make_run
 
 TIE = 1e-9
@@ -230,16 +229,16 @@ SIMPLE: dict[str, Method] = {"majority": Majority(), "labels-only": LabelsOnly()
 
 
 def make_method(name: str) -> Method:
-    """Return a method by its name: one of `SIMPLE` or `CROWD_METHODS`, or a trust model, see `parse_named`.
+    """Return a method by its name: one of `SIMPLE` or `CROWD_METHODS`, or a trust model, see `make_log_model`.
 
     Raises:
         ValueError: There is no such method, or a library is missing.
     """
     if name in SIMPLE:
         return SIMPLE[name]
-    return ByCrowdMethod(name) if name in CROWD_METHODS else ByTrust(parse_named(registry, name))
+    return ByCrowdMethod(name) if name in CROWD_METHODS else ByTrust(make_log_model(name))
 
 
 def all_methods() -> list[str]:
     """Return the names of all methods that are installed. GLAD and MACE take most of the time."""
-    return [*SIMPLE, *(CROWD_METHODS if find_spec("crowdkit") else ()), *trust_models()]
+    return [*SIMPLE, *(CROWD_METHODS if find_spec("crowdkit") else ()), *trust_models(), *LOG_MODELS]

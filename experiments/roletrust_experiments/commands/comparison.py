@@ -3,21 +3,16 @@
 import textwrap
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_baselines.logs.crowd import CROWD_METHODS, CrowdMethod, read_crowd, write_crowd
 from roletrust_baselines.logs.folders import find_logs, write_log
 from roletrust_baselines.logs.measures import Protocols, Row, markdown, measure_tables, recommendations
-from roletrust_baselines.logs.models import LOG_MODELS
-from roletrust_env.evaluation.specs import parse_named
+from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from roletrust_env.trust.model import registry
 from roletrust_experiments.commands.console import console, number_table, progress_bar, short
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 
@@ -41,10 +36,10 @@ def compare(
     Args:
         folder: File of ratings, or folder of logs; a folder in it may hold one, too.
         reading: Options by which a file of ratings is read.
-        names: Trust models; None for all central ones, those of neighbouring fields, and the methods of crowd work.
-        synthetic: Whether a small synthetic log of either kind is first written to the folder.
+        names: Trust models; None for all central ones and those of neighbouring fields.
+        synthetic: Whether a small synthetic log is first written to the folder.
         search: Number of attacks that a search plays for each goal, number and origin of accounts; 0 for no search.
-        seed: Random seed of the resamples, draws and searches, and of the synthetic logs.
+        seed: Random seed of the resamples, draws and searches, and of the synthetic log.
         out: Folder of the results.
 
     Raises:
@@ -54,16 +49,14 @@ def compare(
     both = reading.same_agents is not False
     reading = replace(reading, every=every, scale=scale, same_agents=both, repeats=True)
     central = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
-    methods = CROWD_METHODS if find_spec("crowdkit") else ()
-    models = {name: _model(name) for name in names or [*central, *LOG_MODELS, *methods]}
+    models = {name: make_log_model(name) for name in names or [*central, *LOG_MODELS]}
     if synthetic:
         prepare_folder(folder)
         folder.mkdir(parents=True, exist_ok=True)
         write_log(folder / "ratings.csv.gz", seed)
-        write_crowd(folder, seed)
     logs = find_logs(folder)
     # All are read before a model plays.
-    contents = [reading.read(log.path) if log.truth is None else read_crowd(log.path, log.truth) for log in logs]
+    contents = [reading.read(log.path) for log in logs]
     protocols = Protocols(every, scale, search, seed)
     prepare_folder(out)
     rows: list[Row] = []
@@ -73,17 +66,14 @@ def compare(
         for log, content in zip(logs, contents, strict=True):
             for name, one in models.items():
                 progress.update(task, description=f"{log.name}, {name}", advance=1)
-                if log.truth is None and isinstance(one, CrowdMethod):
-                    continue
                 try:
                     found, missing = protocols.measure(one, content)
                 except MemoryError as error:
                     left_out.append(f"{name} on {log.name}: {error}")
                     continue
                 left_out += [f"{what} on {log.name}: {reason}" for what, reason in missing.items()]
-                length = every if log.truth is None else None
                 for (protocol, what), value in found.items():
-                    rows.append((log.name, log.sha256, length, protocol, name, what, *value))
+                    rows.append((log.name, log.sha256, every, protocol, name, what, *value))
                 if rows:  # what is measured is kept
                     write_csv(out / "comparison.csv", HEADER, rows)
     left_out = list(dict.fromkeys(left_out))  # what a log is too small for is the same for all models
@@ -99,13 +89,6 @@ def compare(
         console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
     write_text(out / "comparison.md", markdown(tables, advice, left_out))
     console.print(f"Written to {out}: comparison.csv, comparison.md", soft_wrap=True)
-
-
-def _model(name: str) -> Any:
-    """Return a trust model, also of a neighbouring field, or a method of crowd work."""
-    if name in CROWD_METHODS:
-        return CrowdMethod(name)
-    return LOG_MODELS[name]() if name in LOG_MODELS else parse_named(registry, name)
 
 
 def screen_tables(tables: list[tuple[str, list[str], list[list[str]]]]) -> Iterator[Table]:

@@ -138,7 +138,13 @@ def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None
     from roletrust_experiments.plots.panel import panel_figure
 
     methods = {name: make_method(name) for name in dict.fromkeys(names)}
-    rows = _progress(lambda advance: trial(votes, methods, plan, advance), trial_steps(votes, plan) * len(methods))
+    left_out: list[str] = []
+    steps = trial_steps(votes, plan) * len(methods)
+    rows = _progress(lambda advance: trial(votes, methods, plan, advance, left_out.append), steps)
+    for reason in left_out:
+        console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
+    if not rows:
+        raise ValueError("nothing could be measured")
     write_csv(out / "measures.csv", Row._fields, rows)
     tables, words = accuracy_tables(rows), headline(rows)
     for title, (headings, lines) in tables.items():

@@ -89,14 +89,11 @@ def rate(
     --repeats is given. Those of rounds that have ended are late, also if they came before: by default they are left
     out, so a log may be the whole one or its new part; with --late count it must be its new part.
 
-    With --compare, trust models are measured on a file, or on the logs in a folder and in the folders in it:
-    forecasts, crowd work, and a few hostile accounts in a replay; one model is recommended. In a folder, a log of
-    ratings is a file *network.csv or ratings.csv; crowd work is answer.csv (question, worker, answer) and truth.csv
-    (question, truth). Rounds are of 30 days (--every). --search plays so many attacks for each goal, number and
-    origin of accounts. By default all central models are measured, and those of neighbouring fields: all-time-mean,
-    two-way-mean, fairness-goodness, bias-deserve, rev2, geometric-median and centred-clipping; on crowd work also
-    dawid-skene, one-coin-dawid-skene, glad and mace, which need the extra crowd. What does not fit is left out, and a
-    line says so.
+    With --compare, trust models are measured on a file, or on the logs in a folder and in the folders in it, files
+    *network.csv or ratings.csv: forecasts, and a few hostile accounts in a replay; one model is recommended. Rounds are
+    of 30 days (--every). --search plays so many attacks for each goal, number and origin of accounts. By default all
+    central models are measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness,
+    bias-deserve, rev2, geometric-median and centred-clipping. What does not fit is left out, and a line says so.
     Written then: [green]comparison.csv comparison.md[/].
 
     [bold]Examples[/]

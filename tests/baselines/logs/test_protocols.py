@@ -1,12 +1,10 @@
 """What is measured on logs of ratings: each measure against a slow count, and on logs whose answer is known."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from roletrust_baselines.logs.crowd import CrowdTask, crowd_work, read_crowd, write_crowd
 from roletrust_baselines.logs.folders import find_logs, write_log
 from roletrust_baselines.logs.forecasts import (
     earlier,
@@ -21,7 +19,6 @@ from roletrust_baselines.logs.resampling import auc, correlation, interval, mean
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.models.central.means import Constant
 
 MONTH = 2_592_000
 
@@ -138,56 +135,6 @@ def test_contrary_raters_are_found_by_agreement(log: RatingLog) -> None:
         assert "ToA" not in rater_forward(forecasts(make_trust_model(model), log, MONTH, same_agents=same), log)
 
 
-# --- crowd work ---------------------------------------------------------------------------------------
-
-
-def test_trust_tells_those_that_guess(tmp_path: Path) -> None:
-    write_crowd(tmp_path, questions=600, workers=20)
-    task = read_crowd(tmp_path / "answer.csv.gz", tmp_path / "truth.csv.gz")
-    found = crowd_work(make_trust_model("iterative-filtering"), task)
-    assert found["accuracy"].value >= found["majority"].value
-    assert found["spearman"].low > 0.3
-    assert found["majority"].low < found["majority"].value < found["majority"].high
-
-
-def test_votes_by_hand() -> None:
-    """Two questions: two of three are right, then one of three."""
-    edges = [(0, 0, 1, 0), (1, 0, 1, 0), (2, 0, 0, 0), (0, 1, 1, 0), (1, 1, 0, 0), (2, 1, 0, 0)]
-    raters, ratees, values, _ = (np.array(column) for column in zip(*edges, strict=True))
-    answers = RatingLog(raters, ratees, values.astype(float), None, list("abc"), list("pq"), True)
-    found = crowd_work(make_trust_model("mean"), CrowdTask(answers, np.array([1.0, 1.0])))
-    assert found["majority"].value == found["accuracy"].value == 0.5
-    assert crowd_work(make_trust_model("mean"), CrowdTask(answers, np.array([1.0, np.nan])))["accuracy"].value == 1
-
-
-class Believer(Constant):
-    """Trusts the first rater, and the others a little."""
-
-    def rater_trust(self, state: Any) -> Any:
-        return np.r_[1.0, 0 * state.tor[1:] + 0.1]
-
-
-def test_the_vote_of_a_trusted_worker_outweighs_two() -> None:
-    raters, ratees, values = np.array([0, 1, 2]), np.zeros(3, int), np.array([1.0, 0.0, 0.0])
-    answers = RatingLog(raters, ratees, values, None, list("abc"), ["q"], True)
-    found = crowd_work(Believer(), CrowdTask(answers, np.array([1.0])))
-    assert (found["accuracy"].value, found["majority"].value) == (1, 0)
-    assert found["spearman"].value == pytest.approx(1)
-
-
-def test_wrong_answers_are_refused(tmp_path: Path) -> None:
-    write_crowd(tmp_path)
-    (tmp_path / "answer.csv").write_text("question,worker,answer\nq1,w1,0.5\n")
-    with pytest.raises(ValueError, match=r"row 2: column 'answer' is '0.5'; it must be 0 or 1"):
-        read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
-    (tmp_path / "answer.csv").write_text("question,worker,answer\nelse,w1,1\n")
-    with pytest.raises(ValueError, match="the truth of no question"):
-        read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
-    (tmp_path / "answer.csv").write_text("question,worker,answer\nq1,w1,yes\n")
-    with pytest.raises(ValueError, match=r"row 2: column 'answer' is 'yes'; it must be 0 or 1"):
-        read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
-
-
 # --- attacks ------------------------------------------------------------------------------------------
 
 
@@ -219,8 +166,5 @@ def test_folders_without_logs_say_what_a_log_is(tmp_path: Path) -> None:
         find_logs(tmp_path)
     (tmp_path / "inner").mkdir()
     write_log(tmp_path / "inner" / "ratings.csv.gz")
-    write_crowd(tmp_path)
-    assert [(found.name, found.truth is None) for found in find_logs(tmp_path)] == [
-        (f"{tmp_path.name}/answer.csv.gz", False),
-        ("inner/ratings.csv.gz", True),
-    ]
+    (tmp_path / "answer.csv").write_text("no log")
+    assert [found.name for found in find_logs(tmp_path)] == ["inner/ratings.csv.gz"]

@@ -103,3 +103,12 @@ def test_what_is_missing_is_said(votes: Path, tmp_path: Path) -> None:
         assert result.exit_code == 2, result.output
         assert match in " ".join(result.output.split()), result.output
     assert not (tmp_path / "none").exists()
+
+
+def test_models_that_do_not_fit_are_left_out(votes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("roletrust_env.trust.run.MEMORY", 1000.0)
+    more = ["--truth", "truth", "--measure", "--model", "majority", "--model", "first-hand", "--out", str(tmp_path)]
+    result = run("panel", str(votes), *more)
+    assert result.exit_code == 0, result.output
+    assert result.output.count("left out: first-hand: trust model") == 1
+    assert {row["method"] for row in table(tmp_path / "measures.csv")} == {"majority"}

@@ -237,14 +237,14 @@ def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     table = rows(tmp_path / "out" / "comparison.csv")
     protocols = ["rated before", "next rating", "rater forward", "attack"]
-    assert list(dict.fromkeys(row["protocol"] for row in table)) == ["crowd work", *protocols]
+    assert list(dict.fromkeys(row["protocol"] for row in table)) == protocols
     assert re.search(
         r"log/ratings.csv.gz: Recommended: [a-z-]+\. Its forecast \(r 0\.", result.output.replace("\n", " ")
     )
     assert {row["model"] for row in table} == {"role-trust", "own-experience"}
     known = [row for row in table if row["low"]]
     assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in known)
-    assert all((row["round"] == "2592000.000000") == (row["protocol"] != "crowd work") for row in table)
+    assert {row["round"] for row in table} == {"2592000.000000"}
     assert "| role-trust |" in (tmp_path / "out" / "comparison.md").read_text()
     again = compare(str(tmp_path / "log"), *models, "--out", str(tmp_path / "again"))
     assert again.exit_code == 0
@@ -265,20 +265,12 @@ def test_searched_attacks_stand_beside_the_others(tmp_path: Path) -> None:
             assert sign * (searched - plain) >= -1e-6
 
 
-def test_methods_of_crowd_work_are_measured_on_crowd_work_alone(tmp_path: Path) -> None:
-    pytest.importorskip("crowdkit", reason="needs crowd-kit: pip install 'roletrust-env[crowd]'")
-    options = ["--synthetic", "--model", "one-coin-dawid-skene", "--model", "mean", "--out", str(tmp_path / "out")]
-    assert compare(str(tmp_path / "log"), *options).exit_code == 0
-    table = rows(tmp_path / "out" / "comparison.csv")
-    assert {row["protocol"] for row in table if row["model"] == "one-coin-dawid-skene"} == {"crowd work"}
-
-
 def test_models_that_do_not_fit_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roletrust_env.trust.run.MEMORY", 1000.0)
     options = ["--model", "mean", "--model", "travos", "--out", str(tmp_path / "out")]
     result = compare(str(tmp_path / "log"), "--synthetic", *options)
     assert result.exit_code == 0, result.output
-    assert result.output.count("left out:") == 2
+    assert result.output.count("left out:") == 1
     assert {row["model"] for row in rows(tmp_path / "out" / "comparison.csv")} == {"mean"}
 
 
@@ -294,20 +286,13 @@ def test_a_log_that_is_too_small_for_a_protocol_has_the_others(tmp_path: Path) -
         tmp_path / "one-each", "ratings.csv", [f"{n},{n + 1},{n % 11 - 5},{n * month // 8}" for n in range(0, 90, 2)]
     )
     written(tmp_path / "one-round", "ratings.csv", ["1,2,5,0", "2,3,4,1"])
-    written(tmp_path / "work", "answer.csv", ["question,worker,answer", "q,w,1"])
-    written(tmp_path / "work", "truth.csv", ["question,truth", "q,1"])
     result = compare(str(tmp_path), "--model", "mean", "--model", "beta", "--out", str(tmp_path / "out"))
     assert result.exit_code == 0, result.output
     page = (tmp_path / "out" / "comparison.md").read_text()
     assert "- Left out: attacks on one-each/ratings.csv: an attack needs 20 providers" in page
     assert page.count("- Left out: forecasts on one-round/ratings.csv: with rounds of 2.592e+06") == 1
-    assert {row["protocol"] for row in rows(tmp_path / "out" / "comparison.csv")} == {
-        "next rating",
-        "rater forward",
-        "crowd work",
-    }
+    assert {row["protocol"] for row in rows(tmp_path / "out" / "comparison.csv")} == {"next rating", "rater forward"}
     assert "nan" not in page
-    assert "| mean | 1.000 |" in page
 
 
 def test_a_file_with_columns_of_its_own_is_compared(tmp_path: Path) -> None:
@@ -356,7 +341,7 @@ def test_no_folder_of_logs_is_one_line(tmp_path: Path) -> None:
 
 
 def test_real_logs(tmp_path: Path) -> None:
-    """The paper's model as a forecast, an unrated newcomer among the rated, and votes of a crowd."""
+    """The paper's model as a forecast, and an unrated newcomer among the rated."""
     if not SHARED.is_dir():
         pytest.skip(f"there are no real logs in {SHARED}")
     result = compare(str(SHARED), "--model", "role-trust", "--model", "mean", "--out", str(tmp_path))
@@ -368,7 +353,6 @@ def test_real_logs(tmp_path: Path) -> None:
     assert found["mean", "next rating", "auc"] == pytest.approx(0.685, abs=5e-4)
     assert found["role-trust", "attack", "lift, honest"] == pytest.approx(0.958, abs=5e-4)
     assert found["role-trust", "attack", "sink, 3 new"] < 0.01
-    assert found["role-trust", "crowd work", "majority"] == pytest.approx(0.897, abs=5e-4)
 
 
 def test_options_of_one_kind_are_refused_for_the_other(tmp_path: Path) -> None:
