@@ -43,6 +43,14 @@ _BESIDE = " ".join(
 _BESIDE_OTHERS = " ".join(f"--model {name}" for name in _OTHERS)
 _LEARNED = "--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network"
 
+_LLMBAR = "panel {logs}/llm-judges/llmbar-votes.csv.gz --truth truth --kind subset --judge model"
+_PEERS = "panel {logs}/llm-judges/peer-rank-votes.csv.gz --item question --peers"
+_PRODUCT = "panel {logs}/crowd-product/answer.csv.gz --truth {logs}/crowd-product/truth.csv.gz"
+_BELIEVED = "--model role-trust --model leave-one-out --model first-hand --model yu-singh --model fire"
+_JUDGED = f"--model majority --model labels-only {_BELIEVED}"
+_ELECTED = f"--model win-rate --model eigentrust {_BELIEVED}"
+_TRIALS = ("all", "bought", "one", "peers", "elected", "product")
+
 _EVOLVE = (
     "train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead "
     "--model wary-role-trust --model beta --model role-trust --model qor --model median --set max_cycles=50"
@@ -108,6 +116,14 @@ COMMANDS = {
     "defence-logs": [
         f"rate {{logs}} --compare --model leave-one-out --model {{learned}} {_LEARNED} {_BESIDE_OTHERS} --out {{out}}"
     ],
+    "judges": [
+        f"{_LLMBAR} --judge prompt --measure --out {{out}}/all",
+        f"{_LLMBAR} --judge prompt --bribes 100 {_JUDGED} --out {{out}}/bought",
+        f"{_LLMBAR} --measure {_JUDGED} --out {{out}}/one",
+        f"{_PEERS} --measure --out {{out}}/peers",
+        f"{_PEERS} --bribes 20 {_ELECTED} --out {{out}}/elected",
+        f"{_PRODUCT} --measure --labels 0 --labels 20 --draws 5 --out {{out}}/product",
+    ],
     "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
     "universal": [
         f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}]"
@@ -149,6 +165,13 @@ FILES = {
     "real": {f"comparison.{kind}": f"real/real.{kind}" for kind in ("md", "csv")},
     "leave-one-out-logs": {f"{days}/comparison.csv": f"leave-one-out-{days}.csv" for days in (30, 7)},
     "defence-logs": {"comparison.csv": "defence/logs.csv"},
+    "judges": {
+        "bought/panel.png": "judges/panel.png",
+        "all/panel.md": "judges/llmbar.md",
+        "product/panel.md": "judges/product.md",
+        **{f"{name}/panel.md": f"judges/{name}.md" for name in ("peers", "elected")},
+        **{f"{name}/measures.csv": f"judges/{name}.csv" for name in _TRIALS},
+    },
     "colluders": {},
     "universal": _attackers(list(UNIVERSAL), "universal-"),
     "treatment": _attackers([f"{name}-treatment" for name in TREATMENT], "universal-"),
