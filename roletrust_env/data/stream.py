@@ -19,8 +19,8 @@ from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone,
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.trust.edges import edge_model
-from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.run import make_run, staying
+from roletrust_env.trust.key_index import Floats, Ints, staying
+from roletrust_env.trust.run import make_run
 
 _FORMAT = 4
 _KEPT = "_start", "_latest", "_begun", "n_late", "n_ahead", "n_repeated"  # attributes that a file has

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from roletrust_env.arrays import Array
 from roletrust_env.trees import Kind, kinds, leaves, map_kinds, map_leaves
 from roletrust_env.trust.edges import edge_model, pair_ends, pair_keys, runs_on_edges, start_on_edges, takes_peers
-from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
+from roletrust_env.trust.key_index import Floats, Ints, KeyIndex, staying
 from roletrust_env.trust.model import Traits, TrustModel, start_model
 from roletrust_env.trust.model_checks import needs_watching, watched_update
 from roletrust_env.trust.neighbours import Neighbourhood
@@ -65,16 +65,14 @@ class TrustRun(ABC):
             raters: Place of the rater of each rating, shape (E,), at least 0.
             providers: Place of the provider of each rating, shape (E,), at least 0.
             values: Ratings, shape (E,), in [0, 1].
-            pairs: Number of the pair of each rating, ascending in the order in which pairs first occur, shape (E,), if
-                that is known; then in all rounds or in none. A local model need not find them, but the run cannot be
-                saved, and no agent can leave.
+            pairs: Number of the pair of each rating, in the order in which pairs first occur, shape (E,); in all rounds
+                or in none. A local model need not find them then, but is not saved, and no agent leaves.
         """
 
     def skip(self, rounds: int) -> None:
         """Play so many rounds without ratings."""
-        nobody = np.zeros(0, np.int64)
         for _ in range(rounds):
-            self.play(nobody, nobody, np.zeros(0))
+            self.play(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
     @abstractmethod
     def join(self, raters: int, providers: int) -> None:
@@ -87,9 +85,7 @@ class TrustRun(ABC):
         It takes time in proportion to all agents and pairs. What their ratings did to the trust of others stays where a
         model keeps that trust; models that compute it from the memory of all pairs do so in the next round.
 
-        Args:
-            raters: Places of raters that leave; places without a rater are ignored.
-            providers: Places of providers that leave.
+        Places without an agent are ignored.
         """
 
     @abstractmethod
@@ -475,11 +471,10 @@ class EdgeRun(TrustRun):
             missing = larger.get(kind, 0) - len(leaf)
             if missing <= 0:
                 return leaf
-            of_pairs = kind in ("pair", "age")
-            new = np.zeros(len(leaf) + max(missing, (_SPARE if of_pairs else 1) * len(leaf)), start.dtype)
+            if kind not in ("pair", "age"):
+                return np.concatenate([leaf, np.full(max(missing, len(leaf)), start[0], start.dtype)])
+            new = np.zeros(len(leaf) + max(missing, _SPARE * len(leaf)), start.dtype)
             new[: len(leaf)] = leaf
-            if not of_pairs:
-                new[len(leaf) :] = start[0]
             return new
 
         if larger:
@@ -603,10 +598,3 @@ class EdgeRun(TrustRun):
         raters, providers = self._ends(slice(None))
         twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
         return Ratings(values, raters=raters, providers=providers, shape=self.shape, twins=twins)
-
-
-def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:
-    """Return whether the agent at each of so many places stays."""
-    flags = np.ones(size, bool)
-    flags[leaving[leaving < size]] = False
-    return flags
