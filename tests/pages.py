@@ -7,6 +7,7 @@ from pathlib import Path
 
 import typer
 
+from roletrust_baselines.panels.verdicts import all_methods
 from roletrust_env.benchmarking.suite_files import suites
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
@@ -19,7 +20,7 @@ TUTORIALS = sorted((HOUSE / "docs/tutorials").glob("*.md"))
 WRITTEN = [HOUSE / "README.md", HOUSE / "CONTRIBUTING.md", *sorted((HOUSE / "docs").glob("*.md"))]
 WRITTEN += [*sorted((HOUSE / "docs/how").glob("*.md")), *sorted((HOUSE / "docs/guide").glob("*.md")), *TUTORIALS]
 
-_SHELL = ("pip", "python", "make", "ruff", "mypy", "lint-imports", "pytest", "cat", "ls", "source")
+_SHELL = ("pip", "python", "make", "ruff", "mypy", "lint-imports", "pytest", "cat", "head", "ls", "source")
 _OWN = re.compile(r"[\w.]+:[A-Z]\w*")  # a class of the reader's own
 
 
@@ -95,6 +96,7 @@ def _refused_by_us(words: list[str]) -> str:
         return f"{type(error).__name__}: {error}"
     known = {
         "model": [*trust_models.names(), "all", *OUTSIDE],
+        "method": all_methods(),
         "attack": attackers.names(),
         "scenario": list(scenarios()),
         "suite": list(suites()),

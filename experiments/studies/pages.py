@@ -46,9 +46,9 @@ _LEARNED = "--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/
 _LLMBAR = "panel {logs}/llm-judges/llmbar-votes.csv.gz --truth truth --kind subset --judge model"
 _PEERS = "panel {logs}/llm-judges/peer-rank-votes.csv.gz --item question --peers"
 _PRODUCT = "panel {logs}/crowd-product/answer.csv.gz --truth {logs}/crowd-product/truth.csv.gz"
-_BELIEVED = "--model role-trust --model leave-one-out --model first-hand --model yu-singh --model fire"
-_JUDGED = f"--model majority --model labels-only {_BELIEVED}"
-_ELECTED = f"--model win-rate --model eigentrust {_BELIEVED}"
+_BELIEVED = "--method role-trust --method leave-one-out --method first-hand --method yu-singh --method fire"
+_JUDGED = f"--method majority --method labels-only {_BELIEVED}"
+_ELECTED = f"--method win-rate --method eigentrust {_BELIEVED}"
 _TRIALS = ("all", "bought", "one", "peers", "elected", "product")
 
 _EVOLVE = (

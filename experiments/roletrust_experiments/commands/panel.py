@@ -34,7 +34,7 @@ from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
 _FEW = 5  # judges at each end of the table
 _INTERVAL = re.compile(r" \((.*), (.*)\)")
-_MODEL = "first-hand"
+_METHOD = "first-hand"
 
 
 def panel(
@@ -52,7 +52,7 @@ def panel(
         bool, typer.Option("--peers", help="Agents compare answers of agents: columns first and second.")
     ] = False,
     people: Annotated[str, typer.Option(help="With --peers, judge with the votes of people.")] = PEOPLE,
-    model: Annotated[
+    method: Annotated[
         list[str] | None, typer.Option(metavar=NAMED, help=f"Method or trust model; repeat for more. {OWN}")
     ] = None,
     measure: Annotated[bool, typer.Option("--measure", help="Measure all methods, against the truth.")] = False,
@@ -91,7 +91,7 @@ def panel(
     [cyan]roletrust panel votes.csv --judge model --judge prompt --truth truth --kind subset --measure[/]
 
     [dim]# what do bought judges do?[/]
-    [cyan]roletrust panel votes.csv --truth truth --measure --bribes 100 --model majority --model first-hand[/]
+    [cyan]roletrust panel votes.csv --truth truth --measure --bribes 100 --method majority --method first-hand[/]
     """
     plan = Plan(tuple(sorted(set(labels))) if labels else Plan().labels, draws, budget=bribes, seed=seed)
     dialect, measured = Dialect(separator, encoding), measure or bribes > 0
@@ -107,7 +107,7 @@ def panel(
         if measured and crowd is None:
             raise ValueError(f"there are no votes of people, the judge {people!r} (--people), to measure against")
         prepare_folder(out)
-        names = model or (all_peer_methods() if measured else [_MODEL])
+        names = method or (all_peer_methods() if measured else [_METHOD])
         _peers(comparisons, crowd if measured else None, names, plan, out)
         return
     gold = Path(truth) if truth and Path(truth).is_file() else truth
@@ -116,9 +116,9 @@ def panel(
         raise ValueError("there is no truth to measure against (--truth COLUMN or FILE)")
     prepare_folder(out)
     if measured:
-        _measured(ballot, model or all_methods(), plan, out)
+        _measured(ballot, method or all_methods(), plan, out)
     else:
-        _verdicts(ballot, (model or [_MODEL])[0], out)
+        _verdicts(ballot, (method or [_METHOD])[0], out)
 
 
 def _verdicts(votes: Votes, name: str, out: Path) -> None:

@@ -40,7 +40,7 @@ def test_a_few_labels_decide_whom_to_trust_and_the_verdicts(votes: Path, tmp_pat
 
 def test_methods_are_measured_and_attacked(votes: Path, tmp_path: Path) -> None:
     more = ["--truth", "truth", "--kind", "kind", "--labels", "0", "--labels", "5", "--draws", "3", "--bribes", "5"]
-    result = run("panel", str(votes), *more, "--model", "majority", "--model", "first-hand", "--out", str(tmp_path))
+    result = run("panel", str(votes), *more, "--method", "majority", "--method", "first-hand", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert "With 5 own labels, first-hand is right in" in result.output
     rows = table(tmp_path / "measures.csv")
@@ -77,7 +77,7 @@ def test_agents_that_judge_one_another(tmp_path: Path) -> None:
             "--draws",
             "2",
         ),
-        *("--model", "win-rate", "--model", "role-trust", "--model", "first-hand", "--out", str(tmp_path / "out")),
+        *("--method", "win-rate", "--method", "role-trust", "--method", "first-hand", "--out", str(tmp_path / "out")),
     )
     assert result.exit_code == 0, result.output
     assert [row["agent"] for row in table(tmp_path / "out" / "agents.csv")] == ["a", "b", "c"]
@@ -96,7 +96,7 @@ def test_what_is_missing_is_said(votes: Path, tmp_path: Path) -> None:
         (["--measure"], "there is no truth to measure against (--truth COLUMN or FILE)"),
         (["--truth", "gold"], "there is no column 'gold'"),
         (["--peers"], "there is no column 'first'"),
-        (["--model", "majorities"], "unknown trust model 'majorities'"),
+        (["--method", "majorities"], "unknown trust model 'majorities'"),
         (["--peers", "--judge", "judge", "--judge", "kind"], "with --peers a judge is one column"),
     ):
         result = run("panel", str(votes), *arguments, "--out", str(tmp_path / "none"))
@@ -107,7 +107,7 @@ def test_what_is_missing_is_said(votes: Path, tmp_path: Path) -> None:
 
 def test_models_that_do_not_fit_are_left_out(votes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roletrust_env.trust.run.MEMORY", 1000.0)
-    more = ["--truth", "truth", "--measure", "--model", "majority", "--model", "first-hand", "--out", str(tmp_path)]
+    more = ["--truth", "truth", "--measure", "--method", "majority", "--method", "first-hand", "--out", str(tmp_path)]
     result = run("panel", str(votes), *more)
     assert result.exit_code == 0, result.output
     assert result.output.count("left out: first-hand: trust model") == 1
