@@ -59,3 +59,16 @@ def test_without_labels_dawid_skene_ranks_judges_in_reverse() -> None:
         == ("adversarial", "adversarial", "dawid-skene", "0", "spearman")
     )
     assert float(row["high"]) < -0.9
+
+
+def test_the_readme_says_the_same() -> None:
+    readme = " ".join((DOCS.parent / "README.md").read_text(encoding="utf-8").split())
+    values = {
+        (row["method"], row["labels"], row["bought"], row["measure"]): f"{float(row['value']):.3f}"
+        for row in [*ROWS["all"], *ROWS["bought"]]
+        if (row["scored"], row["labelled"]) == ("all", "all") and row["value"]
+    }
+    majority, ours = values["majority", "0", "0", "accuracy"], values["first-hand", "5", "0", "accuracy"]
+    assert f"the majority is right in {majority} of the items" in readme
+    assert f"make it {ours}" in readme
+    assert values["first-hand", "10", "10", "attacked"] > majority
