@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from fnmatch import fnmatchcase
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -90,7 +91,7 @@ def read_comparisons(
         first: Column of the author of the first answer.
         second: Column of the author of the second answer.
         vote: Column of the vote.
-        people: Name of the judge whose votes are the truth.
+        people: Name of the judge with the truth, or a pattern such as `expert_*` for several.
         dialect: Parts of the dialect that are known.
         tell: Function that is called with a line for the user.
 
@@ -126,7 +127,7 @@ def read_comparisons(
         raise ValueError(
             f"{path}, vote {wrong[0] + 1} is {shown!r}; it must be first, second, tie, or one of the two names"
         )
-    by_people = voted & (who == place.get(people, -1))
+    by_people = voted & np.array([fnmatchcase(name, people) for name in names])[who]
     ours = voted & ~by_people
     if not ours.any():
         raise ValueError(f"{path} has no votes but those of {people!r}")

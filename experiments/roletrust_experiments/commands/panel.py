@@ -51,7 +51,9 @@ def panel(
     peers: Annotated[
         bool, typer.Option("--peers", help="Agents compare answers of agents: columns first and second.")
     ] = False,
-    people: Annotated[str, typer.Option(help="With --peers, judge with the votes of people.")] = PEOPLE,
+    people: Annotated[
+        str, typer.Option(help="With --peers, judge with votes of people, or a pattern such as 'expert_*'.")
+    ] = PEOPLE,
     method: Annotated[
         list[str] | None, typer.Option(metavar=NAMED, help=f"Method or trust model; repeat for more. {OWN}")
     ] = None,

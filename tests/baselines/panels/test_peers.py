@@ -41,6 +41,10 @@ def test_votes_have_many_forms(tmp_path: Path) -> None:
     assert people is not None
     assert (people.first.tolist(), people.values.tolist()) == ([0], [0])  # nobody compares w but people
     assert votes.win_rate.tolist() == [0.75, 0.375, 0.5]
+    (tmp_path / "votes.csv").write_text(CSV.replace("human,1", "expert_0,1").replace("human,2", "expert_1,2"))
+    experts = read_comparisons(tmp_path / "votes.csv", item="question", people="expert_*")[1]
+    assert experts is not None
+    assert experts.values.tolist() == people.values.tolist()
 
 
 @pytest.mark.parametrize(
