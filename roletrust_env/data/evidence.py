@@ -161,9 +161,8 @@ def _of_pairs(names: Sequence[Any], trust: Floats, ratings: Ints, ends: Ints, co
 
     agents = ratings - np.bincount(ends, counts - 1, len(names)).astype(np.int64)
     independent = effective_number(ratings, ends, counts)
-    found = Evidence(
-        NameList(arrow.array(names)), trust, *wilson_interval(trust, independent), ratings, agents, independent, last
-    )
+    interval = wilson_interval(trust, agents)
+    found = Evidence(NameList(arrow.array(names)), trust, *interval, ratings, agents, independent, last)
     return found.at(np.flatnonzero(ratings))
 
 
@@ -191,8 +190,8 @@ def effective_number(ratings: Ints, ends: Ints, counts: Ints) -> Floats:
     return total**2 / np.maximum(squares, 1.0)
 
 
-def wilson_interval(trust: Floats, number: Floats) -> tuple[Floats, Floats]:
-    """Return the ends of Wilson's 95% interval for trust as the mean of so many independent raters.
+def wilson_interval(trust: Floats, number: Floats | Ints) -> tuple[Floats, Floats]:
+    """Return the ends of Wilson's 95% interval for trust as the mean of so many raters.
 
         low, high = (p + z^2 / 2n -+ z root(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n),   z = 1.96
 
@@ -202,13 +201,16 @@ def wilson_interval(trust: Floats, number: Floats) -> tuple[Floats, Floats]:
     Without raters the interval is from 0 to 1. For raters the ratees count, as if trust were the mean of a comparison
     with each.
 
+    Each rater counts once, however often it repeats itself. With `effective_number` one account could lower the rank of
+    an agent by repeating what others say; a number that no repeats lower cannot be below that of the raters.
+
     Example:
         >>> [end.round(3).tolist() for end in wilson_interval(np.array([0.9, 0.9]), np.array([1.0, 100.0]))]
         [[0.168, 0.826], [0.998, 0.945]]
 
     Args:
         trust: Trust p, shape (n,), in [0, 1].
-        number: Effective number n of raters, shape (n,), at least 0.
+        number: Number n of raters, shape (n,), at least 0.
     """
     square = _Z**2
     middle = (trust * number + square / 2) / (number + square)

@@ -10,7 +10,7 @@ import pytest
 
 from roletrust_env.data import TrustStream
 from roletrust_env.data.evidence import Role, as_dates, evidence, wilson_interval
-from roletrust_env.data.log import read_ratings
+from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.storage.tables import write_table
 from roletrust_env.trust import make_trust_model
 
@@ -28,6 +28,19 @@ def test_it_counts_ratings_and_agents_as_a_slow_copy_does(tmp_path: Path) -> Non
             assert (found.ratings[place], found.agents[place]) == (len(some), len(counts))
             assert found.independent[place] == pytest.approx(sum(counts) ** 2 / sum(count**2 for count in counts))
             assert found.last[place] == some[-1][2]
+
+
+def test_repeats_of_one_rater_never_lower_the_interval_of_an_agent() -> None:
+    rows = [(who, whom) for whom in (0, 1) for who in range(6)]
+    lows = []
+    for repeats in (0, 1, 500):
+        raters, ratees = (np.array(column) for column in zip(*rows, *[(0, 0)] * repeats, strict=True))
+        names = [str(place) for place in range(6)]
+        log = RatingLog(raters, ratees, np.full(len(raters), 0.8), None, names, names, was_sorted=True)
+        found = evidence(log, "ratee", np.full(6, 0.8), log.pairs())
+        assert found.ranked().names[0] == "0"
+        lows.append(found.low[0])
+    assert lows[0] == lows[1] == lows[2]
 
 
 def test_a_stream_keeps_the_evidence_of_those_who_stay(tmp_path: Path) -> None:

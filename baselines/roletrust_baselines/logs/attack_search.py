@@ -27,8 +27,6 @@ _DECOYS = 8  # agents that a rating may be turned to, of either kind
 SIMPLE = (
     Plan(),
     Plan(strikes=3),
-    Plan(repeats=3),
-    Plan(repeats=12, mildness=0.2),
     Plan(cover=3),
     Plan(strikes=6, cover=10, popular=False),
     Plan(rivals=2),
@@ -45,7 +43,6 @@ SIMPLE = (
 _CHOICES: dict[str, tuple[Any, ...]] = {
     "origin": ORIGINS,
     "strikes": (1, 2, 3, 4, 5, 6, 9),
-    "repeats": (1, 1, 2, 3, 5, 8, 13, 20),
     "turns": (False, True),
     "quiet": (0, 0, 1, 3),
     "age": (1, 2, 4, 8),
@@ -258,7 +255,6 @@ def _beside(plan: Plan) -> Iterator[Plan]:
                 yield _fitting(replace(plan, **{name: other}))
     for more, fewer in ((1, -1), (-1, 1), (1, 1)):  # what one account gives matters as a product of these
         yield _fitting(replace(plan, strikes=plan.strikes + more, cover=max(0, plan.cover + fewer)))
-        yield _fitting(replace(plan, repeats=plan.repeats + 2 * more, cover=max(0, plan.cover + fewer)))
 
 
 def _fitting(plan: Plan) -> Plan:
@@ -272,7 +268,6 @@ def _fitting(plan: Plan) -> Plan:
     cover = max(plan.cover, int(plan.origin == "aged"))
     return replace(
         plan,
-        repeats=max(plan.repeats, 1),
         cover=cover,
         popular=plan.popular or not cover,
         choice=plan.choice if plan.origin == "hijacked" else 0,

@@ -72,7 +72,6 @@ class Plan:
         origin: Origin of the accounts.
         accounts: Number of accounts, at least 1.
         strikes: Number of rounds in which they rate the target, at least 1.
-        repeats: Number of times that they rate it in each, at least 1. Repeats make its raters fewer in effect.
         turns: Whether each strikes in one of these rounds only, in turn.
         quiet: Number of rounds after the last strike.
         age: Number of rounds before the first strike in which they rate others only.
@@ -87,7 +86,6 @@ class Plan:
     origin: Origin = "new"
     accounts: int = 1
     strikes: int = 1
-    repeats: int = 1
     turns: bool = False
     quiet: int = 0
     age: int = 0
@@ -105,7 +103,6 @@ class Plan:
             (True, f"{self.origin}" + (("", ", least active", ", its raters")[self.choice])),
             (self.age, f"{self.age} rounds of age"),
             (self.strikes > 1, f"{self.strikes} rounds" + " in turn" * self.turns),
-            (self.repeats > 1, f"{self.repeats} times"),
             (self.quiet, f"{self.quiet} quiet after"),
             (self.mildness, f"{self.mildness:g} mild"),
             (self.cover, f"{self.cover} decoys" + (", drawn" * (not self.popular))),
@@ -238,14 +235,14 @@ class Ranking:
         self._end = Ending(model, log, numbers, LAST, same_agents=same_agents, more=1 + MOST)
         self.newcomer = log.shape[1]
         self._fresh = log.shape[0] + 1 + np.arange(MOST)
-        self._keys, self._counts = np.unique(pair_keys(log.ratees, log.raters), return_counts=True)
+        self._keys, counts = np.unique(pair_keys(log.ratees, log.raters), return_counts=True)
         received, given = (np.bincount(side) for side in (log.ratees, log.raters))
         self.popular = np.argsort(-received, kind="stable")[: (received > 0).sum()]
         self._active = np.argsort(-given, kind="stable")[: (given >= ACTIVE).sum()]
         self._size = log.shape[1] + 1 + MOST
         rated = pair_ends(self._keys)[0]
-        self._total = np.bincount(rated, self._counts, self._size).astype(np.float64)
-        self._squares = np.bincount(rated, self._counts.astype(np.float64) ** 2, self._size)
+        self._total = np.bincount(rated, counts, self._size).astype(np.float64)
+        self._raters = np.bincount(rated, minlength=self._size)
         columns = self._columns(())
         order, self.trust = np.lexsort([-column for column in columns[::-1]]), columns[1]
         self.order: Ints = order[self._total[order] > 0]
@@ -264,11 +261,10 @@ class Ranking:
         trust = self._end.trust([HostileRatings(who[there], whom[there], values[there]) for there in sent])
         keys, more = np.unique(pair_keys(whom, who), return_counts=True)
         at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        had = np.where(self._keys[at] == keys, self._counts[at], 0)
-        total, squares, rated = self._total.copy(), self._squares.copy(), pair_ends(keys)[0]
+        total, raters, rated = self._total.copy(), self._raters.copy(), pair_ends(keys)[0]
         np.add.at(total, rated, more)
-        np.add.at(squares, rated, more * (more + 2 * had))
-        low, _ = wilson_interval(trust, total**2 / np.maximum(squares, 1.0))  # see `effective_number`
+        np.add.at(raters, rated, self._keys[at] != keys)
+        low, _ = wilson_interval(trust, raters)
         return [low if self._rank_by == "low" else trust, trust, total]
 
     def targets(self, many: int, seed: int, named: Sequence[str] = ()) -> list[Target]:
@@ -392,7 +388,7 @@ class Ranking:
         for k, account in enumerate(accounts):
             strikes = [first + k % plan.strikes] if plan.turns else range(first, last)
             for number in strikes:
-                rows += [Row(number, account, target.place, value)] * plan.repeats
+                rows.append(Row(number, account, target.place, value))
                 rows += [Row(number, account, rival, float(down)) for rival in rivals]
             if self.same_agents:
                 others = (accounts[k + 1 :] + accounts[:k])[: plan.ring]

@@ -77,12 +77,10 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
 def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
     ranking = ranking_of(log)
     lifted = ranking.targets(1, 0)[-2]
-    plan = Plan(
-        "aged", accounts=3, strikes=2, repeats=2, turns=True, quiet=1, age=2, mildness=0.2, cover=5, rivals=2, ring=1
-    )
+    plan = Plan("aged", accounts=3, strikes=2, turns=True, quiet=1, age=2, mildness=0.2, cover=5, rivals=2, ring=1)
     rows = ranking.rows(lifted, plan)
     struck = [row for row in rows if row.agent == lifted.place]
-    assert [(row.round, row.value) for row in struck] == [(LAST - 3, 0.8)] * 4 + [(LAST - 2, 0.8)] * 2
+    assert [(row.round, row.value) for row in struck] == [(LAST - 3, 0.8)] * 2 + [(LAST - 2, 0.8)]
     pushed = [row for row in rows if row.value == 0.0]
     assert {row.agent for row in pushed} == set(ranking.order[8:10].tolist())
     assert len(pushed) == 3 * 2
@@ -98,9 +96,9 @@ def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
 
 
 def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_not_need(log: RatingLog) -> None:
-    found = audit_model(ranking_of(log, top=2), Prices(day=0.001), targets=2, budget=60)
+    found = audit_model(ranking_of(log, rank_by="trust", top=2), Prices(day=0.001), targets=2, budget=60)
     assert [one.goal for one in found.exposures].count("sink") == 2
-    ranking = ranking_of(log, top=2)
+    ranking = ranking_of(log, rank_by="trust", top=2)
     targets = {target[::2]: target for target in ranking.targets(2, 0)}
     place = {name: at for at, name in enumerate(log.rater_names)}
     for one in found.exposures:
@@ -134,7 +132,7 @@ def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_n
         curve = [one for one in found.curve if one.goal == goal]
         assert all(np.diff([one.places.value for one in curve]) >= 0)
         assert curve[-1].pushed.value == 1
-    again = audit_model(ranking_of(log, top=2), Prices(day=0.001), targets=2, budget=60)
+    again = audit_model(ranking_of(log, rank_by="trust", top=2), Prices(day=0.001), targets=2, budget=60)
     assert repr(again) == repr(found)
 
 
