@@ -28,6 +28,9 @@ _ROWS = 50_000  # in a block
 _BYTES = 1 << 23  # of a text that are parsed at a time
 _HEAD = 1 << 20  # bytes in which the dialect is found
 _TEXT = 1 << 16  # bytes of a text of several lines
+_LONGEST, _LARGEST = 1 << 26, 1 << 30  # bytes of a line, and of an array of JSON
+_DEPTH = 100  # JSON in JSON; pyarrow's parser ends the process from some thousands on
+_BLAND = bytes(set(range(256)) - set(b'[]{}"'))
 _OBJECTS = "it must be one JSON object in each line, or in an array"
 
 Block = list[Any]
@@ -90,8 +93,8 @@ class Table:
             import pyarrow.parquet
         except ImportError:
             raise ValueError(f"{self.path} needs pyarrow: pip install 'roletrust-env[data]'") from None
-        packed = self.path.suffix == ".gz"
-        kind = _KINDS.get((self.path.with_suffix("") if packed else self.path).suffix, "CSV")
+        packed = self.path.suffix.lower() == ".gz"
+        kind = _KINDS.get((self.path.with_suffix("") if packed else self.path).suffix.lower(), "CSV")
         read = {"Parquet": self._parquet, "JSON": self._json, "CSV": self._csv}[kind]
         with gzip.open(self.path) if packed else self.path.open("rb") as opened:
             file: Any = opened
@@ -102,7 +105,7 @@ class Table:
                     yield from self._feedback(list(rest)) if self._more else rest
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 raise ValueError(f"{self.path} is a damaged gzip file, after row {self._read}: {error}") from None
-            except (UnicodeDecodeError, csv.Error, arrow.ArrowException, OSError) as error:
+            except (UnicodeDecodeError, csv.Error, arrow.ArrowException, OSError, OverflowError) as error:
                 reason = str(error).partition("\n")[0]
                 raise ValueError(
                     f"{self.path} is no {kind} file, or a damaged one, after row {self._read}: {reason}"
@@ -253,9 +256,11 @@ class Table:
 
         header, array = list[str](), file.read(_TEXT).removeprefix(codecs.BOM_UTF8).lstrip().startswith(b"[")
         file.seek(0)
-        for lines in self._array(file.read()) if array else _lines(file, "utf-8-sig"):
+        for lines in self._array(file.read(_LARGEST + 1)) if array else _lines(file, "utf-8-sig"):
             if not lines.strip():
                 continue
+            if _is_deep(lines):
+                raise ValueError(f"{self.path} has JSON nested more than {_DEPTH} deep, after row {self._read}")
             options = arrow_json.ReadOptions(use_threads=False, block_size=len(lines) + 1)
             try:
                 table = arrow_json.read_json(arrow.BufferReader(lines), options)
@@ -289,6 +294,8 @@ class Table:
 
     def _array(self, text: bytes) -> Iterator[bytes]:
         """Yield the values of an array of JSON as lines, many at a time."""
+        if len(text) > _LARGEST:
+            raise ValueError(f"{self.path} is an array of more than {_LARGEST:,} bytes; JSON lines have no limit")
         try:
             rows = json.loads(text)
         except (ValueError, RecursionError) as error:
@@ -346,6 +353,8 @@ def _lines(file: IO[bytes], encoding: str, drop: int = 0) -> Iterator[bytes]:
         block = file.read(_BYTES)
         more = bool(block)
         rest += block if plain else decoder.decode(block, not more).encode()
+        if len(rest) > _LONGEST:
+            raise OverflowError(f"a line has more than {_LONGEST:,} bytes")
         cut = (rest.rfind(b"\n") + 1) if more else len(rest)
         back, quotes = cut, rest.count(b'"', 0, cut)
         while more and quotes % 2 and cut - back < _TEXT and back:
@@ -356,6 +365,15 @@ def _lines(file: IO[bytes], encoding: str, drop: int = 0) -> Iterator[bytes]:
             lines, drop = lines[line_end.end() :], drop - 1
         if lines:
             yield lines if lines.endswith((b"\n", b"\r")) else lines + b"\n"
+
+
+def _is_deep(lines: bytes) -> bool:
+    """Return whether more than `_DEPTH` arrays and objects are open at once, or are left open."""
+    quoted = lines.replace(b"\\\\", b"").replace(b'\\"', b"").translate(None, _BLAND).replace(b'""', b"")
+    marks = re.sub(rb'"[^"]*"', b"", quoted)
+    for _ in range(_DEPTH):
+        marks = marks.replace(b"{}", b"").replace(b"[]", b"")
+    return len(marks) > _DEPTH
 
 
 def _json_text(value: Any) -> str | None:

@@ -29,6 +29,8 @@ def check_scale(scale: tuple[float, float]) -> None:
         raise ValueError(f"the scale is {scale!r}; it must be the worst and the best rating, two numbers")
     if not -np.inf < scale[0] < scale[1] < np.inf:
         raise ValueError(f"the scale is from {scale[0]:g} to {scale[1]:g}; the best rating must be above the worst")
+    if not float(scale[1]) - float(scale[0]) < np.inf:
+        raise ValueError(f"the scale from {scale[0]:g} to {scale[1]:g} is too wide for a number")
 
 
 def unit_ratings(

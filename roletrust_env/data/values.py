@@ -16,6 +16,7 @@ _MISSING = ("na", "n/a", "nan", "nat", "null", "none", "-")
 """Texts that stand for no rating and no time, in small letters."""
 
 _NO_ZONE = "dates without a time zone"  # they count as UTC
+_LONGEST = 10_000  # bytes of a name
 _EXACT, _DIGITS = 2**53, 15  # whole numbers below, and numbers of so many digits, are exact as float64
 
 Row = Callable[[int], str]
@@ -82,9 +83,10 @@ def named(column: Any, what: str, row: Row) -> Any:
         row: See `Row`.
 
     Raises:
-        ValueError: The column has no names, or one is missing.
+        ValueError: The column has no names, or one is missing or very long.
     """
     import pyarrow as arrow
+    from pyarrow import compute
 
     kinds = arrow.types
     if kinds.is_floating(column.type):
@@ -99,6 +101,10 @@ def named(column: Any, what: str, row: Row) -> Any:
     column = column.cast(arrow.string())
     if (missing := np.flatnonzero(is_missing(column))).size:
         raise ValueError(f"{row(missing[0])} has no name in {what}")
+    sizes = to_numpy(compute.binary_length(column))
+    if (long := np.flatnonzero(sizes > _LONGEST)).size:
+        size = sizes[long[0]]
+        raise ValueError(f"{row(long[0])}: the name in {what} has {size:,} bytes; at most {_LONGEST:,} are allowed")
     return column
 
 

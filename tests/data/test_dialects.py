@@ -300,6 +300,25 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
             read_ratings(write(tmp_path, content, "log.jsonl"))
 
 
+def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also those at which pyarrow's parser would end the process; brackets in texts do not count."""
+    row = '{"rater": "a[{\\\\", "ratee": "\\"[", "rating": 1}\n'
+    assert len(read_ratings(write(tmp_path, row * 300, "log.jsonl"), repeats=True).values) == 300
+    monkeypatch.setattr("roletrust_env.data.tables._LONGEST", 30_000)
+    monkeypatch.setattr("roletrust_env.data.tables._BYTES", 30_000)
+    for name, content, message in (
+        ("log.jsonl", row + '{"rater": ' + "[" * 10_000, "nested more than 100 deep, after row 0"),
+        ("log.jsonl", row + '{"rater": ' + '{"a": ' * 400 + "1" + "}" * 401, "nested more than 100 deep"),
+        ("log.json", f'[{{"rater": {"[" * 200 + "]" * 200}, "ratee": 1, "rating": 1}}]', "nested more than 100 deep"),
+        ("log.csv", f"rater,ratee,rating\na,{'b' * 20_000},1\n", "row 2: the name in column 'ratee' has 20,000 bytes"),
+        ("log.csv", "rater,ratee,rating\na,b,1\n" + "b" * 40_000, "a line has more than 30,000 bytes"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            read_ratings(write(tmp_path, content, name))
+    with pytest.raises(ValueError, match="too wide"):
+        read_ratings(write(tmp_path, "a,b,1\n"), scale=(-1e308, 1e308))
+
+
 def test_a_name_may_begin_with_a_mark(tmp_path: Path) -> None:
     for content in ("#a,x,1\nb,x,0\n", "#a,x,1\n#b,x,0\n", "rater,ratee,rating\n#a,x,1\nb,x,0\n"):
         log, lines = told(write(tmp_path, content), Columns())

@@ -26,7 +26,7 @@ from roletrust_env.storage.files import prepare_folder, write_json, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
 from roletrust_env.trust.outside import OutsideModel
-from roletrust_experiments.commands.console import console, number_table, progress_bar, stage
+from roletrust_experiments.commands.console import console, number_table, progress_bar, shown, stage
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
 from roletrust_experiments.report.audit import WORDS, audit_page
@@ -106,7 +106,8 @@ def audit(
     every = None if count else MONTH if reading.every is None else reading.every
     journal = Journal(out / "audit.journal") if isinstance(chosen, OutsideModel) else None
     if journal and journal.known:
-        console.print(f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}")
+        told = f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}"
+        console.print(escape(told), soft_wrap=True)
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
         try:
@@ -141,7 +142,7 @@ def audit(
         console.print(table)
     far = f", and prices at most {found.apart:.0%} apart" if found.apart > 0 else ""
     told = f"{found.played:,} attacks; both searches found the same price for {found.agreement:.0%} of the targets{far}"
-    console.print(f"{told}. Written to {out}: audit.html, audit.json, audit.schema.json", soft_wrap=True)
+    console.print(escape(f"{told}. Written to {out}: audit.html, audit.json, audit.schema.json"), soft_wrap=True)
     low = min(one.value for one in found.medians.values())
     if fail_below is not None and low < fail_below:
         console.print(f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True)
@@ -174,7 +175,7 @@ def _tables(report: AuditReport) -> list[Table]:
         for one in whole[:_SHOWN]:
             best = one.cheapest
             cells = (f"{best.accounts}", f"{best.ratings}", _days(best.days)) if best else ()
-            agent = escape(one.agent) or "nobody has rated"
+            agent = shown(one.agent) or "nobody has rated"
             cheap.add_row(f"  {agent}", f"{one.rank:,}", f"{one.ratings:,}", _amount(one.price), *cells)
     moved = number_table("Mean number of ranks that accounts move a target", "", *map(str, ACCOUNTS), name="accounts")
     for goal, origin in dict.fromkeys((one.goal, one.origin) for one in found.movements):

@@ -10,6 +10,7 @@ from typing import Any
 from rich import progress
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 ALLOW_CODE = "Accept files that name classes that are not installed, as package.module:Class. This runs their code."
@@ -52,8 +53,8 @@ def progress_bar(where: Console = console, *, counted: bool = True) -> progress.
     ends = (progress.MofNCompleteColumn(), progress.TimeRemainingColumn())[not counted :]
     bar = where.file.isatty()
     kind, share = (progress.Progress, progress.BarColumn()) if bar else (_ProgressLog, progress.TaskProgressColumn())
-    columns, period = (progress.TextColumn("{task.description}"), share, *ends), 30.0 if counted else math.inf
-    return kind(*columns, console=where, transient=True, speed_estimate_period=period)
+    words, period = progress.TextColumn("{task.description}", markup=False), 30.0 if counted else math.inf
+    return kind(words, share, *ends, console=where, transient=True, speed_estimate_period=period)
 
 
 def stage(bar: progress.Progress, description: str, total: float | None = None) -> Callable[..., None]:
@@ -90,6 +91,11 @@ def number_table(title: str, caption: str, *headings: str, name: str = "") -> Ta
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     return table
+
+
+def shown(text: str) -> str:
+    """Return a text of others, such as a name in a log, for a console: without markup and orders to the terminal."""
+    return escape(re.sub("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", "\ufffd", text))
 
 
 def short(text: str) -> str:

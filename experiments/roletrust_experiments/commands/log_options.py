@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.evaluation.specs import parse_settings
-from roletrust_experiments.commands.console import console
+from roletrust_experiments.commands.console import console, shown
 
 MONTH = 2_592_000.0
 """Length of a round, 30 days in seconds."""
@@ -83,5 +82,5 @@ class LogOptions:
             dialect=Dialect(self.separator, self.encoding, self.header, self.time_unit, self.time_format),
             every=self.every,
             advance=advance,
-            tell=lambda line: console.print(escape(line), soft_wrap=True),
+            tell=lambda line: console.print(shown(line), soft_wrap=True),
         )

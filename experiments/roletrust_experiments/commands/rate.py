@@ -107,9 +107,18 @@ def rate(
     [dim]# two models on a synthetic log, with rounds of a week[/]
     [cyan]roletrust rate results/log --compare --synthetic --model role-trust --model beta --every 604800[/]
     """
-    every, state_or_lead = reading.every, not (state is None and lead is None)
+    every, state_or_lead, single = reading.every, not (state is None and lead is None), out.suffix == ".parquet"
+    tables = [out] if single else [out / f"{name}s.csv" for name in (*_ROLES, "suspect")]
+    own = {path.resolve() for path in (ratings, state) if path}
     for wrong, words in (
+        (own.intersection(path.resolve() for path in tables), f"--out {out} would replace the log or the state"),
+        (single and out.is_dir(), f"--out {out} is a folder; a table needs another name"),
         (compare and (state_or_lead or count), f"--count, --state and --lead are not for --compare: {_BY_TIME}"),
+        (
+            compare and (explain is not None or suspects or rank_by == "trust" or late == "count"),
+            "--explain, --suspects, --rank-by and --late are not for --compare: it ranks no agents",
+        ),
+        (compare and single, "--compare writes several tables; --out is a folder for them"),
         (not compare and (synthetic or search), "--synthetic and --search need --compare"),
         (not compare and len(model or ()) > 1, "several models need --compare"),
         (state and every is None, "--state needs --every: the time of a rating says whether it is new"),
@@ -126,7 +135,7 @@ def rate(
     chosen: Any = parse_named(registry, name)
     check_rounds(every, count)
     check_lateness(late, lead, every)
-    folder = out.parent if out.suffix == ".parquet" else out
+    folder = out.parent if single else out
     prepare_folder(folder)
     rounds: Any = {"every": every, "count": count, "same_agents": bool(reading.same_agents), "late": late, "lead": lead}
     with progress_bar() as progress:
@@ -167,7 +176,8 @@ def rate(
             rows = [(n, log.rater_names[at], *one[2:]) for n, one in enumerate(groups.groups, 1) for at in one.raters]
             write_csv(folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows)
     console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
-    console.print(f"{len(log.values):,} ratings in {run.rounds:,} rounds. Written to {written}", soft_wrap=True)
+    told = f"{len(log.values):,} ratings in {run.rounds:,} rounds. Written to {written}"
+    console.print(escape(told), soft_wrap=True)
 
 
 def _stream(model: Any, log: RatingLog, state: Path | None, reading: LogOptions, rounds: dict[str, Any]) -> TrustStream:

@@ -1,13 +1,12 @@
 """Tables of `roletrust rate` for a terminal of 80 columns: a ranking, an explanation, and suspects."""
 
-from rich.markup import escape
 from rich.table import Table
 
 from roletrust_baselines.logs.explanation import Explanation
 from roletrust_baselines.logs.suspects import Search
 from roletrust_env.data.evidence import Evidence, as_dates
 from roletrust_env.data.log import RatingLog
-from roletrust_experiments.commands.console import number_table
+from roletrust_experiments.commands.console import number_table, shown
 
 _SHOWN = 4  # ratings of a rater, and members of a group
 
@@ -24,7 +23,7 @@ def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
         interval = "-" if low != low else f"{low:.2f} {high:.2f}"  # NaN
         when = "-" if last != last else f"{last!s:.10}"
         counts = f"{ratings:,}", f"{number:,}", f"{independent:.1f}"
-        table.add_row(escape(agent), f"{place + 1:,}", f"{trust:.4f}", interval, *counts, when)
+        table.add_row(shown(agent), f"{place + 1:,}", f"{trust:.4f}", interval, *counts, when)
     return table
 
 
@@ -32,17 +31,17 @@ def explanation_table(found: Explanation, log: RatingLog, scale: tuple[float, fl
     """Return what makes the trust in an agent, with ratings on their scale."""
     rated, (worst, best) = found.role == "ratee", scale
     names, other = (log.rater_names, "rater") if rated else (log.ratee_names, "ratee")
-    title = f"Trust in the {found.role} {escape(found.name)}: {found.trust:.4f}, rank {found.rank:,} by trust"
+    title = f"Trust in the {found.role} {shown(found.name)}: {found.trust:.4f}, rank {found.rank:,} by trust"
     whose = "its ratings of the agent" if rated else "the agent's ratings of it"
     many = f"{len(found.reasons)} of {found.n_others:,} {other}s with {found.n_ratings:,} ratings."
     caption = f"{many} Others: their mean rating. Without: trust after the log without {whose}."
     table = number_table(title, caption, "ratings", "others", "trust in it", "without", "change", "rank", name=other)
     for agent, trust, ratings, others, without, rank in found.reasons:
         values = [f"{worst + value * (best - worst):g}" for value in ratings[-_SHOWN:].tolist()]
-        shown = ", ".join(["..."] * (len(ratings) > _SHOWN) + values)
+        last = ", ".join(["..."] * (len(ratings) > _SHOWN) + values)
         view = f"{worst + others * (best - worst):.3g}" if others == others else "-"  # NaN
         trusts = f"{trust:.3f}", f"{without:.4f}", f"{without - found.trust:+.4f}"
-        table.add_row(escape(names[agent]), shown, view, *trusts, f"{rank:,}")
+        table.add_row(shown(names[agent]), last, view, *trusts, f"{rank:,}")
     return table
 
 
@@ -56,6 +55,6 @@ def suspects_table(found: Search, log: RatingLog) -> Table:
     table = number_table(title, caption, "raters", "ratees", "shift", "shuffled", "apart", "p")
     for raters, ratees, shift, apart, chance, p in found.groups:
         names = [*(log.rater_names[place] for place in raters[:_SHOWN].tolist()), *["..."] * (len(raters) > _SHOWN)]
-        shown = (f"{number:.3f}" if number == number else "-" for number in (shift, chance, apart))  # NaN
-        table.add_row(escape(", ".join(names)), f"{len(raters):,}", f"{len(ratees):,}", *shown, f"{p:.2f}")
+        cells = (f"{number:.3f}" if number == number else "-" for number in (shift, chance, apart))  # NaN
+        table.add_row(shown(", ".join(names)), f"{len(raters):,}", f"{len(ratees):,}", *cells, f"{p:.2f}")
     return table

@@ -171,6 +171,21 @@ def test_a_bad_file_is_one_line_and_nothing_is_written(log: Path, tmp_path: Path
     assert "none.csv" in missing.output
 
 
+def test_names_give_no_orders_to_the_terminal_and_no_log_or_state_is_replaced(tmp_path: Path) -> None:
+    path, out = tmp_path / "raters.csv", ["--out", str(tmp_path)]
+    path.write_text("rater,ratee,rating\n[/],\x1b]0;ann\x07,1\n\u202ebob,=1+1,0\n")
+    result = run("rate", str(path), "--explain", "[/]", "--out", str(tmp_path / "[/]"))
+    assert result.exit_code == 0
+    assert "[/]" in result.output
+    assert not re.search("[\x1b\x07\u202e]", result.output)
+    assert {row["name"] for row in rows(tmp_path / "[/]" / "ratees.csv")} == {"\x1b]0;ann\x07", "=1+1"}
+    assert "would replace" in run("rate", str(path), *out).output
+    table = ["--out", str(tmp_path / "x.parquet")]
+    assert (
+        "would replace" in run("rate", "log.csv", "--every", "9", "--state", str(tmp_path / "x.parquet"), *table).output
+    )
+
+
 def test_a_bad_file_leaves_older_results_as_they_are(tmp_path: Path) -> None:
     content, out = BAD["off the scale"][0], tmp_path / "out"
     path = tmp_path / "log.csv"
@@ -358,6 +373,8 @@ def test_real_logs(tmp_path: Path) -> None:
 def test_options_of_one_kind_are_refused_for_the_other(tmp_path: Path) -> None:
     for options, words in (
         (["--compare", "--count", "3"], "not for --compare"),
+        (["--compare", "--explain", "x"], "it ranks no agents"),
+        (["--compare", "--out", "x.parquet"], "a folder for them"),
         (["--search", "3"], "need --compare"),
         (["--model", "mean", "--model", "beta"], "need --compare"),
     ):
