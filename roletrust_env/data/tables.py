@@ -105,7 +105,7 @@ class Table:
                     yield from self._feedback(list(rest)) if self._more else rest
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 raise ValueError(f"{self.path} is a damaged gzip file, after row {self._read}: {error}") from None
-            except (UnicodeDecodeError, csv.Error, arrow.ArrowException, OSError, OverflowError) as error:
+            except (UnicodeError, csv.Error, arrow.ArrowException, OSError, OverflowError) as error:
                 reason = str(error).partition("\n")[0]
                 raise ValueError(
                     f"{self.path} is no {kind} file, or a damaged one, after row {self._read}: {reason}"
@@ -139,7 +139,8 @@ class Table:
         if len(names) > 3:
             times = (arrow.table({"time": block[3]}) for block in blocks)
             ratings.append(arrow.concat_tables(times, promote_options="default")["time"].combine_chunks())
-        yield [column.filter(arrow.array(kept)) for column in ratings]
+        if kept.any():
+            yield [column.filter(arrow.array(kept)) for column in ratings]
 
     def _cleaned(self, table: Any, names: list[str], gone: list[int]) -> Iterator[Block]:
         """Yield a table in blocks, without blank rows, and without those that miss a value if these are left out.
@@ -207,9 +208,7 @@ class Table:
             return "skip"
 
         for lines in _lines(file, encoding, start.lines):
-            if (wrong_byte := _not_utf8(lines)) is not None:
-                what = f": byte 0x{lines[wrong_byte]:02x} is no UTF-8; name the encoding: --encoding latin-1"
-                self._fault(lines.count(b"\n", 0, wrong_byte), what)
+            self._check_utf8(lines, "; name the encoding: --encoding latin-1")
             tidied = tidy(lines, start.separator) + end
             skipped.clear()
             try:
@@ -244,6 +243,14 @@ class Table:
                 table = table.filter(is_comment == 0)
             yield from self._cleaned(table, names, sorted(skipped))
 
+    def _check_utf8(self, lines: bytes, hint: str) -> None:
+        """Refuse lines that are not UTF-8, by the row."""
+        try:
+            lines.decode()
+        except UnicodeDecodeError as error:
+            what = f": byte 0x{lines[error.start]:02x} is no UTF-8{hint}"
+            self._fault(lines.count(b"\n", 0, error.start), what)
+
     def _fault(self, place: int, what: str) -> NoReturn:
         """Raise an error about a row, by its place among those that are not yet counted as read."""
         raise ValueError(f"{self.path}, row {self._first + self._read + place}{what}")
@@ -259,6 +266,9 @@ class Table:
         for lines in self._array(file.read(_LARGEST + 1)) if array else _lines(file, "utf-8-sig"):
             if not lines.strip():
                 continue
+            self._check_utf8(lines, ", in which JSON is written")
+            if not lines.lstrip().startswith(b"{"):  # at a null, pyarrow's parser ends the process
+                self._fault(0, f": no object begins here; {_OBJECTS}")
             if _is_deep(lines):
                 raise ValueError(f"{self.path} has JSON nested more than {_DEPTH} deep, after row {self._read}")
             options = arrow_json.ReadOptions(use_threads=False, block_size=len(lines) + 1)
@@ -328,6 +338,7 @@ class Table:
         if twice := [name for name in names if header.count(name) > 1]:
             raise ValueError(f"{self.path} has several columns {twice[0]!r}")
         for batch in table.iter_batches(_ROWS, columns=sorted(set(names))):
+            batch.validate(full=True)  # texts are UTF-8
             columns = {name: batch.column(name) for name in names}
             decoded = {
                 name: column.dictionary_decode() if arrow.types.is_dictionary(column.type) else column
@@ -381,12 +392,3 @@ def _json_text(value: Any) -> str | None:
     if value is None or (isinstance(value, float) and not value.is_integer()):
         return None if value is None else str(value)
     return str(int(value)) if isinstance(value, bool | float) else str(value)
-
-
-def _not_utf8(lines: bytes) -> int | None:
-    """Return the place of the first byte that is not UTF-8; None if all are."""
-    try:
-        lines.decode()
-    except UnicodeDecodeError as error:
-        return error.start
-    return None

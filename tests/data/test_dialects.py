@@ -310,11 +310,28 @@ def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         ("log.jsonl", row + '{"rater": ' + "[" * 10_000, "nested more than 100 deep, after row 0"),
         ("log.jsonl", row + '{"rater": ' + '{"a": ' * 400 + "1" + "}" * 401, "nested more than 100 deep"),
         ("log.json", f'[{{"rater": {"[" * 200 + "]" * 200}, "ratee": 1, "rating": 1}}]', "nested more than 100 deep"),
+        (
+            "log.jsonl",
+            row.encode() + b'{"rater": "Jos\xe9"}\n',
+            "row 2: byte 0xe9 is no UTF-8, in which JSON is written",
+        ),
         ("log.csv", f"rater,ratee,rating\na,{'b' * 20_000},1\n", "row 2: the name in column 'ratee' has 20,000 bytes"),
+        ("log.jsonl", f"null\n{row}", "row 1: no object begins here"),
+        ("log.json", "[null, 5]", "row 1: no object begins here"),
         ("log.csv", "rater,ratee,rating\na,b,1\n" + "b" * 40_000, "a line has more than 30,000 bytes"),
     ):
         with pytest.raises(ValueError, match=message):
             read_ratings(write(tmp_path, content, name))
+    event = '"args": {"agentId": 1, "clientAddress": "0xab", "feedbackIndex": 1, "value": 1, "valueDecimals": 0}}\n'
+    gone = f'{{"event": "NewFeedback", {event}{{"event": "FeedbackRevoked", {event}'
+    with pytest.raises(ValueError, match="has no ratings"):
+        read_ratings(write(tmp_path, gone, "log.jsonl"))
+    latin = arrow.array([b"Jos\xe9"]).view(arrow.string())
+    parquet.write_table(arrow.table({"rater": latin, "ratee": ["b"], "rating": [1]}), tmp_path / "log.parquet")
+    with pytest.raises(ValueError, match=r"no Parquet file, or a damaged one.*UTF8"):
+        read_ratings(tmp_path / "log.parquet")
+    with pytest.raises(ValueError, match="no CSV file"):
+        read_ratings(write(tmp_path, "rater,ratee,rating\na+2AA-,b,1\n"), dialect=Dialect(encoding="utf-7"))
     with pytest.raises(ValueError, match="too wide"):
         read_ratings(write(tmp_path, "a,b,1\n"), scale=(-1e308, 1e308))
 

@@ -32,6 +32,7 @@ from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_o
 from roletrust_experiments.report.audit import WORDS, audit_page
 
 _OTHERS = 3  # models beside the audited one
+_DEAR = 1e12  # the highest price
 _SHOWN = 3  # most exposed agents of each goal
 
 
@@ -98,8 +99,12 @@ def audit(
     """
     if count is not None and (reading.every is not None or price_day):
         raise ValueError("--count is not for --every and --price-day: it makes rounds by number, not by time")
-    if not all(map(math.isfinite, (price_account, price_hijacked, price_rating, price_day, fail_below or 0))):
-        raise ValueError("prices and --fail-below must be finite numbers")
+    if not all(
+        abs(price) <= _DEAR for price in (price_account, price_hijacked, price_rating, price_day, fail_below or 0)
+    ):
+        raise ValueError(f"prices and --fail-below must be numbers up to {_DEAR:g}")
+    if alone and other:
+        raise ValueError("--alone compares with no model, and --other with some")
     prices, chosen = Prices(price_account, price_hijacked, price_rating, price_day), parse_named(registry, model)
     others = {name: parse_named(registry, name) for name in other or ()}
     prepare_folder(out)

@@ -34,7 +34,9 @@ def _curves(report: AuditReport) -> Figure:
             axes.step(prices, [one.value for one in reach], where="post", color=colour, linestyle=dash, label=words)
             ends = [one.low for one in reach], [one.high for one in reach]
             axes.fill_between(prices, *ends, step="post", color=colour, alpha=0.15, linewidth=0)
-        axes.set_xscale("symlog", linthresh=max(1e-9, min(one.price for one in found.curve if one.price)))
+        axes.set_xscale(
+            "symlog", linthresh=max(1e-9, min((one.price for one in found.curve if one.price), default=1.0))
+        )
         axes.set_xlabel("price of the attack on one target", color=INK)
         axes.set_ylabel(label, color=INK)
         axes.set_ylim(bottom=0)

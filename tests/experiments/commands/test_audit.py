@@ -40,6 +40,15 @@ def test_an_audit_says_the_same_on_screen_in_json_and_on_its_page(log: Path, tmp
     assert max(map(len, result.output.splitlines()[1:-3])) <= 80
 
 
+def test_prices_may_be_nothing_and_are_no_higher_than_numbers_are_exact(log: Path, tmp_path: Path):
+    nothing = [text for name in ("account", "hijacked", "rating") for text in (f"--price-{name}", "0")]
+    few = ["--alone", "--target", "5", "--budget", "2", "--model", "mean"]
+    result = run("audit", str(log), *SMALL, *few, *nothing, "--out", str(tmp_path / "out"))
+    assert result.exit_code == 0, result.output
+    for options, words in ((["--price-day", "1e300"], "numbers up to 1e+12"), (["--other", "mean"], "--alone")):
+        assert words in run("audit", str(log), *SMALL, "--alone", *options).output
+
+
 def test_a_log_without_times_is_audited_in_rounds_by_number(tmp_path: Path):
     rows = [f"r{n % 7},a{n * n % 5},{(n * n % 5) / 8 + 0.2}" for n in range(40)]
     (tmp_path / "log.csv").write_text("\n".join(["rater,ratee,rating", *rows]))
