@@ -123,13 +123,13 @@ def find_bribe(
         bought: Number of judges that are bought.
         labelled: Sets of labels, see `draws`. They are others than those with which the bribe is measured, since the
             attacker does not know which items have one.
-        budget: Number of bribes that are tried.
+        budget: Number of bribes that are tried, of which plain lies are the first; these are tried in any case.
         seed: Random seed.
         starts: Bribes that are tried in addition.
     """
     rng, least, found = np.random.default_rng(seed), np.inf, Bribe()
     given = [*(Bribe(choice) for choice in _CHOICES), *dict.fromkeys(starts)]
-    for at in range(budget + len(given) - len(_CHOICES)):
+    for at in range(max(budget - len(_CHOICES), 0) + len(given)):
         bribe = given[at] if at < len(given) else _changed(found if 2 * (at - len(given)) > budget else None, rng)
         each, _ = hits(scope, bribed(scope.votes, bought, bribe, seed), method, labelled)
         if each.mean() < least:

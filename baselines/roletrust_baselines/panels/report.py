@@ -13,6 +13,7 @@ from roletrust_baselines.panels.verdicts import TIE, Method
 from roletrust_baselines.panels.votes import Votes
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
+from roletrust_env.trust.key_index import Ints
 
 Tables = dict[str, tuple[list[str], list[list[str]]]]
 """Headings and lines by title."""
@@ -98,7 +99,8 @@ def trial(
 ) -> Iterator[Row]:
     """Yield the numbers of a trial on votes with a known truth, method by method. What does not fit is left out.
 
-    Attacks are on all items, without labels and with the median of the numbers of labels.
+    Attacks are on all items, without labels and with the median of the numbers of labels. Bribes are searched
+    against each method, and each method meets all of them.
 
     Args:
         votes: Votes and truth.
@@ -118,10 +120,7 @@ def trial(
             except MemoryError as error:
                 del fitting[name]
                 leave_out(f"{name}: {error}")
-    bribes: list[Bribe] = []
-    for name, method in fitting.items() if plan.budget else ():
-        advance(name)
-        yield from _attacked(scopes(votes)[0], name, method, plan, bribes)
+    yield from _attacked(scopes(votes)[0], fitting, plan, advance) if plan.budget else ()
 
 
 def _measured(scope: Scope, name: str, method: Method, plan: Plan) -> Iterator[Row]:
@@ -135,24 +134,37 @@ def _measured(scope: Scope, name: str, method: Method, plan: Plan) -> Iterator[R
             yield Row(scope.scored, scope.labelled, name, labels, 0, measure, *value)
 
 
-def _attacked(scope: Scope, name: str, method: Method, plan: Plan, bribes: list[Bribe]) -> Iterator[Row]:
-    """Yield the accuracy of a method under bought judges. Each search also tries all bribes that were found so far."""
+def _attacked(scope: Scope, methods: Mapping[str, Method], plan: Plan, advance: Callable[[str], None]) -> Iterator[Row]:
+    """Yield the accuracy of methods under bought judges. Each meets the worst of the bribes found against any."""
     middle = sorted(plan.labels)[len(plan.labels) // 2]
-    for labels in dict.fromkeys((0, middle)) if method.takes_labels else (0,):
-        seen = draws(scope, labels, _ATTACKED_DRAWS, plan.seed + 1)  # the attacker's guess of labels
-        labelled = draws(scope, labels, plan.draws, plan.seed)
-        for bought in (0, *plan.bought) if labelled else ():
-            if bought < scope.votes.shape[0]:
-                bribe = find_bribe(scope, method, bought, seen, plan.budget, plan.seed, bribes) if bought else Bribe()
+    numbers = [number for number in plan.bought if number < scope.votes.shape[0]]
+
+    def cells(name: str) -> Iterator[tuple[int, list[Ints]]]:
+        """Yield numbers of labels, and sets of them that stand for those that the attacker does not know."""
+        for labels in dict.fromkeys((0, middle)) if methods[name].takes_labels else (0,):
+            if seen := draws(scope, labels, _ATTACKED_DRAWS, plan.seed + 1):
+                yield labels, seen
+
+    bribes: dict[Bribe, None] = {}
+    for name, method in methods.items():
+        advance(name)
+        for _, seen in cells(name):
+            for bought in numbers:
+                bribes[find_bribe(scope, method, bought, seen, plan.budget, plan.seed)] = None
+    for name, method in methods.items():
+        advance(name)
+        for labels, seen in cells(name):
+            labelled = draws(scope, labels, plan.draws, plan.seed)
+            for bought in (0, *numbers):
+                bribe = find_bribe(scope, method, bought, seen, 0, plan.seed, list(bribes)) if bought else Bribe()
                 votes = bribed(scope.votes, bought, bribe, plan.seed)
                 value = judge(scope, method, labelled, plan.seed, votes)["accuracy"]
                 yield Row(*scope[:2], name, labels, bought, "attacked", *value, str(bribe) if bought else "")
-                bribes += [bribe] if bought else []
 
 
 def trial_steps(votes: Votes, plan: Plan) -> int:
     """Return how often `trial` calls `advance` for each method."""
-    return len(scopes(votes)) + (plan.budget > 0)
+    return len(scopes(votes)) + 2 * (plan.budget > 0)
 
 
 def accuracy_tables(rows: Sequence[Row]) -> Tables:

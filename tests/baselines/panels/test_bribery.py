@@ -83,5 +83,6 @@ def test_a_longer_search_is_never_better_for_the_panel(votes: Votes) -> None:
     assert judge(scope, method, labelled)["accuracy"].value > found[0] >= found[1] >= found[2]
     best = find_bribe(scope, method, 3, labelled, 16)
     assert least(4, (best,)) <= found[2]
+    assert find_bribe(scope, method, 3, labelled, 0, starts=[best]) == best
     all_lie = bribed(votes, 8, Bribe())
     assert judge(scope, Majority(), draws(scope, 0, 1, 0), votes=all_lie)["accuracy"].value == 0
