@@ -145,18 +145,20 @@ def _attacked(scope: Scope, methods: Mapping[str, Method], plan: Plan, advance: 
             if seen := draws(scope, labels, _ATTACKED_DRAWS, plan.seed + 1):
                 yield labels, seen
 
-    bribes: dict[Bribe, None] = {}
+    bribes: list[Bribe] = []
     for name, method in methods.items():
         advance(name)
         for _, seen in cells(name):
+            own: list[Bribe] = []  # what was found for fewer judges is tried for more
             for bought in numbers:
-                bribes[find_bribe(scope, method, bought, seen, plan.budget, plan.seed)] = None
+                own.append(find_bribe(scope, method, bought, seen, plan.budget, plan.seed, own))
+            bribes += own
     for name, method in methods.items():
         advance(name)
         for labels, seen in cells(name):
             labelled = draws(scope, labels, plan.draws, plan.seed)
             for bought in (0, *numbers):
-                bribe = find_bribe(scope, method, bought, seen, 0, plan.seed, list(bribes)) if bought else Bribe()
+                bribe = find_bribe(scope, method, bought, seen, 0, plan.seed, bribes) if bought else Bribe()
                 votes = bribed(scope.votes, bought, bribe, plan.seed)
                 value = judge(scope, method, labelled, plan.seed, votes)["accuracy"]
                 yield Row(*scope[:2], name, labels, bought, "attacked", *value, str(bribe) if bought else "")
