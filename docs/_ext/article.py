@@ -37,6 +37,9 @@ FILES = {
     "real, weeks": "leave-one-out-7.csv",
     "real, months": "leave-one-out-30.csv",
     "strategic": "strategic/strategic.csv",
+    "panel": "judges/all.csv",
+    "panel, bought": "judges/bought.csv",
+    "panel, product": "judges/product.csv",
 }
 """Tables of results, as paths in `docs/`, by the names that the template has for them."""
 
