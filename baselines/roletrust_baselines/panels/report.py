@@ -87,7 +87,7 @@ class Plan(NamedTuple):
     seed: int = 0
 
 
-_ATTACKED_DRAWS = 3  # sets of labels in the search of a bribe
+_SEARCHED, _CHOSEN = 3, 10  # sets of labels with which bribes are searched, and with which the worst of them is chosen
 
 
 def trial(
@@ -139,23 +139,23 @@ def _attacked(scope: Scope, methods: Mapping[str, Method], plan: Plan, advance: 
     middle = sorted(plan.labels)[len(plan.labels) // 2]
     numbers = [number for number in plan.bought if number < scope.votes.shape[0]]
 
-    def cells(name: str) -> Iterator[tuple[int, list[Ints]]]:
+    def cells(name: str, many: int) -> Iterator[tuple[int, list[Ints]]]:
         """Yield numbers of labels, and sets of them that stand for those that the attacker does not know."""
         for labels in dict.fromkeys((0, middle)) if methods[name].takes_labels else (0,):
-            if seen := draws(scope, labels, _ATTACKED_DRAWS, plan.seed + 1):
+            if seen := draws(scope, labels, many, plan.seed + 1):
                 yield labels, seen
 
     bribes: list[Bribe] = []
     for name, method in methods.items():
         advance(name)
-        for _, seen in cells(name):
+        for _, seen in cells(name, _SEARCHED):
             own: list[Bribe] = []  # what was found for fewer judges is tried for more
             for bought in numbers:
                 own.append(find_bribe(scope, method, bought, seen, plan.budget, plan.seed, own))
             bribes += own
     for name, method in methods.items():
         advance(name)
-        for labels, seen in cells(name):
+        for labels, seen in cells(name, _CHOSEN):
             labelled = draws(scope, labels, plan.draws, plan.seed)
             for bought in (0, *numbers):
                 bribe = find_bribe(scope, method, bought, seen, 0, plan.seed, bribes) if bought else Bribe()
