@@ -66,6 +66,7 @@ def test_it_is_the_same_on_torch():
     np.testing.assert_allclose(model.provider_trust(state).numpy(), here, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_who_believes_the_first_raters_gains_nothing():
     known = evaluate(FirstRaters(), "complementary", "market", games=20, share=0.5).utility
     seated = evaluate(RandomOrder(FirstRaters()), "complementary", "market", games=20, share=0.5).utility

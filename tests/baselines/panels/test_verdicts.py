@@ -128,7 +128,8 @@ def test_spearman_is_one_for_the_true_order() -> None:
 # --- crowd-kit ----------------------------------------------------------------------------------------
 
 SLOW = {"mace", "glad"}  # seconds each
-NAMES = [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in CROWD_METHODS]
+HEAVY = {*SLOW, "dawid-skene"}
+NAMES = [pytest.param(name, marks=pytest.mark.slow) if name in HEAVY else name for name in CROWD_METHODS]
 
 
 def test_names_and_the_library_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -77,7 +77,9 @@ def test_what_is_sold_is_what_a_recorded_game_tells(policy: Any) -> None:
     )
 
 
-@pytest.mark.parametrize("method", [GridSearch, RandomSearch, CmaEs], ids=lambda method: method.__name__)
+@pytest.mark.parametrize(
+    "method", [GridSearch, RandomSearch, pytest.param(CmaEs, marks=pytest.mark.slow)], ids=lambda one: one.__name__
+)
 def test_searches_find_what_whitewashing_brings_and_pick_it_from_a_mixture(method: Any) -> None:
     def found(some: Any, kinds: Any) -> Any:
         return find(some(attacks=kinds), SELLER, budget=5_000, seed=0, games=2)

@@ -174,6 +174,7 @@ def test_more_budget_finds_more():
     assert many > few
 
 
+@pytest.mark.slow
 def test_cma_es_beats_the_grid():
     """Its own space holds the grid, and it goes on between the grid's lines."""
     grid, best = (found(method, PROVIDER, 30_000).scores.mean() for method in (GridSearch(), CmaEs()))
