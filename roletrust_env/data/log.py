@@ -194,7 +194,7 @@ def _lines(
         "blank rows": table.blank,
         "lines of comment": table.comments,
         "rows with a missing value left out": table.incomplete,
-        "names joined with another, from which white space at the ends or the form of Unicode told them": joined,
+        "names joined that differ only in white space at the ends or in the form of Unicode": joined,
         "names of whole numbers without their .0": floats,
     }
     yield f"Read as {', '.join([*parts, *(f'{what}: {count:,}' for what, count in counts.items() if count)])}."

@@ -8,11 +8,10 @@ def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]], names
 
     Args:
         headings: Headings.
-        rows: Cells of each row. A bar in a cell is written as an entity, for it would end the cell.
+        rows: Cells of each row. A bar is written as an entity, for it would end the cell.
         names: Number of leading columns with text, or the headings of these columns; the others have numbers and are
             aligned to the right.
     """
     texts = headings[:names] if isinstance(names, int) else names
-    lines = [list(headings), ["---" if name in texts else "---:" for name in headings]]
-    lines += [[cell.replace("|", "&#124;") for cell in row] for row in rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    lines = [headings, ["---" if name in texts else "---:" for name in headings], *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in lines)

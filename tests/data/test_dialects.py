@@ -175,7 +175,7 @@ def test_names_are_trimmed_and_the_joined_are_told(tmp_path: Path) -> None:
     log, lines = told(path, Columns(), same_agents=True)
     assert log.rater_names == ["ann", "Ann", "x"]
     assert log.raters.tolist() == [0, 0, 0, 1]
-    assert "told them: 3." in lines
+    assert "form of Unicode: 3." in lines
 
 
 def test_names_of_whole_floats_are_whole_numbers_if_all_of_the_column_are(tmp_path: Path) -> None:

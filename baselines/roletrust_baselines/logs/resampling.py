@@ -85,8 +85,8 @@ def correlation(one: Floats, other: Floats) -> Callable[[Floats], float]:
 
 
 def mean(values: Floats) -> Callable[[Floats], float]:
-    """Return a function from weights to the mean of values of shape (n,)."""
-    return lambda weights: float(np.average(values, weights=weights))
+    """Return a function from weights to the mean of values of shape (n,); NaN without values."""
+    return lambda weights: float(np.average(values, weights=weights)) if len(values) else np.nan
 
 
 def ranks(values: Floats) -> Floats:

@@ -82,7 +82,7 @@ def bribed(votes: Votes, bought: int, bribe: Bribe, seed: int = 0) -> Votes:
     """Return the votes as they are once so many judges are bought; the seed is for a choice at random."""
     judges = chosen(votes, bought, bribe.choice, seed)
     _, items, answers = votes.shape
-    odds, every = log_odds(votes.accuracy), np.arange(items)
+    odds, every = log_odds(votes.accuracy, answers), np.arange(items)
     weights = 1 - bribe.known + bribe.known * odds / max(abs(odds).mean(), TIE)
     weights[judges] = 0
     tally, total = votes.tally(weights), votes.tally(abs(weights)).sum(axis=1)

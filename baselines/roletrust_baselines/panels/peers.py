@@ -32,7 +32,7 @@ class Comparisons(NamedTuple):
 
     Attributes:
         judges: Place of the judge of each vote among the agents, shape (n,).
-        items: Place of the item, shape (n,), ascending.
+        items: Place of the item in the order in which they first occur, shape (n,), ascending.
         first: Place of the author of the first answer, shape (n,).
         second: Place of the author of the second answer, shape (n,).
         values: 1 if the first answer won, 0 if the second, 0.5 for a tie, shape (n,).
@@ -174,7 +174,7 @@ class PeerMethod(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class PeersByTrust:
-    """The standing by a trust model: the winner of a pair is rated 1, the other 0; a round for each item.
+    """The standing by a trust model: the winner of a pair is rated 1, the other 0; a round for each item, in turn.
 
     Judges do not rate themselves. The owner is one more agent with its own votes in the first round: models with a
     trust for each judge say what it trusts, others count it as one of all.

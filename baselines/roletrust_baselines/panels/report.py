@@ -9,7 +9,7 @@ import numpy as np
 from roletrust_baselines.panels.bribery import Bribe, bribed, find_bribe
 from roletrust_baselines.panels.peers import Comparisons, PeerMethod, against_people, judges_to_win
 from roletrust_baselines.panels.trials import ALL, Scope, draws, judge, scopes
-from roletrust_baselines.panels.verdicts import TIE, Method
+from roletrust_baselines.panels.verdicts import TIE, Method, leaders
 from roletrust_baselines.panels.votes import Votes
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
@@ -223,7 +223,7 @@ def judged(votes: Votes, method: Method) -> tuple[list[tuple[Any, ...]], list[tu
 
     Returns:
         Name of the judge, trust, number of items, share that is right; name of the item, verdict, its share of the
-        support, truth.
+        support, truth. In a tie the verdict is empty, and so it is without votes.
     """
     labelled = np.flatnonzero(votes.truth >= 0)
     support, trust = method(votes, labelled)
@@ -234,8 +234,10 @@ def judged(votes: Votes, method: Method) -> tuple[list[tuple[Any, ...]], list[tu
     share = support - support.min(axis=1, keepdims=True).clip(max=0)
     share /= np.maximum(share.sum(axis=1, keepdims=True), TIE)
     answers = [*votes.answer_names, ""]  # the last is no answer
-    best = zip(votes.item_names, support.argmax(axis=1).tolist(), votes.truth.tolist(), strict=True)
-    return judges, [(name, answers[at], float(share[n, at]), answers[true]) for n, (name, at, true) in enumerate(best)]
+    tie = leaders(support).sum(axis=1) > 1
+    verdicts = np.where(tie | (np.bincount(votes.items, minlength=len(tie)) == 0), -1, support.argmax(axis=1))
+    columns = votes.item_names, verdicts.tolist(), share.max(axis=1).tolist(), votes.truth.tolist()
+    return judges, [(name, answers[at], most, answers[true]) for name, at, most, true in zip(*columns, strict=True)]
 
 
 def cells(line: Sequence[Any]) -> list[str]:
@@ -259,10 +261,13 @@ AGENT = ("agent", "ToP", "ToR", "ToA", "wins", "wins, people")
 
 
 def standings(votes: Comparisons, method: PeerMethod, people: Comparisons | None) -> list[tuple[Any, ...]]:
-    """Return a line for each agent with answers, the best first, see `AGENT`."""
+    """Return a line for each agent, see `AGENT`: those with answers, the best first, then other judges with a ToR."""
     standing, empty = method(votes), np.full(len(votes.agents), np.nan)
-    columns = (standing.score, standing.tor, standing.toa, votes.win_rate, people and people.win_rate)
-    order = votes.authors[np.argsort(-standing.score[votes.authors], kind="stable")].tolist()
+    score = np.where(np.isin(np.arange(len(empty)), votes.authors), standing.score, np.nan)
+    tor = empty if standing.tor is None else standing.tor
+    columns = (score, tor, standing.toa, votes.win_rate, people and people.win_rate)
+    order = np.lexsort((np.where(np.isnan(score), -tor, 0), -score))  # NaN is last
+    order = order[~np.isnan(score[order]) | ~np.isnan(tor[order])].tolist()
     return [(votes.agents[at], *(float((empty if one is None else one)[at]) for one in columns)) for at in order]
 
 

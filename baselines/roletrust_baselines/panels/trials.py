@@ -42,7 +42,7 @@ def scopes(votes: Votes) -> list[Scope]:
         return found
     for place, name in enumerate(votes.kind_names):
         here = votes.kinds == place
-        for labelled, source in ((name, here), ("other", ~here)):
+        for labelled, source in ((name, here), ("other", ~here & (votes.kinds >= 0))):
             part = votes.only(here | source)
             of_kind, pool = (chosen[here | source] for chosen in (here & known, source & known))
             found.append(Scope(name, labelled, part, of_kind, np.flatnonzero(pool)))

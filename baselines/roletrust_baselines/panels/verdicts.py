@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_baselines.panels.votes import Votes
@@ -29,7 +30,7 @@ class Verdict(NamedTuple):
     """What is made of the votes.
 
     Attributes:
-        support: Support of each answer to each item, shape (I, A); the answer with most is the verdict.
+        support: Support of each answer to each item, shape (I, A); the answer with most is the verdict, see `leaders`.
         trust: Trust in the judges, shape (J,); None without.
     """
 
@@ -57,16 +58,30 @@ class Method(Protocol):
         """
 
 
-def log_odds(chance: Floats) -> Floats:
-    """Return the logarithm of the odds of chances; NaN is even, and none is nearer to 0 or 1 than 0.001."""
-    chance = np.clip(np.nan_to_num(chance, nan=0.5), 0.001, 0.999)
-    odds: Floats = np.log(chance / (1 - chance))
+def log_odds(chance: Floats, answers: int = 2) -> Floats:
+    """Return the logarithm of the odds of a right answer over each wrong one, which are equally likely.
+
+        log(p (A - 1) / (1 - p))
+
+    Args:
+        chance: Chance p to be right; NaN is that of a guess, 1 / A, and none is nearer to 0 or 1 than 0.001.
+        answers: Number A of answers.
+    """
+    answers = max(answers, 2)
+    chance = np.clip(np.nan_to_num(chance, nan=1 / answers), 0.001, 0.999)
+    odds: Floats = np.log(chance * (answers - 1) / (1 - chance))
     return odds
+
+
+def leaders(support: Floats) -> npt.NDArray[np.bool_]:
+    """Return whether each answer has the most support for its item, shape (I, A); in a tie several have."""
+    best: npt.NDArray[np.bool_] = support >= support.max(axis=1, keepdims=True) - TIE
+    return best
 
 
 def right(votes: Votes, support: Floats) -> Floats:
     """Return how right a verdict is on each item, shape (I,): 1, 0 or in a tie a share; NaN if the truth is unknown."""
-    best = support >= support.max(axis=1, keepdims=True) - TIE
+    best = leaders(support)
     known = votes.truth >= 0
     hit = best[np.arange(len(best)), votes.truth] / best.sum(axis=1)
     return np.where(known, hit, np.nan)
@@ -129,10 +144,11 @@ class Majority:
 class LabelsOnly:
     """The verdict by votes that count as their judges are right on the labels.
 
-        weight = log(p / (1 - p)),   p = (right + 1) / (labelled + 2)
+        weight = log(p (A - 1) / (1 - p)),   p = (right + 1) / (labelled + A)
 
-    It is the best vote of independent judges between two answers if p is the chance to be right (Nitzan and Paroush,
-    1982). A judge that is mostly wrong counts against its vote. Without labels nothing is said.
+    With A answers it is the best vote of independent judges if p is the chance to be right and wrong answers are
+    equally likely (Nitzan and Paroush, 1982, for two). A judge that is right less often than a guess counts against its
+    vote. Without labels nothing is said.
     """
 
     takes_labels = True
@@ -142,8 +158,9 @@ class LabelsOnly:
         known = np.isin(votes.items, labelled)
         hits = votes.shares[known, votes.truth[votes.items[known]]]
         total, count = (np.bincount(votes.judges[known], w, votes.shape[0]) for w in (hits, np.ones(len(hits))))
-        chance = (total + 1) / (count + 2)
-        return Verdict(votes.tally(log_odds(chance)), chance)
+        answers = max(votes.shape[2], 2)
+        chance = (total + 1) / (count + answers)
+        return Verdict(votes.tally(log_odds(chance, answers)), chance)
 
 
 # --- methods of crowd-kit -----------------------------------------------------------------------------

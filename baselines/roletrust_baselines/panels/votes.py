@@ -14,8 +14,9 @@ from roletrust_env.data.tables import Table
 from roletrust_env.data.values import is_missing, named
 from roletrust_env.storage.files import write_csv
 from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.run import MEMORY
 
-_MAY_MISS = ("vote", "truth")
+_MAY_MISS = ("vote", "truth", "kind")
 _GOLD = {"item": "item", "truth": "truth"}
 
 
@@ -42,7 +43,7 @@ class Votes(NamedTuple):
         items: Place of its item, shape (E,); a judge has one opinion about an item.
         shares: Share of each answer in it, shape (E, A), rows sum to 1.
         truth: Place of the true answer of each item, shape (I,); -1 where it is unknown.
-        kinds: Place of the kind of each item, shape (I,).
+        kinds: Place of the kind of each item, shape (I,); -1 where it is unknown.
         judge_names: Names of the judges.
         item_names: Names of the items.
         answer_names: Names of the answers.
@@ -124,8 +125,8 @@ def read_votes(
         tell: Function that is called with a line for the user.
 
     Raises:
-        ValueError: The file is no such table, an item has two truths, or no truth is among the answers. Or pyarrow is
-            missing.
+        ValueError: The file is no such table, has no votes or too many answers, an item has two truths, or no truth is
+            among the answers. Or pyarrow is missing.
         OSError: The file cannot be read.
     """
     judges_by = {f"judge {n + 1}" if n else "judge": name for n, name in enumerate(judge)}
@@ -133,7 +134,14 @@ def read_votes(
     wanted |= {"truth": truth} if isinstance(truth, str) else {}
     table = read_codes(path, wanted, dialect, tell)
     voted = table["vote"].places >= 0
+    if not voted.any():
+        raise ValueError(f"{path} has no votes: all {len(voted):,} rows are abstentions; --vote names their column")
     items, answers = table["item"], table["vote"]
+    if max(int(voted.sum()), len(items.names)) * len(answers.names) * 8 > MEMORY:
+        raise ValueError(
+            f"{path} has {len(answers.names):,} different answers, too many for {voted.sum():,} votes;"
+            " --vote names the column of the vote"
+        )
     judges = _together([table[role] for role in judges_by])
     size, kinds, true = (
         len(items.names),
@@ -143,21 +151,37 @@ def read_votes(
     if kind:
         kinds = Codes(table["kind"].names, _of_items(path, items, table["kind"], "kind"))
     if truth is not None:
-        where, gold = (path, table) if isinstance(truth, str) else (truth, read_codes(truth, _GOLD, dialect))
+        where, gold = (path, table) if isinstance(truth, str) else (truth, _read_gold(truth, dialect))
         among = {name: place for place, name in enumerate(answers.names)}
         answer = np.array([*(among.get(name, -1) for name in gold["truth"].names), -1])
-        each = answer[_of_items(where, gold["item"], gold["truth"], "truth")]
-        known = dict(zip(gold["item"].names, each.tolist(), strict=True))
+        said = _of_items(where, gold["item"], gold["truth"], "truth")
+        known = dict(zip(gold["item"].names, answer[said].tolist(), strict=True))
         true = np.array([known.get(name, -1) for name in items.names])
         if (true < 0).all():
             among_them = ", ".join(answers.names[:8])
             raise ValueError(f"{truth} has the truth of no item in {path}; the answers are {among_them}")
+        if lost := int((said >= 0).sum() - (true >= 0).sum()):
+            tell(f"Truths left out, as nobody voted on the item or nobody gave the true answer: {lost:,}.")
     pairs, which = np.unique_inverse(judges.places[voted] * size + items.places[voted])
     counts = np.zeros((len(pairs), len(answers.names)))
     np.add.at(counts, (which, answers.places[voted]), 1.0)
     who, whom = np.divmod(pairs, size)
     names = judges.names, items.names, answers.names, kinds.names
     return Votes(who, whom, counts / counts.sum(axis=1, keepdims=True), true, kinds.places, *names)
+
+
+def _read_gold(path: Path, dialect: Dialect) -> dict[str, Codes]:
+    """Return the columns of a file of truths.
+
+    Raises:
+        ValueError: The file is no such table. The options that name the columns of votes are no help here.
+        OSError: The file cannot be read.
+    """
+    try:
+        return read_codes(path, _GOLD, dialect)
+    except ValueError as error:
+        fault = str(error).partition("; name ")[0]
+        raise ValueError(f"{fault}; a file of truths has the columns item and truth") from None
 
 
 def read_codes(
@@ -178,17 +202,19 @@ def read_codes(
         for (role, name), column in zip(wanted.items(), block, strict=True):
             rows = np.flatnonzero(~is_missing(column, value=True)) if role in _MAY_MISS else np.arange(len(column))
             row = _row(table, read + rows)
-            columns[role].add(named(column.take(arrow.array(rows)), f"column {name!r}", row))
+            if len(rows):
+                columns[role].add(named(column.take(arrow.array(rows)), f"column {name!r}", row))
             there[role].append(read + rows)
         read += len(block[0])
     if not read:
         raise ValueError(f"{path} has no rows")
     found = {}
     for role, column in columns.items():
-        names, (codes,), *_ = column.places(1)
-        every = np.full(read, -1, np.int64)
-        every[np.concatenate(there[role])] = codes
-        found[role] = Codes(list(names), every)
+        every, names = np.full(read, -1, np.int64), list[str]()
+        if (rows := np.concatenate(there[role])).size:
+            all_names, (every[rows],), *_ = column.places(1)
+            names = list(all_names)
+        found[role] = Codes(names, every)
     absent = int((found["vote"].places < 0).sum()) if "vote" in found else 0
     tell(f"Read as {', '.join(table.found)}{f', abstentions: {absent:,}' if absent else ''}.")
     return found

@@ -32,7 +32,7 @@ from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_experiments.commands.console import console, number_table, progress_bar, short
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
-_FEW = 5  # judges at each end of the table
+_FEW = 5  # judges at each end of a longer table
 _INTERVAL = re.compile(r" \((.*), (.*)\)")
 _METHOD = "first-hand"
 
@@ -75,7 +75,8 @@ def panel(
     of a judge on an item are one opinion. Items with a known truth are labels of your own (--truth): they enter a trust
     model as the experience of one more judge, you, and the verdict on the other items is what it trusts.
 
-    Written: [green]judges.csv[/], the trust in each judge; [green]verdicts.csv[/], the verdict on each item.
+    Written: [green]judges.csv[/], the trust in each judge; [green]verdicts.csv[/], the verdict on each item, empty
+    in a tie.
 
     With --measure, the truth is hidden, and methods get few labels of it, drawn many times: how often is each right,
     with how many labels, and with labels of another kind of item (--kind)? With --bribes, some judges are bought: a
@@ -97,17 +98,29 @@ def panel(
     """
     plan = Plan(tuple(sorted(set(labels))) if labels else Plan().labels, draws, budget=bribes, seed=seed)
     dialect, measured = Dialect(separator, encoding), measure or bribes > 0
+    for wrong, words in (
+        (peers and len(judge or ()) > 1, "with --peers a judge is one column (--judge)"),
+        (peers and (truth or kind or synthetic), "--truth, --kind and --synthetic are not for --peers"),
+        (not measured and len(method or ()) > 1, "several methods need --measure"),
+        (not measured and labels, "--labels needs --measure; your own labels are --truth FILE"),
+        (synthetic and votes.exists(), f"{votes} is there already; leave out --synthetic, or name a new file"),
+        (synthetic and votes.suffix != ".csv", f"{votes} must end in .csv, as --synthetic writes CSV"),
+    ):
+        if wrong:
+            raise ValueError(words)
     if synthetic:
         votes.parent.mkdir(parents=True, exist_ok=True)
         write_votes(votes, seed)
     tell: Callable[[str], None] = lambda line: console.print(escape(line), soft_wrap=True)  # noqa: E731
     if peers:
-        if judge and len(judge) > 1:
-            raise ValueError("with --peers a judge is one column (--judge)")
         (one,) = judge or ("judge",)
         comparisons, crowd = read_comparisons(votes, one, item, vote=vote, people=people, dialect=dialect, tell=tell)
-        if measured and crowd is None:
-            raise ValueError(f"there are no votes of people, the judge {people!r} (--people), to measure against")
+        if measured:
+            if crowd is None or (crowd.values == 0.5).all():
+                raise ValueError(
+                    f"--measure needs votes of people ({people!r}, --people) on these agents, not only ties"
+                )
+            plan = _fitting(plan, len(crowd.values), "votes of people")
         prepare_folder(out)
         names = method or (all_peer_methods() if measured else [_METHOD])
         _peers(comparisons, crowd if measured else None, names, plan, out)
@@ -116,6 +129,8 @@ def panel(
     ballot = read_votes(votes, judge or ["judge"], item, vote, gold, kind, dialect=dialect, tell=tell)
     if measured and (ballot.truth < 0).all():
         raise ValueError("there is no truth to measure against (--truth COLUMN or FILE)")
+    if measured:
+        plan = _fitting(plan, int((ballot.truth >= 0).sum()), "items with a known truth")
     prepare_folder(out)
     if measured:
         _measured(ballot, method or all_methods(), plan, out)
@@ -123,13 +138,29 @@ def panel(
         _verdicts(ballot, (method or [_METHOD])[0], out)
 
 
+def _fitting(plan: Plan, known: int, what: str) -> Plan:
+    """Return a plan without the numbers of labels that would leave nothing to judge, and say so.
+
+    Raises:
+        ValueError: No number of labels is left.
+    """
+    labels = tuple(n for n in plan.labels if n < known)
+    left = ", ".join(f"{n}" for n in plan.labels if n >= known)
+    if not labels:
+        raise ValueError(f"--labels {left} leaves nothing to judge: there are {known:,} {what}")
+    if left:
+        console.print(f"[dark_orange3]left out:[/] {left} labels, since there are {known:,} {what}", soft_wrap=True)
+    return plan._replace(labels=labels)
+
+
 def _verdicts(votes: Votes, name: str, out: Path) -> None:
     """Write the trust in the judges and the verdicts, with all labels, and print the best and the worst judges."""
     judges, verdicts = judged(votes, make_method(name))
     write_csv(out / "judges.csv", ("judge", "trust", "items", "right"), judges)
     write_csv(out / "verdicts.csv", ("item", "verdict", "support", "truth"), verdicts)
-    ends = judges if len(judges) <= 2 * _FEW else [*judges[:_FEW], *judges[-_FEW:]]
-    title = f"Judges by {name}, with {int((votes.truth >= 0).sum()):,} labels"
+    long = len(judges) > 2 * _FEW
+    ends = [*judges[:_FEW], *judges[-_FEW:]] if long else judges
+    title = f"Judges by {name}, with {int((votes.truth >= 0).sum()):,} labels" + f": first and last {_FEW}" * long
     _print(title, ["judge", "trust", "items", "right on labels"], [cells(line) for line in ends])
     told = f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv"
     console.print(told, soft_wrap=True)
@@ -185,7 +216,7 @@ def _print(title: str, headings: Sequence[str], lines: Iterable[Sequence[str]]) 
     """Print a table, with half the width of an interval behind its value."""
     found = [[_INTERVAL.sub(_half, one) for one in line] for line in lines]
     caption = "± half of the 95% interval" * any("±" in one for line in found for one in line)
-    table = number_table(title, caption, *headings[1:], name=headings[0])
+    table = number_table(escape(title), caption, *map(escape, headings[1:]), name=escape(headings[0]))
     for name, *numbers in found:
         table.add_row(escape(name), *map(short, numbers))
     console.print(table)

@@ -60,7 +60,7 @@ def test_known_judges_count_as_they_are_right(votes: Votes) -> None:
     """Lies where the truth leads by log-odds are told elsewhere than where it leads by number."""
     equal, known = (bribed(votes, 2, Bribe("best", 0.0, 1.0, "own", share)) for share in (0.0, 1.0))
     judges = chosen(votes, 2, "best")
-    odds = log_odds(votes.accuracy)
+    odds = log_odds(votes.accuracy, votes.shape[2])
     odds[judges] = 0
     tally = votes.tally(odds)
     rows = np.isin(votes.judges, judges)

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from panel_cases import votes_of
 
+from roletrust_baselines.panels.report import judged
 from roletrust_baselines.panels.trials import draws, judge, scopes
 from roletrust_baselines.panels.verdicts import (
     CROWD_METHODS,
@@ -43,6 +44,27 @@ def test_labels_alone_weigh_by_log_odds() -> None:
     assert trust == pytest.approx([3 / 4, 1 / 4])
     assert support[2] == pytest.approx([-np.log(3), np.log(3)])  # the first says 1, the second, mostly wrong, says 0
     assert LabelsOnly()(votes, NOBODY).support.tolist() == [[0, 0]] * 3
+
+
+def test_labels_alone_are_the_most_likely_answer_of_several() -> None:
+    """Support is a log-likelihood but for a constant: p if right, (1 - p) / (A - 1) for each wrong one."""
+    rng = np.random.default_rng(0)
+    truth = np.arange(60) % 5
+    votes = votes_of(np.where(rng.random((4, 60)) < [[0.9], [0.6], [0.4], [0.1]], truth, rng.integers(0, 5, 60)), truth)
+    support, trust = LabelsOnly()(votes, np.arange(40))
+    assert trust is not None
+    for item in range(60):
+        said = votes.shares[votes.items == item].argmax(axis=1)  # in the order of the judges
+        expected = [np.log(np.where(said == answer, trust, (1 - trust) / 4)).sum() for answer in range(5)]
+        assert support[item] - support[item, 0] == pytest.approx(np.array(expected) - expected[0])
+    assert LabelsOnly()(votes, NOBODY).support.tolist() == [[0] * 5] * 60
+
+
+def test_a_tie_and_an_item_without_votes_have_no_verdict() -> None:
+    votes = votes_of([[0, 1, 1], [1, 1, 0]], [-1, -1, -1])
+    votes = votes._replace(**{name: getattr(votes, name)[votes.items < 2] for name in ("judges", "items", "shares")})
+    for name in ("majority", "first-hand", "leave-one-out"):
+        assert [line[1] for line in judged(votes, make_method(name))[1]] == ["", "a1", ""], name
 
 
 def test_one_trust_for_all_weighs_the_vote(synthetic: Votes) -> None:

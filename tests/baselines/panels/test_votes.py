@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from roletrust_baselines.panels.trials import scopes
 from roletrust_baselines.panels.votes import Votes, read_votes, write_votes
 
 CSV = """item,model,prompt,answer,truth,kind
@@ -78,9 +79,36 @@ def test_truth_may_be_a_file_of_some_items(path: Path, tmp_path: Path) -> None:
         read_votes(path, ("model",), truth=tmp_path / "labels.csv")
 
 
+def test_truths_that_nobody_could_be_right_about_are_counted(path: Path, tmp_path: Path) -> None:
+    (tmp_path / "labels.csv").write_text("item,truth\na,never\nb,no\nelsewhere,yes\n")
+    told: list[str] = []
+    assert read_votes(path, ("model",), truth=tmp_path / "labels.csv", tell=told.append).truth.tolist() == [-1, 1]
+    assert told[1] == "Truths left out, as nobody voted on the item or nobody gave the true answer: 2."
+    (tmp_path / "labels.csv").write_text("name,truth\na,yes\n")
+    with pytest.raises(ValueError, match=r"no column 'item'.*; a file of truths has the columns item and truth$"):
+        read_votes(path, ("model",), truth=tmp_path / "labels.csv")
+
+
+def test_a_kind_and_all_truths_may_be_missing(tmp_path: Path) -> None:
+    (tmp_path / "votes.csv").write_text("item,judge,vote,kind,truth\na,x,1,k,\nb,x,1,,\nc,x,2,l,\nc,y,2,,\n")
+    votes = read_votes(tmp_path / "votes.csv", kind="kind")
+    assert votes.kinds.tolist() == [0, -1, 1]
+    found = {one[:2]: one.votes.item_names for one in scopes(votes._replace(truth=np.zeros(3, np.int64)))}
+    assert (found["k", "k"], found["k", "other"]) == (["a"], ["a", "c"])
+    with pytest.raises(ValueError, match="has the truth of no item"):
+        read_votes(tmp_path / "votes.csv", truth="truth")
+
+
+def test_texts_are_no_answers(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("roletrust_baselines.panels.votes.MEMORY", 100)
+    with pytest.raises(ValueError, match="3 different answers, too many for 6 votes; --vote names the column"):
+        read_votes(path, ("model",))
+
+
 @pytest.mark.parametrize(
     ("text", "match"),
     [
+        ("item,judge,vote\na,x,\nb,x,NA\n", "has no votes: all 2 rows are abstentions"),
         ("item,judge,vote,truth\na,x,1,1\na,y,1,2\n", "the truth of 'a' is '1' and '2'; an item has one"),
         ("item,judge,vote\na,,1\n", "row 2 has no name in column 'judge'"),
         ("item,judge\na,x\n", "there is no column 'vote'"),

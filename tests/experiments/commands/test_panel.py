@@ -91,6 +91,26 @@ def test_agents_that_judge_one_another(tmp_path: Path) -> None:
     assert win["a"] == 0 < win["b"]
 
 
+def test_judges_without_answers_have_a_tor_and_names_stand_as_they_are(tmp_path: Path) -> None:
+    names = ("k", "[b]l|", "m")
+    rows = [(judge, item, "[b]a|", "c", "first") for judge in (*names, "human") for item in range(4)]
+    path = tmp_path / "votes.csv"
+    path.write_text("judge,item,first,second,vote\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
+    more = ["--measure", "--bribes", "2", "--method", "role-trust", "--labels", "0", "--labels", "4"]
+    result = run("panel", str(path), "--peers", *more, "--out", str(tmp_path / "out"))
+    assert result.exit_code == 0, result.output
+    assert "method       [b]a|   c" in result.output
+    assert "| method | [b]a&#124; | c |" in (tmp_path / "out" / "panel.md").read_text()
+    assert "left out: 4 labels, since there are 4 votes of people" in result.output
+    found = table(tmp_path / "out" / "agents.csv")
+    assert [row["agent"] for row in found[:2]] == ["[b]a|", "c"]
+    assert {row["agent"]: row["ToP"] for row in found[2:]} == dict.fromkeys(names, "")
+    assert all(row["ToR"] for row in found)
+    path.write_text(path.read_text().replace("c,first", "c,tie"))
+    result = run("panel", str(path), "--peers", "--measure", "--out", str(tmp_path / "out"))
+    assert "votes of people ('human', --people) on these agents, not only ties" in " ".join(result.output.split())
+
+
 def test_what_is_missing_is_said(votes: Path, tmp_path: Path) -> None:
     for arguments, match in (
         (["--measure"], "there is no truth to measure against (--truth COLUMN or FILE)"),
@@ -98,6 +118,11 @@ def test_what_is_missing_is_said(votes: Path, tmp_path: Path) -> None:
         (["--peers"], "there is no column 'first'"),
         (["--method", "majorities"], "unknown trust model 'majorities'"),
         (["--peers", "--judge", "judge", "--judge", "kind"], "with --peers a judge is one column"),
+        (["--peers", "--truth", "truth"], "--truth, --kind and --synthetic are not for --peers"),
+        (["--method", "majority", "--method", "first-hand"], "several methods need --measure"),
+        (["--labels", "5"], "--labels needs --measure"),
+        (["--synthetic"], "is there already; leave out --synthetic, or name a new file"),
+        (["--truth", "truth", "--measure", "--labels", "200"], "there are 200 items with a known truth"),
     ):
         result = run("panel", str(votes), *arguments, "--out", str(tmp_path / "none"))
         assert result.exit_code == 2, result.output
