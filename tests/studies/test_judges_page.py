@@ -41,7 +41,7 @@ def test_every_interval_is_in_a_file() -> None:
         ("and labels alone in 0.659", "all", ("adversarial", "other", "labels-only", "20", "0", "accuracy")),
         ("first-hand has 0.961", "all", ("natural", "other", "first-hand", "20", "0", "accuracy")),
         ("the majority to 0.418", "bought", ("all", "all", "majority", "0", "10", "attacked")),
-        ("first-hand keeps 0.784", "bought", ("all", "all", "first-hand", "10", "10", "attacked")),
+        ("first-hand keeps 0.739", "bought", ("all", "all", "first-hand", "10", "10", "attacked")),
     ],
 )
 def test_sentences_are_about_what_they_say(words: str, file: str, where: tuple[str, ...]) -> None:
