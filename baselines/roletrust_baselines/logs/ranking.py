@@ -165,13 +165,13 @@ class Journal:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read what an earlier search has kept; a line that is torn is ignored."""
+        """Read what an earlier search has kept; a line that is torn or damaged is ignored."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path, self.known = path, dict[str, tuple[int, float]]()
-        for line in path.read_text().splitlines() if path.exists() else ():
+        for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
             with suppress(ValueError, TypeError):
                 key, rank, beyond = json.loads(line)
-                self.known[key] = rank, beyond
+                self.known[key] = int(rank), float(beyond)
 
     def add(self, key: str, outcome: tuple[int, float]) -> None:
         """Keep an outcome."""

@@ -9,7 +9,7 @@ import pytest
 
 from roletrust_baselines.logs.audit import audit_model
 from roletrust_baselines.logs.folders import write_log
-from roletrust_baselines.logs.ranking import LAST, Plan, Prices, Ranking, Row
+from roletrust_baselines.logs.ranking import LAST, Journal, Plan, Prices, Ranking, Row
 from roletrust_baselines.logs.rounds import TooSmallError
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.evidence import Rank, evidence
@@ -143,6 +143,11 @@ def test_targets_may_be_named(log: RatingLog) -> None:
     assert [(one.goal, one.rank) for one in found] == [("sink", 1), ("lift", len(ranking.order))]
     with pytest.raises(ValueError, match="no agent 'nobody' has ratings"):
         ranking.targets(3, 0, ["nobody"])
+
+
+def test_a_damaged_journal_keeps_its_whole_lines(tmp_path: Path) -> None:
+    (tmp_path / "journal").write_bytes(b'\xff\0["a", 1, 2]\n["b", 3, 0.5]\n["c", "x", null]\n[["d"], 1, 2]\n["e", 1')
+    assert Journal(tmp_path / "journal").known == {"b": (3, 0.5)}
 
 
 def test_more_agents_than_the_top_are_needed(log: RatingLog) -> None:
