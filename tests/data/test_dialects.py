@@ -303,7 +303,7 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
 def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also those at which pyarrow's parser would end the process; brackets in texts do not count."""
     row = '{"rater": "a[{\\\\", "ratee": "\\"[", "rating": 1}\n'
-    assert len(read_ratings(write(tmp_path, row * 300, "log.jsonl"), repeats=True).values) == 300
+    assert len(read_ratings(write(tmp_path, row * 300, "LOG.JSONL"), repeats=True).values) == 300
     monkeypatch.setattr("roletrust_env.data.tables._LONGEST", 30_000)
     monkeypatch.setattr("roletrust_env.data.tables._BYTES", 30_000)
     for name, content, message in (
