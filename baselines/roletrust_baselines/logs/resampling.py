@@ -74,9 +74,11 @@ def auc(score: Floats, bad: Floats, strata: Ints) -> Callable[[Floats], float]:
 
 
 def correlation(one: Floats, other: Floats) -> Callable[[Floats], float]:
-    """Return a function from weights to Pearson's correlation of two arrays of shape (n,)."""
+    """Return a function from weights to Pearson's correlation of two arrays of shape (n,); NaN if undefined."""
 
     def pearson(weights: Floats) -> float:
+        if not weights.any():
+            return float("nan")
         x, y = (values - np.average(values, weights=weights) for values in (one, other))
         spread = np.sqrt((weights * x * x).sum() * (weights * y * y).sum())
         return float((weights * x * y).sum() / spread) if spread > 1e-12 else float("nan")
@@ -86,7 +88,7 @@ def correlation(one: Floats, other: Floats) -> Callable[[Floats], float]:
 
 def mean(values: Floats) -> Callable[[Floats], float]:
     """Return a function from weights to the mean of values of shape (n,); NaN without values."""
-    return lambda weights: float(np.average(values, weights=weights)) if len(values) else np.nan
+    return lambda weights: float(np.average(values, weights=weights)) if weights.any() else np.nan
 
 
 def ranks(values: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """How well methods find the truth from votes, by the number of own labels."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -89,8 +89,8 @@ def judge(
 
     - `accuracy`: share of the judged items without a label in which the verdict is right, see `hits`. Intervals
       resample items.
-    - `spearman`: rank correlation of mean trust in the judges with their true accuracy on the judged items. Intervals
-      resample judges. Missing without trust in judges.
+    - `spearman`: rank correlation of trust in the judges with their true accuracy on the judged items without a label,
+      the mean over the sets of labels. Intervals resample judges. Missing without trust in judges.
 
     Args:
         scope: Items.
@@ -102,8 +102,26 @@ def judge(
     each, trust = hits(scope, scope.votes if votes is None else votes, method, labelled)
     found = {"accuracy": interval(mean(each), np.arange(len(each)), seed)}
     if trust:
-        accuracy = scope.votes.only(scope.judged).accuracy
-        graded = ~np.isnan(accuracy)
-        pair = ranks(np.mean(trust, axis=0)[graded]), ranks(accuracy[graded])
-        found["spearman"] = interval(correlation(*pair), np.arange(int(graded.sum())), seed)
+        accuracy = []
+        for one in labelled[: len(trust)]:
+            left = scope.judged.copy()
+            if method.takes_labels:
+                left[one] = False
+            accuracy.append(scope.votes.only(left).accuracy)
+        some = ~np.isnan(accuracy).all(axis=0)
+        pairs = [(t[some], a[some]) for t, a in zip(trust, accuracy, strict=True)]
+        found["spearman"] = interval(_mean_spearman(pairs), np.arange(int(some.sum())), seed)
     return found
+
+
+def _mean_spearman(pairs: Sequence[tuple[Floats, Floats]]) -> Callable[[Floats], float]:
+    """Return a function from weights to the mean rank correlation of several pairs; the second may have NaN."""
+    there = [~np.isnan(other) for _, other in pairs]
+    each = [correlation(ranks(one[n]), ranks(other[n])) for (one, other), n in zip(pairs, there, strict=True)]
+
+    def of(weights: Floats) -> float:
+        found = [one(weights[n]) for one, n in zip(each, there, strict=True)]
+        known = [one for one in found if not np.isnan(one)]
+        return float(np.mean(known)) if known else np.nan
+
+    return of

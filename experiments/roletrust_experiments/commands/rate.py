@@ -176,8 +176,7 @@ def rate(
             rows = [(n, log.rater_names[at], *one[2:]) for n, one in enumerate(groups.groups, 1) for at in one.raters]
             write_csv(folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows)
     console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
-    rounds = "round" if run.rounds == 1 else "rounds"
-    told = f"{len(log.values):,} ratings in {run.rounds:,} {rounds}. Written to {written}"
+    told = f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to {written}"
     console.print(escape(told), soft_wrap=True)
 
 

@@ -147,6 +147,14 @@ def test_spearman_is_one_for_the_true_order() -> None:
     assert "spearman" not in judge(scope, Majority(), draws(scope, 0, 1, 0))
 
 
+def test_spearman_of_guessers_is_none_however_many_labels_are_drawn() -> None:
+    truth, answers = np.zeros(40, np.int64), np.random.default_rng(0).integers(0, 2, (300, 40))
+    scope = scopes(votes_of(answers, truth))[0]
+    assert abs(judge(scope, LabelsOnly(), draws(scope, 20, 10, 0))["spearman"].value) < 0.15
+    lone = scopes(votes_of(np.ones((1, 3), np.int64), np.ones(3, np.int64)))[0]
+    assert np.isnan(judge(lone, LabelsOnly(), draws(lone, 2, 2, 0))["spearman"].value)
+
+
 # --- crowd-kit ----------------------------------------------------------------------------------------
 
 SLOW = {"mace", "glad"}  # seconds each
