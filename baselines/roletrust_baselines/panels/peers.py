@@ -274,7 +274,7 @@ def against_people(
 
     - `agreement`: share of people's votes, ties apart, that are for the agent with the higher score; equal scores are
       half. A vote counts with its mean over the sets of own votes that it is not in. Intervals resample items.
-    - `spearman`: rank correlation of mean scores with people's win rates. Intervals resample agents.
+    - `spearman`: rank correlation of scores with people's win rates, without own votes. Intervals resample agents.
 
     Args:
         votes: Votes of agents.
@@ -284,21 +284,20 @@ def against_people(
         seed: Random seed of the resamples.
     """
     total, count = np.zeros((2, len(people.judges)))
-    scores = list[Floats]()
     for places in own if method.takes_own else [np.zeros(0, np.int64)]:
-        scores.append(method(votes, people.at(places)).score)
-        ahead = scores[-1][people.first] - scores[-1][people.second]
+        score = method(votes, people.at(places)).score
+        ahead = score[people.first] - score[people.second]
         right = np.where(abs(ahead) < TIE, 0.5, (ahead > 0) == (people.values == 1))
         counted = people.values != 0.5
         counted[places] = False
         total[counted] += right[counted]
         count += counted
     known, both = count > 0, np.intersect1d(votes.authors, people.authors)
-    pair = ranks(np.mean(scores, axis=0)[both]), ranks(people.win_rate[both])
-    return {
-        "agreement": interval(mean(total[known] / count[known]), people.items[known], seed),
-        "spearman": interval(correlation(*pair), np.arange(len(both)), seed),
-    }
+    found = {"agreement": interval(mean(total[known] / count[known]), people.items[known], seed)}
+    if not len(places):
+        pair = ranks(score[both]), ranks(people.win_rate[both])
+        found["spearman"] = interval(correlation(*pair), np.arange(len(both)), seed)
+    return found
 
 
 def promoted(votes: Comparisons, judges: Ints, target: int, rival: int | None = None) -> Comparisons:

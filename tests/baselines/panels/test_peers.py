@@ -104,6 +104,8 @@ def test_agreement_leaves_own_votes_out(votes: Comparisons) -> None:
     own = [np.arange(len(people.judges) - 1)]
     last = against_people(votes, people, PeersByTrust(make_trust_model("first-hand")), own)
     assert last["agreement"].value in (0, 1)  # a single vote is left
+    assert "spearman" in found
+    assert "spearman" not in last  # people's win rates have the own votes
 
 
 def test_bought_judges_promote_and_the_least_number_is_that_of_all_sets(votes: Comparisons) -> None:
