@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from operator import attrgetter
@@ -47,6 +48,10 @@ def rate(
     model: Annotated[
         list[str] | None,
         typer.Option(metavar=NAMED, help=f"Trust model, {_MODEL} if left out; with --compare, repeat for more. {OWN}"),
+    ] = None,
+    trusted: Annotated[
+        list[str] | None,
+        typer.Option(metavar="AGENT", help="Rater that is trusted beforehand, by models with seeds; repeat for more."),
     ] = None,
     count: Annotated[int | None, typer.Option(min=1, help="Number of ratings of a round, in place of --every.")] = None,
     rank_by: Annotated[
@@ -121,6 +126,7 @@ def rate(
         (compare and single, "--compare writes several tables; --out is a folder for them"),
         (not compare and (synthetic or search), "--synthetic and --search need --compare"),
         (not compare and len(model or ()) > 1, "several models need --compare"),
+        (trusted and (compare or state), "--trusted is of one model on a whole log, without --compare and --state"),
         (state and every is None, "--state needs --every: the time of a rating says whether it is new"),
         ((explain is not None or suspects) and state_or_lead, f"--explain and --suspects need {_WHOLE}"),
     ):
@@ -133,6 +139,8 @@ def rate(
         return
     name = model[0] if model else _MODEL
     chosen: Any = parse_named(registry, name)
+    if trusted and not hasattr(chosen, "seeds"):
+        raise ValueError(f"{name} has no seeds, as --trusted needs; merit-rank and personalized-pagerank have")
     check_rounds(every, count)
     check_lateness(late, lead, every)
     folder = out.parent if single else out
@@ -140,6 +148,8 @@ def rate(
     rounds: Any = {"every": every, "count": count, "same_agents": bool(reading.same_agents), "late": late, "lead": lead}
     with progress_bar() as progress:
         log = reading.read(ratings, stage(progress, f"Reading {ratings.name}"))
+        if trusted:
+            chosen = replace(chosen, seeds=tuple(find_agent(log, one, ("rater",))["rater"] for one in trusted))
         roles = {} if explain is None else find_agent(log, explain)
         advance = stage(progress, "Playing rounds")
         pairs = None if state else log.pairs()

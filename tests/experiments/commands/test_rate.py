@@ -381,3 +381,19 @@ def test_options_of_one_kind_are_refused_for_the_other(tmp_path: Path) -> None:
         result = run("rate", str(tmp_path), *options)
         assert result.exit_code == 2
         assert words in " ".join(result.stderr.split())
+
+
+def test_raters_that_are_trusted_beforehand_are_seeds_by_name(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("rater,ratee,rating\nann,bob,1\nbob,cy,1\nmal,eve,1\neve,mal,1\n")
+    options = ["--same-agents", "--model", "merit-rank", "--trusted", "ann ", "--out", str(tmp_path / "out")]
+    assert run("rate", str(tmp_path / "log.csv"), *options).exit_code == 0
+    trust = {row["name"]: float(row["trust"]) for row in rows(tmp_path / "out" / "ratees.csv")}
+    assert trust["bob"] > trust["cy"] > trust["mal"] == trust["eve"] == 0
+    for more, words in (
+        (["--model", "merit-rank", "--trusted", "annn"], "did you mean 'ann'"),
+        (["--trusted", "ann"], "leave-one-out has no seeds"),
+        (["--trusted", "ann", "--compare"], "without --compare and --state"),
+    ):
+        result = run("rate", str(tmp_path / "log.csv"), "--same-agents", *more)
+        assert result.exit_code == 2
+        assert words in " ".join(result.stderr.split())
