@@ -10,7 +10,7 @@ import numpy.typing as npt
 from roletrust_env.data.log import Pairs, RatingLog
 from roletrust_env.data.names import NameList
 from roletrust_env.data.units import find_unit
-from roletrust_env.trust.edges import pair_ends, pair_keys
+from roletrust_env.trust.edges import pair_ends, pair_keys, pairs_left
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 
 _Z = NormalDist().inv_cdf(0.975)
@@ -101,11 +101,8 @@ class PairCounts:
 
     def keep(self, raters: npt.NDArray[np.bool_], providers: npt.NDArray[np.bool_]) -> None:
         """Keep the pairs of agents that stay, of which there is a flag for each place; those after them move up."""
-        ends, stay = pair_ends(self._index.keys), (raters, providers)
-        there = np.flatnonzero(raters[ends[0]] & providers[ends[1]])
-        who, whom = ((np.cumsum(flags) - 1)[places[there]] for flags, places in zip(stay, ends, strict=True))
-        self._index = KeyIndex.of(pair_keys(who, whom))
-        self._counts, self._last = self._counts[there], self._last[there]
+        left, keys = pairs_left(self._index.keys, (raters, providers))
+        self._index, self._counts, self._last = KeyIndex.of(keys), self._counts[left], self._last[left]
 
     def evidence(self, role: Role, names: list[Any], trust: Floats) -> Evidence:
         """Return trust with its evidence for the agents of a role, by place."""

@@ -15,7 +15,15 @@ import numpy.typing as npt
 
 from roletrust_env.arrays import Array
 from roletrust_env.trees import Kind, kinds, leaves, map_kinds, map_leaves
-from roletrust_env.trust.edges import edge_model, pair_ends, pair_keys, runs_on_edges, start_on_edges, takes_peers
+from roletrust_env.trust.edges import (
+    edge_model,
+    pair_ends,
+    pair_keys,
+    pairs_left,
+    runs_on_edges,
+    start_on_edges,
+    takes_peers,
+)
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex, staying
 from roletrust_env.trust.model import Traits, TrustModel, start_model
 from roletrust_env.trust.model_checks import needs_watching, watched_update
@@ -293,11 +301,7 @@ def _grown(old: Any, new: Any) -> Any:
 
 
 def _checked(stored: npt.NDArray[Any], shape: tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
-    """Return a stored array.
-
-    Raises:
-        ValueError: It has another shape or dtype, or holds NaN or infinity.
-    """
+    """Return a stored array; refuse it if it has another shape or dtype, or holds NaN or infinity."""
     if stored.shape != shape or stored.dtype != dtype:
         raise ValueError(f"{stored.shape} values of {stored.dtype} where {shape} of {dtype} belong")
     if not np.isfinite(stored).all():
@@ -306,11 +310,7 @@ def _checked(stored: npt.NDArray[Any], shape: tuple[int, ...], dtype: Any) -> np
 
 
 def _counts(arrays: dict[str, npt.NDArray[Any]]) -> tuple[int, int, int]:
-    """Take the numbers of raters, of providers and of rounds from stored arrays.
-
-    Raises:
-        ValueError: They are none.
-    """
+    """Take the numbers of raters, of providers and of rounds from stored arrays; refuse others."""
     counts: tuple[int, int, int] = tuple(_checked(arrays.pop("counts"), (3,), np.dtype(np.int64)).tolist())
     if min(counts) < 0:
         raise ValueError(f"raters, providers and rounds are {counts}; none may be below 0")
@@ -454,14 +454,12 @@ class EdgeRun(TrustRun):
         if not self._one_role:
             raters = providers = np.union1d(raters, providers)
         stay = staying(self.shape[0], raters), staying(self.shape[1], providers)
-        ends = self._ends(slice(None))
-        pairs = np.flatnonzero(stay[0][ends[0]] & stay[1][ends[1]])
+        pairs, keys = pairs_left(self._index.keys, stay)
         one, other = map(np.flatnonzero, stay)
         chosen: dict[Kind, Ints] = {"rater": one, "provider": other, "pair": pairs, "age": pairs}
         self._state = map_kinds(lambda kind, leaf: leaf[chosen[kind]], self._state)
         self._sizes = {kind: len(places) for kind, places in chosen.items()}
-        who, whom = ((np.cumsum(flags) - 1)[places[pairs]] for flags, places in zip(stay, ends, strict=True))
-        self._index = KeyIndex.of(pair_keys(who, whom))
+        self._index = KeyIndex.of(keys)
 
     def _grow(self, sizes: Mapping[Kind, int]) -> None:
         """Make room for so many entries of each kind, at the values of the start."""

@@ -13,6 +13,7 @@ from roletrust_baselines.logs.rounds import TooSmallError, log_rounds, play_roun
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.rounds import spans
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.score import ratio
 from roletrust_env.trust.algorithms import agent_trust
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.run import make_run
@@ -125,8 +126,7 @@ def past_mean(found: Forecasts, log: RatingLog) -> Floats:
     """Return the mean of the ratings of each ratee in earlier rounds, shape (n,); NaN where there is none."""
     ratees = log.ratees[found.since :]
     total, count = (earlier(found, ratees, log.ratees, weights) for weights in (log.values, np.ones(len(log.values))))
-    mean: Floats = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
-    return mean
+    return ratio(total, count)
 
 
 def earlier(found: Forecasts, asked: Ints, agents: Ints, weights: Floats) -> Floats:

@@ -15,6 +15,7 @@ from roletrust_baselines.logs.rounds import TooSmallError, log_rounds, play_roun
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.rounds import spans
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.score import ratio
 from roletrust_env.trust.beta_distribution import reputation
 from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
@@ -170,9 +171,7 @@ class Ending:
         """The mean rating of each provider before the attack, shape (P,); NaN without a rating."""
         ratees, values = self.log.ratees[: self.past], self.log.values[: self.past]
         count = np.bincount(ratees, minlength=self.log.shape[1])
-        means: Floats = np.full(self.log.shape[1], np.nan)
-        np.divide(np.bincount(ratees, values, self.log.shape[1]), count, out=means, where=count > 0)
-        return means
+        return ratio(np.bincount(ratees, values, self.log.shape[1]), count)
 
     @cached_property
     def ranked(self) -> Ints:

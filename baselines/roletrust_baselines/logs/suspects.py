@@ -9,6 +9,7 @@ import numpy.typing as npt
 from roletrust_baselines.logs.resampling import ranks
 from roletrust_baselines.logs.rounds import played
 from roletrust_env.data.log import RatingLog
+from roletrust_env.metrics.score import ratio
 from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
 
@@ -154,8 +155,7 @@ def _theirs(log: RatingLog, raters: Ints) -> tuple[npt.NDArray[np.bool_], Ints]:
 
 def _means(ratees: Ints, values: Floats, size: int) -> Floats:
     """Return the mean rating of each ratee, shape (size,); NaN without ratings."""
-    count = np.bincount(ratees, minlength=size)
-    return np.where(count > 0, np.bincount(ratees, values, size) / np.maximum(count, 1), np.nan)
+    return ratio(np.bincount(ratees, values, size), np.bincount(ratees, minlength=size))
 
 
 def alike(log: RatingLog, chance: float) -> list[tuple[Ints, Ints]]:

@@ -17,6 +17,7 @@ from roletrust_baselines.panels.verdicts import TIE
 from roletrust_baselines.panels.votes import read_codes
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.score import ratio
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.algorithms import agent_trust
 from roletrust_env.trust.key_index import Floats, Ints
@@ -63,8 +64,7 @@ class Comparisons(NamedTuple):
         both, many = np.concatenate([self.first, self.second]), len(self.agents)
         total = np.bincount(both, np.concatenate([self.values, 1 - self.values]), many)
         count = np.bincount(both, minlength=many)
-        rate: Floats = np.divide(total, count, out=np.full(many, np.nan), where=count > 0)
-        return rate
+        return ratio(total, count)
 
 
 def read_comparisons(
