@@ -16,9 +16,6 @@ Elsewhere = Literal["own", "truth", "majority"]
 _CHOICES: tuple[Choice, ...] = ("best", "worst", "kindred", "random")
 _ELSEWHERE: tuple[Elsewhere, ...] = ("own", "truth", "majority")
 
-BOUGHT = (1, 3, 10, 30)
-"""Numbers of bought judges."""
-
 
 class Bribe(NamedTuple):
     """How bought judges vote on the items on which they voted.
@@ -78,9 +75,8 @@ def chosen(votes: Votes, bought: int, choice: Choice, seed: int = 0) -> Ints:
     return np.argsort(accuracy if choice == "worst" else -accuracy, kind="stable")[:bought]
 
 
-def bribed(votes: Votes, bought: int, bribe: Bribe, seed: int = 0) -> Votes:
-    """Return the votes as they are once so many judges are bought; the seed is for a choice at random."""
-    judges = chosen(votes, bought, bribe.choice, seed)
+def bribed(votes: Votes, judges: Ints, bribe: Bribe) -> Votes:
+    """Return the votes as they are once these judges are bought, see `chosen`."""
     _, items, answers = votes.shape
     odds, every = log_odds(votes.accuracy, answers), np.arange(items)
     weights = 1 - bribe.known + bribe.known * odds / max(abs(odds).mean(), TIE)
@@ -128,10 +124,11 @@ def find_bribe(
         starts: Bribes that are tried in addition.
     """
     rng, least, found = np.random.default_rng(seed), np.inf, Bribe()
+    judges = {choice: chosen(scope.votes, bought, choice, seed) for choice in _CHOICES}
     given = [*(Bribe(choice) for choice in _CHOICES), *dict.fromkeys(starts)]
     for at in range(max(budget - len(_CHOICES), 0) + len(given)):
         bribe = given[at] if at < len(given) else _changed(found if 2 * (at - len(given)) > budget else None, rng)
-        each, _ = hits(scope, bribed(scope.votes, bought, bribe, seed), method, labelled)
+        each, _ = hits(scope, bribed(scope.votes, judges[bribe.choice], bribe), method, labelled)
         if each.mean() < least:
             least, found = float(each.mean()), bribe
     return found

@@ -177,7 +177,7 @@ class PeersByTrust:
     """The standing by a trust model: the winner of a pair is rated 1, the other 0; a round for each item, in turn.
 
     Judges do not rate themselves. The owner is one more agent with its own votes in the first round: models with a
-    trust for each judge say what it trusts, others count it as one of all.
+    trust for each judge say what it trusts. With one trust for all it would be one agent among many, and is left out.
 
     Attributes:
         model: Trust model.

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.panels.bribery import Bribe, bribed, find_bribe
+from roletrust_baselines.panels.bribery import Bribe, bribed, chosen, find_bribe
 from roletrust_baselines.panels.peers import Comparisons, PeerMethod, against_people, judges_to_win
-from roletrust_baselines.panels.trials import ALL, Scope, draws, judge, scopes
+from roletrust_baselines.panels.trials import ALL, Scope, accuracy, draws, judge, scopes
 from roletrust_baselines.panels.verdicts import TIE, Method, leaders
 from roletrust_baselines.panels.votes import Votes
 from roletrust_env.metrics.confidence import Interval
@@ -159,8 +159,8 @@ def _attacked(scope: Scope, methods: Mapping[str, Method], plan: Plan, advance: 
             labelled = draws(scope, labels, plan.draws, plan.seed)
             for bought in (0, *numbers):
                 bribe = find_bribe(scope, method, bought, seen, 0, plan.seed, bribes) if bought else Bribe()
-                votes = bribed(scope.votes, bought, bribe, plan.seed)
-                value = judge(scope, method, labelled, plan.seed, votes)["accuracy"]
+                votes = bribed(scope.votes, chosen(scope.votes, bought, bribe.choice, plan.seed), bribe)
+                value = accuracy(scope, votes, method, labelled, plan.seed)
                 yield Row(*scope[:2], name, labels, bought, "attacked", *value, str(bribe) if bought else "")
 
 

@@ -10,6 +10,7 @@ from roletrust_baselines.logs.resampling import correlation, interval, mean, ran
 from roletrust_baselines.panels.verdicts import Method, right
 from roletrust_baselines.panels.votes import Votes
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.score import ratio
 from roletrust_env.trust.key_index import Floats, Ints
 
 ALL = "all"
@@ -82,13 +83,25 @@ def hits(scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints]) -
     return total[count > 0] / count[count > 0], trust
 
 
-def judge(
-    scope: Scope, method: Method, labelled: Sequence[Ints], seed: int = 0, votes: Votes | None = None
-) -> dict[str, Interval]:
+def accuracy(scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints], seed: int = 0) -> Interval:
+    """Return the share of the judged items without a label in which a verdict is right, see `hits`.
+
+    The interval resamples items.
+
+    Args:
+        scope: Items.
+        votes: Votes on them, such as with bought judges.
+        method: Method.
+        labelled: Sets of labels, see `draws`.
+        seed: Random seed of the resamples.
+    """
+    return _share(hits(scope, votes, method, labelled)[0], seed)
+
+
+def judge(scope: Scope, method: Method, labelled: Sequence[Ints], seed: int = 0) -> dict[str, Interval]:
     """Return how well a method does, over several sets of labels.
 
-    - `accuracy`: share of the judged items without a label in which the verdict is right, see `hits`. Intervals
-      resample items.
+    - `accuracy`: see `accuracy`.
     - `spearman`: rank correlation of trust in the judges with their true accuracy on the judged items without a label,
       the mean over the sets of labels. Intervals resample judges. Missing without trust in judges.
 
@@ -97,21 +110,24 @@ def judge(
         method: Method.
         labelled: Sets of labels, see `draws`.
         seed: Random seed of the resamples.
-        votes: Votes in place of those of the scope, such as with bought judges.
     """
-    each, trust = hits(scope, scope.votes if votes is None else votes, method, labelled)
-    found = {"accuracy": interval(mean(each), np.arange(len(each)), seed)}
+    each, trust = hits(scope, scope.votes, method, labelled)
+    found = {"accuracy": _share(each, seed)}
     if trust:
-        accuracy = []
+        true = []
         for one in labelled[: len(trust)]:
             left = scope.judged.copy()
             if method.takes_labels:
                 left[one] = False
-            accuracy.append(scope.votes.only(left).accuracy)
-        some = ~np.isnan(accuracy).all(axis=0)
-        pairs = [(t[some], a[some]) for t, a in zip(trust, accuracy, strict=True)]
+            true.append(ratio(*scope.votes.graded(left)))
+        some = ~np.isnan(true).all(axis=0)
+        pairs = [(t[some], a[some]) for t, a in zip(trust, true, strict=True)]
         found["spearman"] = interval(_mean_spearman(pairs), np.arange(int(some.sum())), seed)
     return found
+
+
+def _share(each: Floats, seed: int) -> Interval:
+    return interval(mean(each), np.arange(len(each)), seed)
 
 
 def _mean_spearman(pairs: Sequence[tuple[Floats, Floats]]) -> Callable[[Floats], float]:

@@ -22,9 +22,6 @@ from roletrust_env.trust.run import GridRun, make_run
 TIE = 1e-9
 """Weights that differ by less are equal."""
 
-NOBODY = np.zeros(0, np.int64)
-"""No labels."""
-
 
 class Verdict(NamedTuple):
     """What is made of the votes.
@@ -155,9 +152,7 @@ class LabelsOnly:
 
     def __call__(self, votes: Votes, labelled: Ints) -> Verdict:
         """Return the verdict. See `Method`."""
-        known = np.isin(votes.items, labelled)
-        hits = votes.shares[known, votes.truth[votes.items[known]]]
-        total, count = (np.bincount(votes.judges[known], w, votes.shape[0]) for w in (hits, np.ones(len(hits))))
+        total, count = votes.graded(np.isin(np.arange(votes.shape[1]), labelled))
         answers = max(votes.shape[2], 2)
         chance = (total + 1) / (count + answers)
         return Verdict(votes.tally(log_odds(chance, answers)), chance)

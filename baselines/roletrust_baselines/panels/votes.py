@@ -12,6 +12,7 @@ from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.names import NameColumns
 from roletrust_env.data.tables import Table
 from roletrust_env.data.values import is_missing, named
+from roletrust_env.metrics.score import ratio
 from roletrust_env.storage.files import write_csv
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.run import MEMORY
@@ -68,11 +69,19 @@ class Votes(NamedTuple):
     @property
     def accuracy(self) -> Floats:
         """The share of each judge's opinions that is true, shape (J,); NaN for a judge without a known item."""
-        known = self.truth[self.items] >= 0
-        right = self.shares[known, self.truth[self.items[known]]]
-        total, count = (np.bincount(self.judges[known], w, self.shape[0]) for w in (right, np.ones(len(right))))
-        accuracy: Floats = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
-        return accuracy
+        return ratio(*self.graded(self.truth >= 0))
+
+    def graded(self, chosen: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
+        """Return the sum of each judge's true shares on chosen items, and their number, shape (J,) each.
+
+        Args:
+            chosen: Whether each item is chosen, shape (I,); their truth is known.
+        """
+        kept = chosen[self.items]
+        true = self.shares[kept, self.truth[self.items[kept]]]
+        both = (np.bincount(self.judges[kept], w, self.shape[0]) for w in (true, np.ones(len(true))))
+        total, count = (one.astype(np.float64) for one in both)
+        return total, count
 
     def answers_to(self, items: Ints) -> Ints:
         """Return the places of the answers to items among all answers to all items, shape (n, A)."""
@@ -143,11 +152,8 @@ def read_votes(
             " --vote names the column of the vote"
         )
     judges = _together([table[role] for role in judges_by])
-    size, kinds, true = (
-        len(items.names),
-        Codes([""], np.zeros(len(items.names), np.int64)),
-        np.full(len(items.names), -1),
-    )
+    size = len(items.names)
+    kinds, true = Codes([""], np.zeros(size, np.int64)), np.full(size, -1)
     if kind:
         kinds = Codes(table["kind"].names, _of_items(path, items, table["kind"], "kind"))
     if truth is not None:

@@ -5,7 +5,7 @@ import pytest
 from panel_cases import votes_of
 
 from roletrust_baselines.panels.bribery import Bribe, bribed, chosen, find_bribe
-from roletrust_baselines.panels.trials import draws, judge, scopes
+from roletrust_baselines.panels.trials import accuracy, draws, judge, scopes
 from roletrust_baselines.panels.verdicts import Majority, log_odds, make_method
 from roletrust_baselines.panels.votes import Votes
 
@@ -20,7 +20,7 @@ def votes() -> Votes:
 
 def test_a_plain_lie_is_wrong_everywhere_and_leaves_others_alone(votes: Votes) -> None:
     judges = chosen(votes, 2, "random", 4)
-    found = bribed(votes, 2, Bribe("random"), 4)
+    found = bribed(votes, judges, Bribe("random"))
     bought = np.isin(votes.judges, judges)
     assert np.array_equal(found.shares[~bought], votes.shares[~bought])
     assert (found.shares[bought, votes.truth[votes.items[bought]]] == 0).all()
@@ -31,7 +31,7 @@ def test_a_plain_lie_is_wrong_everywhere_and_leaves_others_alone(votes: Votes) -
 @pytest.mark.parametrize("elsewhere", ["own", "truth", "majority"])
 def test_lies_are_told_in_the_window_alone(votes: Votes, elsewhere: str) -> None:
     judges, bribe = chosen(votes, 2, "best"), Bribe("best", 0.1, 0.6, elsewhere)  # type: ignore[arg-type]
-    found = bribed(votes, 2, bribe)
+    found = bribed(votes, judges, bribe)
     others = votes.tally(np.isin(np.arange(8), judges, invert=True).astype(float))
     for row in np.flatnonzero(np.isin(votes.judges, judges)):
         item = votes.items[row]
@@ -58,8 +58,8 @@ def test_judges_are_chosen_by_accuracy_or_likeness(votes: Votes) -> None:
 
 def test_known_judges_count_as_they_are_right(votes: Votes) -> None:
     """Lies where the truth leads by log-odds are told elsewhere than where it leads by number."""
-    equal, known = (bribed(votes, 2, Bribe("best", 0.0, 1.0, "own", share)) for share in (0.0, 1.0))
     judges = chosen(votes, 2, "best")
+    equal, known = (bribed(votes, judges, Bribe("best", 0.0, 1.0, "own", share)) for share in (0.0, 1.0))
     odds = log_odds(votes.accuracy, votes.shape[2])
     odds[judges] = 0
     tally = votes.tally(odds)
@@ -77,12 +77,12 @@ def test_a_longer_search_is_never_better_for_the_panel(votes: Votes) -> None:
 
     def least(budget: int, starts: tuple[Bribe, ...] = ()) -> float:
         bribe = find_bribe(scope, method, 3, labelled, budget, starts=starts)
-        return judge(scope, method, labelled, votes=bribed(votes, 3, bribe))["accuracy"].value
+        return accuracy(scope, bribed(votes, chosen(votes, 3, bribe.choice), bribe), method, labelled).value
 
     found = [least(budget) for budget in (1, 4, 16)]
     assert judge(scope, method, labelled)["accuracy"].value > found[0] >= found[1] >= found[2]
     best = find_bribe(scope, method, 3, labelled, 16)
     assert least(4, (best,)) <= found[2]
     assert find_bribe(scope, method, 3, labelled, 0, starts=[best]) == best
-    all_lie = bribed(votes, 8, Bribe())
-    assert judge(scope, Majority(), draws(scope, 0, 1, 0), votes=all_lie)["accuracy"].value == 0
+    all_lie = bribed(votes, np.arange(8), Bribe())
+    assert accuracy(scope, all_lie, Majority(), draws(scope, 0, 1, 0)).value == 0
