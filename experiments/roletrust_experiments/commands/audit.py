@@ -26,7 +26,7 @@ from roletrust_env.storage.files import prepare_folder, write_json, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
 from roletrust_env.trust.outside import OutsideModel
-from roletrust_experiments.commands.console import console, number_table, progress_bar, shown, stage
+from roletrust_experiments.commands.console import console, number_table, progress_bar, shown, stage, tell
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
 from roletrust_experiments.report.audit import WORDS, audit_page
@@ -112,7 +112,7 @@ def audit(
     journal = Journal(out / "audit.journal") if isinstance(chosen, OutsideModel) else None
     if journal and journal.known:
         told = f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}"
-        console.print(escape(told), soft_wrap=True)
+        tell(told)
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
         try:
@@ -147,7 +147,7 @@ def audit(
         console.print(table)
     far = f", and prices at most {found.apart:.0%} apart" if found.apart > 0 else ""
     told = f"{found.played:,} attacks; both searches found the same price for {found.agreement:.0%} of the targets{far}"
-    console.print(escape(f"{told}. Written to {out}: audit.html, audit.json, audit.schema.json"), soft_wrap=True)
+    tell(f"{told}. Written to {out}: audit.html, audit.json, audit.schema.json")
     low = min(one.value for one in found.medians.values())
     if fail_below is not None and low < fail_below:
         console.print(f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True)
@@ -158,7 +158,7 @@ def _estimate(model: str, seconds: float, attacks: int) -> None:
     """Say how long an audit of a model outside may take."""
     length = f"{seconds * attacks / 60:,.0f} minutes" if seconds * attacks > 120 else f"{seconds * attacks:,.0f} s"
     told = f"{model} takes {seconds:.2g} s for an attack; up to {attacks:,} attacks take about {length}"
-    console.print(escape(f"{told}. --budget and --targets make them fewer."), soft_wrap=True)
+    tell(f"{told}. --budget and --targets make them fewer.")
 
 
 def _quick_models() -> dict[str, Any]:

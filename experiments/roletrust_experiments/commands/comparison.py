@@ -13,7 +13,7 @@ from roletrust_baselines.logs.measures import Protocols, Row, markdown, measure_
 from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from roletrust_experiments.commands.console import console, number_table, progress_bar, short
+from roletrust_experiments.commands.console import console, number_table, progress_bar, short, tell, tell_left_out
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 
 HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
@@ -84,9 +84,9 @@ def compare(
         console.print(table)
     advice = recommendations(rows)
     for line in advice:
-        console.print(escape(line), soft_wrap=True)
+        tell(line)
     for reason in left_out:
-        console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
+        tell_left_out(reason)
     write_text(out / "comparison.md", markdown(tables, advice, left_out))
     console.print(f"Written to {out}: comparison.csv, comparison.md", soft_wrap=True)
 

@@ -98,6 +98,16 @@ def shown(text: str) -> str:
     return escape(re.sub("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", "\ufffd", text))
 
 
+def tell(line: str) -> None:
+    """Print a line that may have texts of others, as it is."""
+    console.print(shown(line), soft_wrap=True)
+
+
+def tell_left_out(reason: str) -> None:
+    """Say what is left out of a result, and why."""
+    console.print(f"[dark_orange3]left out:[/] {shown(reason)}", soft_wrap=True)
+
+
 def short(text: str) -> str:
     """Return numbers without the zero before their point and without spaces around ±, for tables of 80 columns.
 

@@ -12,7 +12,7 @@ from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.evaluation.specs import parse_settings
-from roletrust_experiments.commands.console import console, shown
+from roletrust_experiments.commands.console import tell
 
 MONTH = 2_592_000.0
 """Length of a round, 30 days in seconds."""
@@ -82,5 +82,5 @@ class LogOptions:
             dialect=Dialect(self.separator, self.encoding, self.header, self.time_unit, self.time_format),
             every=self.every,
             advance=advance,
-            tell=lambda line: console.print(shown(line), soft_wrap=True),
+            tell=tell,
         )

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
 
 from roletrust_baselines.panels.peers import PEOPLE, Comparisons, all_peer_methods, make_peer_method, read_comparisons
 from roletrust_baselines.panels.report import (
@@ -29,7 +28,15 @@ from roletrust_baselines.panels.verdicts import all_methods, make_method
 from roletrust_baselines.panels.votes import Votes, read_votes, write_votes
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
-from roletrust_experiments.commands.console import console, number_table, progress_bar, short
+from roletrust_experiments.commands.console import (
+    console,
+    number_table,
+    progress_bar,
+    short,
+    shown,
+    tell,
+    tell_left_out,
+)
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
 _FEW = 5  # judges at each end of a longer table
@@ -111,7 +118,6 @@ def panel(
     if synthetic:
         votes.parent.mkdir(parents=True, exist_ok=True)
         write_votes(votes, seed)
-    tell: Callable[[str], None] = lambda line: console.print(escape(line), soft_wrap=True)  # noqa: E731
     if peers:
         (one,) = judge or ("judge",)
         comparisons, crowd = read_comparisons(votes, one, item, vote=vote, people=people, dialect=dialect, tell=tell)
@@ -149,7 +155,7 @@ def _fitting(plan: Plan, known: int, what: str) -> Plan:
     if not labels:
         raise ValueError(f"--labels {left} leaves nothing to judge: there are {known:,} {what}")
     if left:
-        console.print(f"[dark_orange3]left out:[/] {left} labels, since there are {known:,} {what}", soft_wrap=True)
+        tell_left_out(f"{left} labels, since there are {known:,} {what}")
     return plan._replace(labels=labels)
 
 
@@ -163,7 +169,7 @@ def _verdicts(votes: Votes, name: str, out: Path) -> None:
     title = f"Judges by {name}, with {int((votes.truth >= 0).sum()):,} labels" + f": first and last {_FEW}" * long
     _print(title, ["judge", "trust", "items", "right on labels"], [cells(line) for line in ends])
     told = f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv"
-    console.print(told, soft_wrap=True)
+    tell(told)
 
 
 def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None:
@@ -175,17 +181,17 @@ def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None
     steps = trial_steps(votes, plan) * len(methods)
     rows = _progress(lambda advance: trial(votes, methods, plan, advance, left_out.append), steps)
     for reason in left_out:
-        console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
+        tell_left_out(reason)
     if not rows:
         raise ValueError("nothing could be measured")
     write_csv(out / "measures.csv", Row._fields, rows)
     tables, words = accuracy_tables(rows), headline(rows)
     for title, (headings, lines) in tables.items():
         _print(title, headings, lines)
-    console.print(escape(words), soft_wrap=True)
+    tell(words)
     write_text(out / "panel.md", markdown(words, tables))
     panel_figure(rows).savefig(out / "panel.png", dpi=150)
-    console.print(f"Written to {out}: measures.csv, panel.md, panel.png", soft_wrap=True)
+    tell(f"Written to {out}: measures.csv, panel.md, panel.png")
 
 
 def _peers(votes: Comparisons, people: Comparisons | None, names: Sequence[str], plan: Plan, out: Path) -> None:
@@ -202,7 +208,7 @@ def _peers(votes: Comparisons, people: Comparisons | None, names: Sequence[str],
         for title, (headings, body) in tables.items():
             _print(title, headings, body)
         write_text(out / "panel.md", markdown("", tables))
-    console.print(f"Written to {out}", soft_wrap=True)
+    tell(f"Written to {out}")
 
 
 def _progress(play: Callable[[Callable[[str], None]], Iterable[Any]], total: int) -> list[Any]:
@@ -216,9 +222,9 @@ def _print(title: str, headings: Sequence[str], lines: Iterable[Sequence[str]]) 
     """Print a table, with half the width of an interval behind its value."""
     found = [[_INTERVAL.sub(_half, one) for one in line] for line in lines]
     caption = "± half of the 95% interval" * any("±" in one for line in found for one in line)
-    table = number_table(escape(title), caption, *map(escape, headings[1:]), name=escape(headings[0]))
+    table = number_table(shown(title), caption, *map(shown, headings[1:]), name=shown(headings[0]))
     for name, *numbers in found:
-        table.add_row(escape(name), *map(short, numbers))
+        table.add_row(shown(name), *map(short, numbers))
     console.print(table)
 
 

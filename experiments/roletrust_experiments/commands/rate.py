@@ -26,7 +26,7 @@ from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.storage.tables import write_table
 from roletrust_env.trust.model import registry
-from roletrust_experiments.commands.console import console, progress_bar, stage
+from roletrust_experiments.commands.console import console, progress_bar, stage, tell
 from roletrust_experiments.commands.log_options import LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
 from roletrust_experiments.commands.rate_tables import explanation_table, ranking_table, suspects_table
@@ -187,7 +187,7 @@ def rate(
             write_csv(folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows)
     console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
     told = f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to {written}"
-    console.print(escape(told), soft_wrap=True)
+    tell(told)
 
 
 def _stream(model: Any, log: RatingLog, state: Path | None, reading: LogOptions, rounds: dict[str, Any]) -> TrustStream:
