@@ -99,9 +99,7 @@ class Search:
         to the edge, as long as that helps: in round, in value, or in whom they are about; those that are alike at once,
         and one by one.
         """
-        cheapest: dict[
-            int, Attempt
-        ] = {}  # by number of accounts, since few accounts and few ratings exclude each other
+        cheapest: dict[int, Attempt] = {}  # by number of accounts: few accounts and few ratings exclude each other
         for one in sorted(filter(self._over, self.played.values()), key=_worth):
             cheapest.setdefault(one.accounts, one)
         starts = list(cheapest.values())[:_STARTS]
@@ -118,10 +116,8 @@ class Search:
         """Return the ratings of a cheaper attack, which was the last to be played; None if none is found."""
         near: tuple[float, list[Row]] = -math.inf, []
         account = max(row.account for row in rows)
-        for fewer in [
-            [row for row in rows if row.account != account],
-            *(_without(rows, group) for group in _alike(rows)),
-        ]:
+        smaller = [row for row in rows if row.account != account]
+        for fewer in [smaller, *(_without(rows, group) for group in _alike(rows))]:
             if fewer and len(self.descended) < until:
                 found = self._try(one.plan, fewer)
                 if self._over(found):
@@ -134,18 +130,16 @@ class Search:
             for group, changed in self._changes(rows):
                 if len(self.descended) >= until:
                     return None
-                if (
-                    group <= Counter(rows)
-                    and self._ranking.price(
-                        others := sorted([*(Counter(rows) - group).elements(), *changed]), self._prices
-                    )
-                    < one.price - ROUNDING
-                ):
-                    found = self._try(one.plan, others)
-                    if self._over(found):
-                        return others
-                    if found.margin > margin + ROUNDING:
-                        margin, rows, better = found.margin, others, True
+                if not group <= Counter(rows):
+                    continue
+                others = sorted([*(Counter(rows) - group).elements(), *changed])
+                if self._ranking.price(others, self._prices) >= one.price - ROUNDING:
+                    continue
+                found = self._try(one.plan, others)
+                if self._over(found):
+                    return others
+                if found.margin > margin + ROUNDING:
+                    margin, rows, better = found.margin, others, True
         return None
 
     def _changes(self, rows: list[Row]) -> Iterator[tuple[Counter[Row], list[Row]]]:
@@ -168,7 +162,7 @@ class Search:
             found += [{"agent": at, "value": float(ranking.trust[at])} for at in [*edge, *some] if at != row.agent]
             found += [{"agent": at, "value": float(down)} for at in edge[:1]]
             found.append({"agent": self.target.place, "value": float(not down)})
-        return [change for change in found if change.get("agent", row.agent) not in (row.account,)]
+        return [change for change in found if change.get("agent", row.agent) != row.account]
 
     def _try(self, plan: Plan, rows: list[Row]) -> Attempt:
         self._tick()

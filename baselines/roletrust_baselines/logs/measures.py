@@ -83,12 +83,13 @@ def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]
         measures = list(dict.fromkeys(what for _, what in values))
         names = dict.fromkeys(name for name, _ in values)
         undefined = Interval(math.nan, math.nan, math.nan)
-        lines = [[name, *(_cell(values.get((name, what), undefined)) for what in measures)] for name in names]
+        lines = [[name, *(interval_text(values.get((name, what), undefined)) for what in measures)] for name in names]
         tables.append((f"{log}: {protocol}", ["model", *measures], lines))
     return tables
 
 
-def _cell(value: Interval) -> str:
+def interval_text(value: Interval) -> str:
+    """Return a value with the ends of its interval, such as `0.500 (0.400, 0.600)`; a dash if it is undefined."""
     if math.isnan(value.value):
         return "-"
     if math.isnan(value.low):  # a single user or task has no interval

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from roletrust_baselines.logs.measures import interval_text
 from roletrust_baselines.panels.bribery import Bribe, bribed, chosen, find_bribe
 from roletrust_baselines.panels.peers import Comparisons, PeerMethod, against_people, judges_to_win
 from roletrust_baselines.panels.trials import ALL, Scope, accuracy, draws, judge, scopes
@@ -215,7 +216,7 @@ def headline(rows: Sequence[Row]) -> str:
 
 
 def _interval(row: Row | PeerRow) -> str:
-    return f"{row.value:.3f}" if math.isnan(row.low) else f"{row.value:.3f} ({row.low:.3f}, {row.high:.3f})"
+    return interval_text(Interval(row.value, row.low, row.high))
 
 
 def judged(votes: Votes, method: Method) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
@@ -242,16 +243,11 @@ def judged(votes: Votes, method: Method) -> tuple[list[tuple[Any, ...]], list[tu
 
 def cells(line: Sequence[Any]) -> list[str]:
     """Return a line as texts; a dash where there is no number."""
-    return [
-        one
-        if isinstance(one, str)
-        else f"{one:,}"
-        if isinstance(one, int)
-        else "-"
-        if math.isnan(one)
-        else f"{one:.3f}"
-        for one in line
-    ]
+    return [one if isinstance(one, str) else f"{one:,}" if isinstance(one, int) else _number(one) for one in line]
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.3f}"
 
 
 # --- agents that judge one another --------------------------------------------------------------------
