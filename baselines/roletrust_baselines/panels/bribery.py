@@ -22,7 +22,8 @@ class Bribe(NamedTuple):
 
     The lead of an item is that of the truth over the wrong answer with most votes, as a share of the votes of judges
     that are not bought: from -1 to 1. These may have equal weights, or those of one who knows how accurate they are.
-    Where the lead is in a window, bought judges lie, and all vote for that wrong answer. Elsewhere they may earn trust.
+    Where the lead is in a window, bought judges lie, and all vote for that wrong answer. Elsewhere they may earn trust,
+    and on the first items, too.
 
     Attributes:
         choice: Judges that are bought: the most or the least accurate, those that agree most with one another, or any.
@@ -30,6 +31,7 @@ class Bribe(NamedTuple):
         high: Greatest lead at which they lie.
         elsewhere: What they vote on other items: as they did before, the truth, or the favourite of the others.
         known: Share of the log-odds of accuracy in the weights of the others' votes, in [0, 1]; the rest is equal.
+        honest: Share of the items, the first ones in the order of the votes, on which they do not lie, in [0, 1].
     """
 
     choice: Choice = "best"
@@ -37,28 +39,31 @@ class Bribe(NamedTuple):
     high: float = 1.0
     elsewhere: Elsewhere = "own"
     known: float = 0.0
+    honest: float = 0.0
 
     def __str__(self) -> str:
         """Return the bribe in words."""
-        if (self.low, self.high) == (-1, 1):
-            return f"{self.choice}, always lie"
-        leads = f"leads from {self.low:.2f} to {self.high:.2f} (known {self.known:.2f})"
-        return f"{self.choice}, lie at {leads}, else {self.elsewhere}"
+        where = f" at leads from {self.low:.2f} to {self.high:.2f} (known {self.known:.2f})"
+        part = "" if (self.low, self.high) == (-1, 1) else where
+        late = f" after {self.honest:.2f} of the items" if self.honest else ""
+        lies = f"lie{part}{late}, else {self.elsewhere}" if part or late else "always lie"
+        return f"{self.choice}, {lies}"
 
 
 def _changed(bribe: Bribe | None, rng: np.random.Generator) -> Bribe:
     """Return a bribe at random, or one that differs from another in one choice or in its numbers."""
-    one, other, known = rng.uniform((-1, -1, 0), 1).tolist()
+    one, other, known, honest = rng.uniform((-1, -1, 0, 0), 1).tolist()
     low, high = sorted((one if rng.random() < 0.5 else -1.0, other))
-    known = known if rng.random() < 0.5 else 0.0
-    new = Bribe(_CHOICES[rng.integers(4)], low, high, _ELSEWHERE[rng.integers(3)], known)
+    known, honest = (value if rng.random() < 0.5 else 0.0 for value in (known, honest))
+    new = Bribe(_CHOICES[rng.integers(4)], low, high, _ELSEWHERE[rng.integers(3)], known, honest)
     if bribe is None:
         return new
-    step = rng.normal(0, (0.15, 0.15, 0.3))
+    step = rng.normal(0, (0.15, 0.15, 0.3, 0.2))
     low, high = np.sort(np.clip([bribe.low + step[0], bribe.high + step[1]], -1, 1)).tolist()
-    near = {"low": low, "high": high, "known": min(max(bribe.known + step[2], 0.0), 1.0)}
-    part = ({"choice": new.choice}, {"elsewhere": new.elsewhere}, near)
-    return bribe._replace(**part[rng.choice(3, p=(0.2, 0.2, 0.6))])
+    known, honest = np.clip([bribe.known + step[2], bribe.honest + step[3]], 0, 1).tolist()
+    near = {"low": low, "high": high, "known": known, "honest": honest if bribe.honest else 0.0}
+    part = ({"choice": new.choice}, {"elsewhere": new.elsewhere}, {"honest": new.honest}, near)
+    return bribe._replace(**part[rng.choice(4, p=(0.2, 0.1, 0.1, 0.6))])
 
 
 def chosen(votes: Votes, bought: int, choice: Choice, seed: int = 0) -> Ints:
@@ -89,7 +94,7 @@ def bribed(votes: Votes, judges: Ints, bribe: Bribe) -> Votes:
     wrong = others.argmax(axis=1)
     ahead = tally[every, true] - tally[every, wrong]
     lead = np.divide(ahead, total, out=np.zeros(items), where=total > 0)
-    lies = (lead >= bribe.low) & (lead <= bribe.high)
+    lies = (lead >= bribe.low) & (lead <= bribe.high) & (every >= bribe.honest * items)
     said = np.where(lies, wrong, true if bribe.elsewhere == "truth" else favourite)
     rows = np.isin(votes.judges, judges)
     if bribe.elsewhere == "own":

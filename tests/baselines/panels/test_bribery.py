@@ -1,5 +1,7 @@
 """Bought judges vote as their bribe says, and nobody else does anything."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from panel_cases import votes_of
@@ -28,9 +30,9 @@ def test_a_plain_lie_is_wrong_everywhere_and_leaves_others_alone(votes: Votes) -
     assert np.array_equal(together[0], together[1])
 
 
-@pytest.mark.parametrize("elsewhere", ["own", "truth", "majority"])
-def test_lies_are_told_in_the_window_alone(votes: Votes, elsewhere: str) -> None:
-    judges, bribe = chosen(votes, 2, "best"), Bribe("best", 0.1, 0.6, elsewhere)  # type: ignore[arg-type]
+@pytest.mark.parametrize(("elsewhere", "honest"), [("own", 0.0), ("truth", 0.0), ("majority", 0.5)])
+def test_lies_are_told_in_the_window_alone(votes: Votes, elsewhere: Any, honest: float) -> None:
+    judges, bribe = chosen(votes, 2, "best"), Bribe("best", 0.1, 0.6, elsewhere, honest=honest)
     found = bribed(votes, judges, bribe)
     others = votes.tally(np.isin(np.arange(8), judges, invert=True).astype(float))
     for row in np.flatnonzero(np.isin(votes.judges, judges)):
@@ -38,7 +40,7 @@ def test_lies_are_told_in_the_window_alone(votes: Votes, elsewhere: str) -> None
         wrong = np.delete(np.arange(3), votes.truth[item])
         lead = (others[item, votes.truth[item]] - others[item, wrong].max()) / others[item].sum()
         said = found.shares[row].argmax()
-        if 0.1 <= lead <= 0.6:
+        if 0.1 <= lead <= 0.6 and item >= 30 * honest:
             assert said != votes.truth[item]
             assert others[item, said] == others[item, wrong].max()
         elif elsewhere == "own":
