@@ -1,6 +1,7 @@
 """Keys of the manager, raters and cameras: one ed25519 pair for each name (Bernstein et al. 2012)."""
 
 import os
+import re
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -8,6 +9,9 @@ from pathlib import Path
 from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+
+NAME = r"[A-Za-z0-9_][A-Za-z0-9_.@:+-]{0,199}"
+"""Names of agents as a regular expression: they are names of files, too, and none looks like another."""
 
 _PRIVATE, _PUBLIC = ".key", ".pub"
 
@@ -24,13 +28,13 @@ def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> l
         The names that got a new pair.
 
     Raises:
-        ValueError: A name is not an identifier, an existing private key is invalid, or a public key would be replaced.
+        ValueError: A name is not as `NAME`, an existing private key is invalid, or a public key would be replaced.
             Then no key is made.
         OSError: The folder cannot be written.
     """
     names = list(dict.fromkeys(names))
     for name in names:
-        if not name.isidentifier():
+        if not re.fullmatch(NAME, name):
             raise ValueError(f"{name!r} is no name of an agent; use letters, digits and '_', for example sr_0")
     new = [name for name in names if not (folder / f"{name}{_PRIVATE}").exists()]
     alone = [name for name in new if (folder / f"{name}{_PUBLIC}").exists()]
@@ -70,6 +74,9 @@ class Signer:
 
     Raises:
         ValueError: The private key does not exist, can be read by others, or is invalid.
+
+    Attributes:
+        key: Private key.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
@@ -78,11 +85,11 @@ class Signer:
             raise ValueError(f"there is no private key {path}; `roletrust live keys` makes one")
         if path.stat().st_mode & 0o077:
             raise ValueError(f"{path} can be read by others; restrict it to its owner with `chmod 600 {path}`")
-        self._key = _read_private(path)
+        self.key = _read_private(path)
 
     def sign(self, data: bytes) -> bytes:
         """Return the signature of some bytes."""
-        return self._key.sign(data)
+        return self.key.sign(data)
 
 
 class PublicKeys:
