@@ -21,7 +21,7 @@ MAX_TOKEN = 4096
 _ALGORITHM = "EdDSA"
 
 Name = Annotated[str, Field(pattern=f"^{NAME}$", examples=["ann"])]
-"""Name of an agent or of a manager: up to 200 letters, digits and `_.-@:+`, the first a letter, a digit or `_`."""
+"""Name of an agent or of a manager: up to 200 letters, digits and `_.-@:+`, the first a letter or `_`."""
 
 
 class Claims(BaseModel):
