@@ -18,6 +18,9 @@ def said():
 def test_the_first_loop_shows_the_liar(said):
     trust = {agent: info["trust"] for agent, info in said["infos"].items()}
     assert trust["sr_2"] < trust["sr_0"] < 0.7
+    text = README.read_text(encoding="utf-8")
+    assert f"trusted least, with {trust['sr_2']:.2f}" in text
+    assert f"end at {trust['sp_0']:.2f}, hardly higher" in text
 
 
 def test_the_leaderboard_is_that_of_the_benchmark():
