@@ -9,6 +9,7 @@ from roletrust_env.trust.models.central.random_walks import EigenTrust, PowerTru
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from roletrust_env.trust.models.central.seeded_walks import MeritRank, PersonalizedPageRank, SybilRank
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
+from roletrust_env.trust.models.personal.blade import Blade
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.first_hand import FirstHand
 from roletrust_env.trust.models.personal.opinions import SubjectiveLogic
@@ -37,6 +38,7 @@ OWN = {
     "sybil-rank": SybilRank,
     "trimmed-mean": TrimmedMean,
     "wary-role-trust": WaryRoleTrust,
+    "blade": Blade,
     "clustering": Clustering,
     "fire": Fire,
     "first-hand": FirstHand,
