@@ -41,6 +41,19 @@ def reputation(successes: Array, failures: Array, initial: float = 0.5) -> Array
     return (successes + 2 * initial) / (successes + failures + 2)
 
 
+def log_gamma(z: Array) -> Array:
+    """Return the logarithm of the gamma function by Stirling's formula, accurate to rounding for z of at least 1.
+
+    Example:
+        >>> import numpy as np
+        >>> bool(np.isclose(log_gamma(np.array(5.0)), np.log(24)))
+        True
+    """
+    xp, far = namespace(z), z + _SHIFTS
+    rising = z * (z + 1) * (z + 2)  # gamma of z + 3 over gamma of z
+    return (far - 0.5) * xp.log(far) - far + 0.5 * math.log(2 * math.pi) + _series(far) - xp.log(rising)
+
+
 def mass_below(x: Array, a: Array, b: Array) -> Array:
     """Return the mass of Beta(a, b) below x, the regularised incomplete beta function I_x(a, b).
 
@@ -203,7 +216,12 @@ def _remainder(z: Array) -> Array:
     for _ in range(_SHIFTS):
         remainder = remainder + ((z + 0.5) * xp.log1p(1.0 / z) - 1.0)
         z = z + 1.0
+    return remainder + _series(z)
+
+
+def _series(z: Array) -> Array:
+    """Return the remainder of Stirling's formula as its series, for z >= 4."""
     inverse = 1.0 / (z * z)
     series = 1 / 1680 - inverse * (1 / 1188 - inverse * 691 / 360360)
     series = 1 / 12 - inverse * (1 / 360 - inverse * (1 / 1260 - inverse * series))
-    return remainder + series / z
+    return series / z

@@ -111,3 +111,8 @@ def test_both_compile_into_one_graph() -> None:
     for function, given in ((beta.mass_below, (x, a, b)), (lambda a, b: beta.quantile(0.01, a, b), (a, b))):
         compiled = torch.compile(function, fullgraph=True, backend="eager")
         assert torch.equal(compiled(*given), function(*given))
+
+
+def test_the_logarithm_of_the_gamma_function_is_scipys() -> None:
+    z = np.concatenate([np.linspace(1, 20, 500), np.geomspace(20, 1e6, 100)])
+    np.testing.assert_allclose(beta.log_gamma(z), special.gammaln(z), rtol=1e-10, atol=1e-10)

@@ -12,6 +12,7 @@ from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.blade import Blade
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.first_hand import FirstHand
+from roletrust_env.trust.models.personal.habit import Habit
 from roletrust_env.trust.models.personal.opinions import SubjectiveLogic
 from roletrust_env.trust.models.personal.qor import QualityOfRecommendation
 from roletrust_env.trust.models.personal.regression_aligned import RegressionAligned
@@ -42,6 +43,7 @@ OWN = {
     "clustering": Clustering,
     "fire": Fire,
     "first-hand": FirstHand,
+    "habit": Habit,
     "own-experience": OwnExperience,
     "peer-trust": PeerTrust,
     "qor": QualityOfRecommendation,
