@@ -72,3 +72,9 @@ def test_the_readme_says_the_same() -> None:
     assert f"the majority is right in {majority} of the items" in readme
     assert f"make it {ours}" in readme
     assert values["first-hand", "10", "10", "attacked"] > majority
+
+
+def test_no_worst_bribe_is_honest_on_the_first_items() -> None:
+    bribes = {row["bribe"] for row in ROWS["bought"] if row["bribe"]}
+    assert len(bribes) > 5
+    assert not any("of the items" in bribe for bribe in bribes)
