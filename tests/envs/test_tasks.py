@@ -18,6 +18,7 @@ from roletrust_env.envs.attack_env import AttackEnv
 
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
+@pytest.mark.usefixtures("untraced")
 @pytest.mark.filterwarnings(
     "error",
     "ignore:.*A Box observation space m..imum value is -?infinity",
@@ -35,6 +36,7 @@ def test_gymnasium_finds_nothing_wrong_with_the_registered_ones(task_id: str) ->
 
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
+@pytest.mark.usefixtures("untraced")
 @pytest.mark.filterwarnings("error", "ignore:We recommend you to use a symmetric and normalized Box action space")
 def test_stable_baselines_finds_nothing_wrong(task_id: str, scenario: str, level: str) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
@@ -42,6 +44,7 @@ def test_stable_baselines_finds_nothing_wrong(task_id: str, scenario: str, level
 
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
+@pytest.mark.usefixtures("untraced")
 def test_an_episode_stays_in_its_spaces(task_id: str, scenario: str, level: str) -> None:
     stealth = {"weight": 0.5, "tolerance": 0.02}
     env = make(task_id, scenario=scenario, compromised=crew(task_id, scenario), knowledge=level, stealth=stealth)
