@@ -63,13 +63,13 @@ def check_attack(attack: Policy, *, torch: bool = True) -> None:
         likes += [library.zeros((), dtype=library.float64), library.zeros(())]
     for like in likes:
         check_rounds(attack, like)
-    check_games(attack)
+    alone = check_games(attack)
     for like in likes[2:3]:
         ours, theirs = _played(attack, like, (2,)), _played(attack, likes[0], (2,))
         _require(
             _same(ours, theirs), attack, "torch and NumPy have different results; compute with namespace(view.trust)"
         )
-    if _same(_played(attack, likes[0], ()), _played(attack, likes[0], (), honest=True)):
+    if _same(alone, _played(attack, likes[0], (), honest=True)):
         hint = f"it plays like an honest agent for {_rounds(attack)} rounds; override the methods of its channels"
         warnings.warn(_line(attack, hint), UserWarning, stacklevel=2)
 
@@ -117,20 +117,21 @@ def check_rounds(attack: Policy, like: Array) -> None:
     _require(same, attack, "it changes its own attributes; keep what it remembers in the memory that begin returns")
 
 
-def check_games(attack: Policy) -> None:
-    """Check that games do not depend on each other, nor on games that were played before."""
+def check_games(attack: Policy) -> list[Any]:
+    """Check that games do not depend on each other, nor on games that were played before, and return one of them."""
     like = np.zeros(())
     alone, again = _played(attack, like, ()), _played(attack, like, ())
     _require(
         _same(alone, again), attack, "the same game has two results; draw random numbers from the `random` argument"
     )
     if not _same(alone, _played(attack, like, (), chance=8)):
-        return  # it plays at random, so that a game in a batch has other numbers than the game alone
+        return alone  # it plays at random, so that a game in a batch has other numbers than the game alone
     batch = _played(attack, like, (3,))
     first = [part[..., 0] for part in batch]
     _require(
         _same(alone, first), attack, "a game in a batch differs from the same game alone; reduce over no batch axis"
     )
+    return alone
 
 
 def _game(attack: Policy, like: Array) -> Game:

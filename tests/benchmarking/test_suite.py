@@ -183,7 +183,9 @@ def test_an_invalid_suite_file_is_refused(tmp_path: Path) -> None:
         load_suite("brief")
 
 
-@pytest.mark.parametrize(("name", "method"), [("quick", "random search"), ("standard", "agreed CMA-ES")])
+@pytest.mark.parametrize(
+    ("name", "method"), [("quick", "random search"), pytest.param("standard", "agreed CMA-ES", marks=pytest.mark.slow)]
+)
 def test_budgets_are_enough_for_the_searches_of_a_suite(name: str, method: str) -> None:
     suite = load_suite(name)
     result = play_cell(suite, Cell("mean", next(iter(suite.scenarios)), "raters", 0.3, method, 0))

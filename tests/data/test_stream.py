@@ -238,24 +238,26 @@ ROUNDS = st.lists(
 )
 
 
-@pytest.mark.parametrize("name", [*(name for name in CENTRAL if name != "wary-role-trust"), *LOG_MODELS])
 @settings(max_examples=10)
 @given(rounds=ROUNDS, others=ROUNDS)
-def test_strangers_that_leave_were_never_there(name: str, rounds: list[Any], others: list[Any]) -> None:
+def test_strangers_that_leave_were_never_there(rounds: list[Any], others: list[Any]) -> None:
     """They rate each other only. Where all providers are felt by all, they are not strangers.
 
     So wary role-trust, which feels a shock to most providers, is left out, and leave-one-out has no median provider.
     """
-    alone = {"modesty": 0.0} if name == "leave-one-out" else {}
-    model = LOG_MODELS[name]() if name in LOG_MODELS else make_trust_model(name, **alone)
     both = [
         [*some, *((rater + 10, provider + 10, rating) for rater, provider, rating in more)]
         for some, more in zip(rounds, [*others, *[[]] * 4], strict=False)
     ]
     far = set(range(10, 20))
-    gone = played(model, [*both, rounds[0]], {len(rounds) - 1: (far, far)})
-    for one, other in zip(trusts(gone), trusts(played(model, [*rounds, rounds[0]], {})), strict=True):
-        assert one == pytest.approx(other, abs=1e-12)
+    for name in (*CENTRAL, *LOG_MODELS):
+        if name == "wary-role-trust":
+            continue
+        alone = {"modesty": 0.0} if name == "leave-one-out" else {}
+        model = LOG_MODELS[name]() if name in LOG_MODELS else make_trust_model(name, **alone)
+        gone = played(model, [*both, rounds[0]], {len(rounds) - 1: (far, far)})
+        for one, other in zip(trusts(gone), trusts(played(model, [*rounds, rounds[0]], {})), strict=True):
+            assert one == pytest.approx(other, abs=1e-12), name
 
 
 ANEW = pytest.mark.parametrize(

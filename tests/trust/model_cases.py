@@ -25,9 +25,9 @@ def named(name: str) -> TrustModel[Any]:
     return make_trust_model(name, **registry.accepted_parameters(name, {"lam": 0.7, "initial": 0.3}))
 
 
-def assert_close(actual: Iterable[Any], expected: Iterable[Any], tolerance: float) -> None:
+def assert_close(actual: Iterable[Any], expected: Iterable[Any], tolerance: float, what: str = "") -> None:
     for one, other in zip(actual, expected, strict=True):
-        np.testing.assert_allclose(np.asarray(one), np.asarray(other), rtol=0, atol=tolerance)
+        np.testing.assert_allclose(np.asarray(one), np.asarray(other), rtol=0, atol=tolerance, err_msg=what)
 
 
 def having(*traits: str) -> pytest.MarkDecorator:

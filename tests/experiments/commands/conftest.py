@@ -1,4 +1,4 @@
-"""A report that several files of tests read."""
+"""A report that several files of tests read, and what spares commands their longest work."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,6 +16,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     here = tmp_path_factory.mktemp("report")
     report_run.write_report(here)
     return here
+
+
+@pytest.fixture
+def drawn() -> None:
+    """Figures are drawn."""
+
+
+@pytest.fixture(autouse=True)
+def _undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made, but their files are empty: to draw them takes longer than most commands."""
+
+    def write(path: Path, *_: Any, **__: Any) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+
+    if "drawn" not in request.fixturenames:
+        drawing = ("commands.benchmark", "commands.play", "commands.replay", "commands.train", "plots.paper")
+        for module in (*drawing, "report.figures"):
+            monkeypatch.setattr(f"roletrust_experiments.{module}.write_figure", write)
 
 
 class _InProcess:

@@ -46,7 +46,7 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     scenario = make_scenario(tmp_path / "team.toml")
     assert (scenario.name, scenario.max_cycles, len(scenario.agents)) == ("team", 239, 6)
     assert "# sr_2" in (tmp_path / "team.toml").read_text()
-    attacked = ["--attack", "sr_0=bad-mouthing", "--out", str(tmp_path / "play")]
+    attacked = ["--attack", "sr_0=bad-mouthing", "--set", "max_cycles=20", "--out", str(tmp_path / "play")]
     assert run("play", str(tmp_path / "team.toml"), *attacked).exit_code == 0
     settings = ["--set", "max_cycles=10", "--learner", "PPO:games=8,hidden=[8],batch_size=40,n_steps=10,n_epochs=1"]
     settings += ["--scenario", str(tmp_path / "team.toml"), "--steps", "160", "--out", str(tmp_path / "train")]

@@ -14,7 +14,7 @@ from roletrust_experiments.playing.group_measures import MEASURES, damage, measu
 from roletrust_experiments.plots.curves import curve_figure
 
 
-def test_one_game_with_two_attackers(tmp_path):
+def test_one_game_with_two_attackers(tmp_path, drawn):
     attacks = ["--attack", "sp_2=on-off:start=3,period=4", "--attack", "sr_1=bad-mouthing:level=0.2,targets=[0,1]"]
     results, printed = play(tmp_path, *attacks)
     assert results["attackers"]["sp_2"]["parameters"]["period"] == 4

@@ -79,7 +79,7 @@ def test_the_command_plays_the_worst_case_of_the_leaderboard(file: Path, tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == {"replay.png", "game.mp4", "game.png"}
 
 
-def test_names_are_neither_markup_nor_formulas(tmp_path: Path) -> None:
+def test_names_are_neither_markup_nor_formulas(tmp_path: Path, drawn: None) -> None:
     track = "liars $_$ [red]"
     suite = small(models=["mean"], attacks=["bad-mouthing"], tracks={track: {"roles": ["SR"], "shares": [0.5]}})
     with Store(tmp_path / "results.sqlite", suite) as store:

@@ -48,7 +48,7 @@ def train(out, *arguments):
     return load_attacker(out), result.output
 
 
-def test_a_run_and_what_it_leaves_behind(tmp_path):
+def test_a_run_and_what_it_leaves_behind(tmp_path, drawn):
     attacker, printed = train(tmp_path, "provider-attack", *PPO, "--seed", 3)
     config = json.loads((tmp_path / "config.json").read_text())
     assert config["run"]["seed"] == 3
@@ -69,6 +69,7 @@ def test_a_run_and_what_it_leaves_behind(tmp_path):
     assert again.mean() == pytest.approx(score.mean)
     assert score.mean >= max(float(row["score"]) for row in rows) - 1e-6
     assert (card.task.compromised, card.scenario.max_cycles, card.training.steps) == (("sp_2",), 10, 1600)
+    assert card.training.rounds == 1600 + 20 * 16 * 10 + 16 * 10  # learned from, 20 scores, games to normalise by
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac", "recurrent-ppo"])
@@ -97,12 +98,6 @@ def test_runs_of_several_seeds_have_a_folder_each(tmp_path):
     more = run(*arguments, "--runs", 3, "--seed", 5, "--resume")
     assert more.exit_code == 0, more.output
     assert (tmp_path / "seed-7" / "attacker.json").exists()
-
-
-def test_all_rounds_that_decided_are_counted(tmp_path):
-    """The 1600 it learned from, 20 scores of 16 games of 10 rounds, and 16 games to normalise by."""
-    attacker, _ = train(tmp_path, "ProviderAttack", *PPO)
-    assert attacker.card.training.rounds == 1600 + 20 * 16 * 10 + 16 * 10
 
 
 def test_options_decide_what_is_learned(tmp_path):

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import large_run
 import pytest
+from small_suites import MARKET
 
 from roletrust_experiments.report.content import Content, Learners
 from roletrust_experiments.report.figures import write_figures
@@ -18,7 +19,9 @@ NAMES = ["breakdown", "curves", "heatmap", "leaderboard", "learners", "tradeoff"
 
 @pytest.fixture(scope="module")
 def content() -> Content:
-    suite = large_run.large(models=MODELS, attacks=[ATTACK], methods=["scripted"], name="odd\n\\input{x}")
+    suite = large_run.large(
+        models=MODELS, attacks=[ATTACK], methods=["scripted"], name="odd\n\\input{x}", scenarios={"market": MARKET}
+    )
     learners = large_run.learners()
     return Content(
         Robustness.of(suite, large_run.stored_cells(suite), {}, Path("results.sqlite")),

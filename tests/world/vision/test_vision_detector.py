@@ -83,7 +83,7 @@ def test_frames_with_nothing_in_them():
 def test_probability_falls_with_quality():
     scene = RenderedScene(0)
     means = [
-        np.mean([seen(degrade(scene.frame(c, t), q, (c, k))) for c in range(3) for k, t in enumerate(range(4))])
+        np.mean([seen(degrade(scene.frame(c, t), q, (c, k))) for c in range(3) for k, t in enumerate(range(3))])
         for q in (1.0, 0.6, 0.5, 0.4, 0.0)
     ]
     assert means == sorted(means, reverse=True)
