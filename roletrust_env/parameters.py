@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import inspect
+import operator
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf
@@ -131,6 +132,26 @@ BiasOrRange = Annotated[float | tuple[float, float], _number_or_range("[-1, 1]",
 
 ScaleOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, inf)", lambda x: 0 <= x < inf)]
 """Factor of a quality, or a range from which it is drawn."""
+
+
+def whole_number(name: str, value: Any, least: int = 0) -> int:
+    """Return a whole number, which may be one of NumPy, as one of Python.
+
+    Args:
+        name: What the number is, for the error message.
+        value: Value to check.
+        least: Least value that is allowed.
+
+    Raises:
+        ValueError: The value is not whole, is a truth value, or is less than `least`.
+    """
+    try:
+        number = least - 1 if isinstance(value, bool) else operator.index(value)
+    except (TypeError, ValueError):  # no number, or a tensor of many
+        number = least - 1
+    if number < least:
+        raise ValueError(f"{name} is {value!r}; it must be a whole number, {least} or more")
+    return number
 
 
 def allowed(hint: Any) -> str:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from roletrust_env import counter_rng
 from roletrust_env.arrays import Array, namespace, whole_dtype
+from roletrust_env.parameters import whole_number
 
 Keys = npt.NDArray[np.uint32]
 
@@ -35,6 +36,15 @@ def stream_key(key: Array | Sequence[Array], stream: Any, index: Any) -> list[Ar
     """
     words = key[0] + index, key[1] + stream, key[2], key[3]
     return counter_rng.scramble(namespace(key[0]).broadcast_arrays(*words))
+
+
+def generator(seed: int | None = None) -> np.random.Generator:
+    """Return NumPy's generator of a seed; None takes fresh entropy.
+
+    Raises:
+        ValueError: The seed is no whole number, 0 or more.
+    """
+    return np.random.default_rng(None if seed is None else whole_number("seed", seed))
 
 
 class Random:

@@ -16,6 +16,7 @@ from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy import Policy
 from roletrust_env.parameters import refuse_unknown
+from roletrust_env.randomness import generator
 
 Scores = npt.NDArray[np.float64]
 Attack = Mapping[str, Policy]
@@ -134,7 +135,7 @@ class GridSearch:
         trial = ScriptTrial(arguments, budget, seed)
         attacks = Scripts.of(trial.task, self.attacks).grid
         if len(attacks) > trial.left:
-            attacks = [attacks[k] for k in np.random.default_rng(seed).permutation(len(attacks))[: trial.left]]
+            attacks = [attacks[k] for k in generator(seed).permutation(len(attacks))[: trial.left]]
         return trial.best(attacks, trial.scores(attacks))
 
 
@@ -156,7 +157,7 @@ class RandomSearch:
         trial = ScriptTrial(arguments, budget, seed)
         scripts = Scripts.of(trial.task, self.attacks)
         check_parameters(scripts)
-        points = np.random.default_rng(seed).random((trial.left, scripts.size))
+        points = generator(seed).random((trial.left, scripts.size))
         attacks = [scripts.decode(point) for point in points]
         return trial.best(attacks, trial.scores(attacks))
 
@@ -183,7 +184,7 @@ class CmaEs:
         trial = ScriptTrial(arguments, budget, seed)
         scripts = Scripts.of(trial.task, self.attacks)
         check_parameters(scripts)
-        attacks, scores = cma_es(trial, scripts, trial.left, self.spread, np.random.default_rng(seed))
+        attacks, scores = cma_es(trial, scripts, trial.left, self.spread, generator(seed))
         return trial.best(attacks, scores)
 
 
@@ -257,7 +258,7 @@ class AgreedCmaEs:
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
-        trial, random = ScriptTrial(arguments, budget, seed), np.random.default_rng(seed)
+        trial, random = ScriptTrial(arguments, budget, seed), generator(seed)
         kinds = self.attacks or _paper(trial.task)
         groups = [with_paper(trial.task, kind) for kind in kinds[: trial.left]]
         attacks: list[Attack] = [_alike(trial.task, group).default for group in groups]

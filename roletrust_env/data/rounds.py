@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.parameters import whole_number
 from roletrust_env.trust.key_index import Floats, Ints
 
 MOST = 1_000_000
@@ -116,8 +117,8 @@ def check_rounds(every: Any, count: int | None) -> None:
         if not isinstance(every, Real) or isinstance(every, bool | np.bool_ | np.timedelta64):
             raise ValueError(f"the length of a round is {every!r}; it must be a number, for dates one of seconds")
         round_numbers(np.zeros(0), float(every), 0.0)
-    if count is not None and not 1 <= count < 2**63:
-        raise ValueError(f"the number of ratings of a round is {count}; it must be at least 1 and below 2 ** 63")
+    if count is not None and whole_number("the number of ratings of a round", count, 1) >= 2**63:
+        raise ValueError(f"the number of ratings of a round is {count}; it must be below 2 ** 63")
 
 
 def check_lateness(late: str, lead: Any, every: float | None) -> None:

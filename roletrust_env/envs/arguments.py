@@ -6,6 +6,7 @@ from functools import cache
 from inspect import Parameter, signature
 from typing import Any, TypeVar
 
+import gymnasium
 import numpy as np
 
 from roletrust_env.world import Scenario
@@ -47,16 +48,6 @@ def refuse_empty_start(scenario: Scenario) -> None:
         raise ValueError("agents: every group joins late; an episode begins with a group of joins 0, join_rate 1")
 
 
-def check_number(name: str, value: object) -> None:
-    """Check that a number of games or steps is whole and 1 or more.
-
-    Raises:
-        ValueError: It is not.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ValueError(f"{name} is {value!r}; it must be a whole number, 1 or more")
-
-
 def all_within(numbers: Sequence[float], low: float = 0.0) -> bool:
     """Return whether all numbers lie in [low, 1]; of few numbers this takes less time than of an array."""
     total = sum(numbers)  # NaN if a number is
@@ -79,6 +70,13 @@ def _words(n_bytes: int) -> tuple[int, int]:
     """Return the first bit of each word of some bytes; and what the bits of 1.0 lack to reach it, in each word."""
     ones = sum(1 << 8 * k for k in range(0, n_bytes, 4))
     return ones << 31, ones * (2**31 - 1 - int(np.float32(1).view(np.uint32)))
+
+
+def seed_spaces(spaces: Mapping[str, gymnasium.Space[Any]], seed: int | None) -> None:
+    """Seed the spaces of all agents, also of those who join later, whom nobody else can seed in time; None does not."""
+    if seed is not None:
+        for i, space in enumerate(spaces.values()):
+            space.seed(int(seed) + i)
 
 
 def space_of(agent: str, spaces: Mapping[str, Space]) -> Space:

@@ -19,6 +19,7 @@ from roletrust_env.game.make_task import make_task
 from roletrust_env.game.state import Noise, State
 from roletrust_env.game.traced.kernels import Kernel
 from roletrust_env.game.traced.rounds import Rounds, Unknown, reason_against_symbols
+from roletrust_env.parameters import whole_number
 from roletrust_env.randomness import Random
 from roletrust_env.trees import is_array, map_leaves
 
@@ -240,7 +241,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
         """Begin a new episode; see `gymnasium.Env.reset`."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else whole_number("seed", seed))
         if seed is not None or self._random is None:
             self._random = Random(self.np_random, self.task.game.like)
         state = self.task.start(self.task.game.draw(self._random, start=True), self._random)

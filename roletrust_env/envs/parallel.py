@@ -7,11 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
-from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from roletrust_env.arrays import Array
-from roletrust_env.envs.arguments import refuse_empty_start, refuse_unknown, space_of
+from roletrust_env.envs.arguments import refuse_empty_start, refuse_unknown, seed_spaces, space_of
 from roletrust_env.envs.joint_action import JointAction
 from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
@@ -20,7 +19,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.state import Noise, State
 from roletrust_env.game.summary import summarise, summary_size
 from roletrust_env.game.traced.rounds import Rounds
-from roletrust_env.randomness import Random
+from roletrust_env.randomness import Random, generator
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT
@@ -189,7 +188,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             The observations and infos of the agents that are present.
 
         Raises:
-            ValueError: A name in `attackers` is no agent of the scenario.
+            ValueError: A name in `attackers` is no agent of the scenario, or the seed is no whole number, 0 or more.
         """
         attackers = (options or {}).get("attackers", ())
         if isinstance(attackers, str):
@@ -198,11 +197,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             if name not in self.action_spaces:
                 raise ValueError(f"there is no agent {name!r} to mark; there are {', '.join(self.action_spaces)}")
         if seed is not None or self._random is None:
-            self.np_random, _ = seeding.np_random(seed)
+            self.np_random = generator(seed)
             self._random = Random(self.np_random)
-        if seed is not None:  # also for those who join later, whose spaces nobody else can seed in time
-            for i, space in enumerate(self.action_spaces.values()):
-                space.seed(seed + i)
+        seed_spaces(self.action_spaces, seed)
         self.attackers = self._spectator.attackers = tuple(attackers)
         state = self.game.start(self.game.draw(self._random, start=True))
         self._end = int(self.game.random_end(self._random))

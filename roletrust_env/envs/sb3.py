@@ -13,7 +13,6 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
-from roletrust_env.envs.arguments import check_number
 from roletrust_env.envs.attack_env import TaskBatch, check_action, choose, task_spaces
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.attack_task import AttackTask
@@ -22,7 +21,8 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import State
-from roletrust_env.randomness import Random
+from roletrust_env.parameters import whole_number
+from roletrust_env.randomness import Random, generator
 from roletrust_env.world.roster import PREFIXES, shown
 
 Floats = npt.NDArray[np.float32]
@@ -80,7 +80,7 @@ class BatchVecEnv(VecEnv):
         super().__init__(slots, seen, space)
         self.metadata: dict[str, Any] = {**RENDERING, "autoreset_mode": AutoresetMode.SAME_STEP}
         self._like, self._game = like, game
-        self._random = Random(np.random.default_rng(seed), like)
+        self._random = Random(generator(seed), like)
         self._returns, self._lengths = np.zeros(slots), np.zeros(slots, int)
         self._began = perf_counter()
         self._actions: Floats | None = None
@@ -109,13 +109,17 @@ class BatchVecEnv(VecEnv):
     def reset(self) -> Floats:
         """Restart all slots, with the seed of the last call of `seed`, if there was one."""
         if self._seeds[0] is not None:
-            self._random = Random(np.random.default_rng(self._seeds[0]), self._like)
+            self._random = Random(generator(self._seeds[0]), self._like)
         self._reset_seeds()
         self._reset_options()
         self._restart(None)
         self._returns[:], self._lengths[:] = 0, 0
         self._follow()
         return self._observe()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Set the seed of the next `reset`; see `VecEnv.seed`."""
+        return super().seed(None if seed is None else whole_number("seed", seed))
 
     def step_async(self, actions: npt.ArrayLike) -> None:
         """Take the actions of the next round, (slots, A).
@@ -250,7 +254,7 @@ class AttackVecEnv(BatchVecEnv):
     ) -> None:
         if not isinstance(task, AttackTask):
             raise ValueError(f"task is {task!r}; it must be an attack task, such as make_task() makes")
-        check_number("num_envs", num_envs)
+        num_envs = whole_number("num_envs", num_envs, 1)
         self.task = task
         self._batch = TaskBatch(task, (num_envs,), threads=threads, whole=self._whole)
         roster = task.game.roster
@@ -330,7 +334,7 @@ class RoleVecEnv(BatchVecEnv):
         render_mode: RenderMode | None = None,
     ) -> None:
         roster, scenario = game.roster, game.scenario
-        check_number("games", games)
+        games = whole_number("games", games, 1)
         if role not in _ROLES:
             raise ValueError(f"role is {role!r}; it must be 'sr', 'sp' or 'srsp'")
         if game.presence.changes:

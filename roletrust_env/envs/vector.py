@@ -10,10 +10,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.arguments import check_number, refuse_unknown
+from roletrust_env.envs.arguments import refuse_unknown
 from roletrust_env.envs.attack_env import TASKS, TaskBatch, check_action, task_by_id, task_spaces
 from roletrust_env.envs.spectator import RenderMode, Spectator
 from roletrust_env.game.make_task import make_task
+from roletrust_env.parameters import whole_number
 
 
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):
@@ -62,9 +63,9 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if mode is None:
             known = ", ".join(f"{mode} or {mode.value!r}" for mode in AutoresetMode)
             raise ValueError(f"autoreset_mode is {autoreset_mode!r}; it must be {known}")
-        check_number("num_envs", num_envs)
+        num_envs = whole_number("num_envs", num_envs, 1)
         if max_episode_steps is not None:
-            check_number("max_episode_steps", max_episode_steps)
+            max_episode_steps = whole_number("max_episode_steps", max_episode_steps, 1)
         self.task = task_by_id(task_id, arguments)
         self.num_envs = num_envs
         self.metadata = {**TASKS[task_id].metadata, "autoreset_mode": mode}
@@ -114,7 +115,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             ValueError: The seed is a list, although the games share one generator; or the mask is no mask of the games.
             RuntimeError: There is a mask, but no game has begun yet.
         """
-        if not isinstance(seed, int | np.integer | None):
+        if isinstance(seed, list):
             raise ValueError(f"seed is {seed!r}; the games share one generator, so give one number")
         mask = (options or {}).get("reset_mask")
         if mask is not None:

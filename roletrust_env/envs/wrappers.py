@@ -12,7 +12,8 @@ from gymnasium.wrappers import TransformAction
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
-from roletrust_env.envs.arguments import space_of
+from roletrust_env.envs.arguments import seed_spaces, space_of
+from roletrust_env.parameters import whole_number
 
 ByName = dict[str, Any]
 Answers = tuple[ByName, ByName, ByName, ByName, ByName]
@@ -66,8 +67,7 @@ class DiscretizeLevels(TransformAction[Any, Any, Any], RecordConstructorArgs):
 
     def __init__(self, env: gymnasium.Env[Any, Any], levels: int, multidiscrete: bool = False) -> None:
         entries = _shape(env)[0]
-        if not isinstance(levels, int) or levels < 2:
-            raise ValueError(f"levels is {levels!r}; it must be a whole number, 2 or more")
+        levels = whole_number("levels", levels, 2)
         if not multidiscrete and levels**entries > 2**31:
             raise ValueError(f"{levels} levels of {entries} entries are {levels}**{entries} actions; use multidiscrete")
         RecordConstructorArgs.__init__(self, levels=levels, multidiscrete=multidiscrete)
@@ -115,6 +115,12 @@ class ParallelTransformAction(BaseParallelWrapper[str, Any, Any]):
             ValueError: There is no such agent.
         """
         return space_of(agent, self.action_spaces)
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[ByName, ByName]:
+        """Begin a new episode; see `RoleTrustParallelEnv.reset`."""
+        answers: tuple[ByName, ByName] = self.env.reset(seed=seed, options=options)
+        seed_spaces(self.action_spaces, seed)
+        return answers
 
     def step(self, actions: Mapping[str, Any]) -> Answers:
         """Play one round; see `RoleTrustParallelEnv.step`."""

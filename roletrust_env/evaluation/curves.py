@@ -9,7 +9,7 @@ import numpy.typing as npt
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.rollout import rollout, stack_offered
 from roletrust_env.game.state import State
-from roletrust_env.randomness import Random
+from roletrust_env.randomness import Random, generator
 
 Floats = npt.NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def record_curves(
     rows: list[tuple[Floats, ...]] = []
     offered: list[Floats] = []
     roster, length = game.roster, game.scenario.max_cycles
-    noise, chance = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
+    noise, chance = Random(generator(seed)), Random(np.random.default_rng([seed, 1]))
     for before, actions, state, rewards, _ in rollout(joint_policy, noise, chance, (games,)):
         offered.append(game.offered(before, actions, state))
         here = game.present(state)

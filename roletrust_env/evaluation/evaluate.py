@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import exact_task, score
 from roletrust_env.evaluation.scripts import RATING_CHANNELS, SERVING_CHANNELS
@@ -14,6 +12,7 @@ from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics import share_of_best
 from roletrust_env.metrics.confidence import Estimate, estimate
+from roletrust_env.parameters import whole_number
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.roster import Roster
@@ -75,10 +74,7 @@ def evaluate(
         >>> evaluate("mean", "sr_2=bad-mouthing:level=0", "paper-3x3", games=2).damage.mean > 0.1
         True
     """
-    if not isinstance(games, int | np.integer) or games < 1:
-        raise ValueError(f"games is {games!r}; it must be 1 or more")
-    if not isinstance(seed, int | np.integer) or seed < 0:
-        raise ValueError(f"seed is {seed!r}; it must be 0 or more")
+    games, seed = whole_number("games", games, 1), whole_number("seed", seed)
     if not isinstance(share, float | int) or not 0 < share < 1:
         raise ValueError(f"share is {share!r}; it must lie between 0 and 1")
     rules = make_scenario(scenario)
@@ -91,7 +87,7 @@ def evaluate(
             "objective": "mislead",
         }
     )
-    scored = score(task, Scripted(policies), int(seed), (1, int(games)))
+    scored = score(task, Scripted(policies), seed, (1, games))
     clean = share_of_best(scored.clean.got, scored.clean.best).value
     scores = {**scored.scores, "clean": clean}
     return Evaluation(*(estimate(scores[name][0]) for name in Evaluation._fields))

@@ -16,6 +16,7 @@ from roletrust_env.game.consumer import Bought
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.rollout import Round, rollout
 from roletrust_env.metrics.score import mean_or_nan, ratio
+from roletrust_env.parameters import whole_number
 from roletrust_env.randomness import Random
 from roletrust_env.trust import Traits
 
@@ -57,7 +58,7 @@ def random_sources(task: AttackTask, seed: int | tuple[int, ...], kind: int) -> 
         seed: Random seed.
         kind: `SEARCHED` or `HELD_OUT`.
     """
-    seeds = (seed,) if isinstance(seed, int) else seed
+    seeds = seed if isinstance(seed, tuple) else (whole_number("seed", seed),)
     noise, chance = np.random.SeedSequence((kind, *seeds)).generate_state(2)
     return task.game.random(int(noise)), task.game.random(int(chance))
 

@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from roletrust_env.arrays import Array
 from roletrust_env.evaluation.attackers import Attacker, Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, TaskArguments, exact_task, mean_rewards
+from roletrust_env.parameters import whole_number
 from roletrust_env.registry import Registry
 
 
@@ -27,7 +28,7 @@ class Budget:
         rounds: Size of the budget, rounds times games.
 
     Raises:
-        ValueError: The size is no number of rounds.
+        ValueError: The size is no whole number, 0 or more.
 
     Attributes:
         rounds: Size of the budget.
@@ -35,9 +36,7 @@ class Budget:
     """
 
     def __init__(self, rounds: int) -> None:
-        if not isinstance(rounds, int) or rounds < 0:
-            raise ValueError(f"the budget is {rounds!r}; it must be a number of game rounds, 0 or more")
-        self.rounds = rounds
+        self.rounds = whole_number("the budget", rounds)
         self.spent = 0
 
     @property

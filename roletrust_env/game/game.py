@@ -20,7 +20,7 @@ from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
 from roletrust_env.game.views import Layout, ProviderView, RaterView, make_views
-from roletrust_env.randomness import Random
+from roletrust_env.randomness import Random, generator
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import access, mobility, rating_delivery
@@ -105,7 +105,7 @@ class Game:
         Args:
             seed: Random seed; None takes fresh entropy.
         """
-        return Random(np.random.default_rng(seed), self.like)
+        return Random(generator(seed), self.like)
 
     def draw(self, random: Random, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
         """Draw the noise of one round, or of the start.

@@ -12,7 +12,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.state import Actions, State
 from roletrust_env.game.views import AgentView, IdentityView, Layout, ProviderView, RaterView
-from roletrust_env.randomness import Random
+from roletrust_env.randomness import Random, generator
 from roletrust_env.world.group import Role
 from roletrust_env.world.presence import PRESENT
 from roletrust_env.world.roster import role_in_name, shown
@@ -54,7 +54,7 @@ class Player:
         _check_channels(agent, self._role, policy)
         self.policy, self.agent = policy, agent
         self._layout = layout
-        self._random = Random(np.random.default_rng(seed))
+        self._random = Random(generator(seed))
         self._memory = policy.begin(self._random, ())
 
     def __repr__(self) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.randomness import generator
 from roletrust_env.trees import arrays
 from roletrust_env.trust import Ratings, TrustModel
 from roletrust_env.trust.model import start_model
@@ -44,7 +45,7 @@ def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: 
         dtype: Dtype of the ratings. The values are those of float32.
         seed: Random seed.
     """
-    rng, rounds = np.random.default_rng(seed), []
+    rng, rounds = generator(seed), []
     for _ in range(count):
         mask = rng.random(shape) < rng.choice([0.0, 0.5, 0.5, 0.8, 1.0])
         mask[rng.integers(shape[0]), :, ...] &= rng.random() < 0.5
@@ -202,7 +203,7 @@ def check_batch(model: TrustModel[Any], shape: Shape) -> None:
 
 def check_permutation(model: TrustModel[Any], seed: int = 0) -> None:
     """Check that the trust of an agent does not depend on its position among the agents."""
-    rng, shape = np.random.default_rng(seed), (5, 4, 3)
+    rng, shape = generator(seed), (5, 4, 3)
     rounds, peers = random_rounds(shape, seed=seed), some_peers(shape)
     raters, providers = read_trust(model, play_rounds(model, rounds, np.zeros(shape), peers))
     i, j = _moved(shape[0], rng), _moved(shape[1], rng)

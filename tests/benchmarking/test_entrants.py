@@ -181,7 +181,7 @@ def test_arguments_that_make_no_sense_are_refused() -> None:
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"models": []}, "models is empty"),
         ({"models": "mean", "attacks": ()}, "attacks is empty"),
-        ({"models": "mean", "workers": -1}, "workers is -1; it must be 0 or more"),
+        ({"models": "mean", "workers": -1}, "workers is -1; it must be a whole number, 0 or more"),
         ({"models": "mean", "workers": "2"}, "workers is '2'"),
         ({"models": "mean", "suite": {"name": "x"}}, "suite is .*; it must be a Suite"),
     ]

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
+from roletrust_env.randomness import generator
 from roletrust_env.trust.models.central.leave_one_out import Compared, LeaveOneOut
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Ratings, weighted_mean
 
@@ -50,7 +51,7 @@ def start_weights(seed: int = 0) -> Floats:
 
     The model is then leave-one-out, with the trust of every rater times the same sigmoid(3).
     """
-    rng, parts = np.random.default_rng(seed), []
+    rng, parts = generator(seed), []
     for name, shape in SHAPES.items():
         silent = name.startswith("trust.") or name.endswith("bias")
         parts.append((0.0 if silent else shape[-1] ** -0.5) * rng.standard_normal(prod(shape)))

@@ -12,6 +12,7 @@ import numpy as np
 
 from roletrust_agents.planning.grid import GridSolution, solve
 from roletrust_env.arrays import Array
+from roletrust_env.parameters import whole_number
 from roletrust_env.world.scenario import Everyone, Scenario
 
 
@@ -205,7 +206,7 @@ def damage_task(scenario: Scenario, *, compromised: int, weight: float, toleranc
     """Return the task of raters in a scenario. The arguments and errors are those of `optimal_rater`."""
     check_certain(scenario)
     raters = sum(group.count for group in scenario.agents if group.role == "SR")
-    if not isinstance(compromised, int) or not 1 <= compromised < raters:
+    if not 1 <= whole_number("compromised", compromised) < raters:
         raise ValueError(f"compromised is {compromised!r}; of {raters} raters, 1 to {raters - 1} can be compromised")
     for name, value in (("weight", weight), ("tolerance", tolerance)):
         if not 0 <= value < np.inf:

@@ -21,6 +21,7 @@ from scipy.ndimage import map_coordinates  # type: ignore[import-untyped]
 from scipy.optimize import minimize  # type: ignore[import-untyped]
 
 from roletrust_env.arrays import Array
+from roletrust_env.parameters import whole_number
 
 FINER = 8
 """Number of actions that the forward pass tries for each level of the backward pass."""
@@ -87,7 +88,7 @@ def solve(task: GridTask, *, levels: int, points: int) -> GridSolution:
         ValueError: `levels` or `points` is not a positive multiple of 4.
     """
     for name, cells in (("levels", levels), ("points", points)):
-        if not isinstance(cells, int) or cells < 4 or cells % 4:
+        if whole_number(name, cells, 4) % 4:
             raise ValueError(
                 f"{name} is {cells!r}; it must be a positive multiple of 4, because the grid is halved twice"
             )

@@ -26,7 +26,7 @@ from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableErro
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
-from roletrust_env.randomness import Random
+from roletrust_env.randomness import Random, generator
 from roletrust_env.trust import Traits
 
 
@@ -79,7 +79,7 @@ class Planner:
             )
 
         noise, chance = random_sources(task, seed, SEARCHED)
-        logits = torch.tensor(_starts(np.random.default_rng(seed), rounds, size, starts))
+        logits = torch.tensor(_starts(generator(seed), rounds, size, starts))
         check_graph(task, OpenLoop(torch.sigmoid(logits[:, :, :1].requires_grad_())), starts * samples)
         for steps, done in ((first, 0), (second, first)):
             logits.requires_grad_()

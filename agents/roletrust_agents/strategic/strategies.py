@@ -16,7 +16,7 @@ from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.parameters import refuse_unknown
-from roletrust_env.randomness import Random
+from roletrust_env.randomness import Random, generator
 
 Floats = npt.NDArray[np.float64]
 Side = Literal["providers", "raters"]
@@ -142,7 +142,7 @@ def random_population(game: Game, batch: tuple[int, ...], seed: int) -> Strategy
         batch: Shape of the batch.
         seed: Random seed.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
 
     def draw(side: Side, agents: int) -> Floats:
         return np.stack([rng.uniform(*bounds, (agents, *batch)) for bounds in BOUNDS[side]])

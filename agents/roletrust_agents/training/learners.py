@@ -19,6 +19,7 @@ from roletrust_agents.training.heads import HeadsPolicy, heads_of
 from roletrust_agents.training.settings import Algo, LearnerSettings, RecurrentPPOSettings, SACSettings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.randomness import generator
 
 _NORMALISING_GAMES = 16
 
@@ -84,7 +85,7 @@ def normalising_rounds(task: AttackTask) -> int:
 
 def _statistics(task: AttackTask, seed: int) -> tuple[Floats, Floats]:
     """Return the mean and the variance of each entry of the observations in games with random actions."""
-    env, rng = AttackVecEnv(task, _NORMALISING_GAMES, seed=seed), np.random.default_rng(seed)
+    env, rng = AttackVecEnv(task, _NORMALISING_GAMES, seed=seed), generator(seed)
     rows, shape = [np.asarray(env.reset())], (_NORMALISING_GAMES, task.action_size)
     for _ in range(normalising_rounds(task) // _NORMALISING_GAMES):
         observation, *_ = env.step(rng.uniform(-1, 1, shape).astype(np.float32))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_env.data.tables import ENDINGS
+from roletrust_env.randomness import generator
 
 KNOWN = {
     "76bd9d8f1d3ff9a1813d9fc8e6902a0ee4d0a2f8c1003842dbc9ec79149ab60c": "Bitcoin OTC",
@@ -79,7 +80,7 @@ def write_log(path: Path, seed: int = 0, members: int = 120, months: int = 24) -
         members: Number of members, at least 2.
         months: Number of months of 30 days.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     quality = np.where(rng.random(members) < 0.1, rng.uniform(-10, -4, members), rng.uniform(1, 6, members))
     habit = rng.choice(["honest", "kind", "contrary"], members, p=[0.8, 0.15, 0.05])
     joined, pace, seen = rng.integers(0, months, members), rng.exponential(1.5, members), np.ones(members)

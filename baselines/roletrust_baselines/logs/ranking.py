@@ -16,6 +16,7 @@ from roletrust_baselines.logs.replay import ACTIVE, Ending, HostileRatings
 from roletrust_baselines.logs.rounds import TooSmallError, numbers_of
 from roletrust_env.data.evidence import Rank, wilson_interval
 from roletrust_env.data.log import RatingLog
+from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
 
@@ -278,7 +279,7 @@ class Ranking:
         Raises:
             ValueError: An agent has no ratings.
         """
-        drawn = np.sort(np.random.default_rng(seed).permutation(len(self.order) - self.top)[:many]) + self.top
+        drawn = np.sort(generator(seed).permutation(len(self.order) - self.top)[:many]) + self.top
         chosen = [*range(self.top), *drawn.tolist()]
         if named:
             places = dict.fromkeys(find_agent(self.log, name, ("ratee",))["ratee"] for name in named)

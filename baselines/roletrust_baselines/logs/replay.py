@@ -16,6 +16,7 @@ from roletrust_env.data.log import RatingLog
 from roletrust_env.data.rounds import spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.score import ratio
+from roletrust_env.randomness import generator
 from roletrust_env.trust.beta_distribution import reputation
 from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
@@ -268,7 +269,7 @@ def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: in
         attacks: Attacks to play.
         seed: Random seed of the draws and of the resamples.
     """
-    found, rng = {}, np.random.default_rng(seed)
+    found, rng = {}, generator(seed)
     for attack in attacks:
         targets, rating = replay.aim(attack.goal)
         teams = draw_teams(replay, attack, rng)
@@ -347,7 +348,7 @@ def search_attack(replay: Replay, attack: Attack, budget: int, seed: int = 0) ->
     """
     if budget < 1:
         raise ValueError(f"the budget is {budget}; it must be at least 1")
-    rng, (targets, extreme) = np.random.default_rng(seed), replay.aim(attack.goal)
+    rng, (targets, extreme) = generator(seed), replay.aim(attack.goal)
     sign = 1 if attack.goal == "lift" else -1
     plain = [Tactic(team, 0, 1, extreme, TARGETS, 0, False) for team in draw_teams(replay, attack, rng)][:budget]
     at, best, after = np.zeros(7), plain[0], _played(replay, targets, plain[0], seed)
@@ -384,7 +385,7 @@ def _tactic(replay: Replay, attack: Attack, extreme: float, point: Floats) -> Ta
 
 def _played(replay: Replay, targets: Ints, tactic: Tactic, seed: int) -> Floats:
     """Return the percentiles of the targets after an attack. Draws of targets and of cover are those of the seed."""
-    rng, nobody = np.random.default_rng(seed), np.zeros(0, np.int64)
+    rng, nobody = generator(seed), np.zeros(0, np.int64)
     rounds = []
     for number in range(ROUNDS):
         on = number >= tactic.first and (number - tactic.first) % tactic.period == 0

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.randomness import generator
 from roletrust_env.trust.key_index import Floats, Ints
 
 RESAMPLES = 400
@@ -22,7 +23,7 @@ def interval(measure: Callable[[Floats], float], groups: Ints, seed: int = 0, re
         seed: Random seed of the resamples.
         resamples: Number of resamples.
     """
-    rng, (_, places) = np.random.default_rng(seed), np.unique_inverse(groups)
+    rng, (_, places) = generator(seed), np.unique_inverse(groups)
     many = int(places.max(initial=-1)) + 1
     value = measure(np.ones(len(groups)))
     if many < 2:
@@ -40,7 +41,7 @@ def mean_intervals(table: Floats, seed: int = 0, resamples: int = RESAMPLES) -> 
     means = table.mean(axis=0)
     if many < 2:
         return [Interval(value, np.nan, np.nan) for value in means.tolist()]
-    draws = np.random.default_rng(seed).integers(0, many, (resamples, many))
+    draws = generator(seed).integers(0, many, (resamples, many))
     low, high = np.percentile(table[draws].mean(axis=1), [2.5, 97.5], axis=0)
     return [Interval(*ends) for ends in zip(means.tolist(), low.tolist(), high.tolist(), strict=True)]
 

@@ -10,6 +10,7 @@ from roletrust_baselines.logs.resampling import ranks
 from roletrust_baselines.logs.rounds import played
 from roletrust_env.data.log import RatingLog
 from roletrust_env.metrics.score import ratio
+from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
 
@@ -88,7 +89,7 @@ def find_suspects(
     Raises:
         MemoryError: The model does not fit, see `make_run`.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     logs = [shuffled(log, rng) for _ in range(shuffles)]
     joined, false_groups = threshold(logs)
     groups = alike(log, joined)

@@ -8,6 +8,7 @@ import numpy as np
 from roletrust_baselines.panels.trials import Scope, hits
 from roletrust_baselines.panels.verdicts import TIE, Method, log_odds
 from roletrust_baselines.panels.votes import Votes
+from roletrust_env.randomness import generator
 from roletrust_env.trust.key_index import Ints
 
 Choice = Literal["best", "worst", "kindred", "random"]
@@ -70,7 +71,7 @@ def chosen(votes: Votes, bought: int, choice: Choice, seed: int = 0) -> Ints:
     """Return the places of the judges that are bought."""
     accuracy = np.nan_to_num(votes.accuracy, nan=0.5)
     if choice == "random":
-        return np.random.default_rng(seed).permutation(len(accuracy))[:bought]
+        return generator(seed).permutation(len(accuracy))[:bought]
     if choice == "kindred":  # the judge that others agree with most, and those that agree most with it
         judges, items, answers = votes.shape
         grid = np.zeros((judges, items * answers))
@@ -128,7 +129,7 @@ def find_bribe(
         seed: Random seed.
         starts: Bribes that are tried in addition.
     """
-    rng, least, found = np.random.default_rng(seed), np.inf, Bribe()
+    rng, least, found = generator(seed), np.inf, Bribe()
     judges = {choice: chosen(scope.votes, bought, choice, seed) for choice in _CHOICES}
     given = [*(Bribe(choice) for choice in _CHOICES), *dict.fromkeys(starts)]
     for at in range(max(budget - len(_CHOICES), 0) + len(given)):

@@ -18,6 +18,7 @@ from roletrust_baselines.panels.votes import read_codes
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.score import ratio
+from roletrust_env.randomness import generator
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.algorithms import agent_trust
 from roletrust_env.trust.key_index import Floats, Ints
@@ -323,7 +324,7 @@ def judges_to_win(
     leader = int(authors[method(votes, own).score[authors].argmax()])
     if leader == target:
         return 0
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     for number in range(1, len(judges) + 1):
         for bought in _sets(judges, number, most, rng):
             for rival in (None, leader):

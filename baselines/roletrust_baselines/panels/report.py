@@ -13,6 +13,7 @@ from roletrust_baselines.panels.trials import ALL, Scope, accuracy, draws, judge
 from roletrust_baselines.panels.verdicts import TIE, Method, leaders
 from roletrust_baselines.panels.votes import Votes
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.randomness import generator
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.key_index import Ints
 
@@ -283,7 +284,7 @@ def peer_trial(
         plan: What is measured; with a budget, also how many judges must be bought.
         advance: Function that is called with the name of each method.
     """
-    rng = np.random.default_rng(plan.seed)
+    rng = generator(plan.seed)
     many = len(people.judges)
     sets = {
         n: [rng.choice(many, n, replace=False) for _ in range(plan.draws if n else 1)] for n in plan.labels if n < many

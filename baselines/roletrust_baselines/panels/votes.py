@@ -13,6 +13,7 @@ from roletrust_env.data.names import NameColumns
 from roletrust_env.data.tables import Table
 from roletrust_env.data.values import is_missing, named
 from roletrust_env.metrics.score import ratio
+from roletrust_env.randomness import generator
 from roletrust_env.storage.files import write_csv
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.run import MEMORY
@@ -269,7 +270,7 @@ def write_votes(path: Path, seed: int = 0, items: int = 200, judges: int = 30) -
         items: Number of items.
         judges: Number of judges.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     truth, hard, skill = rng.integers(0, 2, items), rng.random(items) < 1 / 3, rng.uniform(0.55, 0.95, judges)
     able = rng.random(judges) < 0.25
     chance = np.where(hard[:, None] & ~able, 1 - skill, skill)

@@ -14,6 +14,7 @@ from roletrust_env.game.traced.c_code import TYPES, c_body, prelude
 from roletrust_env.game.traced.compiler import SharedObject, compiler
 from roletrust_env.game.traced.rounds import MOST_FORMS, Layout, Leaf, elements_of, map_named, on_numpy
 from roletrust_env.game.traced.tape import Element, Symbol, Tape, Untraceable
+from roletrust_env.parameters import whole_number
 from roletrust_env.trees import leaves, map_leaves
 
 MOST_OPERATIONS = 10_000
@@ -64,8 +65,7 @@ class Kernel:
     """
 
     def __init__(self, step: Callable[..., tuple[Any, ...]], threads: int = 1) -> None:
-        if not isinstance(threads, int) or threads < 1:
-            raise ValueError(f"threads is {threads!r}; it must be a whole number of at least 1")
+        threads = whole_number("threads", threads, 1)
         if compiler() is None:
             raise ValueError("a kernel needs a C compiler, and there is no cc: install gcc or clang, or set CC")
         self._step, self._threads = step, threads

@@ -21,7 +21,7 @@ from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import PublicKeys, Signer
 from roletrust_env.live.wire.topics import IMAGES, RATINGS
-from roletrust_env.randomness import Random
+from roletrust_env.randomness import Random, generator
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.scenario import Scenario
 from roletrust_env.world.vision.degrade import degrade
@@ -159,7 +159,7 @@ class QualitySelector:
     """
 
     def __init__(self, policy: Policy, seed: int) -> None:
-        self._policy, self._random = policy, Random(np.random.default_rng(seed))
+        self._policy, self._random = policy, Random(generator(seed))
         self._memory = policy.begin(self._random, ())
         self._last = np.zeros(())
 
@@ -186,7 +186,7 @@ class RatingSelector:
         self, name: str, providers: tuple[str, ...], policy: Policy, trust: TrustSubscription, seed: int
     ) -> None:
         self._name, self._providers, self._policy, self._trust = name, providers, policy, trust
-        self._random = Random(np.random.default_rng(seed))
+        self._random = Random(generator(seed))
         self._memory = policy.begin(self._random, ())
         self._last = np.zeros(len(providers)), np.zeros(len(providers), bool)
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from roletrust_env.randomness import generator
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Camera, FloatArray, Frame, camera_of
 from roletrust_env.world.vision.degrade import motion_kernel
 
@@ -321,7 +322,7 @@ class RenderedScene:
     """
 
     def __init__(self, seed: int = 0) -> None:
-        rng = np.random.default_rng(seed)
+        rng = generator(seed)
         self._look = _LOOKS[int(rng.integers(len(_LOOKS)))]
         self._start_s = float(rng.uniform(0, 60))
         self._sky_offset = rng.uniform(0, 256, 2)

@@ -1,0 +1,110 @@
+"""Seeds of every environment, wrapper and entry: NumPy's whole numbers are taken, and all others get one message."""
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from pettingzoo.utils.conversions import parallel_to_aec
+from task_cases import PROVIDER, RATER, same
+
+import roletrust_env
+from roletrust_env import (
+    AttackVecEnv,
+    DiscretizeLevels,
+    FixedAgents,
+    Game,
+    Kernel,
+    ParallelTransformAction,
+    Player,
+    RescaleClipAction,
+    RoleVecEnv,
+    TrustStream,
+    env,
+    evaluate,
+    make_scenario,
+    make_task,
+    parallel_env,
+)
+from roletrust_env.evaluation.search import Budget
+from roletrust_env.game.traced.compiled import compiler
+
+COMES_LATER = {"agents": [{"role": "SR", "count": 2}, {"role": "SP"}, {"role": "SP", "joins": 2}], "max_cycles": 3}
+
+
+def many() -> list[Any]:
+    """Every environment of many agents, also wrapped, and wrapped twice."""
+    plain = lambda: parallel_env(**COMES_LATER)  # noqa: E731
+    levels = lambda inner: ParallelTransformAction(inner, DiscretizeLevels, levels=np.int64(3))  # noqa: E731
+    return [
+        plain(),
+        env(**COMES_LATER),
+        FixedAgents(plain()),
+        ParallelTransformAction(plain(), RescaleClipAction),
+        levels(plain()),
+        FixedAgents(levels(plain())),
+        levels(FixedAgents(plain())),
+        parallel_to_aec(levels(plain())),
+    ]
+
+
+def single() -> list[Any]:
+    made = gymnasium.make(PROVIDER)
+    vector = gymnasium.make_vec(RATER, num_envs=np.int64(2), max_episode_steps=np.int64(3))
+    return [made, RescaleClipAction(made), DiscretizeLevels(made, np.uint8(3)), vector]
+
+
+def test_a_seed_makes_the_actions_of_all_agents() -> None:
+    for game in many():
+        drawn = []
+        for seed in (7, np.uint8(7), np.int64(7)):
+            game.reset(seed=seed)
+            drawn.append({name: game.action_space(name).sample() for name in game.possible_agents})
+        assert same(drawn[0], drawn[1]), game
+        assert same(drawn[0], drawn[2]), game
+        game.reset(seed=np.uint8(255))  # the last agents have seeds beyond this type
+
+
+def entries() -> dict[str, Callable[[Any], Any]]:
+    """Every entry that has a seed, as a function of it."""
+    task = make_task("paper-3x3", ("sp_2",), objective="exploit")
+    game = Game(make_scenario("paper-3x3"), like=np.zeros((), np.float32))
+    layout, honest = parallel_env().layout, roletrust_env.make_attacker("on-off")
+    resets = {f"{one}": lambda seed, one=one: one.reset(seed=seed) for one in [*many(), *single()]}
+    return resets | {
+        "AttackVecEnv": lambda seed: AttackVecEnv(task, np.int64(2), seed=seed).reset(),
+        "AttackVecEnv.seed": lambda seed: AttackVecEnv(task, 2).seed(seed),
+        "RoleVecEnv": lambda seed: RoleVecEnv(game, "sr", np.int64(2), seed=seed).reset(),
+        "Game.random": lambda seed: game.random(seed).uniform((3,)),
+        "Player": lambda seed: Player(honest, "sp_0", layout, seed)._random.uniform((3,)),
+        "evaluate": lambda seed: evaluate("mean", "bad-mouthing", games=np.int64(1), seed=seed).damage.mean,
+    }
+
+
+def test_numpys_numbers_are_seeds_and_others_get_one_message() -> None:
+    for name, entry in entries().items():
+        assert same(entry(3), entry(np.int64(3))), name
+        for seed in (-1, np.int64(-1), 1.5, "3", True):
+            with pytest.raises(ValueError, match=r"^seed is .*; it must be a whole number, 0 or more$"):
+                entry(seed)
+
+
+def test_whole_numbers_may_be_numpys_and_nothing_else() -> None:
+    game = gymnasium.make(RATER)
+    takers: dict[str, Callable[[Any], Any]] = {
+        "levels": lambda n: DiscretizeLevels(game, n, multidiscrete=True),
+        "num_envs": lambda n: gymnasium.make_vec(RATER, num_envs=n),
+        "max_episode_steps": lambda n: gymnasium.make_vec(RATER, num_envs=1, max_episode_steps=n),
+        "games": lambda n: evaluate("mean", "bad-mouthing", games=n),
+        "the budget": Budget,
+        "the number of ratings of a round": lambda n: TrustStream(roletrust_env.make_trust_model("mean"), count=n),
+        "workers": lambda n: n == 3 or roletrust_env.benchmark(["mean"], workers=n),
+    } | ({"threads": lambda n: Kernel(lambda state: (state,), n)} if compiler() else {})
+    for name, take in takers.items():
+        take(np.int64(3))
+        for wrong in (-1, 2.5, "3", True):
+            with pytest.raises(ValueError, match=f"^{name} is .*; it must be a whole number, [012] or more$"):
+                take(wrong)
+    levels = DiscretizeLevels(game, np.int64(3), multidiscrete=True)
+    assert gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(levels.spec.to_json()))
