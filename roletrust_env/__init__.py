@@ -4,7 +4,9 @@ Plug-in authors find checks of their trust models and attacks in `roletrust_env.
 """
 
 import ast
+import sys
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +30,35 @@ _MODULES: dict[str, str] = {
 }
 """Module of each public name, from the stub, which type checkers read, too."""
 
-__all__ = sorted(_MODULES)
+_EXTRAS = {
+    "roletrust_env.envs.sb3": ("stable_baselines3", "train"),
+    "roletrust_env.envs.jax_env": ("jax", "jax"),
+    "roletrust_env.benchmarking": ("filelock", "train"),
+}
+"""Package that a module needs, and the extra that installs it."""
+
+
+def _installed(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except ImportError:
+        return False
+
+
+__all__ = sorted(name for name, module in _MODULES.items() if module not in _EXTRAS or _installed(_EXTRAS[module][0]))
+"""Public names that can be imported, so that `from roletrust_env import *` and `help` work without extras."""
+
+
+class DependencyNotInstalled(gymnasium.error.DependencyNotInstalled, AttributeError):  # noqa: N818 - as Gymnasium has it
+    """The package that a public name needs is missing, so that `hasattr` is false."""
 
 
 def __getattr__(name: str) -> Any:
     """Return a public name, whose module is imported now.
 
     Raises:
-        DependencyNotInstalled: It needs Stable-Baselines3 or JAX, which is missing. The class is that of Gymnasium.
+        AttributeError: There is no such name, or the extra that it needs is missing. Then it is a
+            `DependencyNotInstalled` of Gymnasium, too.
     """
     if name == "__version__":
         from importlib.metadata import version
@@ -45,17 +68,17 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if _MODULES[name] == __name__:
         return import_module(f"{__name__}.{name}")
+    module = _MODULES[name]
     try:
-        found = getattr(import_module(_MODULES[name]), name)
+        found = getattr(import_module(module), name)
     except ModuleNotFoundError as error:
         missing = (error.name or "").partition(".")[0]
-        needed = {"stable_baselines3": ("Stable-Baselines3", "train"), "jax": ("JAX", "jax")}
-        library, extra = needed.get("stable_baselines3" if missing == "torch" else missing, ("", ""))
-        if not library:
+        if module not in _EXTRAS or missing == __name__:
             raise
-        raise gymnasium.error.DependencyNotInstalled(
-            f"{name} needs {library}, and {missing} is not installed: pip install 'roletrust-env[{extra}]'"
-        ) from None
+        hint = f"{name} needs {missing}, which is not installed: pip install 'roletrust-env[{_EXTRAS[module][1]}]'"
+        # `from roletrust_env import NAME` asks first and would hide an AttributeError with its hint.
+        asked = sys._getframe(1).f_code.co_name == "_handle_fromlist"
+        raise (gymnasium.error.DependencyNotInstalled if asked else DependencyNotInstalled)(hint) from None
     globals()[name] = found
     return found
 

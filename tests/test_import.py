@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from importlib.util import find_spec
 
 import pytest
 
@@ -64,8 +63,7 @@ def test_dir_shows_the_public_names_and_no_others() -> None:
 
     assert sorted(dir(roletrust_env)) == sorted([*roletrust_env.__all__, "__version__"])
     assert {"TrustModel", "History", "AttackTask", "WindowedAttack", "metrics"} <= set(dir(roletrust_env))
-    here = [name for name in dir(roletrust_env) if find_spec("jax") or "Jax" not in name]  # of the extra `jax`
-    assert all(hasattr(roletrust_env, name) for name in here)
+    assert all(hasattr(roletrust_env, name) for name in dir(roletrust_env))
 
 
 def test_a_package_of_the_command_line_that_is_missing_is_named_in_one_line(
@@ -96,3 +94,24 @@ for name, command in typer.main.get_command(app).commands.items(): command.loade
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.returncode == 0, shown.stderr
     assert len(shown.stdout.split()) == 14
+
+
+def test_without_extras_public_names_are_those_that_can_be_imported() -> None:
+    code = """
+import inspect, pydoc, sys
+for package in ("stable_baselines3", "jax", "filelock"): sys.modules[package] = None
+import roletrust_env
+from roletrust_env import *
+inspect.getmembers(roletrust_env); pydoc.render_doc(roletrust_env)
+for name in ("AttackVecEnv", "RoleVecEnv", "AttackJaxEnv", "RoleTrustJaxEnv", "benchmark"):
+    assert not hasattr(roletrust_env, name) and name not in dir(roletrust_env)
+    for statement in ("roletrust_env." + name, "from roletrust_env import " + name):
+        try: exec(statement)
+        except Exception as error: print(type(error).__name__, error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.count("DependencyNotInstalled") == 10
+    assert (
+        "AttackVecEnv needs stable_baselines3, which is not installed: pip install 'roletrust-env[train]'"
+        in done.stdout
+    )
