@@ -1,7 +1,9 @@
 """Attack tasks as Gymnasium environments, and a batch of such tasks, which all environments of tasks play."""
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import gymnasium
@@ -204,7 +206,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     metadata = {**RENDERING}  # noqa: RUF012 - as Gymnasium has it
 
-    defaults: ClassVar[dict[str, Any]] = {}
+    defaults: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     """Default arguments of `make_task`."""
 
     def __init__(self, *, render_mode: RenderMode | None = None, **arguments: Any) -> None:
@@ -215,6 +217,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self.task = make_task(**{**self.defaults, **arguments})
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
+        self.metadata = deepcopy(self.metadata)  # wrappers add render modes
         self.rounds = Rounds(self.task.game, self._play, self.task.key, self.task.joint_policy.policies.values())
         self._random: Random | None = None
         self._playing, self._end, self._length = False, 0, 0
@@ -350,11 +353,13 @@ class ProviderAttackEnv(AttackEnv):
     - v0: first version.
     """
 
-    defaults: ClassVar[dict[str, Any]] = {
-        "scenario": "paper-3x3",
-        "compromised": ("sp_2",),
-        "objective": "exploit",
-    }
+    defaults: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {
+            "scenario": "paper-3x3",
+            "compromised": ("sp_2",),
+            "objective": "exploit",
+        }
+    )
 
 
 class RaterAttackEnv(AttackEnv):
@@ -388,7 +393,9 @@ class RaterAttackEnv(AttackEnv):
     - v0: first version.
     """
 
-    defaults: ClassVar[dict[str, Any]] = {"scenario": "paper-3x3", "compromised": ("sr_2",), "objective": "damage"}
+    defaults: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {"scenario": "paper-3x3", "compromised": ("sr_2",), "objective": "damage"}
+    )
 
 
 class DualAttackEnv(AttackEnv):
@@ -421,7 +428,9 @@ class DualAttackEnv(AttackEnv):
     - v0: first version.
     """
 
-    defaults: ClassVar[dict[str, Any]] = {"scenario": "peers", "compromised": ("srsp_5",), "objective": "exploit"}
+    defaults: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {"scenario": "peers", "compromised": ("srsp_5",), "objective": "exploit"}
+    )
 
 
 class CollusionAttackEnv(AttackEnv):
@@ -455,11 +464,13 @@ class CollusionAttackEnv(AttackEnv):
     - v0: first version.
     """
 
-    defaults: ClassVar[dict[str, Any]] = {
-        "scenario": "crowd-10x10",
-        "compromised": ("sr_8", "sr_9", "sp_9"),
-        "objective": "damage",
-    }
+    defaults: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {
+            "scenario": "crowd-10x10",
+            "compromised": ("sr_8", "sr_9", "sp_9"),
+            "objective": "damage",
+        }
+    )
 
 
 TASKS: dict[str, type[AttackEnv]] = {

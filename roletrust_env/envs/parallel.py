@@ -1,8 +1,9 @@
 """The PettingZoo environment in which all agents act at once (parallel)."""
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -109,7 +110,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     - v0: first version.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as PettingZoo has it
         "name": "roletrust_v0",
         "is_parallelizable": True,
         **RENDERING,
@@ -128,6 +129,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         refuse_empty_start(self.game.scenario)
         self.layout = layout = self.game.layout
         self.render_mode = render_mode
+        self.metadata = deepcopy(self.metadata)  # wrappers add render modes
         self._spectator = Spectator(self.game, render_mode)
         self.possible_agents = list(self.game.roster.names)
         names, roster = self.possible_agents, self.game.roster

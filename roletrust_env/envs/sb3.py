@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
 
@@ -78,7 +79,7 @@ class BatchVecEnv(VecEnv):
         self._scaled = scaled
         space = Box(-1.0, 1.0, action.shape, np.float32) if scaled else action
         super().__init__(slots, seen, space)
-        self.metadata: dict[str, Any] = {**RENDERING, "autoreset_mode": AutoresetMode.SAME_STEP}
+        self.metadata: dict[str, Any] = {**deepcopy(RENDERING), "autoreset_mode": AutoresetMode.SAME_STEP}
         self._like, self._game = like, game
         self._random = Random(generator(seed), like)
         self._returns, self._lengths = np.zeros(slots), np.zeros(slots, int)

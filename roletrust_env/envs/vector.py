@@ -1,5 +1,6 @@
 """Attack tasks as Gymnasium vector environments: a batch of games."""
 
+from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -68,7 +69,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             max_episode_steps = whole_number("max_episode_steps", max_episode_steps, 1)
         self.task = task_by_id(task_id, arguments)
         self.num_envs = num_envs
-        self.metadata = {**TASKS[task_id].metadata, "autoreset_mode": mode}
+        self.metadata = {**deepcopy(TASKS[task_id].metadata), "autoreset_mode": mode}
         self.render_mode = render_mode
         self.single_observation_space, self.single_action_space = task_spaces(self.task)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -1,13 +1,17 @@
 """Environments say what they are in one line, show themselves in a notebook, and refuse wrong names in one line."""
 
+import copy
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from pettingzoo.utils.wrappers import CaptureStdoutWrapper
 
 import roletrust_env
+from roletrust_env.envs.attack_env import TASKS
 
 FACTS = "'paper-3x3', RoleTrust(lam=0.5, initial=0.5), agents: 3 SR + 3 SP, rounds: 240"
 
@@ -102,3 +106,25 @@ def test_actions_that_are_no_dictionary_are_refused(wrap: Any, actions: Any) -> 
     env = begun(wrap(roletrust_env.parallel_env()))
     with pytest.raises(ValueError, match="they must be a dict from agent to action"):
         env.step(actions)
+
+
+def test_what_a_wrapper_adds_stays_with_its_environment() -> None:
+    task = roletrust_env.make_task("paper-3x3", ("sp_2",))
+    makers: list[Callable[[], Any]] = [
+        lambda: roletrust_env.parallel_env(render_mode="ansi"),
+        lambda: roletrust_env.env(render_mode="human"),
+        lambda: roletrust_env.FixedAgents(roletrust_env.parallel_env()),
+        *(lambda one=one: gymnasium.make(one, render_mode="ansi").unwrapped for one in TASKS),
+        lambda: gymnasium.make_vec("RoleTrust/RaterAttack-v0", num_envs=1),
+        lambda: roletrust_env.AttackVecEnv(task, 1),
+    ]
+    before = [copy.deepcopy(make().metadata) for make in makers]
+    CaptureStdoutWrapper(makers[1]())
+    for make in makers:
+        env = make()
+        env.metadata["render_modes"].append("hologram")
+        env.metadata["render_fps"] = 1000
+        if hasattr(env, "defaults"):
+            with pytest.raises(TypeError):
+                env.defaults["objective"] = "none"
+    assert [make().metadata for make in makers] == before
