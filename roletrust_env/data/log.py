@@ -10,7 +10,7 @@ import numpy as np
 
 from roletrust_env.data.columns import Columns, by_number
 from roletrust_env.data.dialect import Dialect
-from roletrust_env.data.names import NameColumns
+from roletrust_env.data.names import JOINED, NameColumns
 from roletrust_env.data.rounds import MOST, round_numbers
 from roletrust_env.data.tables import Block, Table
 from roletrust_env.data.units import check_scale, unit_ratings
@@ -49,6 +49,7 @@ class RatingLog(NamedTuple):
         ratee_names: Names of the ratees.
         was_sorted: Whether the file was in the order of time.
         clock: Kind of its times, see `Clock.kind`; empty without times.
+        rests: What `times` do not hold of the times, for `TrustStream.update`; None if that is nothing.
     """
 
     raters: Ints
@@ -59,6 +60,7 @@ class RatingLog(NamedTuple):
     ratee_names: Sequence[str]
     was_sorted: bool
     clock: str = ""
+    rests: Floats | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -168,11 +170,12 @@ def read_ratings(
     if columns.time is not None:
         clock = times.clock()
         exact, order = clock.exact, None
-        log = log._replace(times=clock.seconds, clock=clock.kind)
+        log = log._replace(times=clock.seconds, clock=clock.kind, rests=clock.rests)
         if (exact[1:] < exact[:-1]).any():
             order = np.argsort(exact, kind="stable")
             exact, log = exact[order], log._replace(raters=who[order], ratees=whom[order], values=unit[order])
-            log = log._replace(times=clock.seconds[order], was_sorted=False)
+            rests = None if clock.rests is None else clock.rests[order]
+            log = log._replace(times=clock.seconds[order], rests=rests, was_sorted=False)
         if not repeats:
             _refuse_repeats(table, log, exact, order)
     for line in _lines(table, joined, floats, log, clock, every):
@@ -194,7 +197,7 @@ def _lines(
         "blank rows": table.blank,
         "lines of comment": table.comments,
         "rows with a missing value left out": table.incomplete,
-        "names joined that differ only in white space at the ends or in the form of Unicode": joined,
+        JOINED: joined,
         "names of whole numbers without their .0": floats,
     }
     yield f"Read as {', '.join([*parts, *(f'{what}: {count:,}' for what, count in counts.items() if count)])}."

@@ -10,6 +10,7 @@ from roletrust_env.data.values import is_text, to_numpy, trimmed
 from roletrust_env.trust.key_index import Ints, KeyIndex
 
 _WHOLE = r"^-?(0|[1-9]\d*)(\.0)?$"  # a whole number, also as pandas writes it if its column misses a value
+JOINED = "names joined that differ only in white space at the ends or in the form of Unicode"
 _WAIT, _LEAST = 8, 1 << 20  # texts that wait for their place: so many for each name, and more than so many
 
 Names: TypeAlias = npt.NDArray[Any]

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import date
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -15,18 +16,18 @@ import numpy.typing as npt
 from roletrust_env.data.evidence import Evidence, PairCounts, Role
 from roletrust_env.data.names import NameIndex, Names
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
-from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone, iso_dates, unit_ratings
+from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone, iso_dates, lost_digits, unit_ratings
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.trust.edges import edge_model
 from roletrust_env.trust.key_index import Floats, Ints, staying
 from roletrust_env.trust.run import make_run
 
-_FORMAT = 4
+_FORMAT = 5
 _KEPT = "_start", "_latest", "_begun", "n_late", "n_ahead", "n_repeated"  # attributes that a file has
 
-Columns: TypeAlias = tuple[Names, Names, Floats, Floats]
-"""Names of raters and of providers, ratings on [0, 1], and times."""
+Columns: TypeAlias = tuple[Names, Names, Floats, Floats, Floats]
+"""Names of raters and of providers, ratings on [0, 1], times, and what these do not hold, see `lost_digits`."""
 
 
 class TrustStream:
@@ -136,16 +137,18 @@ class TrustStream:
         """The number of rounds that count so far."""
         return self._run.rounds
 
-    def update(self, raters: Any, providers: Any, ratings: Any, times: Any = None) -> None:
+    def update(self, raters: Any, providers: Any, ratings: Any, times: Any = None, rests: Any = None) -> None:
         """Take a batch of ratings: lists, arrays, or columns of a table of pandas or Arrow.
 
         Args:
-            raters: Name or number of the rater of each rating, shape (n,).
+            raters: Name or number of the rater of each rating, shape (n,). White space at its ends does not count.
             providers: Name or number of the provider of each rating, shape (n,).
             ratings: Ratings, shape (n,), on the scale of the stream.
             times: Time of each rating, shape (n,), in any order within the batch; needed with `every`, not allowed
                 without it. Dates are seconds since 1970: those of NumPy, pandas, Arrow and `datetime`, and texts of ISO
-                8601, all with a time zone or all without one, which is UTC then.
+                8601, all with a time zone or all without one, which is UTC then. Whole numbers, decimals and dates are
+                told apart to the last digit, also where float64 would round them.
+            rests: What `times` of float64 do not hold, shape (n,), see `RatingLog`. None to find it.
 
         Raises:
             ValueError: The columns do not fit together, or a value is not allowed; or, without a lead, a time is more
@@ -164,8 +167,9 @@ class TrustStream:
         if self.every is None and self.count is None:
             self._play(who, whom, values)
         elif len(who):
-            when = self._places(len(who)) if times is None else _numbers("times", _seconds(times), len(who))
-            self._wait((who, whom, values, when))
+            when, lost = (self._places(len(who)), 0.0) if times is None else _seconds(times, len(who))
+            rests = np.broadcast_to(lost, when.shape) if rests is None else _numbers("rests", rests, len(who))
+            self._wait((who, whom, values, when, rests))
 
     def _places(self, ratings: int) -> Floats:
         """Return the places of further ratings in the stream: their times, where rounds go by number."""
@@ -324,6 +328,7 @@ class TrustStream:
             **{f"names_{n}": names for n, names in enumerate(people) if names.dtype != object},
             "ratings": waiting[2],
             "times": waiting[3],
+            "rests": waiting[4],
             **self._run.save(),
             **({} if self._pairs is None else self._pairs.save()),
         }
@@ -402,7 +407,7 @@ class TrustStream:
             names = arrays.pop(f"names_{n}") if texts is None else np.array(texts, object)
             stored.append(NameIndex(f"names_{n}").check(names))
         raters, providers, who, whom = stored
-        values, when = (_numbers(name, arrays.pop(name), len(who)) for name in ("ratings", "times"))
+        values, *when = (_numbers(name, arrays.pop(name), len(who)) for name in ("ratings", "times", "rests"))
         if self._pairs is not None:
             self._pairs.load(arrays, (len(raters), len(providers)))
         self._run.load(arrays)
@@ -415,10 +420,10 @@ class TrustStream:
             )
         for name in _KEPT:
             setattr(self, name, header[name])
-        waiting = self._raters.check(who), self._providers.check(whom), unit_ratings(values, (0.0, 1.0)), when
+        waiting: Columns = (who, whom, unit_ratings(values, (0.0, 1.0)), *when)
         if len(whom) != len(who) or (self._start is None and (self._begun or (self.every is not None and self.rounds))):
             raise ValueError("ratings or times are missing")
-        if len(who) and not (self._begun and (self._round_numbers(when, self._start or 0.0) == self.rounds).all()):
+        if len(who) and not (self._begun and (self._round_numbers(when[0], self._start or 0.0) == self.rounds).all()):
             raise ValueError("ratings wait for another round than the running one")
         self._waiting = [waiting] if len(who) else []
         self._expect_names()
@@ -434,7 +439,9 @@ class TrustStream:
             **self.source,
         }
 
-    def _play(self, raters: Names, providers: Names, values: Floats, times: Floats | None = None) -> None:
+    def _play(
+        self, raters: Names, providers: Names, values: Floats, times: Floats | None = None, rests: Floats | None = None
+    ) -> None:
         who, whom = self._raters.places(raters), self._providers.places(providers)
         self._run.play(who, whom, values)
         if self._pairs is not None:
@@ -453,23 +460,29 @@ def _check_kept(header: dict[str, Any]) -> None:
         raise ValueError(f"it has {[header[name] for name in _KEPT]} as {', '.join(_KEPT)}")
 
 
-def _seconds(times: Any) -> Any:
-    """Return a column of times, dates as seconds since 1970, and anything else as it is.
+def _seconds(times: Any, length: int) -> tuple[Floats, Floats | float]:
+    """Return a column of times as numbers, dates as seconds since 1970, and what these do not hold, see `lost_digits`.
 
     Raises:
-        ValueError: A date is none, or some have a time zone and others none.
+        ValueError: A time is none, or some dates have a time zone and others none.
     """
     array = np.asarray(times)
+    if array.dtype.kind in "OUT" and array.size:
+        texts = [one.isoformat() if isinstance(one, date) else one for one in array.ravel().tolist()]
+        if all(isinstance(text, str) for text in texts):
+            ticks, unit = iso_dates(texts, lambda at: f"times, position {at + 1}", zoned=has_zone(texts[0]))
+            found, scale = ticks.reshape(array.shape), UNITS[unit]
+            return _numbers("times", found / scale, length), lost_digits(found / scale, found, scale)
     if array.dtype.kind == "M":
-        return date_seconds(array)
-    if array.dtype.kind not in "OUT" or not array.size:
-        return times
-    entries = array.ravel().tolist()
-    texts = [entry.isoformat() if isinstance(entry, date) else entry for entry in entries]
-    if not all(isinstance(text, str) for text in texts):
-        return times
-    ticks, unit = iso_dates(texts, lambda at: f"times, position {at + 1}", zoned=has_zone(texts[0]))
-    return (ticks / UNITS[unit]).reshape(array.shape)
+        seconds = _numbers("times", date_seconds(array), length)
+        fine = np.datetime_data(array.dtype)[0] in ("ns", "ps", "fs", "as")
+        return seconds, lost_digits(seconds, array.astype("M8[ns]").astype(np.int64), UNITS["ns"]) if fine else 0.0
+    seconds = _numbers("times", times, length)
+    if array.dtype.kind in "iu":
+        return seconds, lost_digits(seconds, array.astype(np.int64), 1)
+    exact = enumerate(array.tolist() if array.dtype == object else ())
+    lost = {at: float(one - type(one)(seconds[at])) for at, one in exact if isinstance(one, int | Decimal)}
+    return seconds, np.array([lost.get(at, 0.0) for at in range(length)]) if lost else 0.0
 
 
 def _numbers(column: str, values: Any, length: int) -> Floats:
@@ -490,7 +503,7 @@ def _numbers(column: str, values: Any, length: int) -> Floats:
 
 def _joined(parts: list[Columns]) -> Columns:
     """Return columns one after the other; columns without ratings if there are none."""
-    none = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+    none = np.zeros(0, np.int64), np.zeros(0, np.int64), *np.zeros((3, 0))
     return tuple(np.concatenate(columns) for columns in zip(*parts or [none], strict=True))  # type: ignore[return-value]
 
 

@@ -31,6 +31,7 @@ _TEXT = 1 << 16  # bytes of a text of several lines
 _LONGEST, _LARGEST = 1 << 26, 1 << 30  # bytes of a line, and of an array of JSON
 _DEPTH = 100  # JSON in JSON; pyarrow's parser ends the process from some thousands on
 _BLAND = bytes(set(range(256)) - set(b'[]{}"'))
+_LONG = re.compile(rb"(?=[\d.]{17})\d{9,}\.\d+")  # times since 1970 in decimals, which float64 would round
 _OBJECTS = "it must be one JSON object in each line, or in an array"
 
 Block = list[Any]
@@ -278,7 +279,7 @@ class Table:
                     texts = arrow.schema([(name, arrow.string()) for name in dates])  # a name may look like a date
                     parse = arrow_json.ParseOptions(explicit_schema=texts)
                     table = arrow_json.read_json(arrow.BufferReader(lines), options, parse)
-                if any(map(arrow.types.is_timestamp, table.flatten().schema.types)):
+                if any(map(arrow.types.is_timestamp, table.flatten().schema.types)) or _LONG.search(lines):
                     table = self._json_texts(lines)
             except arrow.ArrowInvalid as error:
                 reason, _, row = str(error).removeprefix("JSON parse error: ").rpartition(" in row ")
@@ -307,7 +308,7 @@ class Table:
         if len(text) > _LARGEST:
             raise ValueError(f"{self.path} is an array of more than {_LARGEST:,} bytes; JSON lines have no limit")
         try:
-            rows = json.loads(text)
+            rows = json.loads(text, parse_float=_json_number)
         except (ValueError, RecursionError) as error:
             raise ValueError(f"{self.path} is no array of JSON objects, or a damaged one: {error}") from None
         for start in range(0, len(rows), _ROWS):
@@ -320,7 +321,7 @@ class Table:
         rows = list[dict[str, Any]]()
         for line in filter(bytes.strip, lines.splitlines()):
             try:
-                row = json.loads(line)
+                row = json.loads(line, parse_float=_json_number)
                 rows.append({**row, **{f"args.{name}": value for name, value in (row.get("args") or {}).items()}})
             except (ValueError, AttributeError, TypeError):
                 self._fault(len(rows), f": {_OBJECTS}")
@@ -385,6 +386,11 @@ def _is_deep(lines: bytes) -> bool:
     for _ in range(_DEPTH):
         marks = marks.replace(b"{}", b"").replace(b"[]", b"")
     return len(marks) > _DEPTH
+
+
+def _json_number(text: str) -> float | str:
+    """Return a number, or its text if it is a time of more digits than a number keeps."""
+    return text if _LONG.fullmatch(text.encode()) else float(text)
 
 
 def _json_text(value: Any) -> str | None:

@@ -60,6 +60,23 @@ def date_seconds(dates: Any) -> Floats:
     return np.asarray((dates - np.datetime64(0, "s")) / np.timedelta64(1, "s"), np.float64)
 
 
+def lost_digits(times: Floats, ticks: Ints, scale: int) -> Floats:
+    """Return what float64 does not hold of times, shape (n,): with it, times are told apart to the last digit.
+
+    Args:
+        times: Times as float64, shape (n,).
+        ticks: The same times as whole numbers, shape (n,).
+        scale: Number of ticks in 1 of `times`.
+
+    Returns:
+        Ticks after the last whole microsecond; without a unit, what rounding added to whole numbers.
+    """
+    if scale > 10**6:
+        return (ticks % (scale // 10**6)).astype(np.float64)
+    fits = (np.abs(times) < 2.0**63) & (scale == 1)
+    return np.where(fits, ticks - np.where(fits, times, 0.0).astype(np.int64), 0).astype(np.float64)
+
+
 def is_date(text: str) -> bool:
     """Return whether a text is a date of ISO 8601; NumPy also takes years, `today`, `now`, and nothing for one."""
     try:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.data.dates import dates_in_form, find_form, formatted_dates
-from roletrust_env.data.units import UNITS, find_unit, has_zone, is_date, iso_dates
+from roletrust_env.data.units import UNITS, find_unit, has_zone, is_date, iso_dates, lost_digits
 from roletrust_env.trust.key_index import Floats, Ints
 
 _MISSING = ("na", "n/a", "nan", "nat", "null", "none", "-")
@@ -130,7 +130,7 @@ def _whole(column: Any, what: str, row: Row) -> Any:
 def _byte_name(name: bytes) -> str:
     """Return bytes as a name: the text in UTF-8, or else as hexadecimal number."""
     try:
-        if (text := name.decode()).isprintable():
+        if trimmed(text := name.decode()).isprintable():
             return text
     except UnicodeDecodeError:
         pass
@@ -225,12 +225,14 @@ class Clock(NamedTuple):
     Attributes:
         seconds: Seconds since 1970 where that is known, else the numbers that are there, shape (n,).
         exact: What orders times and tells them apart: whole numbers without rounding, or the seconds, shape (n,).
+        rests: What the seconds do not hold of the times, see `lost_digits`, shape (n,); None if that is nothing.
         words: What the times were: `dates`, `dates without a time zone`, which count as UTC, both also with their form,
             `numbers in s` or in another unit, or `numbers`.
     """
 
     seconds: Floats
     exact: Ints | Floats
+    rests: Floats | None
     words: str
 
     @property
@@ -310,13 +312,17 @@ class Times:
                 ticks, zoned, form = formatted_dates(texts.to_pylist(), self._row, self._format)
             else:
                 ticks, zoned, form = dates_in_form(texts, self._row, str(self._form))
-            return Clock(ticks / UNITS["us"], ticks, ("dates" if zoned else _NO_ZONE) + form)
+            return Clock(ticks / UNITS["us"], ticks, None, ("dates" if zoned else _NO_ZONE) + form)
         floats = np.concatenate([part[0] for part in self._parts], dtype=np.float64)
         exact = _same_unit([(ticks, scale) for _, ticks, scale in self._parts])
         unit = None if self._dates else self._unit or find_unit(floats)
         words = self._dates or (f"numbers in {unit}" if unit else "numbers")
         scale = UNITS[unit or "s"]
-        return Clock(floats if scale == 1 else floats / scale, floats if exact is None else exact, words)
+        seconds = floats if scale == 1 else floats / scale
+        if exact is None:
+            return Clock(seconds, floats, None, words)
+        rests = lost_digits(seconds, exact, scale * max(part[2] for part in self._parts))
+        return Clock(seconds, exact, rests if rests.any() else None, words)
 
 
 def _iso(text: str | None) -> str:
@@ -343,7 +349,7 @@ def _dates(column: Any, row: Row) -> tuple[Floats, Ints, int]:
 
 
 def _whole_ticks(column: Any, comma: bool) -> tuple[Ints | None, int]:
-    """Return numbers exactly, as whole numbers and how many are 1: 1 or 10 ** 9; None where that is not possible."""
+    """Return numbers exactly, as whole numbers and how many are 1, a power of 1000; None where that is not possible."""
     import pyarrow as arrow
     from pyarrow import compute
 
@@ -355,11 +361,14 @@ def _whole_ticks(column: Any, comma: bool) -> tuple[Ints | None, int]:
     except arrow.ArrowException:
         if is_text(column) and (compute.max(compute.binary_length(column)).as_py() or 0) <= _DIGITS + 1:
             return None, 1  # floats tell them apart
-    try:
-        parts = compute.multiply(column.cast(arrow.decimal128(20, 9)), arrow.scalar(10**9, arrow.decimal128(10, 0)))
-        return to_numpy(parts.cast(arrow.decimal128(31, 0)).cast(arrow.int64())), 10**9
-    except arrow.ArrowException:
-        return None, 1
+    for digits in (0, 3, 6, 9):
+        try:
+            decimals = column.cast(arrow.decimal128(min(19 + digits, 27), digits))
+            parts = compute.multiply(decimals, arrow.scalar(10**digits, arrow.decimal128(digits + 1, 0)))
+            return to_numpy(parts.cast(arrow.decimal128(38, 0)).cast(arrow.int64())), 10**digits
+        except arrow.ArrowException:  # more digits are needed, or there are too many
+            continue
+    return None, 1
 
 
 def _same_unit(parts: list[tuple[Ints | None, int]]) -> Ints | None:

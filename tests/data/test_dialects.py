@@ -234,8 +234,10 @@ def test_nanoseconds_are_exact(tmp_path: Path) -> None:
     stamps = [1706702400_000000001 - n for n in range(3)]
     dates = ["2024-01-31T12:00:00.000000001", "2024-01-31T12:00:00", "2024-01-31T11:59:59.999999999"]
     seconds = ["1706702400.000000001", "1706702400", "1706702399.999999999"]
+    micro = ["1706702400000000.001", "1706702400000000", "1706702399999999.999"]
+    milli = ["1706702400000.000001", "1706702400000", "1706702399999.999999"]
     columns = {"rater": ["a"] * 3, "ratee": ["x"] * 3, "rating": [1, 1, 1]}
-    for times in (stamps, arrow.array(stamps).cast(arrow.timestamp("ns", "UTC")), dates, seconds):
+    for times in (stamps, arrow.array(stamps).cast(arrow.timestamp("ns", "UTC")), dates, seconds, micro, milli):
         for rating in ([1, 1, 1], [1, 0.5, 0]):
             parquet.write_table(arrow.table({**columns, "rating": rating, "time": times}), tmp_path / "a.pq")
             log = read_ratings(tmp_path / "a.pq", TIMED)
@@ -247,6 +249,10 @@ def test_nanoseconds_are_exact(tmp_path: Path) -> None:
         path = write(tmp_path, "\n".join(["rater,ratee,rating,time", *lines, lines[1]]))
         with pytest.raises(ValueError, match="row 5 repeats row 3"):
             read_ratings(path, TIMED)
+    for times in (stamps, seconds, micro, milli):  # as numbers of JSON
+        rows = [f'{{"rater": "a", "ratee": "x", "rating": 1, "time": {time}}}' for time in times]
+        for name, text in (("a.jsonl", "\n".join(rows)), ("a.json", f"[{','.join(rows)}]")):
+            assert len(read_ratings(write(tmp_path, text, name), TIMED).values) == 3
 
 
 def test_labels_missing_values_and_overrides(tmp_path: Path) -> None:

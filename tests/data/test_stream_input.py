@@ -1,6 +1,7 @@
 """Columns of a stream from many sources: dates are seconds, and what is no number, or not there, is refused."""
 
 from datetime import date, datetime
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,28 @@ def test_dates_are_seconds_in_every_unit(dates: Any) -> None:
     found = after(dates)
     assert found.rounds == expected.rounds == 3
     assert found.provider_trust() == expected.provider_trust()
+
+
+def test_times_are_told_apart_to_the_last_digit(tmp_path: Path) -> None:
+    ticks = 1_706_702_400_000_000_000 + np.array([5, 4, 5, 99, 5])
+    dates = ticks.astype("datetime64[ns]")
+    for times in (
+        ticks,
+        ticks.astype(np.uint64),
+        [Decimal(int(tick)) / 10**9 for tick in ticks],
+        dates,
+        pd.Series(dates).dt.tz_localize("UTC"),
+        pa.array(ticks, pa.timestamp("ns")),
+        np.datetime_as_string(dates).tolist(),
+        list(map(pd.Timestamp, dates)),
+    ):
+        one = stream(every=1e10, repeats=False)
+        one.update(["ann ", "ann", " ann"], ["shop"] * 3, [1, 1, 1], times[:3])
+        one.save(tmp_path / "state")
+        one = TrustStream.load(tmp_path / "state", one.model, every=1e10, repeats=False)
+        one.update(["ann"] * 2, ["shop\t"] * 2, [1, 1], times[3:])
+        one.finish()
+        assert (one.n_repeated, list(one.rater_trust())) == (2, ["ann"])
 
 
 def test_names_keep_a_nul_at_their_end() -> None:

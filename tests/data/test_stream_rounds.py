@@ -224,7 +224,7 @@ def test_rounds_of_a_number_of_ratings_do_not_depend_on_batches(tmp_path: Path) 
         assert published(stream) == published(whole)
     with pytest.raises(ValueError, match="other settings"):
         TrustStream.load(tmp_path / "state.npz", model)
-    for wrong, message in (({"count": 0}, "at least 1"), ({"count": 3, "every": 1.0}, "not by both")):
+    for wrong, message in (({"count": 0}, "1 or more"), ({"count": 3, "every": 1.0}, "not by both")):
         with pytest.raises(ValueError, match=message):
             TrustStream(model, **wrong)
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.data.dialect import Dialect
-from roletrust_env.data.names import NameColumns
+from roletrust_env.data.names import JOINED, NameColumns
 from roletrust_env.data.tables import Table
 from roletrust_env.data.values import is_missing, named
 from roletrust_env.metrics.score import ratio
@@ -215,15 +215,16 @@ def read_codes(
         read += len(block[0])
     if not read:
         raise ValueError(f"{path} has no rows")
-    found = {}
+    found, all_joined = {}, 0
     for role, column in columns.items():
         every, names = np.full(read, -1, np.int64), list[str]()
         if (rows := np.concatenate(there[role])).size:
-            all_names, (every[rows],), *_ = column.places(1)
-            names = list(all_names)
+            all_names, (every[rows],), joined, _ = column.places(1)
+            names, all_joined = list(all_names), all_joined + joined
         found[role] = Codes(names, every)
     absent = int((found["vote"].places < 0).sum()) if "vote" in found else 0
-    tell(f"Read as {', '.join(table.found)}{f', abstentions: {absent:,}' if absent else ''}.")
+    counts = {"abstentions": absent, JOINED: all_joined}
+    tell(f"Read as {', '.join([*table.found, *(f'{what}: {n:,}' for what, n in counts.items() if n)])}.")
     return found
 
 

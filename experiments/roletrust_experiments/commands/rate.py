@@ -204,7 +204,7 @@ def _stream(model: Any, log: RatingLog, state: Path | None, reading: LogOptions,
         opened = TrustStream.opened(state, model, **kept, **rounds)
     with opened as stream:
         before = _apart(stream)
-        stream.update(people[0], people[1], log.values, log.times)
+        stream.update(people[0], people[1], log.values, log.times, log.rests)
     stream.finish()
     if any(apart := [after - had for after, had in zip(_apart(stream), before, strict=True)]):
         words = "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the lead, {:,} repeated"

@@ -71,6 +71,14 @@ def test_the_same_votes_in_other_forms(path: Path, tmp_path: Path) -> None:
             assert np.array_equal(one, other), name
 
 
+def test_white_space_at_the_ends_of_texts_does_not_count_and_is_told(tmp_path: Path) -> None:
+    lines, path = list[str](), tmp_path / "votes.csv"
+    path.write_text("judge, item, vote, truth, kind\na,1,yes,yes,k\na , 2,yes ,\tyes,k \nb,2 , no,yes,k\n\n")
+    votes = read_votes(path, truth="truth", kind="kind", tell=lines.append)
+    assert (votes.judge_names, votes.item_names, votes.answer_names) == (["a", "b"], ["1", "2"], ["yes", "no"])
+    assert "joined that differ only in white space at the ends or in the form of Unicode: 5." in lines[0]
+
+
 def test_truth_may_be_a_file_of_some_items(path: Path, tmp_path: Path) -> None:
     (tmp_path / "labels.csv").write_text("question,gold\nb,maybe\nelsewhere,yes\n")
     assert read_votes(path, ("model",), truth=tmp_path / "labels.csv").truth.tolist() == [-1, 2]
