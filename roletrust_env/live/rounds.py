@@ -68,8 +68,9 @@ class RoundAssembler(Generic[Item]):
     ROS's synchronisation publishes complete matches only: a stream that loses a message costs all streams the round,
     and a stream that stops ends all rounds. Here the messages that it gives up form a partial round. A silent stream is
     not expected until it sends again, and a new stream is expected from its first message on. Rounds close in the
-    order of their stamps. A message that arrives after its round was closed is in no round and is counted; this may
-    happen to the first message of a stream that was not expected.
+    order of their stamps, which begins anew when the clock is set back, see `StampLimits`. A message that arrives
+    after its round was closed is in no round and is counted; this may happen to the first message of a stream that was
+    not expected.
 
     Args:
         timing: How long to wait for a round.
@@ -82,7 +83,7 @@ class RoundAssembler(Generic[Item]):
 
     def __init__(self, timing: RoundTiming, expected: Iterable[str] = (), after: int | None = None) -> None:
         self._timing, self._after = timing, after
-        self._initial = tuple(expected)
+        self._initial, self._latest = tuple(expected), after or 0
         self._last_heard: dict[str, int] = {}
         self._parts: dict[str, Message[Item]] = {}  # of a round that will not be complete
         self._reset_synchroniser(())
@@ -105,8 +106,9 @@ class RoundAssembler(Generic[Item]):
         if not self._last_heard:
             self._last_heard = dict.fromkeys(self._initial, now)
             self._reset_synchroniser(self._initial)
+        closed = self._begin_anew(now)
         self._last_heard[name] = max(now, stamp)  # a stream that is ahead is not silent before its round
-        closed = [] if name in self._expected else self._expect((*self._expected, name))
+        closed += [] if name in self._expected else self._expect((*self._expected, name))
         if self._is_closed(stamp):
             self.unused[name] += 1
             return closed
@@ -114,13 +116,27 @@ class RoundAssembler(Generic[Item]):
 
     def close_due(self, now: int) -> list[MatchedRound[Item]]:
         """Return the rounds whose deadline has passed, and stop expecting silent streams. Call it often."""
-        closed = []
-        while (start := self._wait_start()) is not None and now - start >= self._timing.deadline * self._timing.period:
-            decisions = self._sync.publish_candidate()  # its round may be closed already, and then it closes none
-            closed += self._apply(decisions) if decisions else self._close_partial()
+        closed = self._begin_anew(now) + self._close_until(now - self._timing.deadline * self._timing.period)
         limit = self._timing.silence * self._timing.period
         active = tuple(name for name in self._expected if now - self._last_heard[name] < limit)
         return closed + self._expect(active) if active != self._expected else closed
+
+    def _begin_anew(self, now: int) -> list[MatchedRound[Item]]:
+        """Close what waits if the clock has gone back; the stamps of later rounds may be those of earlier ones then."""
+        closed = list[MatchedRound[Item]]()
+        if self._latest > now + self._timing.limits.set_back:
+            closed, self._after = self._close_until(math.inf), None
+            self._last_heard, self._latest = dict.fromkeys(self._last_heard, now), now
+        self._latest = max(self._latest, now)
+        return closed
+
+    def _close_until(self, latest: float) -> list[MatchedRound[Item]]:
+        """Return the rounds whose first message is not later than a time, as far as they have come."""
+        closed = list[MatchedRound[Item]]()
+        while (start := self._wait_start()) is not None and start <= latest:
+            decisions = self._sync.publish_candidate()  # its round may be closed already, and then it closes none
+            closed += self._apply(decisions) if decisions else self._close_partial()
+        return closed
 
     def _wait_start(self) -> int | None:
         """Return the time from which the deadline of the earliest round counts; None if no message waits.

@@ -15,6 +15,7 @@ MANAGER = "manager"
 MAX_STRANGERS = 8
 """Agents of a role that may take part without a key and without a place in the scenario."""
 
+_MINUTE = 60 * 10**9
 _NEWCOMERS = 10  # that may join in a period
 _REMEMBERED = 1000  # senders that are remembered without keys, so that fresh names do not fill the memory
 
@@ -58,6 +59,7 @@ class RefusalReason(StrEnum):
     UNKNOWN = "unknown sender"
     FUTURE = "stamp from the future"
     PAST = "stamp from the past"
+    CLOCK = "the clock has gone back"
     REPLAYED = "replayed"
     TOO_SOON = "too soon after the last"
     UNSIGNED = "unsigned"
@@ -132,6 +134,11 @@ class StampLimits:
     tolerance: int
     min_gap: int
 
+    @property
+    def set_back(self) -> int:
+        """Time by which a clock must go back to be one that was set, nanoseconds; a shorter time soon passes."""
+        return max(self.tolerance, _MINUTE)
+
 
 class Membership:
     """Decides which newcomers join, so that a flood of fresh names costs the others nothing.
@@ -164,7 +171,7 @@ class Membership:
             return True
         if self._strangers >= MAX_STRANGERS if self._known is None else name not in self._known:
             return False
-        if now - self._start >= self._period:
+        if not 0 <= now - self._start < self._period:  # or the clock has gone back
             self._start, self._joined = now, 0
         if self._joined >= _NEWCOMERS:
             return False
@@ -178,7 +185,9 @@ class MessageValidator:
     """Accepts valid messages. Refused ones are counted and change nothing else.
 
     The stamps of a sender must increase, so a message that is sent twice counts once. Cheap checks come first: the
-    signatures of messages that come too often are not even verified.
+    signatures of messages that come too often are not even verified. Where the last stamp of a sender is a minute or
+    more in the future, the clock has gone back since. Without keys its stamps then begin anew. With keys its messages
+    are refused until the clock has caught up, since they could be those that it sent at that time before.
 
     Args:
         limits: Limits on the stamps.
@@ -259,7 +268,10 @@ class MessageValidator:
             return RefusalReason.FUTURE
         if envelope.stamp < now - limits.tolerance:
             return RefusalReason.PAST
-        if last is not None and envelope.stamp < last + limits.min_gap:
+        if last is not None and last > now + limits.set_back:
+            if self._keyring is not None:
+                return RefusalReason.CLOCK
+        elif last is not None and envelope.stamp < last + limits.min_gap:
             return RefusalReason.TOO_SOON if envelope.stamp > last else RefusalReason.REPLAYED
         if self._keyring is not None and not envelope.signature:
             return RefusalReason.UNSIGNED

@@ -159,7 +159,7 @@ def test_a_stamp_is_of_the_nearest_round():
 
 @pytest.mark.parametrize(("now", "start"), [(1000, 1100), (1001, 1100), (1099, 1100)])
 def test_an_aligned_timeline_starts_with_the_next_whole_period(now, start, monkeypatch):
-    monkeypatch.setattr(run_loop.time, "time_ns", lambda: now)
+    monkeypatch.setattr(run_loop.clock, "now", lambda: now)
     assert Timeline.aligned(100) == Timeline(start, 100)
 
 

@@ -242,3 +242,25 @@ def test_a_full_disk_stops_the_manager_before_it_publishes(tmp_path, monkeypatch
     monkeypatch.setattr("os.write", full)
     with pytest.raises(OSError, match="No space left"):
         keeper.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+
+
+@pytest.mark.parametrize("restarts", [False, True], ids=["running", "restarted"])
+def test_rounds_go_on_when_the_clock_goes_back_an_hour(restarts, tmp_path):
+    values, mask = random_ratings(40)
+    hour = 3600 * 10**9 // PERIOD
+    steady, keeper = manager(tmp_path / "steady"), manager(tmp_path / "back")
+    feed(steady, values, mask, first=hour + 1)
+    before = feed(keeper, values[:20], mask[:20], first=hour + 1)
+    if restarts:
+        keeper.close()
+        keeper = manager(tmp_path / "back")
+    after = feed(keeper, values[20:], mask[20:], first=1)
+    assert keeper.next_round == steady.next_round == len(before) + len(after)
+    assert keeper.trust == steady.trust
+    assert not keeper.validator.refusals
+    assert not keeper.rounds.unused
+    rater, again = next(iter(after[-1].ratings)), {"sp_0": 1.0}
+    assert not keeper.receive(rating_message(rater, 20, again), 21 * PERIOD)
+    assert keeper.validator.refusals == {(rater, RefusalReason.REPLAYED): 1}
+    keeper.close()
+    assert replay_journal(keeper._trust._model, tmp_path / "back").trust == steady.trust

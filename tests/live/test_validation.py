@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 
+from roletrust_env.live import clock
 from roletrust_env.live.validation import (
     MANAGER,
     MAX_STRANGERS,
@@ -114,6 +115,26 @@ def test_stamps_rise_by_the_smallest_gap():
         assert bool(validator.accepted_ratings(ratings(stamp=NOW + stamp), PROVIDERS, NOW)) is (reason is None)
         assert validator.refusals == ({("sr_0", reason): 1} if reason else {})
     assert validator.accepted_ratings(ratings(rater="sr_1"), PROVIDERS, NOW) == {}
+
+
+def test_when_the_clock_has_gone_back_a_sender_with_a_key_waits():
+    hour, stamps = 3600 * 10**9, {"sr_0": NOW}
+    for keys, reason in ((Signed("sr_0"), RefusalReason.CLOCK), (None, None)):
+        validator = MessageValidator(LIMITS, keys, stamps)
+        assert bool(validator.accepted_ratings(ratings(stamp=NOW - hour), PROVIDERS, NOW - hour)) is (reason is None)
+        assert validator.refusals == ({("sr_0", reason): 1} if reason else {})
+    newcomers = Membership((), 10**9, {f"sr_{k}" for k in range(30)})
+    for now in (NOW, NOW - hour):
+        assert sum(newcomers.admits(f"sr_{k}", now) for k in range(30) if f"sr_{k}" not in newcomers) == 10
+
+
+def test_the_clock_of_nodes_follows_the_machine_and_never_goes_back(monkeypatch):
+    wall = clock.now()
+    for step, expected in ((0, 0), (hour := 3600 * 10**9, hour), (0, hour), (-hour, hour), (2 * hour, 2 * hour)):
+        monkeypatch.setattr(clock.time, "monotonic_ns", lambda: 5)
+        monkeypatch.setattr(clock.time, "time_ns", lambda step=step: wall + step)
+        assert clock.now() == wall + expected
+    monkeypatch.setattr(clock, "_lead", 0)
 
 
 def test_unknown_names_take_no_memory():

@@ -66,7 +66,7 @@ class Dashboard:
 
     def parts(self) -> PageParts:
         """Return the parts of the page. Viewers that ask at about the same time get the same parts."""
-        now = time.time()
+        now = time.monotonic()
         if now - self._parts_at > self.refresh_s / 2:
             self._parts, self._parts_at = self._make_parts(now), now
         return self._parts

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import ProviderView, RaterView
+from roletrust_env.live import clock
 from roletrust_env.live.nodes.inboxes import RatingSubscription, TrustSubscription, camera_inbox
 from roletrust_env.live.nodes.person_detector import PersonDetector, StrangePictures
 from roletrust_env.live.nodes.publishers import DiagnosticsPublisher
@@ -72,7 +73,7 @@ def run_camera_node(
     trust = TrustSubscription(node, scenario.initial_trust, keyring)
     ratings = RatingSubscription(node, name, team.raters, RoundTiming(timeline.period), keyring)
     with run_until_signal() as active:
-        for round in range(max(0, timeline.round(time.time_ns())), scenario.max_cycles):
+        for round in range(max(0, timeline.round(clock.now())), scenario.max_cycles):
             active.sleep_until(timeline.begin(round) - timeline.period // 2)  # time to make the picture
             trust.update()
             frame = source.frame(index, round * period_s, float(perturbations.strength(np.asarray(round))))
@@ -138,12 +139,12 @@ def run_rater_node(
             trust.update()  # in each turn: the node does not wait while messages remain
             cameras.update(node.discover())
             closed = []
-            for jpeg, (camera, stamp, *_) in cameras.take(time.time_ns()):
+            for jpeg, (camera, stamp, *_) in cameras.take(clock.now()):
                 if camera in cameras.known and camera != name:
-                    closed += rounds.add(camera, stamp, jpeg, time.time_ns())
+                    closed += rounds.add(camera, stamp, jpeg, clock.now())
                 elif camera != name:
                     strangers.add(camera, stamp, jpeg)
-            closed += rounds.close_due(time.time_ns())
+            closed += rounds.close_due(clock.now())
             for newest in closed[-1:]:  # a rater that is behind catches up: late ratings do not count
                 publish(newest)
             if diagnostics.is_due:

@@ -9,6 +9,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from roletrust_env.live import clock
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.live.validation import (
@@ -155,7 +156,7 @@ class TrustSubscription:
 
     def update(self) -> None:
         """Read the new messages."""
-        for message in self.inbox.take(time.time_ns()):
+        for message in self.inbox.take(clock.now()):
             self._trust = message.trust
 
     def tor(self, rater: str) -> float:
@@ -194,7 +195,7 @@ class RatingSubscription:
         """
         ratings, rated = np.zeros(len(self._inboxes)), np.zeros(len(self._inboxes), bool)
         for i, inbox in enumerate(self._inboxes):
-            for message in inbox.take(time.time_ns()):
+            for message in inbox.take(clock.now()):
                 rating = dict(zip(message.providers, message.values, strict=True)).get(self._provider)
                 if rating is not None:
                     rated[i] = 0 <= rating <= 1

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from roletrust_env.live import clock
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.nodes.inboxes import diagnostics_inbox, rating_inbox, read_message
@@ -75,12 +76,12 @@ def run_manager_node(
             raters.update(publications)
             for publication in publications:
                 if camera := owner(publication.topic, IMAGES):
-                    manager.add_provider(camera, time.time_ns())
+                    manager.add_provider(camera, clock.now())
             if precedence.is_second(publications):
                 raise ValueError(_SECOND_MANAGER)
             for message in raters.read():
-                publisher.publish(manager.receive(message, time.time_ns()))
-            publisher.publish(manager.tick(time.time_ns()))
+                publisher.publish(manager.receive(message, clock.now()))
+            publisher.publish(manager.tick(clock.now()))
             crowd = {(f"participant {one}", RefusalReason.CROWDED): n for one, n in raters.turned_away.items()}
             publisher.publish_diagnostics(manager, precedence.validator.refusals + Counter(crowd))
             node.wait(period / SECOND / 20)
@@ -139,7 +140,7 @@ class Precedence:
     """
 
     def __init__(self, node: Node, keyring: Keyring | None) -> None:
-        self._node, self._signed, self._began, self.own = node, keyring is not None, time.time_ns(), ""
+        self._node, self._signed, self._began, self.own = node, keyring is not None, clock.now(), ""
         # other nodes publish diagnostics of their own
         self._inbox = diagnostics_inbox(node, keyring, lambda name: self._signed and name == MANAGER)
         self._others = set[str]()
@@ -175,6 +176,6 @@ class Precedence:
 
     def _read(self) -> None:
         """Read the diagnostics of other managers."""
-        for message in self._inbox.take(time.time_ns()):
+        for message in self._inbox.take(clock.now()):
             if message.envelope.stamp >= self._began:
                 self._others |= {message.values.get("writer", "")} - {self.own}

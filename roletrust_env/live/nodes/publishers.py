@@ -4,6 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
+from roletrust_env.live import clock
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.validation import MANAGER, RefusalReason
@@ -39,7 +40,7 @@ class DiagnosticsPublisher:
         self._last_s = time.monotonic()
         counts = {f"{sender or 'unknown'}: {reason}": str(count) for (sender, reason), count in refusals.items()}
         values = {**state, **counts}
-        self._writer.write(messages.diagnostics_message(time.time_ns(), self._name, bool(counts), values, self._signer))
+        self._writer.write(messages.diagnostics_message(clock.now(), self._name, bool(counts), values, self._signer))
 
 
 class ManagerPublisher:

@@ -1,8 +1,8 @@
 """The recorder: records all messages of a team."""
 
-import time
 from pathlib import Path
 
+from roletrust_env.live import clock
 from roletrust_env.live.nodes.inboxes import TopicReaders
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
 from roletrust_env.live.wire.dds import Node
@@ -27,7 +27,7 @@ def run_recorder_node(folder: Path, *, images: bool = True, network: bool = Fals
     node = Node("record", network=network)
     readers, kinds = TopicReaders(node, _DEPTH), dict[str, str]()
     with run_until_signal() as active, Recorder(folder) as recorder:
-        flushed = time.time_ns()
+        flushed = clock.now()
         while active:
             node.wait(0.1)
             for topic, kind, _ in node.discover():
@@ -37,8 +37,8 @@ def run_recorder_node(folder: Path, *, images: bool = True, network: bool = Fals
             readers.drop_silent()
             for topic, reader in readers.items():
                 for raw in reader.take():
-                    recorder.write(RecordedMessage(time.time_ns(), topic, kinds[topic], raw))
-            if time.time_ns() - flushed > _FLUSH_INTERVAL:
+                    recorder.write(RecordedMessage(clock.now(), topic, kinds[topic], raw))
+            if clock.now() - flushed > _FLUSH_INTERVAL:
                 recorder.flush()
-                flushed = time.time_ns()
+                flushed = clock.now()
     return recorder.count

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+from roletrust_env.live import clock
+
 SECOND = 1_000_000_000
 _STOP_S = 5.0
 
@@ -27,7 +29,7 @@ class Timeline(NamedTuple):
     @classmethod
     def aligned(cls, period: int) -> "Timeline":
         """Return a timeline that starts with the next whole period since 1970, so that all nodes agree on it."""
-        return cls((time.time_ns() // period + 1) * period, period)
+        return cls((clock.now() // period + 1) * period, period)
 
     def begin(self, round: int) -> int:
         """Return the stamp of a round."""
@@ -53,7 +55,7 @@ class RunState:
 
     def sleep_until(self, moment: int) -> None:
         """Sleep until a moment, nanoseconds since 1970, or until the node is asked to end."""
-        while self and (remaining := moment - time.time_ns()) > 0:
+        while self and (remaining := moment - clock.now()) > 0:
             time.sleep(min(remaining / SECOND, 0.1))
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
+from roletrust_env.live import clock
 from roletrust_env.live.nodes.inboxes import camera_inbox, diagnostics_inbox, rating_inbox, trust_inbox
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.team import PublishedTrust, Team
@@ -34,7 +35,7 @@ class TeamListener:
     Attributes:
         rounds: Last rounds, the newest last.
         pictures: Newest picture of each camera, scaled down, as JPEG.
-        last_heard: Time of the last message of each camera, of each rater and of the manager, seconds since 1970.
+        last_heard: Time of the last message of each camera, of each rater and of the manager, monotonic seconds.
         reports: Last diagnostics of each node, such as the number of refusals by sender and reason.
     """
 
@@ -73,18 +74,18 @@ class TeamListener:
             publications = self._node.discover()
             self._cameras.update(publications)
             self._raters.update(publications)
-            for message in self._trust.take(time.time_ns()):
+            for message in self._trust.take(clock.now()):
                 self.rounds.append(message.trust)
-                self.last_heard[MANAGER] = time.time()
-            for report in self._diagnostics.take(time.time_ns()):
+                self.last_heard[MANAGER] = time.monotonic()
+            for report in self._diagnostics.take(clock.now()):
                 self.reports[report.envelope.sender] = report.values
-            newest = {picture.envelope.sender: picture.jpeg for picture in self._cameras.take(time.time_ns())}
+            newest = {picture.envelope.sender: picture.jpeg for picture in self._cameras.take(clock.now())}
             for camera, jpeg in newest.items():
-                self.last_heard[camera] = time.time()
+                self.last_heard[camera] = time.monotonic()
                 if small := _scaled_down(np.frombuffer(jpeg, np.uint8)):
                     self.pictures[camera] = small
-            for ratings in self._raters.take(time.time_ns()):
-                self.last_heard[ratings.envelope.sender] = time.time()
+            for ratings in self._raters.take(clock.now()):
+                self.last_heard[ratings.envelope.sender] = time.monotonic()
             self._forget_strangers()
 
     def _is_of_team(self, node: str) -> bool:
@@ -94,7 +95,7 @@ class TeamListener:
     def _forget_strangers(self) -> None:
         """Forget agents that are not known and have gone, so that fresh names do not fill the memory."""
         for name, moment in list(self.last_heard.items()):
-            if time.time() - moment > _FORGET_S and name not in self._known:
+            if time.monotonic() - moment > _FORGET_S and name not in self._known:
                 self.last_heard.pop(name)
                 self.pictures.pop(name, None)
                 self.reports.pop(name, None)

@@ -35,7 +35,7 @@ class Team:
 @pytest.fixture(autouse=True)
 def clock(monkeypatch):
     """A clock that stands still, so that nobody falls silent on a slow machine."""
-    monkeypatch.setattr(dashboards, "time", SimpleNamespace(time=lambda: NOW_S))
+    monkeypatch.setattr(dashboards, "time", SimpleNamespace(monotonic=lambda: NOW_S))
 
 
 @pytest.fixture
