@@ -407,7 +407,8 @@ class TrustStream:
             names = arrays.pop(f"names_{n}") if texts is None else np.array(texts, object)
             stored.append(NameIndex(f"names_{n}").check(names))
         raters, providers, who, whom = stored
-        values, *when = (_numbers(name, arrays.pop(name), len(who)) for name in ("ratings", "times", "rests"))
+        names = "ratings", "times", "rests"
+        values, when, rests = (_numbers(name, arrays.pop(name), len(who)) for name in names)
         if self._pairs is not None:
             self._pairs.load(arrays, (len(raters), len(providers)))
         self._run.load(arrays)
@@ -420,10 +421,10 @@ class TrustStream:
             )
         for name in _KEPT:
             setattr(self, name, header[name])
-        waiting: Columns = (who, whom, unit_ratings(values, (0.0, 1.0)), *when)
+        waiting = self._raters.check(who), self._providers.check(whom), unit_ratings(values, (0.0, 1.0)), when, rests
         if len(whom) != len(who) or (self._start is None and (self._begun or (self.every is not None and self.rounds))):
             raise ValueError("ratings or times are missing")
-        if len(who) and not (self._begun and (self._round_numbers(when[0], self._start or 0.0) == self.rounds).all()):
+        if len(who) and not (self._begun and (self._round_numbers(when, self._start or 0.0) == self.rounds).all()):
             raise ValueError("ratings wait for another round than the running one")
         self._waiting = [waiting] if len(who) else []
         self._expect_names()
