@@ -407,8 +407,8 @@ class TrustStream:
             names = arrays.pop(f"names_{n}") if texts is None else np.array(texts, object)
             stored.append(NameIndex(f"names_{n}").check(names))
         raters, providers, who, whom = stored
-        names = "ratings", "times", "rests"
-        values, when, rests = (_numbers(name, arrays.pop(name), len(who)) for name in names)
+        columns = ("ratings", "times", "rests")
+        values, when, rests = (_numbers(column, arrays.pop(column), len(who)) for column in columns)
         if self._pairs is not None:
             self._pairs.load(arrays, (len(raters), len(providers)))
         self._run.load(arrays)
