@@ -27,6 +27,7 @@ _HERE = "roletrust_experiments.commands"
         "report": f"{_HERE}.report:report",
         "replay": f"{_HERE}.replay:replay",
         "serve": f"{_HERE}.serve:serve",
+        "mcp": f"{_HERE}.mcp:mcp",
         "submit": f"{_HERE}.submit:submit",
         "verify": f"{_HERE}.submit:verify",
         "rate": f"{_HERE}.rate:rate",

@@ -35,7 +35,7 @@ def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> l
     names = list(dict.fromkeys(names))
     for name in names:
         if not re.fullmatch(NAME, name):
-            raise ValueError(f"{name!r} is no name of an agent; use letters, digits and '_', for example sr_0")
+            raise ValueError(f"{name!r} is no name of an agent: up to 200 letters, digits and _.-@:+, a letter first")
     new = [name for name in names if not (folder / f"{name}{_PRIVATE}").exists()]
     alone = [name for name in new if (folder / f"{name}{_PUBLIC}").exists()]
     if alone and not replace:
