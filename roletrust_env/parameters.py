@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import inspect
 import operator
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf
@@ -160,21 +161,32 @@ def allowed(hint: Any) -> str:
     Example:
         >>> from pydantic import PositiveInt
         >>> [allowed(hint) for hint in (Lam, PositiveInt, Literal["power", "linear"], PositiveInt | None, float)]
-        ['[0.5, 1)', 'whole [1, inf)', 'power | linear', 'whole [1, inf) | None', 'number']
+        ['0.5 to below 1', 'whole number from 1', 'power or linear', 'whole number from 1, or None', 'number']
     """
     kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
     if descriptions := [mark.allowed for mark in marks if isinstance(mark, _Allowed)]:
-        return str(descriptions[-1])
+        return _in_words(descriptions[-1])
     if get_origin(kind) is Literal:
-        return " | ".join(map(str, get_args(kind)))
+        return " or ".join(map(str, get_args(kind)))
     if get_origin(kind) in (Union, UnionType):
-        return " | ".join(map(allowed, get_args(kind)))
+        return ", or ".join(map(allowed, get_args(kind)))
     if get_origin(kind) in (tuple, list):
-        return f"some of {allowed(get_args(kind)[0])}"
+        return f"several: {allowed(get_args(kind)[0])}"
     if kind in (int, float):
-        bounds, whole = _interval(marks, kind is int), "whole " if kind is int else ""
-        return f"{whole}{bounds or 'number'}"
-    return {bool: "True | False", str: "text", NoneType: "None"}.get(kind, getattr(kind, "__name__", str(kind)))
+        bounds, number = _in_words(_interval(marks, kind is int)), "whole number" if kind is int else "number"
+        return f"{number} {bounds}".rstrip() if kind is int else bounds or number
+    return {bool: "True or False", str: "text", NoneType: "None"}.get(kind, getattr(kind, "__name__", str(kind)))
+
+
+def _in_words(interval: str) -> str:
+    """Return an interval such as `[0, inf)` in words, and any other text as it is."""
+    match = re.fullmatch(r"([\[(])(.+), (.+)([\])])", interval)
+    if match is None:
+        return interval
+    opening, low, high, closing = match.groups()
+    ends = [f"{'above ' if opening == '(' else '' if high != 'inf' else 'from '}{low}"] if low != "-inf" else []
+    ends += [f"{'below ' if closing == ')' else ''}{high}"] if high != "inf" else []
+    return " to ".join(ends)
 
 
 def _interval(marks: list[Any], whole: bool) -> str:

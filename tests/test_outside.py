@@ -124,7 +124,7 @@ def command(tmp_path: Path) -> Callable[..., tuple[Path, str]]:
 
 
 def test_they_are_listed(command: Callable) -> None:
-    printed = command("list")[1]
+    printed = command("list", "models")[1] + command("list", "attackers")[1]
     for word in ("grudge", "rise=0.25", "gossip", "harm=0.5"):
         assert word in printed
 

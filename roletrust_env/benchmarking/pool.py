@@ -10,7 +10,7 @@ import signal
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from math import inf
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from threading import Thread
 from time import monotonic
@@ -70,7 +70,7 @@ class _Worker(Generic[Key]):
         self.ready, self.deadline = False, inf
         self.job: _Job[Key] | None = None
         self._process = _SPAWN.Process(target=_serve, args=(work, prepare, other_end), daemon=True)
-        with _environment(environment):
+        with _environment(environment), _without_interrupts():
             self._process.start()
         other_end.close()
 
@@ -190,6 +190,20 @@ def _environment(variables: Mapping[str, str]) -> Iterator[None]:
         for name, value in before.items():
             os.environ.pop(name)
             os.environ.update({} if value is None else {name: value})
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Block keyboard interrupts, also for processes that start here: each would end with a traceback."""
+    if os.name != "posix":
+        yield
+        return
+    resource_tracker.ensure_running()  # which a first start does, and then unblocks them
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: Connection) -> None:

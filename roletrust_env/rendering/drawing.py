@@ -216,7 +216,8 @@ class TrustCurves:
     def __init__(self, axes: Axes, title: str, scenario: Scenario, side: Side) -> None:
         self._period = scenario.period_s
         self._open = any(group.open for group in scenario.agents)
-        axes.set(xlim=(0, scenario.max_cycles * scenario.period_s), ylim=(-0.02, 1.02), xlabel="time (s)")
+        xlabel = "time (s); grey: perturbation" if scenario.perturbations else "time (s)"
+        axes.set(xlim=(0, scenario.max_cycles * scenario.period_s), ylim=(-0.02, 1.02), xlabel=xlabel)
         axes.set_yticks(np.linspace(0, 1, 6))
         axes.grid(axis="y", color=PALE)
         axes.set_axisbelow(True)

@@ -273,7 +273,15 @@ def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
         previous: Exponential mean before the round.
         lam: Weight of the newest round.
         count: Number of values in the mean, see `Ratings.count`; 0 where there are none.
+
+    Raises:
+        TypeError: The count has another dtype, such as that of whole numbers, which would change that of the trust.
     """
+    kind = getattr(count, "dtype", previous.dtype)  # the count of full ratings is one number
+    if kind != previous.dtype:
+        raise TypeError(
+            f"smooth has a count of dtype {kind}; it must be {previous.dtype}, as the mean so far, see ratings.count"
+        )
     return previous + lam * occurred(count) * (value - previous)
 
 

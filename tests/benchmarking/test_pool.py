@@ -1,9 +1,14 @@
 """Worker processes: cells that hang or kill their process do not affect others."""
 
+import os
+import signal
+from multiprocessing.context import SpawnProcess
+
+import pytest
 from benchmark_cases import results, tiny
 
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.pool import LocalPool
+from roletrust_env.benchmarking.pool import JobResult, LocalPool, WorkerPool
 
 
 def test_a_cell_that_hangs_or_kills_its_process_has_a_one_line_error():
@@ -24,3 +29,17 @@ def test_closing_the_generator_stops_the_cells():
     assert cell.model == "mean"
     assert not result.failed
     playing.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no signals")
+def test_an_interrupt_does_not_end_a_worker_that_starts(monkeypatch):
+    """A shell sends it to all processes of a command, which would print how they end."""
+    start = SpawnProcess.start
+
+    def start_and_interrupt(process):
+        start(process)
+        os.kill(process.pid, signal.SIGINT)
+
+    monkeypatch.setattr(SpawnProcess, "start", start_and_interrupt)
+    with WorkerPool(len, 1, {}) as pool:
+        assert dict(pool.run({"job": ("word",)}, limit_s=60.0)) == {"job": JobResult(4)}

@@ -15,7 +15,7 @@ from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env import Game
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.policy import registry as attackers
-from roletrust_env.metrics import damage
+from roletrust_env.metrics import Score, damage
 from roletrust_env.trust.model import registry as models
 from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_experiments.commands.catalogue import all_attackers, all_models
@@ -47,7 +47,8 @@ def test_what_is_indented_after_an_empty_line_is_a_formula():
 
 def test_attributes_of_data_are_parameters():
     text = "Attributes:\n    error: how far."
-    assert read(text, Travos)[0] == "Args:"
+    assert read(text, Score)[0] == "Args:"
+    assert "error" not in " ".join(read(text, Travos))  # in the table of its page
     assert read(text, Game)[0] == "Attributes:"
 
 

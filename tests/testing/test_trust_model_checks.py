@@ -8,7 +8,7 @@ import pytest
 from roletrust_env.arrays import namespace
 from roletrust_env.testing import check_trust_model
 from roletrust_env.testing import trust_models as checks
-from roletrust_env.trust import PROVIDER, Ratings, mean
+from roletrust_env.trust import PROVIDER, Ratings, mean, smooth
 
 
 class Means(NamedTuple):
@@ -118,6 +118,12 @@ class MistakesNone(Sound):
         return super().update(state, ratings) if ratings.mask is not None else state._replace(top=0 * state.top + 0.1)
 
 
+class CountsInWholeNumbers(Sound):
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        count = (ratings.weights > 0).sum(axis=0)
+        return state._replace(top=smooth(mean(ratings, ratings.values, PROVIDER), state.top, 0.5, count))
+
+
 class NumpyOnly(Sound):
     def update(self, state: Any, ratings: Ratings) -> Any:
         top = np.where(ratings.rated(PROVIDER), np.array(ratings.values).max(axis=0), state.top)
@@ -139,6 +145,7 @@ def test_a_sound_model_passes() -> None:
         (MixesGames(), "a game in a batch differs from the same game alone; reduce over axes 0 and 1 only"),
         (ChangesItsShapes(), "update changes the shape or dtype of its state; keep both"),
         (CountsInAPythonNumber(), "the state holds 0; a state is a NamedTuple of arrays"),
+        (CountsInWholeNumbers(), "smooth has a count of dtype int64; it must be float64, as the mean so far"),
         (MistakesNone(), "a round without a mask differs from one with a mask that is true everywhere"),
     ],
     ids=lambda model: type(model).__name__,

@@ -44,7 +44,7 @@ def steady(ratings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def on_off(*qualities: float) -> np.ndarray:
     """The ToP of one provider through the last full cycle of qualities, all three raters honest."""
     rounds = islice(cycle(qualities), TO_STEADY_STATE * len(qualities))
-    _, tops = play(np.full((3, 1), quality) for quality in rounds)
+    _, tops = play(np.full((3, 1), float(quality)) for quality in rounds)
     return tops[-len(qualities) :, 0]
 
 

@@ -33,8 +33,10 @@ def readable(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines:
     """Mark formulas, which stand indented after an empty line, and show the attributes of data as parameters.
 
     The formula of a trust model or an attack is typeset. It stands where the docstring has it as plain text, else
-    after the first paragraph.
+    after the first paragraph. Their parameters stand in the table of their page.
     """
+    if any(kind.factory(of) is thing for kind in (models, attackers) for of in kind.names()):
+        lines[:] = re.sub(r"^(?:Args|Attributes):\n(?: .*\n|\n)*", "", "\n".join([*lines, ""]), flags=re.M).splitlines()
     page = next((at for at, line in enumerate(lines) if line.startswith(MARKDOWN)), len(lines))
     made_of_them = is_dataclass(thing) or hasattr(thing, "_fields")
     lines[:] = [

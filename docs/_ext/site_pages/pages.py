@@ -164,6 +164,11 @@ def _cell(text: object) -> str:
     return re.sub(r"\s+", " ", str(text)).replace("|", "\\|")
 
 
+def _meaning(text: str) -> str:
+    """Return what a docstring says of a parameter, without its range, which has a column of its own."""
+    return re.sub(r",? in [\[(][^\])]+[\])]", "", text)
+
+
 _TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).with_name("template")),
     undefined=StrictUndefined,
@@ -172,7 +177,13 @@ _TEMPLATES = Environment(
     keep_trailing_newline=True,
     autoescape=False,  # it is Markdown
 )
-_TEMPLATES.filters |= {"cell": _cell, "file_name": file_name, "unfit": unfit, "where_searched": where_searched}
+_TEMPLATES.filters |= {
+    "cell": _cell,
+    "file_name": file_name,
+    "meaning": _meaning,
+    "unfit": unfit,
+    "where_searched": where_searched,
+}
 
 
 def _page(template: str, **facts: Any) -> str:

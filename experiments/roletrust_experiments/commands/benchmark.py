@@ -35,9 +35,9 @@ from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import ALLOW_CODE, console, errors, number_table, progress_bar
+from roletrust_experiments.commands.console import ALLOW_CODE, console, errors, number_table, progress_bar, tell
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
+from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table, replay_command
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Workers
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -156,9 +156,10 @@ def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCel
             done, number = total - len(remaining), total
             if done:
                 progress.console.print(f"[dim]{done:,} of {number:,} cells are there already.[/]")
-            if not progress.disable:
-                costs = cell_costs(suite, remaining)
-                progress.reset(job, total=sum(costs.values()))
+            # A log goes by the number of cells, as the trials that tell their costs may take a minute.
+            alike = {cell.key: 1.0 for cell in remaining}
+            costs = alike if progress.disable else cell_costs(suite, remaining)
+            progress.reset(job, total=sum(costs.values()))
 
         def show(cell: Any, result: CellResult) -> None:
             nonlocal done
@@ -181,7 +182,9 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
     console.print(leaderboard_table(leaderboard))
     for line in leaderboard.caveats:
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
-    console.print(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md", soft_wrap=True)
+    tell(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md")
+    if replayed := replay_command(leaderboard, out / "results.sqlite"):
+        tell(f"What the worst attack does: {replayed}")
 
 
 def _asked(

@@ -4,6 +4,7 @@ A plug-in that cannot be loaded or read gets an entry with the reason, and does 
 """
 
 import inspect
+import re
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 from pathlib import Path
@@ -128,10 +129,12 @@ def where_searched(parameter: Mapping[str, Any]) -> str:
         case {"low": low, "high": high}:
             return f"{low:g} to {high:g}"
         case {"options": options}:
-            return " | ".join(map(str, options))
-        case "victims" | "identities" as agents:
-            return str(agents)
-    return "given" if parameter["given"] else ""
+            return " or ".join(map(str, options))
+        case "victims":
+            return "some honest providers"
+        case "identities":
+            return "1 to all in reserve"
+    return "set by the game" if parameter["given"] else ""
 
 
 def _entries(names: Iterable[str], entry: Callable[[str], Entry]) -> dict[str, Entry]:
@@ -147,9 +150,10 @@ def _entries(names: Iterable[str], entry: Callable[[str], Entry]) -> dict[str, E
 def _parameters(factory: Callable[..., Any]) -> dict[str, Entry]:
     """Return the parameters of a factory, in the order of its signature.
 
-    Each has its `default` as plain data, None also for a `required` parameter, and the `allowed` values in words, empty
-    if they are not declared.
+    Each has its `default` as plain data, None also for a `required` parameter, the `allowed` values in words, and its
+    `meaning` from the docstring; both are empty if they are not declared.
     """
+    meanings = _meanings(factory)
     try:
         hints = get_type_hints(factory, include_extras=True)
     except Exception:  # the types of a foreign factory may be plain text
@@ -161,7 +165,18 @@ def _parameters(factory: Callable[..., Any]) -> dict[str, Entry]:
             "default": None if required else _as_data(parameter.default),
             "required": required,
             "allowed": allowed(hints[name]) if name in hints else "",
+            "meaning": meanings.get(name, ""),
         }
+    return found
+
+
+def _meanings(factory: Callable[..., Any]) -> dict[str, str]:
+    """Return what the docstrings of a factory and its bases say of each parameter, those of the factory first."""
+    found: dict[str, str] = {}
+    for one in inspect.getmro(factory) if isinstance(factory, type) else (factory,):
+        section = re.search(r"^(?:Args|Attributes):\n((?: .*\n|\n)*)", f"{inspect.getdoc(one) or ''}\n", re.MULTILINE)
+        for name, text in re.findall(r"^    (\w+): (.*(?:\n     .*)*)", section[1] if section else "", re.MULTILINE):
+            found.setdefault(name, " ".join(text.split()))
     return found
 
 

@@ -1,5 +1,6 @@
 """Results of a benchmark of trust models as the commands read them, and the leaderboard as they show it."""
 
+import shlex
 from pathlib import Path
 
 from rich.markup import escape
@@ -8,9 +9,10 @@ from rich.table import Table
 from roletrust_env.benchmarking.leaderboard import Leaderboard, row_texts
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.verification import check_installed_names
 from roletrust_experiments.commands.console import number_table, short
 
-_SHOWN = ("clean", "worst", "damage", "alarms", "AUC", "holds")
+_SHOWN = ("clean", "worst", "holds")
 
 
 def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
@@ -27,14 +29,34 @@ def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
 
 
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
-    """Return the leaderboard for a terminal of 80 columns; the worst attack of each model stands in the file."""
+    """Return the leaderboard for a terminal of 80 columns; the file has further columns."""
     title = escape(f"Leaderboard, suite {leaderboard.suite.name}")
     table = number_table(title, leaderboard.explain(("tier", *_SHOWN)), *_SHOWN, name="tier, rank, model")
+    table.add_column("worst attack", overflow="fold")
     for row in leaderboard.rows:
         texts = row_texts(row, "±")
         numbers = (short(texts[name]) for name in _SHOWN)
-        table.add_row(f"{texts['tier']} {row.rank:2} {escape(row.model)}", *numbers)
+        table.add_row(f"{texts['tier']} {row.rank:2} {escape(row.model)}", *numbers, escape(row.worst_attack or "-"))
     return table
+
+
+def replay_command(leaderboard: Leaderboard, results: Path) -> str | None:
+    """Return the command that shows the worst attack on the first model of a suite, None if there was none.
+
+    Args:
+        leaderboard: Leaderboard of the run.
+        results: Path of the file of the run.
+    """
+    suite, attacked = leaderboard.suite, {row.model for row in leaderboard.rows if row.worst_attack}
+    model = next((name for name in suite.model_names if name in attacked), None)
+    if model is None:
+        return None
+    try:
+        check_installed_names(suite)
+        code = []
+    except ValueError:
+        code = ["--allow-code"]
+    return shlex.join(["roletrust", "replay", str(results), "--model", model, *code])
 
 
 def leaderboard_markdown(leaderboard: Leaderboard, command: str) -> str:

@@ -23,7 +23,15 @@ from roletrust_experiments.commands.catalogue import (
     unfit,
     where_searched,
 )
-from roletrust_experiments.commands.console import console, errors, plain_table, print_json, progress_bar, short
+from roletrust_experiments.commands.console import (
+    console,
+    errors,
+    plain_table,
+    print_json,
+    progress_bar,
+    short,
+    tell_left_out,
+)
 from roletrust_experiments.commands.extras import require
 
 
@@ -53,13 +61,14 @@ def list_command(
 ) -> None:
     """List the [bold]scenarios, trust models, attackers and learners[/], including those of other packages.
 
-    For trust models, the list shows parameters and limitations. For attackers, it shows parameters and the ranges in
-    which searches look for their best values. The [bold]zoo[/] are trained attackers: their tasks, and their scores,
-    the mean reward per round with its 95% confidence interval, beside that of honest play.
+    Without a kind it shows the names. For trust models, the list shows parameters and limitations. For attackers, it
+    shows parameters and the ranges in which searches look for their best values. The [bold]zoo[/] are trained
+    attackers: their tasks, and their scores, the mean reward per round with its 95% confidence interval, beside that of
+    honest play.
 
     [bold]Examples[/]
 
-    [dim]# everything[/]
+    [dim]# all names[/]
     [cyan]roletrust list[/]
 
     [dim]# the attackers, with their parameters and the ranges of searches[/]
@@ -83,8 +92,10 @@ def list_command(
     holds = games is None or _measure_again(found[Kind.ZOO], folder, games)
     if as_json:
         print_json({one.value: entries for one, entries in found.items()})
+    elif kind is None:
+        _print_names(found)
     else:
-        _print(found, kind)
+        _print(found[kind], kind)
     if not holds:
         raise typer.Exit(1)
 
@@ -129,17 +140,22 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
     return all(one.get("measured", {}).get("holds", False) for one in entries.values())
 
 
-def _print(found: Mapping[Kind, dict[str, Entry]], kind: Kind | None) -> None:
-    """Print the tables, and what their words mean."""
-    for one, entries in found.items():
-        console.print(_KINDS[one][1](entries))
-    if kind in (None, Kind.ATTACKERS):
-        console.print(
-            "[dim]victims: some of the honest providers; identities: from 1 to all identities in reserve; "
-            "given: set by the command, from the game[/]"
-        )
-    if kind is None and Kind.ZOO not in found:
+def _print_names(found: Mapping[Kind, dict[str, Entry]]) -> None:
+    """Print the names of each kind, and why an entry cannot be read."""
+    for kind, entries in found.items():
+        names = "trained attackers" if kind is Kind.ZOO else escape(", ".join(entries))
+        console.print(f"[bold]{kind.value}[/] ({len(entries)}): [cyan]{names}[/]")
+        for name, entry in entries.items():
+            if "error" in entry:
+                tell_left_out(f"{name}: {entry['error']}")
+    if Kind.ZOO not in found:
         console.print("[dim]Trained attackers need safetensors: pip install 'roletrust-env\\[train]'[/]")
+    console.print("[dim]What they are: roletrust list models, and so for each kind.[/]")
+
+
+def _print(entries: Mapping[str, Entry], kind: Kind) -> None:
+    """Print the table of a kind, and what its words mean."""
+    console.print(_KINDS[kind][1](entries))
     if kind not in (Kind.SCENARIOS, Kind.ZOO):
         console.print(
             "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"

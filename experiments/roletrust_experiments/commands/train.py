@@ -1,5 +1,6 @@
 """`roletrust train`: train an attacker, in a folder that holds all that an interrupted run needs to continue."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -169,9 +170,9 @@ def train(
         try:
             _train(one, folder)
         except KeyboardInterrupt:
-            again = f"--resume --out {out}" if runs == 1 else "the same command and --resume"
+            again = shlex.join(["--resume", "--out", str(out)]) if runs == 1 else "the same command and --resume"
             errors.print(
-                f"Stopped. The training so far is kept; continue with: roletrust train {again}", soft_wrap=True
+                escape(f"Stopped. The training so far is kept; continue with: roletrust train {again}"), soft_wrap=True
             )
             raise typer.Exit(130) from None
 

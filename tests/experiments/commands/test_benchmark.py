@@ -2,6 +2,7 @@
 
 import csv
 import os
+import shlex
 import signal
 import sqlite3
 import subprocess
@@ -99,6 +100,17 @@ def test_attackers_that_misbehave_are_told_and_the_others_count(here: Path, in_p
     assert any(line.endswith("its other 1 attacks count") for line in lines)
     assert board(here)["mean"]["missing"] == "1"
     assert float(board(here)["mean"]["worst"]) > 0
+
+
+def test_the_line_that_shows_the_worst_attack_works_as_printed(here: Path, in_process: None) -> None:
+    """Also for a class that is not installed, and a folder with a space."""
+    code, lines = benchmark("--model=benchmark_cases:FirstRaters", "--model=mean", "--out=my run")
+    assert code == 0, lines
+    assert any(line.split()[2:3] == ["mean"] and line.split()[-1] == "bad-mouthing" for line in lines)
+    (told,) = (line.partition(": ")[2] for line in lines if line.startswith("What the worst attack does: "))
+    shown = run(*shlex.split(told)[1:], "--out", "replay")
+    assert shown.exit_code == 0, shown.output
+    assert shown.output.startswith("benchmark_cases:FirstRaters, market, raters 30%: bad-mouthing")
 
 
 @pytest.mark.parametrize(

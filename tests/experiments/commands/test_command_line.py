@@ -149,4 +149,4 @@ def test_commands_cut_nothing_in_a_narrow_terminal(arguments, tmp_path):
     tables = result.output.partition("Written")[0]
     if arguments[0] == "list":
         for name in [*scenarios(), *trust_models.names(), *attackers.names()]:
-            assert re.search(rf"(^| ){re.escape(name)}( |$)", tables, re.MULTILINE), name
+            assert re.search(rf"(^| ){re.escape(name)}(,| |$)", tables, re.MULTILINE), name

@@ -55,12 +55,21 @@ def test_list_of_nothing_known():
 
 @pytest.mark.parametrize("width", [80, 120])
 def test_it_is_readable(width):
-    lines = run(width=width).output.splitlines()
+    lines = [
+        line for kind in ("scenarios", "models", "attackers") for line in run(kind, width=width).output.splitlines()
+    ]
     assert max(map(len, lines)) <= width
     for name in [*scenarios(), *trust_models(), *roletrust_env.attackers()]:
         assert any(line.split()[:1] == [name] for line in lines), name  # no name is cut or wrapped
-    for said in ("lam=0.5  [0.5, 1)", "period=2  1 to 12", "targets=None  victims"):
+    for said in ("lam=0.5  0.5 to below 1", "period=2  1 to 12", "targets=None  some honest"):
         assert any(said in line for line in lines)
+
+
+def test_the_names_fit_a_screen():
+    lines = run(width=80).output.splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    assert {*scenarios(), *trust_models(), *roletrust_env.attackers()} <= set(re.split(r"[\s,]+", "\n".join(lines)))
 
 
 def test_models_say_what_they_are_unfit_for():
@@ -70,12 +79,19 @@ def test_models_say_what_they_are_unfit_for():
     assert words.count("unfit: no trust in raters") == sum(not model["rates_raters"] for model in all_models().values())
 
 
+def test_every_parameter_has_a_meaning():
+    for name, entry in (all_models() | all_attackers()).items():
+        assert all(parameter["meaning"] for parameter in entry["parameters"].values()), name
+    assert all_attackers()["sybil-ring"]["parameters"]["cut"]["meaning"].startswith("Rank down to which")  # of a base
+
+
 def test_what_is_searched_is_what_attacks_declare():
     attackers = all_attackers()
     on_off, collusion = attackers["on-off"], attackers["collusion"]["parameters"]
     assert on_off["channels"] == ["quality"]
-    said = {"default": 2, "required": False, "allowed": "whole [1, inf)", "searched": {"low": 1, "high": 12}}
-    assert on_off["parameters"]["period"] == {**said, "given": False}
+    said = {"default": 2, "required": False, "allowed": "whole number from 1", "searched": {"low": 1, "high": 12}}
+    period = on_off["parameters"]["period"]
+    assert period == {**said, "given": False, "meaning": period["meaning"]}
     assert on_off["parameters"]["switching"]["searched"] is None  # it is kept
     assert attackers["bad-mouthing"]["parameters"]["lie"]["searched"] == {"options": ["constant", "relative"]}
     assert attackers["bad-mouthing"]["parameters"]["targets"]["searched"] == "victims"
@@ -123,7 +139,7 @@ def test_what_others_register_is_listed_as_far_as_it_can_be_read():
     assert document("attackers")["attackers"]["endless"]["parameters"]["wait"]["default"] == "inf"
     mean = all_models()["made-mean"]
     assert mean["rates_raters"] is False  # as the model that it makes says
-    assert mean["parameters"] == {"lam": {"default": 0.7, "required": False, "allowed": ""}}
+    assert mean["parameters"] == {"lam": {"default": 0.7, "required": False, "allowed": "", "meaning": ""}}
     assert run().exit_code == 0
 
 
@@ -152,7 +168,8 @@ def test_json_holds_all_there_is():
         "cost": "S^2 P",
         "rates_raters": True,
     }
-    assert travos["parameters"]["error"] == {"default": 0.2, "required": False, "allowed": "[0, 1]"}
+    error = travos["parameters"]["error"]
+    assert (error["default"], error["required"], error["allowed"]) == (0.2, False, "0 to 1")
     assert found["attackers"] == all_attackers()
 
 
