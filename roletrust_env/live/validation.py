@@ -16,7 +16,7 @@ MAX_STRANGERS = 8
 """Agents of a role that may take part without a key and without a place in the scenario."""
 
 _MINUTE = 60 * 10**9
-_NEWCOMERS = 10  # that may join in a period
+_NEWCOMERS = 10  # of a team that may join in a period
 _REMEMBERED = 1000  # senders that are remembered without keys, so that fresh names do not fill the memory
 
 
@@ -55,7 +55,8 @@ class RefusalReason(StrEnum):
 
     FLOOD = "too many messages"
     GARBAGE = "garbage"
-    ELSEWHERE = "on the topic of another"
+    TOO_LARGE = "too large"
+    ELSEWHERE = "in the wrong place"
     UNKNOWN = "unknown sender"
     FUTURE = "stamp from the future"
     PAST = "stamp from the past"
@@ -64,6 +65,8 @@ class RefusalReason(StrEnum):
     TOO_SOON = "too soon after the last"
     UNSIGNED = "unsigned"
     MIS_SIGNED = "mis-signed"
+    NO_WORK = "without work"
+    TAKEN = "name taken"
     CROWDED = "too many newcomers"
     JOINING = "joins in a moment"
     UNKNOWN_PROVIDER = "unknown provider"
@@ -140,6 +143,32 @@ class StampLimits:
         return max(self.tolerance, _MINUTE)
 
 
+class NewcomerLimit:
+    """Limits how many newcomers join in a period.
+
+    Args:
+        most: Number of newcomers in a period.
+        period: Length of a period, nanoseconds.
+    """
+
+    def __init__(self, most: int, period: int) -> None:
+        self._most, self._period = most, period
+        self._start, self._joined = 0, 0
+
+    def admits(self, now: int) -> bool:
+        """Return whether a newcomer may join, which counts then.
+
+        Args:
+            now: Time, nanoseconds.
+        """
+        if not 0 <= now - self._start < self._period:  # or the clock has gone back
+            self._start, self._joined = now, 0
+        if self._joined >= self._most:
+            return False
+        self._joined += 1
+        return True
+
+
 class Membership:
     """Decides which newcomers join, so that a flood of fresh names costs the others nothing.
 
@@ -153,8 +182,8 @@ class Membership:
     def __init__(
         self, members: Iterable[str], period: int, known: Container[str] | None = None, strangers: int = 0
     ) -> None:
-        self._members, self._period, self._known, self._strangers = set(members), period, known, strangers
-        self._start, self._joined = 0, 0
+        self._members, self._known, self._strangers = set(members), known, strangers
+        self._limit = NewcomerLimit(_NEWCOMERS, period)
 
     def __contains__(self, name: object) -> bool:
         """Return whether an agent takes part."""
@@ -171,11 +200,8 @@ class Membership:
             return True
         if self._strangers >= MAX_STRANGERS if self._known is None else name not in self._known:
             return False
-        if not 0 <= now - self._start < self._period:  # or the clock has gone back
-            self._start, self._joined = now, 0
-        if self._joined >= _NEWCOMERS:
+        if not self._limit.admits(now):
             return False
-        self._joined += 1
         self._strangers += self._known is None
         self._members.add(name)
         return True
@@ -228,14 +254,24 @@ class MessageValidator:
             envelope: Origin of the message.
             now: Time of arrival, nanoseconds.
         """
-        if reason := self._error(envelope, now):
+        if reason := self.error(envelope, now):
             self.refuse(envelope.sender, reason)
             return False
-        self._last_stamps.pop(envelope.sender, None)
-        self._last_stamps[envelope.sender] = envelope.stamp  # the newest last
+        self.remember(envelope.sender, envelope.stamp)
+        return True
+
+    def last_stamp(self, sender: str) -> int:
+        """Return the last accepted stamp of a sender; -1 if there is none."""
+        return self._last_stamps.get(sender, -1)
+
+    def remember(self, sender: str, stamp: int | None) -> int | None:
+        """Set the last accepted stamp of a sender, None for none so far, and return the one before it."""
+        before = self._last_stamps.pop(sender, None)
+        if stamp is not None:
+            self._last_stamps[sender] = stamp  # the newest last
         if self._keyring is None and len(self._last_stamps) > _REMEMBERED:
             del self._last_stamps[next(iter(self._last_stamps))]
-        return True
+        return before
 
     def accepted_ratings(self, message: RatingMessage, providers: Container[str], now: int) -> dict[str, float]:
         """Return the valid ratings of a message, by provider; none if the message is refused.
@@ -253,14 +289,19 @@ class MessageValidator:
             return accepted
         rater = message.envelope.sender
         for provider, value in zip(message.providers, message.values, strict=True):
-            if reason := _rating_error(rater, provider, value, providers, accepted):
+            if reason := rating_error(rater, provider, value, providers, accepted):
                 self.refuse(rater, reason)
             else:
                 accepted[provider] = float(value)
         return accepted
 
-    def _error(self, envelope: Envelope, now: int) -> RefusalReason | None:
-        """Return the reason why a message is refused; None if it is valid."""
+    def error(self, envelope: Envelope, now: int) -> RefusalReason | None:
+        """Return the reason why a message is refused; None if it is valid. Nothing is counted or remembered.
+
+        Args:
+            envelope: Origin of the message.
+            now: Time of arrival, nanoseconds.
+        """
         limits, last = self._limits, self._last_stamps.get(envelope.sender)
         if self._keyring is not None and envelope.sender not in self._keyring:
             return RefusalReason.UNKNOWN
@@ -282,9 +323,24 @@ class MessageValidator:
         return None
 
 
-def _rating_error(
-    rater: str, provider: str, value: float, providers: Container[str], before: Container[str]
+def rating_error(
+    rater: str,
+    provider: str,
+    value: float,
+    providers: Container[str],
+    before: Container[str],
+    scale: tuple[float, float] = (0.0, 1.0),
 ) -> RefusalReason | None:
+    """Return the reason why a rating is refused; None if it is valid.
+
+    Args:
+        rater: Name of the rater.
+        provider: Name of the rated provider.
+        value: Rating.
+        providers: Names of the known providers.
+        before: Names of the providers that the same message has rated before.
+        scale: Worst and best rating.
+    """
     if provider not in providers:
         return RefusalReason.UNKNOWN_PROVIDER
     if provider == rater:
@@ -293,4 +349,4 @@ def _rating_error(
         return RefusalReason.DOUBLED
     if math.isnan(value):
         return RefusalReason.NOT_A_NUMBER
-    return None if 0 <= value <= 1 else RefusalReason.OUT_OF_RANGE
+    return None if scale[0] <= value <= scale[1] else RefusalReason.OUT_OF_RANGE

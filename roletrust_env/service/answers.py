@@ -162,6 +162,13 @@ class Agents(_Message):
     """Number of registered agents."""
 
 
+class Refusals(_Message):
+    """Refusals since the manager was started."""
+
+    refusals: Annotated[dict[str, Count], Field(examples=[{"replayed": 3}])]
+    """Number by reason."""
+
+
 class Problem(_Message):
     """Refusal of a request, or the failure of an answer."""
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from log_cases import BAD, GOOD, HEADER
 
-from roletrust_baselines.logs.rounds import log_rounds
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.log import read_ratings
+from roletrust_env.data.log_rounds import log_rounds
 
 TIMED = Columns(time="time")
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 
 from roletrust_baselines.logs.models import LOG_MODELS
-from roletrust_baselines.logs.rounds import log_rounds, played
 from roletrust_env.data import TrustStream, read_ratings
 from roletrust_env.data.log import Columns, RatingLog
+from roletrust_env.data.log_rounds import log_rounds, played
 from roletrust_env.data.rounds import round_numbers
 from roletrust_env.testing.trust_models import play_rounds
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.resampling import auc, correlation, interval, mean
-from roletrust_baselines.logs.rounds import TooSmallError, log_rounds, play_round
 from roletrust_env.data.log import RatingLog
+from roletrust_env.data.log_rounds import log_rounds, play_round
 from roletrust_env.data.rounds import spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.metrics.score import ratio

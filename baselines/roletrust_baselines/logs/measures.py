@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from roletrust_baselines.logs.advice import advise
+from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
 from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
-from roletrust_baselines.logs.rounds import TooSmallError
 from roletrust_env.data.log import RatingLog
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table

@@ -11,11 +11,12 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from roletrust_baselines.logs.explanation import find_agent
+from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.replay import ACTIVE, Ending, HostileRatings
-from roletrust_baselines.logs.rounds import TooSmallError, numbers_of
 from roletrust_env.data.evidence import Rank, wilson_interval
+from roletrust_env.data.explanation import find_agent
 from roletrust_env.data.log import RatingLog
+from roletrust_env.data.log_rounds import numbers_of
 from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_baselines.logs.resampling import ranks
-from roletrust_baselines.logs.rounds import played
 from roletrust_env.data.log import RatingLog
+from roletrust_env.data.log_rounds import played
 from roletrust_env.metrics.score import ratio
 from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys

@@ -14,12 +14,12 @@ import typer
 from rich.markup import escape
 from rich.progress import Progress
 
-from roletrust_baselines.logs.explanation import explain as explained
-from roletrust_baselines.logs.explanation import find_agent
-from roletrust_baselines.logs.rounds import numbers_of, played
 from roletrust_baselines.logs.suspects import find_suspects
 from roletrust_env.data.evidence import Evidence, Role, evidence, joined, window
+from roletrust_env.data.explanation import explain as explained
+from roletrust_env.data.explanation import find_agent
 from roletrust_env.data.log import RatingLog
+from roletrust_env.data.log_rounds import numbers_of, played
 from roletrust_env.data.rounds import check_lateness, check_rounds
 from roletrust_env.data.stream import TrustStream
 from roletrust_env.evaluation.specs import parse_named

@@ -2,9 +2,9 @@
 
 from rich.table import Table
 
-from roletrust_baselines.logs.explanation import Explanation
 from roletrust_baselines.logs.suspects import Search
 from roletrust_env.data.evidence import Evidence, as_dates
+from roletrust_env.data.explanation import Explanation
 from roletrust_env.data.log import RatingLog
 from roletrust_experiments.commands.console import number_table, shown
 

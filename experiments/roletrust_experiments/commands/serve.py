@@ -1,7 +1,9 @@
-"""`roletrust serve`: a trust model for programs in any language."""
+"""`roletrust serve`: a trust model for programs in any language, and a trust manager for agents."""
 
+import socket
 import sys
-from typing import Annotated
+from functools import partial
+from typing import Annotated, Any
 
 import typer
 
@@ -9,24 +11,48 @@ from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.trust.model import registry
 from roletrust_env.trust.service import TrustService, http_server
 from roletrust_experiments.commands.console import errors
+from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN
+
+_END_S = 2  # for answers that are on their way when the manager ends
+_manager = partial(typer.Option, rich_help_panel="Manager of agents")
 
 
 def serve(
     model: Annotated[str, typer.Argument(metavar=NAMED, help="Trust model. " + OWN)],
     port: Annotated[
         int | None,
-        typer.Option(min=0, max=65535, help="Port of an HTTP service, 0 for any; standard input if left out."),
+        typer.Option(min=0, max=65535, help="Port, 0 for any; standard input if left out, with --store 8000."),
     ] = None,
     host: Annotated[
-        str, typer.Option(help="Address of the HTTP service; others than this machine reach it at 0.0.0.0 only.")
+        str, typer.Option(help="Address of the service; others than this machine reach it at 0.0.0.0 only.")
     ] = "127.0.0.1",
+    store: Annotated[
+        str | None,
+        _manager(metavar="FILE|URL", help="Be a manager: its journal, a file of SQLite or postgresql://..."),
+    ] = None,
+    name: Annotated[
+        str | None, _manager(help="Name of the manager, to which tokens are addressed; a new store makes one up.")
+    ] = None,
+    every: Annotated[float, _manager(min=1, help="Length of a round, seconds.")] = 60.0,
+    scale: Annotated[tuple[float, float], _manager(help="Worst and best rating.", metavar="WORST BEST")] = (0.0, 1.0),
+    same_agents: Annotated[
+        bool, _manager("--same-agents/--two-roles", help="Whether rater and provider of one name are one agent.")
+    ] = True,
+    work: Annotated[int, _manager(min=0, max=64, help="Zero bits of a newcomer's proof of work.")] = 16,
+    quota: Annotated[int, _manager(min=1, help="Number of ratings that an agent may send in a round.")] = 1000,
+    newcomers: Annotated[int, _manager(min=0, help="Number of agents that may register in a round.")] = 100,
+    tolerance: Annotated[float, _manager(min=0, help="Seconds between signing and the manager's clock.")] = 60.0,
+    rounds: Annotated[bool, _manager("--rounds", help="Answer the protocol of rounds, too, at /rounds.")] = False,
 ) -> None:
-    r"""Answer [bold]ratings with trust[/], for programs in any language.
+    r"""Answer [bold]ratings with trust[/], for programs in any language; with --store, [bold]for agents[/].
 
     The protocol is that of models outside: a line of JSON with the ratings of a round, and a line with the trust after
     it. So a system in another language can use a trust model of this package, and a model of another package can be
     measured in a process of its own, where it sees ratings and nothing else.
+
+    With --store it is a trust manager: agents register, report signed ratings, and ask whom to trust. What it has
+    acknowledged is in the store, and another model or length of a round is another start. /docs describes its HTTP.
 
     [bold]Examples[/]
 
@@ -37,7 +63,14 @@ def serve(
 
     [dim]# a model in a process of its own[/]
     [cyan]roletrust benchmark --model 'exec:roletrust serve mypackage.mymodel:MyModel'[/]
+
+    [dim]# a manager of agents, with rounds of an hour[/]
+    [cyan]roletrust serve role-trust --store trust.sqlite --every 3600[/]
     """
+    if store is not None:
+        settings = (every, scale, same_agents, work, quota, newcomers, tolerance)
+        _manage(model, store, name, settings, host, 8000 if port is None else port, rounds=rounds)
+        return
     service = TrustService(parse_named(registry, model))
     if port is None:
         for line in sys.stdin:
@@ -50,3 +83,30 @@ def serve(
             server.serve_forever()
         except KeyboardInterrupt:
             raise typer.Exit(130) from None
+
+
+def _manage(
+    model: str, store: str, name: str | None, settings: tuple[Any, ...], host: str, port: int, *, rounds: bool
+) -> None:
+    """Be a trust manager, until a signal ends it."""
+    require("roletrust serve --store", "serve", "fastapi", "uvicorn", "sqlalchemy", "jwt", "cryptography", "pyarrow")
+    import uvicorn
+
+    from roletrust_env.service.http import make_app
+    from roletrust_env.service.manager import Settings, TrustManager
+    from roletrust_env.service.store import Store
+
+    journal = Store(store, name)
+    try:
+        manager = TrustManager(journal, model, Settings(*settings))
+        app = make_app(manager, TrustService(parse_named(registry, model)) if rounds else None)
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        with socket.create_server((host, port), family=family, backlog=1024) as listener:
+            url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
+            errors.print(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", soft_wrap=True)
+            config = uvicorn.Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=_END_S)
+            uvicorn.Server(config).run(sockets=[listener])
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    finally:
+        journal.close()

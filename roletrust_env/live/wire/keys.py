@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -92,31 +92,15 @@ class Signer:
         return self.key.sign(data)
 
 
-class PublicKeys:
-    """The public keys in a folder, as a `Keyring` of the known senders.
+class KnownKeys:
+    """Public keys by name, as a `Keyring` of the known senders.
 
     Args:
-        folder: Folder with the keys.
-        needed: Names that must have a key.
-
-    Raises:
-        ValueError: The folder has no public key or lacks a needed one, or one is invalid.
+        keys: Public keys by name; those that are added later count, too.
     """
 
-    def __init__(self, folder: Path, needed: Iterable[str] = ()) -> None:
-        self._keys = {path.stem: _read_public(path) for path in sorted(folder.glob(f"*{_PUBLIC}"))}
-        if not self._keys:
-            raise ValueError(f"there is no public key in {folder}; `roletrust live keys` makes some")
-        missing = [name for name in needed if name not in self._keys]
-        if missing:
-            raise ValueError(
-                f"there is no public key of {', '.join(missing)} in {folder}; `roletrust live keys` makes it"
-            )
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names that have a key."""
-        return tuple(self._keys)
+    def __init__(self, keys: Mapping[str, Ed25519PublicKey]) -> None:
+        self._keys = keys
 
     def __contains__(self, sender: object) -> bool:
         """Return whether there is a key of that name, see `Keyring`."""
@@ -129,6 +113,33 @@ class PublicKeys:
         except InvalidSignature:
             return False
         return True
+
+
+class PublicKeys(KnownKeys):
+    """The public keys in a folder, as a `Keyring` of the known senders.
+
+    Args:
+        folder: Folder with the keys.
+        needed: Names that must have a key.
+
+    Raises:
+        ValueError: The folder has no public key or lacks a needed one, or one is invalid.
+    """
+
+    def __init__(self, folder: Path, needed: Iterable[str] = ()) -> None:
+        super().__init__({path.stem: _read_public(path) for path in sorted(folder.glob(f"*{_PUBLIC}"))})
+        if not self._keys:
+            raise ValueError(f"there is no public key in {folder}; `roletrust live keys` makes some")
+        missing = [name for name in needed if name not in self._keys]
+        if missing:
+            raise ValueError(
+                f"there is no public key of {', '.join(missing)} in {folder}; `roletrust live keys` makes it"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that have a key."""
+        return tuple(self._keys)
 
 
 def _read_private(path: Path) -> Ed25519PrivateKey:

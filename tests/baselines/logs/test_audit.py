@@ -8,9 +8,9 @@ import numpy.typing as npt
 import pytest
 
 from roletrust_baselines.logs.audit import audit_model
+from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.folders import write_log
 from roletrust_baselines.logs.ranking import LAST, Journal, Plan, Prices, Ranking, Row
-from roletrust_baselines.logs.rounds import TooSmallError
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.evidence import Rank, evidence
 from roletrust_env.data.log import RatingLog, read_ratings

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from roletrust_baselines.logs.explanation import explain, find_agent
-from roletrust_baselines.logs.rounds import numbers_of, played
 from roletrust_baselines.logs.suspects import alike, find_suspects, shuffled
 from roletrust_env.data.evidence import Role
+from roletrust_env.data.explanation import explain, find_agent
 from roletrust_env.data.log import RatingLog, read_ratings
+from roletrust_env.data.log_rounds import numbers_of, played
 from roletrust_env.data.stream import TrustStream
 from roletrust_env.trust import make_trust_model
 

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from roletrust_baselines.logs.rounds import played
 from roletrust_env.data.evidence import Role
 from roletrust_env.data.log import RatingLog
+from roletrust_env.data.log_rounds import played
 from roletrust_env.data.values import trimmed
 from roletrust_env.trust.key_index import Floats, Ints
 

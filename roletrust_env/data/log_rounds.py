@@ -12,10 +12,6 @@ from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.run import TrustRun, make_run
 
 
-class TooSmallError(ValueError):
-    """A log is too small for a protocol."""
-
-
 def log_rounds(log: RatingLog, every: float) -> Ints:
     """Return the number of the round of each rating of a log with times, shape (n,), ascending.
 

@@ -1,0 +1,355 @@
+"""A trust manager on HTTP: its endpoints, by FastAPI, which describes them by OpenAPI."""
+
+import asyncio
+import json
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from typing import Annotated, Any
+
+from fastapi import FastAPI, HTTPException, Query
+from fastapi import Request as HttpRequest
+from fastapi.concurrency import run_in_threadpool
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse, PlainTextResponse, StreamingResponse
+from starlette.exceptions import HTTPException as StarletteHTTPException
+
+from roletrust_env.data.explanation import Explanation as Found
+from roletrust_env.errors import printable
+from roletrust_env.live.validation import RefusalReason
+from roletrust_env.service import answers
+from roletrust_env.service.journal_trust import RoundEnd
+from roletrust_env.service.manager import Member, RefusedError, Request, TrustManager
+from roletrust_env.service.store import StoreError
+from roletrust_env.service.tokens import Leave, Name, Rating, Registration
+from roletrust_env.service.writer import BusyError, Writer
+from roletrust_env.trust.service import TrustService
+
+_STATUS: dict[RefusalReason, int] = {
+    RefusalReason.UNSIGNED: 401,
+    RefusalReason.MIS_SIGNED: 401,
+    RefusalReason.PAST: 401,
+    RefusalReason.FUTURE: 401,
+    RefusalReason.UNKNOWN: 403,
+    RefusalReason.NO_WORK: 403,
+    RefusalReason.ELSEWHERE: 403,
+    RefusalReason.UNKNOWN_PROVIDER: 404,
+    RefusalReason.REPLAYED: 409,
+    RefusalReason.TAKEN: 409,
+    RefusalReason.TOO_LARGE: 413,
+    RefusalReason.FLOOD: 429,
+    RefusalReason.CROWDED: 429,
+}  # of others 422
+_WORDS = {
+    401: "A token is not signed by its agent, or not now",
+    403: "An agent is not registered, or a token is not for this",
+    404: "There is no such agent",
+    409: "A token has come before, or a name is taken",
+    413: "The body is too large",
+    422: "The request is not valid",
+    429: "There are too many ratings or newcomers in this round",
+    503: "The store cannot be written, and nothing counts; or too many wait",
+}
+_MOST_BYTES = {"/ratings": 1_000_000, "/rounds": 64_000_000}  # of a body
+_FEW_BYTES = 64_000
+_MOST_STREAMS, _MOST_ROUNDS, _QUIET_S = 100, 16, 15.0  # of changes; rounds that wait for a slow reader of them
+_RETRY = {"Retry-After": "1"}
+_SHOWN = 5  # wrong fields that are listed
+
+
+def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return the description of errors for OpenAPI."""
+    return {status: {"model": answers.Problem, "description": _WORDS[status]} for status in statuses}
+
+
+class Endpoints:
+    """The endpoints of a manager.
+
+    Args:
+        manager: Manager.
+        rounds: Answers the protocol of rounds; None if it is left out.
+    """
+
+    def __init__(self, manager: TrustManager, rounds: Any) -> None:
+        self._manager, self._rounds, self._playing = manager, rounds, asyncio.Lock()
+        self._writer = Writer(manager)
+        self._streams = set[asyncio.Queue[str | None]]()
+        self._explaining = asyncio.Lock()
+
+    @asynccontextmanager
+    async def life(self, app: object) -> AsyncIterator[None]:
+        """End rounds when their time is over, and tell of them, as long as the application lives."""
+        loop = asyncio.get_running_loop()
+        self._manager.tell = lambda end: loop.call_soon_threadsafe(self._publish, end)
+        task = asyncio.create_task(self._tick())
+        yield
+        task.cancel()
+        self._writer.close()
+
+    async def _tick(self) -> None:
+        while True:
+            await asyncio.sleep(min(1.0, self._manager.settings.every / 10))
+            try:
+                await self._writer.run(self._manager.advance)
+            except StoreError:
+                continue  # whoever asks for something is told
+
+    def _publish(self, end: RoundEnd) -> None:
+        text = f"event: round\ndata: {json.dumps(end._asdict())}\n\n"
+        for stream in list(self._streams):
+            if stream.qsize() < _MOST_ROUNDS:
+                stream.put_nowait(text)
+            else:
+                self._streams.discard(stream)
+                stream.put_nowait(None)
+
+    async def about(self) -> answers.About:
+        """Say what this manager is."""
+        return answers.About(**self._manager.about())
+
+    async def register(self, body: answers.Request) -> answers.Receipt:
+        """Register an agent by a token with its public key and its proof of work."""
+        (receipt,) = await self._writer.take(Request(Registration, [body.token]))
+        return answers.Receipt(**receipt._asdict())
+
+    async def leave(self, name: Name, body: answers.Request) -> answers.Receipt:
+        """Let an agent leave. What it rated stays; if it comes back, it is a newcomer."""
+        (receipt,) = await self._writer.take(Request(Leave, [body.token], name))
+        return answers.Receipt(**receipt._asdict())
+
+    async def rate(self, body: answers.Ratings) -> answers.Receipts:
+        """Report ratings. They count as a whole, and are in the store when they are acknowledged.
+
+        The last request of an agent may be sent again, and counts once.
+        """
+        receipts = await self._writer.take(Request(Rating, body.tokens))
+        return answers.Receipts(receipts=[answers.Receipt(**receipt._asdict()) for receipt in receipts])
+
+    async def agents(
+        self, start: Annotated[int, Query(ge=0, le=2**31)] = 0, limit: Annotated[int, Query(ge=1, le=1000)] = 100
+    ) -> answers.Agents:
+        """List agents with the trust in them, the best providers first."""
+        members = self._manager.members()
+        return answers.Agents(
+            agents=[self._agent(member) for member in members[start : start + limit]], total=len(members)
+        )
+
+    async def agent(self, name: Name, explain: bool = False) -> answers.Agent:
+        """Ask for the trust in an agent with its evidence, and for what makes it."""
+        member = self._manager.member(name)
+        if member is None:
+            raise HTTPException(404, f"{name} is not registered here")
+        agent = self._agent(member)
+        if not explain:
+            return agent
+        if self._explaining.locked():
+            raise BusyError
+        async with self._explaining:
+            return agent.model_copy(update={"explanation": await run_in_threadpool(self._explained, member)})
+
+    async def ratings(self, counted: bool = False) -> StreamingResponse:
+        """Export the ratings as CSV, which `roletrust rate` reads; `counted` leaves out those of the running round."""
+        return StreamingResponse(self._manager.export(counted=counted), media_type="text/csv; charset=utf-8")
+
+    async def events(self) -> StreamingResponse:
+        """Tell of each round that ends, with the trust that it changes, as server-sent events."""
+        if len(self._streams) >= _MOST_STREAMS:
+            raise BusyError
+        return StreamingResponse(self._changes(), media_type="text/event-stream")
+
+    async def _changes(self) -> AsyncIterator[str]:
+        stream: asyncio.Queue[str | None] = asyncio.Queue()
+        self._streams.add(stream)
+        try:
+            yield ": rounds\n\n"
+            while True:
+                try:
+                    text = await asyncio.wait_for(stream.get(), _QUIET_S)
+                except TimeoutError:
+                    text = ":\n\n"
+                if text is None:
+                    return
+                yield text
+        finally:
+            self._streams.discard(stream)
+
+    async def refusals(self) -> answers.Refusals:
+        """Count what was refused since the start, by reason."""
+        counts: Counter[str] = Counter()
+        for (_, reason), count in list(self._manager.refusals.items()):
+            counts[reason.value] += count
+        return answers.Refusals(refusals=dict(counts))
+
+    async def play_rounds(self, request: HttpRequest) -> PlainTextResponse:
+        """Answer messages of the protocol of rounds with trust, a line of JSON for each."""
+        body = await request.body()
+        try:
+            async with self._playing:
+                text = await run_in_threadpool(self._play, body.decode("utf-8", "replace"))
+        except ValueError as error:
+            return PlainTextResponse(f"{printable(str(error))}\n", 400)
+        return PlainTextResponse(text)
+
+    def _play(self, messages: str) -> str:
+        found = [self._rounds.answer(line) for line in messages.splitlines() if line.strip()]
+        return "".join(f"{line}\n" for line in found if line is not None)
+
+    def _agent(self, member: Member) -> answers.Agent:
+        provider, rater = (answers.AgentTrust(**one._asdict()) for one in self._manager.standings(member))
+        about = self._manager.about()
+        return answers.Agent(
+            name=member.name,
+            key=member.key,
+            registered=member.receipt.time,
+            provider=provider,
+            rater=rater if self._manager.rates_raters else None,
+            rounds=about["rounds"],
+            time=about["time"],
+        )
+
+    def _explained(self, member: Member) -> answers.Explanations:
+        provider, rater = (self._manager.explain(member, role) for role in ("ratee", "rater"))
+        return answers.Explanations(
+            provider=None if provider is None else _explanation(*provider),
+            rater=None if rater is None else _explanation(*rater),
+        )
+
+
+class BodyLimit:
+    """Refuses bodies that are too large, before more of them is read.
+
+    Args:
+        app: Application.
+        refuse: Function that counts a refusal.
+    """
+
+    def __init__(self, app: Any, refuse: Callable[[], None]) -> None:
+        self._app, self._refuse = app, refuse
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Handle a request, as applications of ASGI do."""
+        size, most = 0, _MOST_BYTES.get(scope.get("path", ""), _FEW_BYTES)
+
+        async def limited() -> Any:
+            nonlocal size
+            message = await receive()
+            size += len(message.get("body", b""))
+            if size > most:
+                self._refuse()
+                raise HTTPException(_STATUS[RefusalReason.TOO_LARGE], f"a body has up to {most:,} bytes here")
+            return message
+
+        await self._app(scope, limited if scope["type"] == "http" else receive, send)
+
+
+def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
+    """Return a manager as an application of ASGI, made by FastAPI.
+
+    Args:
+        manager: Manager.
+        rounds: Answers the protocol of rounds at `/rounds`; None to leave it out.
+    """
+    ends = Endpoints(manager, rounds)
+    app = FastAPI(
+        title="RoleTrust manager",
+        description="Agents report ratings of one another, and ask whom to trust.",
+        version=manager.about()["version"],
+        lifespan=ends.life,
+    )
+
+    def refuse(reason: RefusalReason) -> None:
+        manager.validator.refuse("", reason)
+
+    def add(method: str, path: str, endpoint: Any, *errors: int, status: int = 200, **more: Any) -> None:
+        name = endpoint.__name__
+        documented = _problems(*errors) | more.pop("responses", {})
+        app.add_api_route(
+            path, endpoint, methods=[method], status_code=status, operation_id=name, responses=documented, **more
+        )
+
+    taken = 401, 403, 404, 409, 413, 422, 429, 503
+    add("GET", "/", ends.about)
+    add("POST", "/agents", ends.register, *taken, status=201)
+    add("GET", "/agents", ends.agents, 422)
+    add("GET", "/agents/{name}", ends.agent, 404, 422, 503)
+    add("DELETE", "/agents/{name}", ends.leave, *taken)
+    add("POST", "/ratings", ends.rate, *taken, status=201)
+    add("GET", "/ratings", ends.ratings, 422, responses=_text("text/csv"), response_class=StreamingResponse)
+    add("GET", "/events", ends.events, 503, responses=_text("text/event-stream"), response_class=StreamingResponse)
+    add("GET", "/refusals", ends.refusals)
+    if rounds is not None:
+        lines = {"requestBody": {"required": True, "content": {"text/plain": {"schema": {"type": "string"}}}}}
+        plain = _text("text/plain") | _text("text/plain", 400)
+        add(
+            "POST",
+            "/rounds",
+            ends.play_rounds,
+            413,
+            responses=plain,
+            openapi_extra=lines,
+            response_class=PlainTextResponse,
+        )
+    app.add_middleware(BodyLimit, refuse=lambda: refuse(RefusalReason.TOO_LARGE))
+
+    async def refused(request: Any, error: RefusedError) -> JSONResponse:
+        status = _STATUS.get(error.reason, 422)
+        return _problem(status, error.reason.value, error.detail, error.at, _RETRY if status == 429 else None)
+
+    async def not_stored(request: Any, error: StoreError) -> JSONResponse:
+        return _problem(503, "not stored", str(error), headers=_RETRY)
+
+    async def busy(request: Any, error: BusyError) -> JSONResponse:
+        return _problem(503, "busy", "too many wait for an answer; try again later", headers=_RETRY)
+
+    async def invalid(request: Any, error: RequestValidationError) -> JSONResponse:
+        if request.method != "GET":
+            refuse(RefusalReason.GARBAGE)
+        return _problem(422, RefusalReason.GARBAGE.value, _wrong(error))
+
+    async def other(request: Any, error: HTTPException) -> JSONResponse:
+        reason = {404: "unknown agent", 413: RefusalReason.TOO_LARGE.value}.get(error.status_code, "invalid")
+        return _problem(error.status_code, reason, str(error.detail), headers=error.headers)
+
+    for kind, handler in (
+        (RefusedError, refused),
+        (StoreError, not_stored),
+        (BusyError, busy),
+        (RequestValidationError, invalid),
+        (StarletteHTTPException, other),
+    ):
+        app.add_exception_handler(kind, handler)
+    return app
+
+
+def _text(kind: str, status: int = 200) -> dict[int | str, Any]:
+    """Return the description of an answer that is a text."""
+    return {status: {"description": "Text", "content": {kind: {"schema": {"type": "string"}}}}}
+
+
+def _problem(
+    status: int, reason: str, detail: str, at: int | None = None, headers: Mapping[str, str] | None = None
+) -> JSONResponse:
+    body = {"reason": reason, "detail": printable(detail), "at": at}
+    return JSONResponse(body, status, headers=None if headers is None else dict(headers))
+
+
+def _wrong(error: RequestValidationError) -> str:
+    """Return what is wrong with a request, in a line."""
+    return "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()[:_SHOWN])
+
+
+def _explanation(found: Found, names: list[str]) -> answers.Explanation:
+    reasons = [
+        answers.Reason(
+            agent=names[reason.other],
+            trust=reason.trust,
+            ratings=reason.ratings.tolist(),
+            others=None if reason.others != reason.others else reason.others,  # NaN
+            without=reason.without,
+            rank=reason.rank,
+        )
+        for reason in found.reasons
+    ]
+    return answers.Explanation(
+        trust=found.trust, rank=found.rank, n_ratings=found.n_ratings, n_others=found.n_others, reasons=reasons
+    )

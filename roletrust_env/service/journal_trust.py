@@ -1,0 +1,223 @@
+"""Trust from the journal of a manager: its rounds are played from there, and never from anywhere else."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from sqlalchemy import Select, select
+
+from roletrust_env.data.evidence import Evidence, Role
+from roletrust_env.data.explanation import Explanation, explain
+from roletrust_env.data.log import RatingLog
+from roletrust_env.data.log_rounds import log_rounds
+from roletrust_env.data.rounds import MOST, round_numbers
+from roletrust_env.data.stream import TrustStream
+from roletrust_env.data.units import unit_ratings
+from roletrust_env.evaluation.specs import parse_named
+from roletrust_env.service.store import Store, events
+from roletrust_env.trust.key_index import Floats
+from roletrust_env.trust.model import registry
+from roletrust_env.trust.run import make_run
+
+SECOND = 1_000_000
+"""Microseconds, in which the journal has times."""
+
+_FAR = MOST - 2  # rounds without a rating after which none can be taken
+
+
+class Standing(NamedTuple):
+    """Trust in an agent in a role, and what it rests on, see `roletrust_env.data.evidence.Evidence`.
+
+    Attributes:
+        trust: Trust, in [0, 1].
+        low: Lower end of the interval of trust.
+        high: Upper end.
+        ratings: Number of ratings, received or given.
+        agents: Number of agents of the other role in these.
+        independent: Effective number of these agents.
+        last: Time of the last rating, seconds; None without ratings.
+        rank: Rank by the lower end, 1 for the best; None without ratings.
+        of: Number of agents that are ranked.
+    """
+
+    trust: float
+    low: float = 0.0
+    high: float = 1.0
+    ratings: int = 0
+    agents: int = 0
+    independent: float = 0.0
+    last: float | None = None
+    rank: int | None = None
+    of: int = 0
+
+
+class RoundEnd(NamedTuple):
+    """The end of a round, and the trust that it has changed.
+
+    Attributes:
+        round: Number of rounds that have ended.
+        time: Time of the end, seconds.
+        provider: Trust by provider, where it is another than before.
+        rater: Trust by rater.
+    """
+
+    round: int
+    time: float
+    provider: dict[str, float]
+    rater: dict[str, float]
+
+
+class Ranking:
+    """The agents of a role that have ratings, the best first."""
+
+    def __init__(self, found: Evidence) -> None:
+        self._found = found.ranked()
+        self.names: list[str] = list(self._found.names)
+        self._places = {name: place for place, name in enumerate(self.names)}
+
+    def place(self, name: str) -> int:
+        """Return the place of an agent, from 0; those without ratings are at the end."""
+        return self._places.get(name, len(self.names))
+
+    def standing(self, name: str, start: float) -> Standing:
+        """Return the standing of an agent, which has the trust of a newcomer if it has no ratings."""
+        of, place = len(self.names), self.place(name)
+        if place == of:
+            return Standing(start, of=of)
+        return Standing._make([*(column[place].item() for column in self._found[1:]), place + 1, of])
+
+
+class JournalTrust:
+    """Trust after the rounds of a journal that have ended.
+
+    Ratings count when the time of their round is over. The rounds are those of `roletrust rate --every` on the exported
+    journal, and so is the trust.
+
+    Args:
+        store: Journal.
+        model: Trust model, as `roletrust list models` names it.
+        every: Length of a round, seconds.
+        scale: Worst and best rating.
+        same_agents: Whether the rater and the provider of a name are one agent.
+
+    Attributes:
+        rates_raters: Whether the model has trust in raters.
+        counted: Number of the last event that counts.
+        n_counted: Number of ratings that count.
+        rankings: Agents with ratings by role. They are replaced as a whole, so that any thread may read them.
+
+    Raises:
+        ValueError: There is no such model, it needs to know all agents from the start, or a rating is off the scale.
+    """
+
+    def __init__(
+        self, store: Store, model: str, every: float, scale: tuple[float, float], *, same_agents: bool
+    ) -> None:
+        self._store, self._model = store, parse_named(registry, model)
+        self._stream = TrustStream(self._model, every=every, scale=scale, same_agents=same_agents, keep_evidence=True)
+        self._every, self.counted, self.n_counted = every, 0, 0
+        self.rates_raters: bool = self._model.rates_raters
+        newcomer = make_run(self._model, (1, 1), one_role=not same_agents)
+        self._newcomer = {"ratee": float(newcomer.provider_trust[0]), "rater": float(newcomer.rater_trust[0])}
+        self._start: float | None = None  # time of the first rating
+        self._first: float | None = None  # of the first that does not count yet
+        for row in next(store.read(self._ratings().limit(1))):
+            self._start = self._first = row.time / SECOND
+        self._rank()
+
+    @property
+    def rounds(self) -> int:
+        """Number of rounds that have ended."""
+        return self._stream.rounds
+
+    def has_round(self, time: float) -> bool:
+        """Return whether a time has a round: there may have been too many rounds without a rating before it."""
+        return self._start is None or time <= self._furthest
+
+    def expect(self, time: float) -> None:
+        """Take note that the journal has ratings from a time on."""
+        self._start = time if self._start is None else self._start
+        self._first = time if self._first is None else self._first
+
+    def advance(self, now: float) -> RoundEnd | None:
+        """Count the ratings of rounds whose time is over, and return what has changed; None if none is over.
+
+        Args:
+            now: Time, seconds.
+
+        Raises:
+            StoreError: The journal cannot be read.
+        """
+        if self._first is None or (running := self._round(now)) <= self._round(self._first):
+            return None
+        before = self._trust
+        for rows in self._store.read(self._ratings()):
+            times = np.array([row.time for row in rows]) / SECOND
+            ended = int(np.searchsorted(self._rounds(times), running))
+            if ended:
+                _, raters, providers, values, _ = zip(*rows[:ended], strict=True)
+                self._stream.update(raters, providers, values, times[:ended])
+                self.counted, self.n_counted = rows[ended - 1].seq, self.n_counted + ended
+            self._first = None if ended == len(rows) else float(times[ended])
+            if self._first is not None:
+                break
+        self._stream.finish()
+        self._rank()
+        changed = (
+            {name: value for name, value in one.items() if other.get(name) != value}
+            for one, other in zip(self._trust, before, strict=True)
+        )
+        return RoundEnd(self.rounds, now, *changed)
+
+    def standing(self, name: str, role: Role) -> Standing:
+        """Return the standing of an agent in a role."""
+        return self.rankings[role].standing(name, self._newcomer[role])
+
+    def explain(self, name: str, role: Role) -> tuple[Explanation, list[str]] | None:
+        """Return what makes the trust in an agent, and the names by place.
+
+        None if it has no ratings that count, or as a rater if the model has no trust in raters. The journal is played
+        several times, which takes as long. Any thread may call it.
+
+        Raises:
+            StoreError: The journal cannot be read.
+        """
+        if role == "rater" and not self.rates_raters:
+            return None
+        query = self._ratings(until=self.counted)
+        rows = [row for part in self._store.read(query) for row in part]
+        places: dict[str, int] = {}
+        raters, ratees = (
+            np.array([places.setdefault(row[side], len(places)) for row in rows], np.int64) for side in (1, 2)
+        )
+        names = list(places)
+        other = names if self._stream.same_agents else list(names)
+        values = unit_ratings(np.array([row.rating for row in rows]), self._stream.scale)
+        log = RatingLog(
+            raters, ratees, values, np.array([row.time for row in rows]) / SECOND, names, other, was_sorted=True
+        )
+        agent = places.get(name)
+        if agent is None or agent not in (ratees if role == "ratee" else raters):
+            return None
+        return explain(self._model, log, log_rounds(log, self._every), role, agent), names
+
+    def _ratings(self, until: int | None = None) -> Select[Any]:
+        """Return the query of the ratings that do not count yet, or of all up to an event."""
+        columns = events.c.seq, events.c.sender, events.c.provider, events.c.rating, events.c.time
+        query = select(*columns).where(events.c.kind == "rating").order_by(events.c.seq)
+        return query.where(events.c.seq > self.counted if until is None else events.c.seq <= until)
+
+    @property
+    def _furthest(self) -> float:
+        """The latest time that has a round."""
+        return (self._start or 0.0) + self._every * (self.rounds + _FAR)
+
+    def _rounds(self, times: Floats) -> Any:
+        return round_numbers(times, self._every, self._start or 0.0, self.rounds)
+
+    def _round(self, time: float) -> int:
+        return int(self._rounds(np.array([min(time, self._furthest)]))[0])
+
+    def _rank(self) -> None:
+        """Take the standings and the trust of now."""
+        self.rankings: dict[Role, Ranking] = {role: Ranking(self._stream.evidence(role)) for role in ("ratee", "rater")}
+        self._trust = self._stream.provider_trust(), self._stream.rater_trust() if self.rates_raters else {}

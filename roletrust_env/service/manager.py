@@ -1,0 +1,561 @@
+"""The trust manager of agents that report ratings: who may rate, what is acknowledged, and whom to trust."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from importlib.metadata import version
+from typing import Any, NamedTuple
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from sqlalchemy import func, select
+
+from roletrust_env.data.evidence import Role
+from roletrust_env.data.explanation import Explanation
+from roletrust_env.live.validation import (
+    Envelope,
+    MessageValidator,
+    NewcomerLimit,
+    RefusalReason,
+    StampLimits,
+    is_genuine,
+    rating_error,
+)
+from roletrust_env.live.wire.keys import KnownKeys
+from roletrust_env.service.answers import MAX_TOKENS
+from roletrust_env.service.journal_trust import SECOND, JournalTrust, RoundEnd, Standing
+from roletrust_env.service.store import Event, Store, StoreError, events
+from roletrust_env.service.tokens import (
+    Claims,
+    Leave,
+    Rating,
+    Registration,
+    has_work,
+    key_as_text,
+    key_of_text,
+    read_token,
+)
+
+_NANO = 1000  # nanoseconds of a microsecond
+_AGAIN = "~"  # between the name of an agent that has come back, and how often it has begun
+
+_WHY = {
+    RefusalReason.ELSEWHERE: "the token of {} is not for this place",
+    RefusalReason.UNKNOWN: "{} is not registered here",
+    RefusalReason.FUTURE: "the token of {} was signed in the future",
+    RefusalReason.PAST: "the token of {} was signed too long ago, so sign it anew",
+    RefusalReason.REPLAYED: "a token of {} that was signed at this time or later has come before, so sign it anew",
+    RefusalReason.UNSIGNED: "the token of {} has no signature",
+    RefusalReason.MIS_SIGNED: "the token was not signed with the key of {}",
+    RefusalReason.NO_WORK: "the registration of {} lacks its proof of work",
+    RefusalReason.TAKEN: "the name {} belongs to another key",
+    RefusalReason.CROWDED: "{} comes with too many other newcomers, so try again later",
+    RefusalReason.FLOOD: "{} has rated too often, so try again in the next round",
+    RefusalReason.UNKNOWN_PROVIDER: "{} rates an agent that is not registered here",
+    RefusalReason.ITSELF: "{} rates itself",
+    RefusalReason.DOUBLED: "{} rates an agent twice in a request",
+    RefusalReason.NOT_A_NUMBER: "the rating of {} is no number",
+    RefusalReason.OUT_OF_RANGE: "the rating of {} is off the scale",
+}
+
+
+class Signed(NamedTuple):
+    """A token that has been read.
+
+    Attributes:
+        token: Token as it came.
+        claims: Its claims.
+        envelope: Its origin.
+    """
+
+    token: str
+    claims: Any
+    envelope: Envelope
+
+
+class Settings(NamedTuple):
+    """Settings of a manager.
+
+    Attributes:
+        every: Length of a round, seconds.
+        scale: Worst and best rating.
+        same_agents: Whether the rater and the provider of a name are one agent.
+        work: Zero bits of the proof of work of a newcomer, see `has_work`.
+        quota: Number of ratings that an agent may send in a round.
+        newcomers: Number of agents that may register in a round.
+        tolerance: Largest difference between the time of signing and the clock, seconds.
+    """
+
+    every: float = 60.0
+    scale: tuple[float, float] = (0.0, 1.0)
+    same_agents: bool = True
+    work: int = 16
+    quota: int = 1000
+    newcomers: int = 100
+    tolerance: float = 60.0
+
+
+class Request(NamedTuple):
+    """Tokens of one kind, which count as a whole.
+
+    Attributes:
+        kind: Kind of the claims.
+        tokens: Tokens, at least one.
+        name: Agent that the request is about; None for the one that the tokens name.
+    """
+
+    kind: type[Claims]
+    tokens: Sequence[str]
+    name: str | None = None
+
+
+class Receipt(NamedTuple):
+    """Acknowledgement of a token.
+
+    Attributes:
+        seq: Number of its event in the journal.
+        time: Time of arrival, seconds.
+    """
+
+    seq: int
+    time: float
+
+
+class RefusedError(Exception):
+    """A request that does not count.
+
+    Attributes:
+        reason: Reason.
+        detail: What is wrong, and what would be right, in a sentence.
+        at: Place of the token in the request.
+        sender: Agent that the token names; empty if it names none.
+    """
+
+    def __init__(self, reason: RefusalReason, detail: str, at: int = 0, sender: str = "") -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason, self.detail, self.at, self.sender = reason, detail, at, sender
+
+
+class Member(NamedTuple):
+    """A registered agent.
+
+    Attributes:
+        name: Name.
+        identity: Name in the journal: who comes back is another agent there, such as `ann~2`.
+        key: Public key, see `Registration.key`.
+        receipt: Acknowledgement of the registration.
+    """
+
+    name: str
+    identity: str
+    key: str
+    receipt: Receipt
+
+
+class TrustManager:
+    """Takes signed ratings, keeps them, and says whom to trust.
+
+    What it has acknowledged is in the store. All else follows from the store by a replay at the start, so that another
+    model, scale or length of a round is another start. It is used by one thread at a time, but for what only reads:
+    `about`, `member`, `members`, `standings`, `explain` and `export`.
+
+    Args:
+        store: Journal.
+        model: Trust model, as `roletrust list models` names it.
+        settings: Settings.
+        clock: Function that returns the time, seconds since 1970. Rounds never go back, even if it does.
+
+    Attributes:
+        validator: Checks tokens.
+        refusals: Number of refusals by agent and reason, see `MessageValidator`.
+        tell: Function that is called at the end of each round.
+
+    Raises:
+        ValueError: The model or a setting is not allowed, or the journal does not fit to them.
+        StoreError: The store cannot be read.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        model: str,
+        settings: Settings = Settings(),  # noqa: B008 - immutable
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._store, self._model, self.settings, self._clock = store, model, settings, clock
+        self._keys: dict[str, Ed25519PublicKey] = {}
+        self._limit = NewcomerLimit(settings.newcomers, round(settings.every * 1e9))
+        self._new: list[Event] = []  # of the requests that are being taken
+        self._undo: list[Callable[[], object]] = []  # how to take them back
+        self._in_doubt = False  # whether the store may have more than is known
+        self.refusals: Counter[tuple[str, RefusalReason]] = Counter()
+        self.tell: Callable[[RoundEnd], object] = lambda end: None
+        self._replay()
+
+    def _replay(self) -> None:
+        """Begin with what the store has."""
+        limits = StampLimits(round(self.settings.tolerance * 1e9), 1)
+        self._keys.clear()
+        self._members: dict[str, Member] = {}
+        self._begun: Counter[str] = Counter()  # how often each agent has registered
+        self._sent: Counter[str] = Counter()  # ratings of each agent in the running round
+        self._seq, self._time, self._ratings = self._store.last(), 0, 0
+        stamps: dict[str, int] = {}
+        self._latest: dict[str, int] = {}  # an event of the last request of each agent
+        whole = select(events.c.sender, func.max(events.c.stamp), func.max(events.c.seq), func.max(events.c.time))
+        for rows in self._store.read(whole.group_by(events.c.sender)):
+            for sender, stamp, seq, when in rows:
+                name = sender.partition(_AGAIN)[0]
+                stamps[name] = max(stamp, stamps.get(name, 0))
+                self._latest[name] = max(seq, self._latest.get(name, 0))
+                self._time = max(self._time, when)
+        self.validator = MessageValidator(limits, KnownKeys(self._keys), stamps)
+        self.validator.refusals = self.refusals
+        for rows in self._store.read(select(events).where(events.c.kind != "rating").order_by(events.c.seq)):
+            for row in rows:
+                name = row.sender.partition(_AGAIN)[0]
+                if row.kind == "leave":
+                    del self._members[name]
+                else:
+                    claims, _ = read_token(row.token, Registration)
+                    self._keys[name] = key_of_text(claims.key)
+                    self._join(claims, Receipt(row.seq, row.time / SECOND))
+        many = select(func.count()).where(events.c.kind == "rating")
+        self._ratings = next(self._store.read(many))[0][0]
+        self._trust = JournalTrust(
+            self._store, self._model, self.settings.every, self.settings.scale, same_agents=self.settings.same_agents
+        )
+        self.advance()
+
+    # --- requests -----------------------------------------------------------------------------------
+
+    def take(self, requests: Sequence[Request]) -> list[list[Receipt] | RefusedError | StoreError]:
+        """Return the answer to each request. Those that are acknowledged are in the store, by one transaction.
+
+        A request counts as a whole. The last request of an agent may be sent again, and is acknowledged again. Refusals
+        are counted, and change nothing else.
+        """
+        try:
+            if self._in_doubt and self._store.last() != self._seq:
+                self._replay()
+            self._in_doubt = False
+            self.advance()
+        except StoreError as error:
+            return [error] * len(requests)
+        answers = [self._answer(request) for request in requests]
+        if self._new:
+            try:
+                self._store.append(self._new)
+            except StoreError as error:
+                self._take_back(0)
+                self._in_doubt = True
+                return [error if isinstance(one, list) and one[-1].seq > self._seq else one for one in answers]
+            self._seq = self._new[-1].seq
+            if times := [event.time for event in self._new if event.rating is not None]:
+                self._ratings += len(times)
+                self._trust.expect(times[0] / SECOND)
+            self._new.clear()
+            self._undo.clear()
+        return answers
+
+    def register(self, token: str) -> Receipt:
+        """Register an agent, see `take`.
+
+        Raises:
+            RefusedError: The token is refused.
+            StoreError: The store cannot be written.
+        """
+        return self._one(Request(Registration, [token]))[0]
+
+    def rate(self, tokens: Sequence[str]) -> list[Receipt]:
+        """Take ratings, see `register`."""
+        return self._one(Request(Rating, tokens))
+
+    def leave(self, name: str, token: str) -> Receipt:
+        """Let an agent leave, see `register`. What it rated stays; a return is that of a newcomer."""
+        return self._one(Request(Leave, [token], name))[0]
+
+    def advance(self) -> RoundEnd | None:
+        """End the round whose time is over, if there is one, and return what has changed, by name.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+        self._time = max(self._time, round(self._clock() * SECOND))
+        end = self._trust.advance(self._time / SECOND)
+        if end is None:
+            return None
+        self._sent.clear()
+        here = {member.identity: member.name for member in self._members.values()}
+        provider, rater = (
+            {here[one]: trust for one, trust in side.items() if one in here} for side in (end.provider, end.rater)
+        )
+        end = end._replace(provider=provider, rater=rater)
+        self.tell(end)
+        return end
+
+    def _one(self, request: Request) -> list[Receipt]:
+        (answer,) = self.take([request])
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def _answer(self, request: Request) -> list[Receipt] | RefusedError | StoreError:
+        """Return the receipts of a request, whose events are not in the store yet, or why there are none."""
+        mark, self._time = len(self._undo), self._time + 1
+        try:
+            signed = [self._read(request, at) for at in range(len(request.tokens))]
+            return self._acknowledged(signed) or self._accept(request, signed)
+        except RefusedError as refusal:
+            self._take_back(mark)
+            self.validator.refuse(refusal.sender, refusal.reason)
+            return refusal
+        except StoreError as error:
+            self._take_back(mark)
+            return error
+
+    def _read(self, request: Request, at: int) -> Signed:
+        """Return a token of a request with its claims.
+
+        Raises:
+            RefusedError: It is no such token, or is for another manager or about another agent.
+        """
+        try:
+            signed = Signed(request.tokens[at], *read_token(request.tokens[at], request.kind))
+        except ValueError as error:
+            raise RefusedError(RefusalReason.GARBAGE, str(error), at) from None
+        claims = signed.claims
+        if claims.aud != self._store.name:
+            raise _refusal(RefusalReason.ELSEWHERE, claims, at, f"this is {self._store.name}")
+        if request.name not in (None, claims.iss):
+            raise _refusal(RefusalReason.ELSEWHERE, claims, at, f"the request is about {request.name}")
+        return signed
+
+    def _acknowledged(self, request: Sequence[Signed]) -> list[Receipt]:
+        """Return the receipts of a request that is the last one of its sender, sent again; none if it is not."""
+        claims = request[0].claims
+        if claims.stamp > self.validator.last_stamp(claims.iss):
+            return []
+        near = self._latest[claims.iss]
+        around = events.c.seq.between(near - MAX_TOKENS, near + MAX_TOKENS)
+        rows = [row for part in self._store.read(select(events).where(around).order_by(events.c.seq)) for row in part]
+        rows += self._new
+        (when,) = (row.time for row in rows if row.seq == near)
+        same = [row for row in rows if row.time == when]
+        if [row.token for row in same] != [signed.token for signed in request]:
+            return []
+        return [Receipt(row.seq, row.time / SECOND) for row in same]
+
+    def _accept(self, request: Request, signed: Sequence[Signed]) -> list[Receipt]:
+        """Return the receipts of a request after a check of each token.
+
+        Raises:
+            RefusedError: A token is refused.
+            StoreError: There have been too many rounds without a rating.
+        """
+        first, rated = len(self._new), set[tuple[str, str]]()
+        for at, one in enumerate(signed):
+            claims = one.claims
+            if isinstance(claims, Registration):
+                if claims.iss in self._members and self._is_registered(one):
+                    return [self._members[claims.iss].receipt]
+                self._register(one)
+            elif claims.iss not in self._members:
+                raise _refusal(RefusalReason.UNKNOWN, claims, at, "register it first")
+            elif isinstance(claims, Rating):
+                self._rate(one, at, rated)
+            else:
+                self._verify(one, at)
+                self._append(one)
+                member = self._members.pop(claims.iss)
+                self._undo.append(partial(self._members.__setitem__, claims.iss, member))
+        for one in signed:
+            before = self._latest.get(one.claims.iss)
+            self._undo.append(partial(_put, self._latest, one.claims.iss, before))
+            self._latest[one.claims.iss] = self._new[-1].seq
+        return [Receipt(event.seq, event.time / SECOND) for event in self._new[first:]]
+
+    def _rate(self, signed: Signed, at: int, rated: set[tuple[str, str]]) -> None:
+        """Take a rating, if it is valid.
+
+        Args:
+            signed: Token.
+            at: Its place in the request.
+            rated: Pairs of rater and provider that the request has before it.
+
+        Raises:
+            RefusedError: It is not.
+            StoreError: There have been too many rounds without a rating.
+        """
+        claims = signed.claims
+        rater, provider = claims.iss, claims.sub
+        before = {provider} if (rater, provider) in rated else ()
+        if reason := rating_error(rater, provider, claims.rating, self._members, before, self.settings.scale):
+            raise _refusal(reason, claims, at, f"it is {claims.rating:g} of {provider}")
+        if self._sent[rater] >= self.settings.quota:
+            raise _refusal(RefusalReason.FLOOD, claims, at, f"{self.settings.quota:,} ratings in a round are allowed")
+        self._verify(signed, at)
+        if not self._trust.has_round(self._time / SECOND):
+            raise StoreError("there have been too many rounds without a rating; start with a longer --every")
+        rated.add((rater, provider))
+        self._sent[rater] += 1
+        self._undo.append(partial(self._sent.subtract, {rater: 1}))
+        self._append(signed, self._members[provider].identity, claims.rating)
+
+    def _is_registered(self, signed: Signed) -> bool:
+        """Return whether a registration is by the holder of the key that the agent has registered with."""
+        claims = signed.claims
+        return claims.key == self._members[claims.iss].key and is_genuine(signed.envelope, KnownKeys(self._keys))
+
+    def _register(self, signed: Signed) -> None:
+        """Let an agent join, if its registration is valid.
+
+        Raises:
+            RefusedError: It is not.
+        """
+        claims = signed.claims
+        name = claims.iss
+        if not has_work(claims, self.settings.work):
+            raise _refusal(RefusalReason.NO_WORK, claims, 0, f"it costs {self.settings.work} bits here")
+        if name not in self._keys:
+            self._undo.append(partial(self._keys.pop, name))
+            self._keys[name] = _key(claims)
+        elif name in self._members or claims.key != key_as_text(self._keys[name]):
+            raise _refusal(RefusalReason.TAKEN, claims, 0, "choose another one")
+        self._verify(signed, 0)
+        if not self._limit.admits(self._time * _NANO):
+            raise _refusal(RefusalReason.CROWDED, claims, 0, f"{self.settings.newcomers:,} in a round are allowed")
+        self._undo.append(partial(self._unjoin, name))
+        self._append(signed, None, None, self._join(claims, Receipt(self._next, self._time / SECOND)).identity)
+
+    def _verify(self, signed: Signed, at: int) -> None:
+        """Check when and by whom a token was signed, and remember that.
+
+        Raises:
+            RefusedError: It is not valid.
+        """
+        envelope = signed.envelope
+        if reason := self.validator.error(envelope, round(self._clock() * 1e9)):
+            raise _refusal(reason, signed.claims, at, f"the clock here says {self._clock():.3f}")
+        before = self.validator.remember(envelope.sender, envelope.stamp)
+        self._undo.append(partial(self.validator.remember, envelope.sender, before))
+
+    def _append(self, signed: Signed, provider: str | None = None, rating: float | None = None, own: str = "") -> None:
+        """Add an event to those that will be written."""
+        claims = signed.claims
+        sender = own or self._members[claims.iss].identity
+        self._undo.append(self._new.pop)
+        self._new.append(
+            Event(self._next, claims.kind, self._time, sender, claims.stamp, provider, rating, signed.token)
+        )
+
+    @property
+    def _next(self) -> int:
+        """Number of the next event."""
+        return self._seq + len(self._new) + 1
+
+    def _join(self, claims: Registration, receipt: Receipt) -> Member:
+        name = claims.iss
+        self._begun[name] += 1
+        identity = name if self._begun[name] == 1 else f"{name}{_AGAIN}{self._begun[name]}"
+        self._members[name] = Member(name, identity, claims.key, receipt)
+        return self._members[name]
+
+    def _unjoin(self, name: str) -> None:
+        self._begun[name] -= 1
+        del self._members[name]
+
+    def _take_back(self, mark: int) -> None:
+        """Undo what was done in memory, down to a mark."""
+        while len(self._undo) > mark:
+            self._undo.pop()()
+
+    # --- what only reads ----------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """Name of the manager."""
+        return self._store.name
+
+    def about(self) -> dict[str, Any]:
+        """Return what this manager is, and its state, by the fields of `About`."""
+        return {
+            "name": self.name,
+            "model": self._model,
+            **self.settings._asdict(),
+            "version": version("roletrust-env"),
+            "agents": len(self._members),
+            "ratings": self._ratings,
+            "rounds": self._trust.rounds,
+            "counted": self._trust.n_counted,
+            "time": self._time / SECOND,
+        }
+
+    def member(self, name: str) -> Member | None:
+        """Return a registered agent; None if there is none of that name."""
+        return self._members.get(name)
+
+    def members(self) -> list[Member]:
+        """Return the registered agents, the best provider first, and those without ratings last."""
+        members = list(self._members.values())
+        order = self._trust.rankings["ratee"]
+        return sorted(members, key=lambda member: order.place(member.identity))
+
+    @property
+    def rates_raters(self) -> bool:
+        """Whether the model has trust in raters."""
+        return self._trust.rates_raters
+
+    def standings(self, member: Member) -> tuple[Standing, Standing]:
+        """Return the trust in an agent as a provider and as a rater."""
+        return self._trust.standing(member.identity, "ratee"), self._trust.standing(member.identity, "rater")
+
+    def explain(self, member: Member, role: Role) -> tuple[Explanation, list[str]] | None:
+        """Return what makes the trust in an agent, see `JournalTrust.explain`."""
+        return self._trust.explain(member.identity, role)
+
+    def export(self, *, counted: bool = False) -> Iterator[str]:
+        """Yield the ratings as CSV, which `roletrust rate` reads, in blocks of lines.
+
+        Args:
+            counted: Whether to leave out those that do not count yet.
+        """
+        query = select(events).where(events.c.kind == "rating").order_by(events.c.seq)
+        until = self._trust.counted if counted else self._seq
+        yield "rater,ratee,rating,time,token\n"
+        for rows in self._store.read(query.where(events.c.seq <= until)):
+            lines = (f"{row.sender},{row.provider},{row.rating!r},{_decimal(row.time)},{row.token}\n" for row in rows)
+            yield "".join(lines)
+
+    def close(self) -> None:
+        """Release the store."""
+        self._store.close()
+
+
+def _refusal(reason: RefusalReason, claims: Claims, at: int, hint: str) -> RefusedError:
+    return RefusedError(reason, f"{_WHY[reason].format(claims.iss)}; {hint}", at, claims.iss)
+
+
+def _key(claims: Registration) -> Ed25519PublicKey:
+    """Return the key of a registration.
+
+    Raises:
+        RefusedError: There is none.
+    """
+    try:
+        return key_of_text(claims.key)
+    except ValueError as error:
+        raise RefusedError(RefusalReason.GARBAGE, f"the key is none: {error}", 0, claims.iss) from None
+
+
+def _put(table: dict[str, int], name: str, value: int | None) -> None:
+    """Set a value of a table back; None for none."""
+    if value is None:
+        del table[name]
+    else:
+        table[name] = value
+
+
+def _decimal(time: int) -> str:
+    """Return microseconds as seconds, with all digits."""
+    return f"{time // SECOND}.{time % SECOND:06d}"

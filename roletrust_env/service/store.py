@@ -1,0 +1,225 @@
+"""The journal of a trust manager in a database: all that it has acknowledged, in order."""
+
+import secrets
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from filelock import FileLock, Timeout
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    Connection,
+    Double,
+    Integer,
+    MetaData,
+    Select,
+    String,
+    Table,
+    Text,
+    create_engine,
+    event,
+    func,
+    insert,
+    make_url,
+    select,
+    text,
+)
+from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+
+_SCHEMA = 1
+_LOCK = int.from_bytes(b"roletrus")  # the advisory lock of PostgreSQL, one for each database
+_WAIT_S = 3.0  # for the lock of a manager that has just been killed
+_BLOCK = 10_000  # rows that are read at once
+
+_tables = MetaData()
+_meta = Table("meta", _tables, Column("name", String(32), primary_key=True), Column("value", Text, nullable=False))
+_number = BigInteger().with_variant(Integer, "sqlite")  # SQLite has whole numbers of 64 bits only
+events = Table(
+    "events",
+    _tables,
+    Column("seq", _number, primary_key=True, autoincrement=False),
+    Column("kind", String(8), nullable=False),
+    Column("time", _number, nullable=False),
+    Column("sender", String(220), nullable=False),
+    Column("stamp", _number, nullable=False),
+    Column("provider", String(220)),
+    Column("rating", Double),
+    Column("token", Text, nullable=False),
+)
+"""Table of the events, see `Event`."""
+
+
+class Event(NamedTuple):
+    """What a manager has acknowledged.
+
+    Attributes:
+        seq: Number, from 1 without gaps.
+        kind: Kind of the token: `register`, `rating` or `leave`.
+        time: Time of arrival, microseconds since 1970; that of a request is above that of the one before it.
+        sender: Agent that has signed it, see `Member.identity`.
+        stamp: Time of signing, nanoseconds.
+        provider: Rated agent, of a rating.
+        rating: Rating, on the scale of the manager.
+        token: Token as it came.
+    """
+
+    seq: int
+    kind: str
+    time: int
+    sender: str
+    stamp: int
+    provider: str | None
+    rating: float | None
+    token: str
+
+
+class StoreError(OSError):
+    """The store cannot be read or written."""
+
+
+class Store:
+    """The journal in a file of SQLite, or in a database of PostgreSQL. One manager has it at a time.
+
+    Args:
+        address: Path of the file, which is created if it does not exist, or `postgresql://USER:PASSWORD@HOST/DATABASE`.
+        name: Name of the manager; of a new store one is made up if none is given.
+
+    Attributes:
+        name: Name of the manager, to which tokens are addressed.
+
+    Raises:
+        ValueError: The address is none, another manager has the store, or it is of another name or schema.
+        StoreError: The store cannot be opened.
+    """
+
+    def __init__(self, address: str, name: str | None = None) -> None:
+        self._file: FileLock | None = None
+        self._connection: Connection | None = None
+        try:
+            url = make_url(address if "://" in address else f"sqlite:///{address}")
+        except ArgumentError:
+            raise ValueError(f"the address of the store is {address!r}; see --store") from None
+        self._shown = url.render_as_string(hide_password=True) if "://" in address else address
+        if url.drivername == "sqlite":
+            self._file = FileLock(f"{Path(address).resolve()}.lock", timeout=0)
+            try:
+                self._file.acquire()
+            except (Timeout, OSError) as error:
+                raise self._in_use() if isinstance(error, Timeout) else StoreError(f"{self._shown}: {error}") from None
+        elif url.drivername == "postgresql":
+            url = url.set(drivername="postgresql+psycopg")
+        else:
+            raise ValueError(f"the store is {self._shown}; it must be a file of SQLite, or postgresql://...")
+        self._engine = create_engine(url)
+        if self._file is not None:
+            event.listen(self._engine, "connect", _durable)
+        try:
+            with self._writer().begin():
+                _tables.create_all(self._writer())
+                self.name = self._opened(self._writer(), name)
+        except SQLAlchemyError as error:
+            self.close()
+            raise self._failed("cannot be opened", error) from None
+        except BaseException:
+            self.close()
+            raise
+
+    def _opened(self, connection: Connection, name: str | None) -> str:
+        """Return the name of the manager, after a check of what the store says of itself; a new one is told."""
+        meta: dict[str, str] = {row.name: row.value for row in connection.execute(select(_meta))}
+        if not meta:
+            meta = {"schema": str(_SCHEMA), "manager": name or f"manager-{secrets.token_hex(4)}"}
+            connection.execute(insert(_meta), [{"name": one, "value": value} for one, value in meta.items()])
+        if meta["schema"] != str(_SCHEMA):
+            raise ValueError(f"{self._shown} has schema {meta['schema']}; schema {_SCHEMA} is read here")
+        if name not in (None, meta["manager"]):
+            raise ValueError(f"{self._shown} is of the manager {meta['manager']}, not of {name}; tokens name it")
+        return meta["manager"]
+
+    def append(self, new: Sequence[Event]) -> None:
+        """Write events in one transaction. They are on the disk then.
+
+        Raises:
+            StoreError: They cannot be written; whether they are, `last` will say.
+        """
+        try:
+            connection = self._writer()
+            with connection.begin():
+                connection.execute(insert(events), [one._asdict() for one in new])
+        except SQLAlchemyError as error:
+            if self._connection is not None and self._connection.invalidated:
+                self._release()
+            raise self._failed("cannot be written", error) from None
+
+    def last(self) -> int:
+        """Return the number of the last event; 0 if there is none.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+        return int(next(self.read(select(func.coalesce(func.max(events.c.seq), 0))))[0][0])
+
+    def read(self, query: Select[Any]) -> Iterator[Sequence[Any]]:
+        """Yield the rows of a query on `events` in blocks, at least one, which may be empty. Any thread may read.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+        try:
+            with self._engine.connect() as connection:
+                parts = connection.execution_options(yield_per=_BLOCK).execute(query).partitions()
+                yield next(parts, ())
+                yield from parts
+        except SQLAlchemyError as error:
+            raise self._failed("cannot be read", error) from None
+
+    def close(self) -> None:
+        """Release the store."""
+        self._release()
+        self._engine.dispose()
+        if self._file is not None:
+            self._file.release()
+
+    def _writer(self) -> Connection:
+        """Return the connection of the manager, on which it keeps other managers out.
+
+        Raises:
+            ValueError: Another manager has the store.
+        """
+        if self._connection is None:
+            self._connection = self._engine.connect()
+            if self._file is None:
+                self._lock(self._connection)
+        return self._connection
+
+    def _lock(self, connection: Connection) -> None:
+        until = time.monotonic() + _WAIT_S
+        while not connection.execute(text("select pg_try_advisory_lock(:key)"), {"key": _LOCK}).scalar():
+            if time.monotonic() > until:
+                self._release()
+                raise self._in_use()
+            time.sleep(0.1)
+        connection.commit()
+
+    def _release(self) -> None:
+        if self._connection is not None:
+            with suppress(SQLAlchemyError):
+                self._connection.invalidate()  # its end releases the lock
+                self._connection.close()
+            self._connection = None
+
+    def _in_use(self) -> ValueError:
+        return ValueError(f"{self._shown} is in use by another manager")
+
+    def _failed(self, what: str, error: SQLAlchemyError) -> StoreError:
+        reason = str(getattr(error, "orig", None) or error).strip().partition("\n")[0]
+        return StoreError(f"{self._shown} {what}: {reason}")
+
+
+def _durable(connection: Any, record: object) -> None:
+    """Let readers and the writer of SQLite not wait for one another, and each transaction be on the disk at its end."""
+    connection.execute("pragma journal_mode = wal")
+    connection.execute("pragma synchronous = full")

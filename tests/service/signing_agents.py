@@ -1,0 +1,61 @@
+"""Agents of tests of the trust manager: they register, rate and leave by tokens of their own."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from roletrust_env.service.manager import Settings, TrustManager
+from roletrust_env.service.store import Store
+from roletrust_env.service.tokens import Leave, Rating, Registration, key_as_text, sign, with_work
+
+NAME = "m"
+START = 1_764_180_000.0
+QUICK = Settings(work=2)
+
+
+class Clock:
+    """A clock that is set by hand; each look takes no time."""
+
+    def __init__(self, now: float = START) -> None:
+        self.now = now
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Agent:
+    """An agent with a key, whose tokens are signed a millisecond after one another."""
+
+    def __init__(self, name: str, clock: Clock, seed: int = 0) -> None:
+        self.name, self._clock = name, clock
+        self.key = Ed25519PrivateKey.from_private_bytes(f"{name}{seed}".encode().ljust(32, b"."))
+        self._last = 0.0
+
+    def _claims(self) -> dict[str, Any]:
+        self._last = round(max(self._clock(), self._last + 0.001), 6)
+        return {"iss": self.name, "aud": NAME, "iat": self._last}
+
+    def registration(self, work: int = QUICK.work) -> str:
+        claims = Registration(**self._claims(), key=key_as_text(self.key.public_key()))
+        return sign(with_work(claims, work), self.key)
+
+    def rating(self, provider: str, rating: float, **claims: Any) -> str:
+        return sign(Rating(**{**self._claims(), "sub": provider, "rating": rating, **claims}), self.key)
+
+    def farewell(self) -> str:
+        return sign(Leave(**self._claims()), self.key)
+
+
+@contextmanager
+def managed(
+    path: Path | str, clock: Clock, settings: Settings = QUICK, model: str = "role-trust"
+) -> Iterator[TrustManager]:
+    """A manager of a store, which is released at the end."""
+    manager = TrustManager(Store(str(path), NAME), model, settings, clock)
+    try:
+        yield manager
+    finally:
+        manager.close()

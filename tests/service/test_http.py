@@ -1,0 +1,108 @@
+"""The trust manager on HTTP: each endpoint, each status, and what is described."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+from signing_agents import Agent, Clock, managed
+
+from roletrust_env.service.http import make_app
+from roletrust_env.service.store import Store, StoreError
+from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.service import TrustService
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def client(tmp_path: Path, clock: Clock) -> Iterator[TestClient]:
+    with managed(tmp_path / "s", clock) as manager:
+        app = make_app(manager, TrustService(make_trust_model("mean")))
+        with TestClient(app) as client:
+            yield client
+
+
+def registered(client: TestClient, clock: Clock, *names: str) -> list[Agent]:
+    agents = [Agent(name, clock) for name in names]
+    for agent in agents:
+        assert client.post("/agents", json={"token": agent.registration()}).status_code == 201
+    return agents
+
+
+def test_agents_register_rate_ask_and_leave(client: TestClient, clock: Clock):
+    ann, bob, cec = registered(client, clock, "ann", "bob", "cec")
+    receipts = client.post("/ratings", json={"tokens": [ann.rating("bob", 0.9), cec.rating("bob", 0.7)]}).json()
+    assert [one["seq"] for one in receipts["receipts"]] == [4, 5]
+    assert client.get("/agents/bob").json()["provider"]["rank"] is None
+    clock.now += 61
+    client.post("/ratings", json={"tokens": [ann.rating("cec", 0.1)]})
+    about, agent = client.get("/").json(), client.get("/agents/bob?explain=true").json()
+    assert (about["ratings"], about["counted"], about["rounds"], about["agents"]) == (3, 2, 1, 3)
+    assert agent["provider"]["rank"] == agent["provider"]["of"] == 1
+    assert agent["provider"]["ratings"] == agent["provider"]["agents"] == 2
+    reasons = agent["explanation"]["provider"]["reasons"]
+    assert {one["agent"]: one["ratings"] for one in reasons} == {"ann": [0.9], "cec": [0.7]}
+    listed = client.get("/agents?limit=2").json()
+    assert [one["name"] for one in listed["agents"]] == ["bob", "ann"]
+    assert listed["total"] == 3
+    lines = client.get("/ratings").text.splitlines()
+    assert lines[0] == "rater,ratee,rating,time,token"
+    assert [line.split(",")[:3] for line in lines[1:]] == [
+        ["ann", "bob", "0.9"],
+        ["cec", "bob", "0.7"],
+        ["ann", "cec", "0.1"],
+    ]
+    assert client.get("/ratings?counted=true").text.splitlines() == lines[:3]
+    assert client.request("DELETE", "/agents/bob", json={"token": bob.farewell()}).status_code == 200
+    assert client.get("/agents/bob").status_code == 404
+
+
+def test_errors_have_one_form_and_are_counted(client: TestClient, clock: Clock, monkeypatch: pytest.MonkeyPatch):
+    ann, _ = registered(client, clock, "ann", "bob")
+    wrong = Agent("ann", clock, seed=1)
+    first = ann.rating("bob", 1)
+    client.post("/ratings", json={"tokens": [first]})
+    client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]})
+    clock.now += 1
+    for status, reason, make in (
+        (401, "mis-signed", lambda: [wrong.rating("bob", 0)]),
+        (403, "unknown sender", lambda: [Agent("zoe", clock).rating("bob", 0)]),
+        (403, "in the wrong place", lambda: [ann.rating("bob", 0, aud="other")]),
+        (404, "unknown provider", lambda: [ann.rating("zoe", 0)]),
+        (409, "replayed", lambda: [first]),
+        (413, "too large", lambda: ["x" * 4000] * 300),
+        (422, "garbage", lambda: ["x"]),
+        (422, "garbage", lambda: []),
+        (422, "garbage", lambda: [7]),
+        (422, "out of range", lambda: [ann.rating("bob", 2)]),
+    ):
+        counts = client.get("/refusals").json()["refusals"]
+        answer = client.post("/ratings", json={"tokens": make()})
+        assert (answer.status_code, answer.json()["reason"]) == (status, reason)
+        assert answer.json()["detail"]
+        assert client.get("/refusals").json()["refusals"] == {**counts, reason: counts.get(reason, 0) + 1}
+    for path in ("/agents/zoe", "/nothing", "/agents?limit=0"):
+        assert set(client.get(path).json()) == {"reason", "detail", "at"}
+
+    def full(store: Store, new: object) -> None:
+        raise StoreError("disk full")
+
+    monkeypatch.setattr(Store, "append", full)
+    answer = client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]})
+    assert (answer.status_code, answer.json()["reason"], answer.headers["Retry-After"]) == (503, "not stored", "1")
+
+
+def test_the_protocol_of_rounds_is_answered_as_ever(client: TestClient):
+    service = TrustService(make_trust_model("mean"))
+    lines = [
+        json.dumps({"game": 1, "round": n, "raters": 1, "providers": 2, "ratings": [[0, 1, 0.9]] * n}) for n in (0, 1)
+    ]
+    assert client.post("/rounds", content="\n".join(lines)).text.splitlines() == [
+        service.answer(line) for line in lines
+    ]
+    assert client.post("/rounds", content="{}").status_code == 400

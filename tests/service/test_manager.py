@@ -1,0 +1,200 @@
+"""The trust manager without HTTP: what counts, what is refused, and trust as `roletrust rate` has it."""
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from signing_agents import QUICK, START, Agent, Clock, managed
+
+from roletrust_env.data import Columns, read_ratings
+from roletrust_env.data.evidence import evidence
+from roletrust_env.data.log_rounds import log_rounds, played
+from roletrust_env.live.validation import RefusalReason
+from roletrust_env.service.manager import RefusedError, Request, TrustManager
+from roletrust_env.service.store import Store, StoreError
+from roletrust_env.service.tokens import Rating
+from roletrust_env.trust import make_trust_model
+
+
+def joined(manager: TrustManager, clock: Clock, *names: str) -> list[Agent]:
+    agents = [Agent(name, clock) for name in names]
+    for agent in agents:
+        manager.register(agent.registration())
+    return agents
+
+
+def refused(manager: TrustManager, reason: RefusalReason, kind: str, *args: object) -> RefusedError:
+    """Check that a request is refused for a reason, which is counted, and that nothing else changes."""
+    before, counts = manager.about(), manager.refusals.copy()
+    with pytest.raises(RefusedError) as caught:
+        getattr(manager, kind)(*args)
+    assert caught.value.reason is reason
+    assert sum((manager.refusals - counts).values()) == 1
+    changed = {name for name, value in manager.about().items() if value != before[name]}
+    assert changed <= {"time"}
+    return caught.value
+
+
+def standings(manager: TrustManager) -> dict[str, tuple[object, ...]]:
+    return {member.name: manager.standings(member) for member in manager.members()}
+
+
+def as_rated(manager: TrustManager, path: Path, model: str) -> None:
+    """Check that trust is that of `roletrust rate` on the export."""
+    path.write_text("".join(manager.export(counted=True)))
+    settings = manager.settings
+    log = read_ratings(
+        path, Columns(time="time"), scale=settings.scale, same_agents=settings.same_agents, every=settings.every
+    )
+    run = played(make_trust_model(model), log, log_rounds(log, settings.every))
+    for role, trust in (("ratee", run.provider_trust), ("rater", run.rater_trust)):
+        wanted = evidence(log, role, trust, log.pairs()).ranked()
+        found = manager._trust.rankings[role]
+        assert found.names == list(wanted.names)
+        for name, one, other in zip(wanted._fields[1:], wanted[1:], found._found[1:], strict=True):
+            np.testing.assert_allclose(other, one, rtol=0, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("model", ["role-trust", pytest.param("leave-one-out", marks=pytest.mark.slow)])
+def test_trust_is_that_of_rate_on_the_export(tmp_path: Path, model: str):
+    """Also after the clock went back, agents left and came back, rounds were silent, and after each restart."""
+    clock, draw = Clock(), random.Random(7)
+    settings = QUICK._replace(every=10.0, scale=(1.0, 5.0), tolerance=1e6)
+    with managed(tmp_path / "s", clock, settings, model) as manager:
+        agents = joined(manager, clock, *"abcdef")
+    for restart in range(2):
+        with managed(tmp_path / "s", clock, settings, model) as manager:
+            for _ in range(25):
+                rater, *rated = draw.sample(agents, 3)
+                manager.rate([rater.rating(one.name, draw.choice([1, 2.5, 4, 5])) for one in rated])
+                clock.now += draw.choice([0, 0.1, 3, 3, -2, 47])
+            manager.leave("f", agents[5].farewell())
+            manager.register(agents[5].registration())
+            clock.now += 20
+            manager.advance()
+            as_rated(manager, tmp_path / f"{restart}.csv", model)
+            before = standings(manager)
+        with managed(tmp_path / "s", clock, settings, model) as manager:
+            assert standings(manager) == before
+    other = settings._replace(every=25.0)
+    clock.now += 50
+    with managed(tmp_path / "s", clock, other, "beta") as manager:  # another model and length of a round: a replay
+        as_rated(manager, tmp_path / "other.csv", "beta")
+
+
+def test_what_is_not_valid_is_refused_and_counted(tmp_path: Path):
+    clock = Clock()
+    with managed(tmp_path / "s", clock, QUICK._replace(quota=4, newcomers=5)) as manager:
+        ann, bob, _ = joined(manager, clock, "ann", "bob", "cec")
+        eve, stranger = Agent("ann", clock, seed=1), Agent("zoe", clock)
+        first = ann.rating("bob", 0.5)
+        manager.rate([first])
+        clock.now += 1
+        manager.rate([ann.rating("bob", 0.5)])
+        for reason, make in (
+            (RefusalReason.GARBAGE, lambda: "x.y.z"),
+            (RefusalReason.GARBAGE, lambda: ann.farewell()),
+            (RefusalReason.UNKNOWN, lambda: stranger.rating("ann", 0.1)),
+            (RefusalReason.MIS_SIGNED, lambda: eve.rating("bob", 0.1, iat=clock.now + 2)),
+            (RefusalReason.MIS_SIGNED, lambda: altered(ann.rating("bob", 0.1))),
+            (RefusalReason.UNSIGNED, lambda: ann.rating("bob", 0.1).rpartition(".")[0] + "."),
+            (RefusalReason.REPLAYED, lambda: first),
+            (RefusalReason.ELSEWHERE, lambda: ann.rating("bob", 0.1, aud="other")),
+            (RefusalReason.ITSELF, lambda: ann.rating("ann", 1)),
+            (RefusalReason.UNKNOWN_PROVIDER, lambda: ann.rating("zoe", 1)),
+            (RefusalReason.OUT_OF_RANGE, lambda: ann.rating("bob", 1.5)),
+            (RefusalReason.PAST, lambda: ann.rating("bob", 1, iat=clock.now - 100)),
+            (RefusalReason.FUTURE, lambda: ann.rating("bob", 1, iat=clock.now + 100)),
+        ):
+            error = refused(manager, reason, "rate", [ann.rating("cec", 0.2), make()])
+            assert error.at == 1
+            assert error.detail
+        refused(manager, RefusalReason.DOUBLED, "rate", [ann.rating("bob", 0.2), ann.rating("bob", 0.3)])
+        manager.rate([ann.rating(name, 0.1) for name in ("bob", "cec")])
+        refused(manager, RefusalReason.FLOOD, "rate", [ann.rating("bob", 0.1)])
+        refused(manager, RefusalReason.TAKEN, "register", eve.registration())
+        refused(manager, RefusalReason.NO_WORK, "register", lazy(stranger))
+        refused(manager, RefusalReason.ELSEWHERE, "leave", "bob", ann.farewell())
+        assert manager.register(ann.registration()).seq == 1  # registered already
+        joined(manager, clock, "x", "y")
+        refused(manager, RefusalReason.CROWDED, "register", stranger.registration())
+        clock.now += 60
+        manager.register(stranger.registration())
+        manager.leave("bob", bob.farewell())
+        refused(manager, RefusalReason.UNKNOWN, "rate", [bob.rating("ann", 1)])
+        refused(manager, RefusalReason.UNKNOWN_PROVIDER, "rate", [ann.rating("bob", 1)])
+        refused(manager, RefusalReason.TAKEN, "register", Agent("bob", clock, seed=1).registration())
+
+
+def altered(token: str) -> str:
+    head, claims, signature = token.split(".")
+    return ".".join([head, claims, ("B" if signature[0] == "A" else "A") + signature[1:]])
+
+
+def lazy(agent: Agent) -> str:
+    return next(token for _ in iter(int, 1) if not has_luck(token := agent.registration(0)))
+
+
+def has_luck(token: str) -> bool:
+    from roletrust_env.service.tokens import Registration, has_work, read_token
+
+    return has_work(read_token(token, Registration)[0], QUICK.work)
+
+
+def test_the_last_request_may_be_sent_again(tmp_path: Path):
+    """Also after a restart and when its stamps are old; it counts once."""
+    clock = Clock()
+    with managed(tmp_path / "s", clock) as manager:
+        ann, *_ = joined(manager, clock, "ann", "bob", "cec")
+        tokens = [ann.rating(name, 0.5) for name in ("bob", "cec")]
+        receipts = manager.rate(tokens)
+        assert manager.rate(tokens) == receipts
+        refused(manager, RefusalReason.REPLAYED, "rate", tokens[:1])
+        last = ann.rating("bob", 0.1)
+        same = manager.take([Request(Rating, [last])] * 2)
+        assert same[0] == same[1]
+    with managed(tmp_path / "s", clock) as manager:
+        clock.now += 1000
+        assert manager.rate([last]) == same[0]
+        refused(manager, RefusalReason.PAST, "rate", [tokens[0]])
+        assert manager.about()["ratings"] == 3
+
+
+def test_what_cannot_be_stored_counts_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Neither if the disk is full, nor if the store does not say whether it has written."""
+    clock = Clock()
+    with managed(tmp_path / "s", clock) as manager:
+        ann, bob = joined(manager, clock, "ann", "bob")
+        before, append = manager.about(), Store.append
+        for written in (False, True):
+
+            def failing(store: Store, new: object, written: bool = written) -> None:
+                if written:
+                    append(store, new)
+                raise StoreError("disk full")
+
+            with monkeypatch.context() as patch:
+                patch.setattr(Store, "append", failing)
+                one, other = ann.rating("bob", 0.5), bob.rating("ann", 5)
+                stored, wrong = manager.take([Request(Rating, [one]), Request(Rating, [other])])
+                assert isinstance(stored, StoreError)
+                assert isinstance(wrong, RefusedError)
+                assert {**manager.about(), "time": 0} == {**before, "time": 0}
+            (receipt,) = manager.rate([one])  # the same token counts once, now or already
+            before = manager.about()
+            assert before["ratings"] == receipt.seq - 2 == 1 + written
+        clock.now = START + 100
+        manager.advance()
+        as_rated(manager, tmp_path / "e.csv", "role-trust")
+
+
+def test_a_store_has_one_manager_and_one_name(tmp_path: Path):
+    with managed(tmp_path / "s", Clock()), pytest.raises(ValueError, match="in use by another manager"):
+        Store(str(tmp_path / "s"))
+    with pytest.raises(ValueError, match="of the manager m, not of n"):
+        Store(str(tmp_path / "s"), "n")
+    (tmp_path / "text").write_text("no database" * 1000)
+    for address, words in (("mysql://x/y", "must be a file of SQLite"), (str(tmp_path / "text"), "not a database")):
+        with pytest.raises((ValueError, StoreError), match=words):
+            Store(address)
