@@ -1,0 +1,113 @@
+"""The client against a manager that runs, and what stands between them."""
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from fastapi import FastAPI
+from running import manager, running
+
+from roletrust_env.live.validation import RefusalReason
+from roletrust_env.service.client import RefusalError, TrustClient, UnreachableError
+from roletrust_env.service.http import make_app
+from roletrust_env.service.tokens import Rating
+
+
+def test_an_agent_registers_rates_asks_and_leaves(ann, url, tmp_path, clock):
+    first = ann.register()
+    receipt = ann.rate("bob", 4.6)
+    assert receipt.seq > first.seq
+    clock.late = 600
+    ann.rate("bob", 4.6)
+    bob = ann.ask("bob", explanation=True)
+    assert (bob.provider.ratings, bob.provider.agents, bob.provider.rank) == (1, 1, 1)
+    assert 0 < bob.provider.low < bob.provider.trust < bob.provider.high < 1
+    assert bob.explanation.provider.reasons[0].agent == "ann"
+    with TrustClient(url) as reader:
+        assert [one.name for one in reader.agents().agents] == ["bob", "ann"]
+        reader.export(tmp_path / "ratings.csv")
+        with pytest.raises(ValueError, match="a client without a name can only read"):
+            reader.rate("bob", 4.6)
+    assert (tmp_path / "ratings.csv").read_text().splitlines()[1].startswith("ann,bob,4.6,")
+    ann.leave()
+    with pytest.raises(RefusalError, match="unknown sender: ann is not registered here"):
+        ann.rate("bob", 4.6)
+
+
+def test_a_rating_whose_acknowledgement_is_lost_counts_once(ann, between):
+    between.before, between.after = [503], [502]
+    ann.rate("bob", 4.6)
+    assert not between.before + between.after
+    assert ann.about().ratings == 1
+
+
+def test_a_rating_that_was_given_up_counts_once_when_it_is_sent_again(ann, between, clock):
+    total = 0
+    for side in ("before", "after"):
+        for wait in (0, 120):  # within the tolerance, and beyond it
+            setattr(between, side, [0.3])
+            ann._patience_s = 0.1
+            with pytest.raises(UnreachableError, match=r"gives no answer within 0\.1 s"):
+                ann.rate("bob", 4.6)
+            ann._patience_s = 10.0
+            time.sleep(0.3)
+            clock.late += wait
+            ann.rate("bob", 4.6)
+            total += 1
+            assert ann.about().ratings == total, (side, wait)
+
+
+def test_the_same_key_in_two_processes_signs_anew(ann, url, tmp_path, monkeypatch):
+    with TrustClient(url, "ann", tmp_path / "keys") as other:
+        body, late = other._body, [other._body(Rating, [{"sub": "bob", "rating": 2.0}])]
+        ann.rate("bob", 4.6)
+        monkeypatch.setattr(other, "_body", lambda *asked: late.pop() if late else body(*asked))
+        other.rate("bob", 2.0)
+        assert not late
+        assert ann.about().ratings == 2
+
+
+def test_a_restart_is_waited_for(tmp_path, clock):
+    path = tmp_path / "trust.sqlite"
+    with (
+        manager(path, clock) as kept,
+        running(make_app(kept)) as url,
+        TrustClient(url, "ann", tmp_path / "keys") as ann,
+    ):
+        ann.register()
+    with TrustClient(url, "bob", tmp_path / "keys") as bob, ThreadPoolExecutor() as pool:
+        registration = pool.submit(bob.register)
+        time.sleep(0.2)
+        assert not registration.done()
+        with manager(path, clock) as kept, running(make_app(kept), int(url.rpartition(":")[2])):
+            assert registration.result().seq == 2
+            assert bob.about().agents == 2
+
+
+def test_refusals_say_why(ann):
+    for name, rating, reason, status in (
+        ("ann", 4.6, RefusalReason.ITSELF, 422),
+        ("carl", 4.6, RefusalReason.UNKNOWN_PROVIDER, 404),
+        ("bob", 0.5, RefusalReason.OUT_OF_RANGE, 422),
+    ):
+        with pytest.raises(RefusalError, match=reason) as error:
+            ann.rate(name, rating)
+        assert (error.value.reason, error.value.status, error.value.at) == (reason, status, 0)
+    with pytest.raises(ValueError, match="sub is 'b b'"):
+        ann.rate("b b", 4.6)
+    with pytest.raises(RefusalError, match="unknown agent"):
+        ann.ask("carl")
+
+
+def test_what_is_no_manager_is_said_in_one_line(tmp_path):
+    gone = pytest.raises(UnreachableError, match=r"^no trust manager answers at http://127\.0\.0\.1:9$")
+    with TrustClient("http://127.0.0.1:9", patience_s=0.2) as client, gone:
+        client.about()
+    with running(FastAPI()) as address, TrustClient(address) as client:
+        with pytest.raises(UnreachableError, match="is no trust manager: it answers with status 404"):
+            client.about()
+        with pytest.raises(UnreachableError, match="status 404"):
+            client.export(tmp_path / "ratings.csv")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ValueError, match="is no address of a trust manager"):
+        TrustClient("localhost:8000")

@@ -1,0 +1,67 @@
+"""Agents and a manager as processes of their own: the example of the guide, and a manager that is killed."""
+
+import asyncio
+import os
+import re
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import delegation
+import pytest
+from mcp.client import Client
+from mcp.client.stdio import StdioServerParameters
+
+pytestmark = pytest.mark.slow
+
+
+@contextmanager
+def served(store, port=0):
+    """Run `roletrust serve` with rounds of a second, and return its process and its address."""
+    command = ["roletrust", "serve", "mean", "--store", store, "--every", "1", "--work", "4", "--port", str(port)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        (url,) = re.findall(r"http://\S+\d", process.stderr.readline())
+        yield process, url
+        process.terminate()
+
+
+@pytest.fixture(autouse=True)
+def programs(monkeypatch):
+    """Find the command `roletrust` of this environment."""
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+
+
+def test_the_consumer_finds_the_better_worker(tmp_path):
+    with served(tmp_path / "trust.sqlite") as (_, url):
+        chosen = delegation.main([url, "--keys", str(tmp_path / "keys"), "--tasks", "4"])
+    assert chosen == ["bob", "eve", "bob", "bob"]
+
+
+def test_tools_outlive_the_manager(tmp_path):
+    """It is killed between a rating and its repetition, and nothing that was acknowledged is lost."""
+    store, keys = tmp_path / "trust.sqlite", str(tmp_path / "keys")
+
+    async def use(process, url):
+        def tools(name):
+            return Client(StdioServerParameters(command="roletrust", args=["mcp", url, "--name", name, "--keys", keys]))
+
+        async with tools("ann") as ann, tools("bob") as bob:
+            for one in (ann, bob):
+                await delegation.call(one, "register")
+            first = await delegation.call(ann, "rate", name="bob", rating=0.9)
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            again = asyncio.create_task(delegation.call(ann, "rate", name="bob", rating=0.8))
+            await asyncio.sleep(0.5)
+            with served(store, int(url.rpartition(":")[2])):
+                second = await again
+                await asyncio.sleep(1.5)
+                found = await delegation.call(bob, "ask", name="bob")
+            return first, second, found["provider"]
+
+    with served(store) as (process, url):
+        first, second, trust = asyncio.run(use(process, url))
+    assert second["seq"] == first["seq"] + 1
+    assert (trust["ratings"], trust["agents"]) == (2, 1)
