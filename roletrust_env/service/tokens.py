@@ -19,6 +19,7 @@ MAX_TOKEN = 4096
 """Number of characters that a token may have."""
 
 _ALGORITHM = "EdDSA"
+_reader = jwt.PyJWS()
 
 Name = Annotated[str, Field(pattern=f"^{NAME}$", examples=["ann"])]
 """Name of an agent or of a manager: up to 200 letters, digits and `_.-@:+`, the first a letter or `_`."""
@@ -97,7 +98,7 @@ def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
     if len(token) > MAX_TOKEN:
         raise ValueError(f"a token has up to {MAX_TOKEN:,} characters, this one has {len(token):,}")
     try:
-        parts: dict[str, Any] = jwt.PyJWS().decode_complete(token, options={"verify_signature": False})
+        parts: dict[str, Any] = _reader.decode_complete(token, options={"verify_signature": False})
         if parts["header"].get("alg") != _ALGORITHM:
             raise ValueError(f"the algorithm of a token is {_ALGORITHM}")
         claims = kind.model_validate_json(parts["payload"])

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from postgres import postgres
 from signing_agents import QUICK, START, Agent, Clock, managed
+from sqlalchemy import text
 
 from roletrust_env.data import Columns, read_ratings
 from roletrust_env.data.evidence import evidence
@@ -56,15 +58,40 @@ def as_rated(manager: TrustManager, path: Path, model: str) -> None:
             np.testing.assert_allclose(other, one, rtol=0, atol=1e-12, err_msg=name)
 
 
-@pytest.mark.parametrize("model", ["role-trust", pytest.param("leave-one-out", marks=pytest.mark.slow)])
-def test_trust_is_that_of_rate_on_the_export(tmp_path: Path, model: str):
-    """Also after the clock went back, agents left and came back, rounds were silent, and after each restart."""
+def test_trust_is_that_of_rate_on_the_export(tmp_path: Path):
+    check_trust(str(tmp_path / "s"), tmp_path, "role-trust")
+
+
+@pytest.mark.slow
+def test_postgresql_keeps_the_same(tmp_path: Path):
+    with postgres() as address:
+        check_trust(address, tmp_path, "leave-one-out")
+        with managed(address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))) as manager:
+            with pytest.raises(ValueError, match="in use by another manager"):
+                Store(address)
+            ann, _ = joined(manager, clock, "ann", "bob")
+            check_failures(manager, ann)
+            break_connection(manager)
+            one = ann.rating("bob", 1)
+            assert isinstance(manager.take([Request(Rating, [one])])[0], StoreError)
+            assert manager.rate([one])
+
+
+def break_connection(manager: TrustManager) -> None:
+    """Let the connection on which the store is written end, as when the server is started anew."""
+    with manager._store._engine.connect() as other:
+        own = manager._store._writer().connection.driver_connection.info.backend_pid
+        other.execute(text("select pg_terminate_backend(:own)"), {"own": own})
+
+
+def check_trust(address: str, tmp_path: Path, model: str) -> None:
+    """Check trust also after the clock went back, agents left and came back, rounds were silent, and each restart."""
     clock, draw = Clock(), random.Random(7)
     settings = QUICK._replace(every=10.0, scale=(1.0, 5.0), tolerance=1e6)
-    with managed(tmp_path / "s", clock, settings, model) as manager:
+    with managed(address, clock, settings, model) as manager:
         agents = joined(manager, clock, *"abcdef")
     for restart in range(2):
-        with managed(tmp_path / "s", clock, settings, model) as manager:
+        with managed(address, clock, settings, model) as manager:
             for _ in range(25):
                 rater, *rated = draw.sample(agents, 3)
                 manager.rate([rater.rating(one.name, draw.choice([1, 2.5, 4, 5])) for one in rated])
@@ -75,11 +102,11 @@ def test_trust_is_that_of_rate_on_the_export(tmp_path: Path, model: str):
             manager.advance()
             as_rated(manager, tmp_path / f"{restart}.csv", model)
             before = standings(manager)
-        with managed(tmp_path / "s", clock, settings, model) as manager:
+        with managed(address, clock, settings, model) as manager:
             assert standings(manager) == before
     other = settings._replace(every=25.0)
     clock.now += 50
-    with managed(tmp_path / "s", clock, other, "beta") as manager:  # another model and length of a round: a replay
+    with managed(address, clock, other, "beta") as manager:  # another model and length of a round: a replay
         as_rated(manager, tmp_path / "other.csv", "beta")
 
 
@@ -161,32 +188,36 @@ def test_the_last_request_may_be_sent_again(tmp_path: Path):
         assert manager.about()["ratings"] == 3
 
 
-def test_what_cannot_be_stored_counts_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Neither if the disk is full, nor if the store does not say whether it has written."""
+def test_what_cannot_be_stored_counts_for_nothing(tmp_path: Path):
     clock = Clock()
     with managed(tmp_path / "s", clock) as manager:
-        ann, bob = joined(manager, clock, "ann", "bob")
-        before, append = manager.about(), Store.append
-        for written in (False, True):
-
-            def failing(store: Store, new: object, written: bool = written) -> None:
-                if written:
-                    append(store, new)
-                raise StoreError("disk full")
-
-            with monkeypatch.context() as patch:
-                patch.setattr(Store, "append", failing)
-                one, other = ann.rating("bob", 0.5), bob.rating("ann", 5)
-                stored, wrong = manager.take([Request(Rating, [one]), Request(Rating, [other])])
-                assert isinstance(stored, StoreError)
-                assert isinstance(wrong, RefusedError)
-                assert {**manager.about(), "time": 0} == {**before, "time": 0}
-            (receipt,) = manager.rate([one])  # the same token counts once, now or already
-            before = manager.about()
-            assert before["ratings"] == receipt.seq - 2 == 1 + written
+        ann, _ = joined(manager, clock, "ann", "bob")
+        check_failures(manager, ann)
         clock.now = START + 100
         manager.advance()
         as_rated(manager, tmp_path / "e.csv", "role-trust")
+
+
+def check_failures(manager: TrustManager, ann: Agent) -> None:
+    """Check that nothing counts if the disk is full, nor if the store does not say whether it has written."""
+    append = Store.append
+    for written in (False, True):
+
+        def failing(store: Store, new: object, written: bool = written) -> None:
+            if written:
+                append(store, new)
+            raise StoreError("disk full")
+
+        before = manager.about()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Store, "append", failing)
+            one, other = ann.rating("bob", 1), ann.rating("bob", 7)
+            stored, wrong = manager.take([Request(Rating, [one]), Request(Rating, [other])])
+            assert isinstance(stored, StoreError)
+            assert isinstance(wrong, RefusedError)
+            assert {**manager.about(), "time": 0} == {**before, "time": 0}
+        manager.rate([one])  # the same token counts once, now or already
+        assert manager.about()["ratings"] == before["ratings"] + 1
 
 
 def test_a_store_has_one_manager_and_one_name(tmp_path: Path):
