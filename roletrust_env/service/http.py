@@ -188,6 +188,8 @@ class Endpoints:
                 text = await run_in_threadpool(self._play, body.decode("utf-8", "replace"))
         except ValueError as error:
             return PlainTextResponse(f"{printable(str(error))}\n", 400)
+        except Exception as error:  # a model of another package may raise anything
+            return PlainTextResponse(f"{type(error).__name__}: {printable(str(error))}\n", 500)
         return PlainTextResponse(text)
 
     def _play(self, messages: str) -> str:
@@ -278,8 +280,8 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     add("GET", "/events", ends.events, 503, responses=_text("text/event-stream"), response_class=StreamingResponse)
     add("GET", "/refusals", ends.refusals)
     if rounds is not None:
-        lines = {"requestBody": {"required": True, "content": {"text/plain": {"schema": {"type": "string"}}}}}
-        plain = _text("text/plain") | _text("text/plain", 400)
+        lines = {"requestBody": {"required": True, "content": {"application/x-ndjson": {"schema": {"type": "string"}}}}}
+        plain = _text("text/plain") | _text("text/plain", 400) | _text("text/plain", 500)
         add(
             "POST",
             "/rounds",

@@ -163,8 +163,8 @@ class JournalTrust:
         self._stream.finish()
         self._rank()
         changed = (
-            {name: value for name, value in one.items() if other.get(name) != value}
-            for one, other in zip(self._trust, before, strict=True)
+            {name: value for name, value in one.items() if other.get(name, start) != value}
+            for one, other, start in zip(self._trust, before, self._newcomer.values(), strict=True)
         )
         return RoundEnd(self.rounds, now, *changed)
 

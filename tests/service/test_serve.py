@@ -1,0 +1,75 @@
+"""`roletrust serve --store` as a process: events, a restart, and an audit of its model."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx2
+import pytest
+from signing_agents import NAME, Agent
+
+from roletrust_baselines.logs.folders import write_log
+
+COMMAND = [sys.executable, "-c", "from roletrust_experiments import main; main()"]
+AUDIT = ["--same-agents", "--scale", "-10", "10", "--top", "2", "--targets", "1", "--budget", "4", "--alone"]
+
+
+@contextmanager
+def served(*options: object) -> Iterator[str]:
+    """Start the command, and return its address; it has to end by a signal in order."""
+    command = [*COMMAND, "serve", "mean", "--name", NAME, "--work", "2", "--port", "0", *map(str, options)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        assert process.stderr is not None
+        yield re.findall(r"http://\S+:\d+", process.stderr.readline())[0]
+    finally:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) in (0, -signal.SIGTERM)
+
+
+@pytest.mark.slow
+def test_a_manager_tells_of_rounds_and_goes_on_after_its_end(tmp_path: Path):
+    ann, bob = Agent("ann", time.time), Agent("bob", time.time)
+    with served("--store", tmp_path / "trust.sqlite", "--every", 2) as url, httpx2.Client(base_url=url) as client:
+        for agent in (ann, bob):
+            assert client.post("/agents", json={"token": agent.registration()}).status_code == 201
+        with client.stream("GET", "/events", timeout=30) as events:
+            lines = events.iter_lines()
+            assert next(lines).startswith(":")
+            assert httpx2.post(f"{url}/ratings", json={"tokens": [ann.rating("bob", 1)]}).status_code == 201
+            found = next(json.loads(line.removeprefix("data: ")) for line in lines if line.startswith("data: "))
+        assert found["provider"] == {"bob": client.get("/agents/bob").json()["provider"]["trust"]}
+        assert found["round"] == 1
+        before = client.get("/agents").json()["agents"]
+    with served("--store", tmp_path / "trust.sqlite", "--every", 2) as url:
+        after = httpx2.get(f"{url}/agents").json()["agents"]
+    for agent in (*before, *after):
+        del agent["time"]
+    assert after == before
+
+
+@pytest.mark.slow
+def test_an_audit_of_the_manager_is_that_of_its_model(tmp_path: Path):
+    write_log(tmp_path / "log.csv.gz", members=20, months=6)
+    found = []
+    with served("--store", tmp_path / "trust.sqlite", "--rounds") as url:
+        for scorer in ("mean", f"{url}/rounds"):
+            command = [
+                *COMMAND,
+                "audit",
+                str(tmp_path / "log.csv.gz"),
+                *AUDIT,
+                "--scorer",
+                scorer,
+                "--out",
+                str(tmp_path),
+            ]
+            subprocess.run(command, check=True, capture_output=True)
+            found.append(json.loads((tmp_path / "audit.json").read_text())["audit"])
+    assert found[0] == found[1]
