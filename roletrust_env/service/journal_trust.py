@@ -120,7 +120,7 @@ class JournalTrust:
         self._newcomer = {"ratee": float(newcomer.provider_trust[0]), "rater": float(newcomer.rater_trust[0])}
         self._start: float | None = None  # time of the first rating
         self._first: float | None = None  # of the first that does not count yet
-        for row in next(store.read(self._ratings().limit(1))):
+        for row in store.rows(self._ratings().limit(1)):
             self._start = self._first = row.time / SECOND
         self._rank()
 
@@ -149,16 +149,16 @@ class JournalTrust:
         """
         if self._first is None or (running := self._round(now)) <= self._round(self._first):
             return None
-        before = self._trust
-        for rows in self._store.read(self._ratings()):
+        before, self._first = self._trust, None
+        for rows in self._store.blocks(self._ratings()):
             times = np.array([row.time for row in rows]) / SECOND
             ended = int(np.searchsorted(self._rounds(times), running))
             if ended:
                 _, raters, providers, values, _ = zip(*rows[:ended], strict=True)
                 self._stream.update(raters, providers, values, times[:ended])
                 self.counted, self.n_counted = rows[ended - 1].seq, self.n_counted + ended
-            self._first = None if ended == len(rows) else float(times[ended])
-            if self._first is not None:
+            if ended < len(rows):
+                self._first = float(times[ended])
                 break
         self._stream.finish()
         self._rank()
@@ -183,8 +183,7 @@ class JournalTrust:
         """
         if role == "rater" and not self.rates_raters:
             return None
-        query = self._ratings(until=self.counted)
-        rows = [row for part in self._store.read(query) for row in part]
+        rows = self._store.rows(self._ratings(until=self.counted))
         places: dict[str, int] = {}
         raters, ratees = (
             np.array([places.setdefault(row[side], len(places)) for row in rows], np.int64) for side in (1, 2)

@@ -22,9 +22,8 @@ from roletrust_env.live.validation import (
     rating_error,
 )
 from roletrust_env.live.wire.keys import KnownKeys
-from roletrust_env.service.answers import MAX_TOKENS
 from roletrust_env.service.journal_trust import SECOND, JournalTrust, RoundEnd, Standing
-from roletrust_env.service.store import Event, Store, StoreError, events
+from roletrust_env.service.store import BLOCK, Event, Store, StoreError, events
 from roletrust_env.service.tokens import (
     Claims,
     Leave,
@@ -36,6 +35,7 @@ from roletrust_env.service.tokens import (
     read_token,
 )
 
+_VERSION = version("roletrust-env")
 _NANO = 1000  # nanoseconds of a microsecond
 _AGAIN = "~"  # between the name of an agent that has come back, and how often it has begun
 
@@ -203,25 +203,23 @@ class TrustManager:
         stamps: dict[str, int] = {}
         self._latest: dict[str, int] = {}  # an event of the last request of each agent
         whole = select(events.c.sender, func.max(events.c.stamp), func.max(events.c.seq), func.max(events.c.time))
-        for rows in self._store.read(whole.group_by(events.c.sender)):
-            for sender, stamp, seq, when in rows:
-                name = sender.partition(_AGAIN)[0]
-                stamps[name] = max(stamp, stamps.get(name, 0))
-                self._latest[name] = max(seq, self._latest.get(name, 0))
-                self._time = max(self._time, when)
+        for sender, stamp, seq, when in self._store.rows(whole.group_by(events.c.sender)):
+            name = sender.partition(_AGAIN)[0]
+            stamps[name] = max(stamp, stamps.get(name, 0))
+            self._latest[name] = max(seq, self._latest.get(name, 0))
+            self._time = max(self._time, when)
         self.validator = MessageValidator(limits, KnownKeys(self._keys), stamps)
         self.validator.refusals = self.refusals
-        for rows in self._store.read(select(events).where(events.c.kind != "rating").order_by(events.c.seq)):
-            for row in rows:
-                name = row.sender.partition(_AGAIN)[0]
-                if row.kind == "leave":
-                    del self._members[name]
-                else:
-                    claims, _ = read_token(row.token, Registration)
-                    self._keys[name] = key_of_text(claims.key)
-                    self._join(claims, Receipt(row.seq, row.time / SECOND))
+        for row in self._store.rows(select(events).where(events.c.kind != "rating").order_by(events.c.seq)):
+            name = row.sender.partition(_AGAIN)[0]
+            if row.kind == "leave":
+                del self._members[name]
+            else:
+                claims, _ = read_token(row.token, Registration)
+                self._keys[name] = key_of_text(claims.key)
+                self._join(claims, Receipt(row.seq, row.time / SECOND))
         many = select(func.count()).where(events.c.kind == "rating")
-        self._ratings = next(self._store.read(many))[0][0]
+        self._ratings = self._store.rows(many)[0][0]
         self._trust = JournalTrust(
             self._store, self._model, self.settings.every, self.settings.scale, same_agents=self.settings.same_agents
         )
@@ -337,9 +335,8 @@ class TrustManager:
         if claims.stamp > self.validator.last_stamp(claims.iss):
             return []
         near = self._latest[claims.iss]
-        around = events.c.seq.between(near - MAX_TOKENS, near + MAX_TOKENS)
-        rows = [row for part in self._store.read(select(events).where(around).order_by(events.c.seq)) for row in part]
-        rows += self._new
+        around = events.c.seq.between(near - len(request), near + len(request))
+        rows = [*self._store.rows(select(events).where(around).order_by(events.c.seq)), *self._new]
         (when,) = (row.time for row in rows if row.seq == near)
         same = [row for row in rows if row.time == when]
         if [row.token for row in same] != [signed.token for signed in request]:
@@ -483,7 +480,7 @@ class TrustManager:
             "name": self.name,
             "model": self._model,
             **self.settings._asdict(),
-            "version": version("roletrust-env"),
+            "version": _VERSION,
             "agents": len(self._members),
             "ratings": self._ratings,
             "rounds": self._trust.rounds,
@@ -520,10 +517,12 @@ class TrustManager:
         Args:
             counted: Whether to leave out those that do not count yet.
         """
-        query = select(events).where(events.c.kind == "rating").order_by(events.c.seq)
-        until = self._trust.counted if counted else self._seq
+        after, until = 0, self._trust.counted if counted else self._seq
+        query = select(events).where(events.c.kind == "rating").order_by(events.c.seq).limit(BLOCK)
         yield "rater,ratee,rating,time,token\n"
-        for rows in self._store.read(query.where(events.c.seq <= until)):
+        # A query for each block, since whoever reads slowly must not keep the database from tidying up.
+        while rows := self._store.rows(query.where(events.c.seq > after, events.c.seq <= until)):
+            after = rows[-1].seq
             lines = (f"{row.sender},{row.provider},{row.rating!r},{_decimal(row.time)},{row.token}\n" for row in rows)
             yield "".join(lines)
 

@@ -32,7 +32,9 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 _SCHEMA = 1
 _LOCK = int.from_bytes(b"roletrus")  # the advisory lock of PostgreSQL, one for each database
 _WAIT_S = 3.0  # for the lock of a manager that has just been killed
-_BLOCK = 10_000  # rows that are read at once
+
+BLOCK = 10_000
+"""Number of rows that are read at once."""
 
 _tables = MetaData()
 _meta = Table("meta", _tables, Column("name", String(32), primary_key=True), Column("value", Text, nullable=False))
@@ -160,19 +162,21 @@ class Store:
         Raises:
             StoreError: The store cannot be read.
         """
-        return int(next(self.read(select(func.coalesce(func.max(events.c.seq), 0))))[0][0])
+        return int(self.rows(select(func.coalesce(func.max(events.c.seq), 0)))[0][0])
 
-    def read(self, query: Select[Any]) -> Iterator[Sequence[Any]]:
-        """Yield the rows of a query on `events` in blocks, at least one, which may be empty. Any thread may read.
+    def rows(self, query: Select[Any]) -> list[Any]:
+        """Return the rows of a query on `events`. Any thread may read.
 
         Raises:
             StoreError: The store cannot be read.
         """
+        return [row for block in self.blocks(query) for row in block]
+
+    def blocks(self, query: Select[Any]) -> Iterator[Sequence[Any]]:
+        """Yield the rows of a query on `events` in blocks, see `rows`."""
         try:
             with self._engine.connect() as connection:
-                parts = connection.execution_options(yield_per=_BLOCK).execute(query).partitions()
-                yield next(parts, ())
-                yield from parts
+                yield from connection.execution_options(yield_per=BLOCK).execute(query).partitions()
         except SQLAlchemyError as error:
             raise self._failed("cannot be read", error) from None
 
