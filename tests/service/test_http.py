@@ -4,9 +4,10 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import jwt
 import pytest
 from fastapi.testclient import TestClient
-from signing_agents import Agent, Clock, managed
+from signing_agents import NAME, Agent, Clock, managed
 
 from roletrust_env.service.http import make_app
 from roletrust_env.service.store import Store, StoreError
@@ -58,6 +59,12 @@ def test_agents_register_rate_ask_and_leave(client: TestClient, clock: Clock):
         ["ann", "cec", "0.1"],
     ]
     assert client.get("/ratings?counted=true").text.splitlines() == lines[:3]
+    key = jwt.PyJWK({"kty": "OKP", "crv": "Ed25519", "x": client.get("/agents/ann").json()["key"]})
+    # whoever reads, can check
+    claims = jwt.decode(
+        lines[1].split(",")[4], key, audience=NAME, options={"verify_iat": False}
+    )  # whoever reads, checks
+    assert (claims["iss"], claims["sub"], claims["rating"]) == ("ann", "bob", 0.9)
     assert client.request("DELETE", "/agents/bob", json={"token": bob.farewell()}).status_code == 200
     assert client.get("/agents/bob").status_code == 404
 
