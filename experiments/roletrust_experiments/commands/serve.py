@@ -1,5 +1,6 @@
 """`roletrust serve`: a trust model for programs in any language, and a trust manager for agents."""
 
+import gc
 import socket
 import sys
 from functools import partial
@@ -104,6 +105,7 @@ def _manage(
         with socket.create_server((host, port), family=family, backlog=1024) as listener:
             url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
             errors.print(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", soft_wrap=True)
+            gc.freeze()  # else each full collection looks at all modules, and all requests wait
             config = uvicorn.Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=_END_S)
             uvicorn.Server(config).run(sockets=[listener])
     except KeyboardInterrupt:
