@@ -30,6 +30,7 @@ _STATUS: dict[RefusalReason, int] = {
     RefusalReason.MIS_SIGNED: 401,
     RefusalReason.PAST: 401,
     RefusalReason.FUTURE: 401,
+    RefusalReason.CLOCK: 401,
     RefusalReason.UNKNOWN: 403,
     RefusalReason.NO_WORK: 403,
     RefusalReason.ELSEWHERE: 403,

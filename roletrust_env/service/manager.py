@@ -44,6 +44,7 @@ _WHY = {
     RefusalReason.UNKNOWN: "{} is not registered here",
     RefusalReason.FUTURE: "the token of {} was signed in the future",
     RefusalReason.PAST: "the token of {} was signed too long ago, so sign it anew",
+    RefusalReason.CLOCK: "the clock here has gone back since the last token of {}, so try again later",
     RefusalReason.REPLAYED: "a token of {} that was signed at this time or later has come before, so sign it anew",
     RefusalReason.UNSIGNED: "the token of {} has no signature",
     RefusalReason.MIS_SIGNED: "the token was not signed with the key of {}",
