@@ -3,10 +3,11 @@
 import inspect
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from threading import get_ident
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from pydantic import ValidationError
 
@@ -156,6 +157,33 @@ class Registry(Generic[T]):
         if isinstance(made, type) or not isinstance(made, self.base):
             raise ValueError(f"{self.kind} {name!r} made {made!r}; it must make a {self.base.__name__}")
         return made
+
+    def described(self, made: T) -> dict[str, Any]:
+        """Return the registered name of an object, as `name`, and its parameters, see `read`.
+
+        Raises:
+            ValueError: Its class is not registered, or it cannot be made again from its parameters.
+        """
+        name = next((name for name, factory in self._factories.items() if factory is type(made)), None)
+        own = [field.name for field in fields(cast(Any, made)) if field.init] if name else []
+        given = {key: getattr(made, key) for key in own}
+        found = {key: self.described(one) if isinstance(one, self.base) else one for key, one in given.items()}
+        if name is None or self.read({"name": name, **found}) != made:
+            raise ValueError(f"{made!r} is no {self.kind} that is registered with a name and parameters")
+        return {"name": name, **found}
+
+    def read(self, table: Mapping[str, Any]) -> T:
+        """Return the object of a table of its name and its parameters, which may be tables, too.
+
+        Raises:
+            ValueError: See `make`; or there is no name.
+        """
+        if not isinstance(name := table.get("name"), str):
+            raise ValueError(f"{dict(table)} has no name of a {self.kind}")
+        parameters = {key: one for key, one in table.items() if key != "name"}
+        return self.make(
+            name, **{k: self.read(one) if isinstance(one, Mapping) else one for k, one in parameters.items()}
+        )
 
     def describe(self) -> dict[str, str]:
         """Return the summary of each name: the first line of its docstring, or the source of an unloaded plug-in."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -14,6 +13,7 @@ from gymnasium.spaces import Box
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.arguments import all_within, refuse_unknown
+from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import suggest
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
@@ -240,7 +240,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         # The registry cannot know the length, and Gymnasium would cut longer games off at the one it knew.
-        self._spec = spec and replace(spec, max_episode_steps=self.task.game.scenario.max_cycles)
+        self._spec = spec and TaskSpec.of(spec, max_episode_steps=self.task.game.scenario.max_cycles)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
         """Begin a new episode; see `gymnasium.Env.reset`."""

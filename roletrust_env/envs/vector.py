@@ -1,7 +1,6 @@
 """Attack tasks as Gymnasium vector environments: a batch of games."""
 
 from copy import deepcopy
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.arguments import refuse_unknown
 from roletrust_env.envs.attack_env import TASKS, TaskBatch, check_action, task_by_id, task_spaces
+from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RenderMode, Spectator
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import whole_number
@@ -99,7 +99,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             kwargs = {name: value for name, value in spec.kwargs.items() if name != "max_episode_steps"}
             if "autoreset_mode" in kwargs:
                 kwargs["autoreset_mode"] = self.metadata["autoreset_mode"].value
-            spec = replace(spec, kwargs=kwargs, max_episode_steps=self._batch.rounds)
+            spec = TaskSpec.of(spec, kwargs=kwargs, max_episode_steps=self._batch.rounds)
         self._spec = spec
 
     def reset(

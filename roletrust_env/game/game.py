@@ -7,7 +7,7 @@ Random numbers are drawn outside and passed in. So a planner cannot foresee the 
 can have the same noise.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,10 @@ class Game:
     """
 
     def __init__(
-        self, scenario: Scenario, trust_model: str | TrustModel[Any] = "role-trust", like: Array | None = None
+        self,
+        scenario: Scenario,
+        trust_model: str | TrustModel[Any] | Mapping[str, Any] = "role-trust",
+        like: Array | None = None,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise ValueError(f"scenario is {scenario!r}; it must be a Scenario: make_scenario() makes one by name")
@@ -61,6 +64,8 @@ class Game:
         if isinstance(trust_model, str):
             offered = {"lam": scenario.lam, "initial": scenario.initial_trust}
             trust_model = trust_models.make(trust_model, **trust_models.accepted_parameters(trust_model, offered))
+        if isinstance(trust_model, Mapping):
+            trust_model = trust_models.read(trust_model)
         if isinstance(trust_model, type) or not isinstance(trust_model, TrustModel):
             raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
         self.model = trust_model

@@ -12,6 +12,7 @@ from roletrust_env.game.attack_task import AttackTask, Consumers, Knowledge, Obj
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
+from roletrust_env.game.policy import registry as policies
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 
@@ -24,11 +25,11 @@ def make_task(
     scenario: str | Path | Scenario,
     compromised: Sequence[str],
     *,
-    trust_model: str | TrustModel[Any] = "role-trust",
+    trust_model: str | TrustModel[Any] | Mapping[str, Any] = "role-trust",
     objective: Objective = "damage",
     stealth: Stealth | Mapping[str, float] | None = None,
     knowledge: Knowledge = "black_box",
-    others: Mapping[str, Policy] | None = None,
+    others: Mapping[str, Policy | Mapping[str, Any]] | None = None,
     accomplices: Sequence[str] = (),
     consumers: Consumers = "public",
     observation: Observation = "agents",
@@ -40,11 +41,12 @@ def make_task(
     Args:
         scenario: Name of a preset, path of a TOML or YAML file, or a `Scenario`.
         compromised: Names of the agents that the attacker controls.
-        trust_model: Name of a trust model, or a model.
+        trust_model: Name of a trust model, or a model, or a table of its name and parameters.
         objective: `"damage"`, `"exploit"`, `"promote"` or `"mislead"`, see `AttackTask`.
         stealth: Price of a trust gap, `{"weight": ..., "tolerance": ...}`; None is free.
         knowledge: `"black_box"`, `"grey_box"` or `"white_box"`, see `AttackTask.observe`.
-        others: Policies of further agents by name, which are neither compromised nor honest.
+        others: Policies of further agents by name, which are neither compromised nor honest, or tables of their names
+            and parameters.
         accomplices: Names of the providers of `"promote"`.
         consumers: Who consumes, `"public"` or `"raters"`, see `AttackTask`.
         observation: `"agents"`, the observations and actions of the compromised agents one by one, see `AttackTask`; or
@@ -65,7 +67,7 @@ def make_task(
         "objective": objective,
         "stealth": make_stealth(stealth),
         "knowledge": knowledge,
-        "others": others,
+        "others": {k: policies.read(one) if isinstance(one, Mapping) else one for k, one in (others or {}).items()},
         "accomplices": accomplices,
         "consumers": consumers,
     }
