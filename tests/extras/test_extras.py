@@ -99,7 +99,19 @@ def test_cli_and_vision(fresh: Callable[..., Environment]) -> None:
 
 
 def test_video(fresh: Callable[..., Environment]) -> None:
-    assert "play.mp4" in fresh("video").roletrust("play", *SHORT, "--video")
+    video = fresh("video")
+    assert "play.mp4" in video.roletrust("play", *SHORT, "--video")
+    filmed = """
+import gymnasium, roletrust_env, tempfile, pathlib
+from gymnasium.wrappers import RecordVideo
+folder = tempfile.mkdtemp()
+env = RecordVideo(gymnasium.make("RoleTrust/RaterAttack-v0", max_cycles=3, render_mode="rgb_array"), folder)
+env.reset(seed=0)
+while not any(env.step(env.action_space.sample())[2:4]): pass
+env.close()
+print("frames in", *(path.name for path in pathlib.Path(folder).glob("*.mp4")))
+"""
+    assert "frames in rl-video-episode-0.mp4" in video.python(filmed)
 
 
 def test_vision(fresh: Callable[..., Environment]) -> None:
