@@ -19,6 +19,9 @@ from roletrust_env.service.answers import About, Agent, Agents, Problem, Receipt
 from roletrust_env.service.tokens import Claims, Leave, Rating, Registration, key_as_text, sign, with_work
 from roletrust_env.storage.files import replacing
 
+MAX_WORK = 24
+"""Zero bits of the largest proof of work that a client does, on average within half a minute."""
+
 _PAUSE_S, _LONGEST_PAUSE_S = 0.1, 2.0  # before the same request is sent again
 _RESTARTS = 502, 503, 504  # statuses of a manager that restarts or cannot store, and of what stands in front of it
 _SIGNATURES = 3  # of one request, where another process with the same key is quicker
@@ -133,10 +136,12 @@ class TrustClient:
         The proof of work takes a moment, see `has_work`.
 
         Raises:
+            ValueError: The manager asks for more work than `MAX_WORK`.
             RefusalError: The name is that of another agent, or there are too many newcomers.
             UnreachableError: There is no answer.
         """
-        self.about()
+        if (work := self.about().work) > MAX_WORK:
+            raise ValueError(f"{self.url} asks for a proof of work of {work} bits; a client does up to {MAX_WORK}")
         key = [] if self._signer is None else [{"key": key_as_text(self._signer.key.public_key())}]
         return self._send(Receipt, "POST", "/agents", Registration, key)
 

@@ -146,7 +146,7 @@ class AgentTools:
                 raise ValueError(f"a rating is from 0 to 1, not {rating:g}")
             manager = self._client.manager
             worst, best = manager.scale
-            receipt = self._client.rate(name, worst + rating * (best - worst))
+            receipt = self._client.rate(name, (1 - rating) * worst + rating * best)
         after = _length(manager.every)
         return _result(f"Your rating of {name} is stored. It makes trust when its round ends, within {after}.", receipt)
 

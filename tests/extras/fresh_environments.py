@@ -11,7 +11,7 @@ PACKAGES = (
     *("roletrust_env", "agents/roletrust_agents", "baselines/roletrust_baselines"),
     "experiments/roletrust_experiments",
 )
-COMMANDS = ("audit", "benchmark", "figures", "list", "live", "play", "report", "submit", "train", "verify")
+COMMANDS = ("audit", "benchmark", "figures", "list", "live", "mcp", "play", "report", "submit", "train", "verify")
 HELPS = f"""
 from typer.testing import CliRunner
 from roletrust_experiments.cli import app

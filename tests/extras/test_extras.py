@@ -80,6 +80,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
         ("vision", ["play", "paper-3x3-hog"]),
         ("vision", ["figures"]),
         ("live", ["live", "keys", "keys"]),
+        ("mcp", ["mcp", "http://127.0.0.1:9", "--name", "ann", "--keys", "keys"]),
         ("train", ["benchmark", "--dry-run"]),
         ("train", ["report", "results.sqlite"]),
     ):
@@ -90,6 +91,21 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     assert all(name in listed for name in ("paper-3x3-hog", "role-trust", "bad-mouthing", "learned"))
     assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
     assert "not ok" not in cli.roletrust("figures", "--service", "synthetic")
+
+
+def test_mcp(fresh: Callable[..., Environment]) -> None:
+    listed = """
+import asyncio
+from pathlib import Path
+from mcp.client import Client
+from roletrust_env.service.client import TrustClient
+from roletrust_env.service.tools import make_tools
+async def tools():
+    async with Client(make_tools(TrustClient("http://127.0.0.1:9", "ann", Path("keys")))) as client:
+        print(*(tool.name for tool in (await client.list_tools()).tools))
+asyncio.run(tools())
+"""
+    assert fresh("mcp").python(listed) == "register ask rate list_agents leave\n"
 
 
 def test_cli_and_vision(fresh: Callable[..., Environment]) -> None:

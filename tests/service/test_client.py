@@ -84,6 +84,13 @@ def test_a_restart_is_waited_for(tmp_path, clock):
             assert bob.about().agents == 2
 
 
+def test_more_work_than_a_client_does_is_refused(ann, monkeypatch):
+    about = ann.about().model_copy(update={"work": 40})
+    monkeypatch.setattr(ann, "about", lambda: about)
+    with pytest.raises(ValueError, match="proof of work of 40 bits; a client does up to 24"):
+        ann.register()
+
+
 def test_refusals_say_why(ann):
     for name, rating, reason, status in (
         ("ann", 4.6, RefusalReason.ITSELF, 422),
