@@ -67,6 +67,12 @@ def test_the_same_key_in_two_processes_signs_anew(ann, url, tmp_path, monkeypatc
         assert ann.about().ratings == 2
 
 
+def test_threads_take_turns(ann):
+    with ThreadPoolExecutor(4) as pool:
+        receipts = list(pool.map(lambda _: ann.rate("bob", 3.0), range(12)))
+    assert len({one.seq for one in receipts}) == ann.about().ratings == 12
+
+
 def test_a_restart_is_waited_for(tmp_path, clock):
     path = tmp_path / "trust.sqlite"
     with (

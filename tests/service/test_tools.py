@@ -1,9 +1,12 @@
 """The tools for agents, called by a client of the official SDK."""
 
 import asyncio
+import json
+import shlex
 
 import pytest
 from mcp.client import Client
+from pages import HOUSE, blocks, refused
 
 from roletrust_env.service.answers import AgentTrust
 from roletrust_env.service.client import TrustClient
@@ -92,6 +95,12 @@ def test_a_manager_that_is_not_there_is_one_message(tmp_path):
     result = asyncio.run(asked())
     assert result.is_error
     assert "no trust manager answers at http://127.0.0.1:9. Try again later" in result.content[0].text
+
+
+def test_the_settings_of_the_guide_are_a_command():
+    (settings,) = map(json.loads, blocks(HOUSE / "docs/guide/mcp.md", "json"))
+    server = settings["mcpServers"]["trust"]
+    assert refused(shlex.join([server["command"], *server["args"]])) == ""
 
 
 def test_trust_is_a_line():
