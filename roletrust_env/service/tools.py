@@ -41,7 +41,7 @@ _ADVICE: dict[str, str] = {
     RefusalReason.FUTURE: "The clock of this machine is wrong: tell your user.",
     RefusalReason.REPLAYED: "Another process signs as you, or the clock of this machine went back: tell your user.",
     RefusalReason.MIS_SIGNED: "The name belongs to another key: tell your user.",
-    "name taken": "The name belongs to another key: tell your user to choose another --name.",
+    RefusalReason.TAKEN: "The name belongs to another key: tell your user to choose another --name.",
 }
 
 
