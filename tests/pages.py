@@ -20,7 +20,7 @@ TUTORIALS = sorted((HOUSE / "docs/tutorials").glob("*.md"))
 WRITTEN = [HOUSE / "README.md", HOUSE / "CONTRIBUTING.md", *sorted((HOUSE / "docs").glob("*.md"))]
 WRITTEN += [*sorted((HOUSE / "docs/how").glob("*.md")), *sorted((HOUSE / "docs/guide").glob("*.md")), *TUTORIALS]
 
-_SHELL = ("pip", "python", "make", "ruff", "mypy", "lint-imports", "pytest", "cat", "head", "ls", "source")
+_SHELL = ("pip", "python", "make", "ruff", "mypy", "lint-imports", "pytest", "cat", "curl", "head", "ls", "source")
 _OWN = re.compile(r"[\w.]+:[A-Z]\w*")  # a class of the reader's own
 
 
@@ -76,7 +76,8 @@ def refused(line: str) -> str:
         return f"no targets {missing}" if missing else ""
     if program == "pip":
         known = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-        missing = [word for word in words for extra in re.findall(r"\[(.*)\]", word) if extra not in known]
+        extras = {word: re.findall(r"\w+", named) for word in words for named in re.findall(r"\[(.*)\]", word)}
+        missing = [word for word, wanted in extras.items() if not known.keys() >= set(wanted)]
         return f"no extras {missing}" if missing else ""
     if words[:1] == ["-m"] and words[1].startswith("studies."):
         name = HOUSE / "experiments" / words[1].replace(".", "/")

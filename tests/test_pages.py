@@ -10,9 +10,11 @@ from pages import TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, r
 pytestmark = pytest.mark.slow
 
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
+_ELSEWHERE = ("manager",)  # tests/service/test_delegation.py runs its Python, beside a manager
+PYTHON = [page for page in WRITTEN if blocks(page, "python") and page.stem not in _ELSEWHERE]
 
 
-@pytest.mark.parametrize("page", [page for page in WRITTEN if blocks(page, "python")], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PYTHON, ids=lambda page: page.stem)
 def test_its_python_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(page)

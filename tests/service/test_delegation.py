@@ -13,6 +13,7 @@ import delegation
 import pytest
 from mcp.client import Client
 from mcp.client.stdio import StdioServerParameters
+from pages import HOUSE, blocks
 
 pytestmark = pytest.mark.slow
 
@@ -37,6 +38,14 @@ def test_the_consumer_finds_the_better_worker(tmp_path):
     with served(tmp_path / "trust.sqlite") as (_, url):
         chosen = delegation.main([url, "--keys", str(tmp_path / "keys"), "--tasks", "4"])
     assert chosen == ["bob", "eve", "bob", "bob"]
+
+
+def test_the_agents_of_the_guide_register_and_rate(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (block,) = blocks(HOUSE / "docs/guide/manager.md", "python")
+    with served(tmp_path / "trust.sqlite") as (_, url):
+        exec(block.replace("http://127.0.0.1:8000", url), {})
+    assert "trust=0.5" in capsys.readouterr().out
 
 
 def test_tools_outlive_the_manager(tmp_path):
