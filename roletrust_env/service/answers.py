@@ -55,7 +55,7 @@ class About(_Message):
     """Trust model, as `roletrust list models` names it."""
     every: Annotated[float, Field(gt=0)]
     """Length of a round, seconds. Ratings make trust when their round ends."""
-    scale: tuple[float, float]
+    scale: Annotated[list[float], Field(min_length=2, max_length=2)]
     """Worst and best rating."""
     same_agents: bool
     """Whether the name of an agent is one agent in both roles, so that trust in it as a rater counts."""

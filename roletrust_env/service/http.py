@@ -3,7 +3,7 @@
 import asyncio
 import json
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Annotated, Any
 
@@ -13,6 +13,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, PlainTextResponse, StreamingResponse
 from starlette.exceptions import HTTPException as StarletteHTTPException
+from starlette.routing import Match
 
 from roletrust_env.data.explanation import Explanation as Found
 from roletrust_env.errors import printable
@@ -21,11 +22,12 @@ from roletrust_env.service import answers
 from roletrust_env.service.journal_trust import RoundEnd
 from roletrust_env.service.manager import Member, RefusedError, Request, TrustManager
 from roletrust_env.service.store import StoreError
-from roletrust_env.service.tokens import Leave, Name, Rating, Registration
+from roletrust_env.service.tokens import MAX_TOKEN, Leave, Name, Rating, Registration
 from roletrust_env.service.writer import BusyError, Writer
 from roletrust_env.trust.service import TrustService
 
 _STATUS: dict[RefusalReason, int] = {
+    RefusalReason.GARBAGE: 401,
     RefusalReason.UNSIGNED: 401,
     RefusalReason.MIS_SIGNED: 401,
     RefusalReason.PAST: 401,
@@ -51,7 +53,7 @@ _WORDS = {
     429: "There are too many ratings or newcomers in this round",
     503: "The store cannot be written, and nothing counts; or too many wait",
 }
-_MOST_BYTES = {"/ratings": 1_000_000, "/rounds": 64_000_000}  # of a body
+_MOST_BYTES = {"/ratings": answers.MAX_TOKENS * (MAX_TOKEN + 16), "/rounds": 64_000_000}  # of a body
 _FEW_BYTES = 64_000
 _MOST_STREAMS, _MOST_ROUNDS, _QUIET_S = 100, 16, 15.0  # of changes; rounds that wait for a slow reader of them
 _RETRY = {"Retry-After": "1"}
@@ -281,17 +283,7 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     add("GET", "/events", ends.events, 503, responses=_text("text/event-stream"), response_class=StreamingResponse)
     add("GET", "/refusals", ends.refusals)
     if rounds is not None:
-        lines = {"requestBody": {"required": True, "content": {"application/x-ndjson": {"schema": {"type": "string"}}}}}
-        plain = _text("text/plain") | _text("text/plain", 400) | _text("text/plain", 500)
-        add(
-            "POST",
-            "/rounds",
-            ends.play_rounds,
-            413,
-            responses=plain,
-            openapi_extra=lines,
-            response_class=PlainTextResponse,
-        )
+        add("POST", "/rounds", ends.play_rounds, include_in_schema=False)
     app.add_middleware(BodyLimit, refuse=lambda: refuse(RefusalReason.TOO_LARGE))
 
     async def refused(request: Any, error: RefusedError) -> JSONResponse:
@@ -310,8 +302,15 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
         return _problem(422, RefusalReason.GARBAGE.value, _wrong(error))
 
     async def other(request: Any, error: HTTPException) -> JSONResponse:
+        if error.status_code == 400:  # the body is no text
+            refuse(RefusalReason.GARBAGE)
+            return _problem(422, RefusalReason.GARBAGE.value, str(error.detail))
         reason = {404: "unknown agent", 413: RefusalReason.TOO_LARGE.value}.get(error.status_code, "invalid")
-        return _problem(error.status_code, reason, str(error.detail), headers=error.headers)
+        headers = dict(error.headers or {})
+        if "Allow" in headers:  # which has the methods of one endpoint of the path
+            here = [route for route in app.routes if route.matches(request.scope)[0] is not Match.NONE]
+            headers["Allow"] = ", ".join(sorted(set[str]().union(*(route.methods for route in here))))
+        return _problem(error.status_code, reason, str(error.detail), headers=headers)
 
     for kind, handler in (
         (RefusedError, refused),
@@ -330,10 +329,10 @@ def _text(kind: str, status: int = 200) -> dict[int | str, Any]:
 
 
 def _problem(
-    status: int, reason: str, detail: str, at: int | None = None, headers: Mapping[str, str] | None = None
+    status: int, reason: str, detail: str, at: int | None = None, headers: dict[str, str] | None = None
 ) -> JSONResponse:
     body = {"reason": reason, "detail": printable(detail), "at": at}
-    return JSONResponse(body, status, headers=None if headers is None else dict(headers))
+    return JSONResponse(body, status, headers=headers)
 
 
 def _wrong(error: RequestValidationError) -> str:

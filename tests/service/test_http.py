@@ -82,8 +82,8 @@ def test_errors_have_one_form_and_are_counted(client: TestClient, clock: Clock, 
         (403, "in the wrong place", lambda: [ann.rating("bob", 0, aud="other")]),
         (404, "unknown provider", lambda: [ann.rating("zoe", 0)]),
         (409, "replayed", lambda: [first]),
-        (413, "too large", lambda: ["x" * 4000] * 300),
-        (422, "garbage", lambda: ["x"]),
+        (413, "too large", lambda: ["x" * 4096] * 1020),
+        (401, "garbage", lambda: ["x"]),
         (422, "garbage", lambda: []),
         (422, "garbage", lambda: [7]),
         (422, "out of range", lambda: [ann.rating("bob", 2)]),
@@ -93,6 +93,8 @@ def test_errors_have_one_form_and_are_counted(client: TestClient, clock: Clock, 
         assert (answer.status_code, answer.json()["reason"]) == (status, reason)
         assert answer.json()["detail"]
         assert client.get("/refusals").json()["refusals"] == {**counts, reason: counts.get(reason, 0) + 1}
+    assert client.post("/agents", content=b"\xff", headers={"Content-Type": "application/json"}).status_code == 422
+    assert client.put("/agents").headers["Allow"] == "GET, POST"
     for path in ("/agents/zoe", "/nothing", "/agents?limit=0"):
         assert set(client.get(path).json()) == {"reason", "detail", "at"}
 
