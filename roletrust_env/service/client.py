@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import Any, Self, TypeVar
-from urllib.parse import quote
 
 import httpx2
 from pydantic import BaseModel, ValidationError
 
 from roletrust_env.errors import explain, printable
 from roletrust_env.live.validation import RefusalReason
-from roletrust_env.live.wire.keys import Signer, make_keys
+from roletrust_env.live.wire.keys import Signer, check_name, make_keys
 from roletrust_env.service.answers import About, Agent, Agents, Problem, Receipt, Receipts
 from roletrust_env.service.tokens import Claims, Leave, Rating, Registration, key_as_text, sign, with_work
 from roletrust_env.storage.files import replacing
@@ -172,7 +171,7 @@ class TrustClient:
             RefusalError: The agent is not registered.
             UnreachableError: There is no answer.
         """
-        return self._send(Receipt, "DELETE", f"/agents/{quote(str(self.name))}", Leave, [{}])
+        return self._send(Receipt, "DELETE", f"/agents/{self.name}", Leave, [{}])
 
     def ask(self, name: str, *, explanation: bool = False) -> Agent:
         """Return the trust in an agent with its evidence.
@@ -182,10 +181,12 @@ class TrustClient:
             explanation: Whether to say which ratings make the trust.
 
         Raises:
+            ValueError: It is no name.
             RefusalError: There is no such agent.
             UnreachableError: There is no answer.
         """
-        return self._answer(Agent, "GET", f"/agents/{quote(name, safe='')}", params={"explain": explanation})
+        check_name(name)
+        return self._answer(Agent, "GET", f"/agents/{name}", params={"explain": explanation})
 
     def agents(self, start: int = 0, limit: int = 100) -> Agents:
         """Return agents with their trust, the best provider first.

@@ -108,8 +108,9 @@ def test_refusals_say_why(ann):
         assert (error.value.reason, error.value.status, error.value.at) == (reason, status, 0)
     with pytest.raises(ValueError, match="sub is 'b b'"):
         ann.rate("b b", 4.6)
-    with pytest.raises(RefusalError, match="unknown agent"):
-        ann.ask("carl")
+    for name, reason in (("carl", "unknown agent"), ("..", r"'\.\.' is no name of an agent"), ("", "is no name")):
+        with pytest.raises(ValueError, match=reason):
+            ann.ask(name)
 
 
 def test_what_is_no_manager_is_said_in_one_line(tmp_path):

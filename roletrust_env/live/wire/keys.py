@@ -16,6 +16,16 @@ NAME = r"[A-Za-z_][A-Za-z0-9_.@:+-]{0,199}"
 _PRIVATE, _PUBLIC = ".key", ".pub"
 
 
+def check_name(name: str) -> None:
+    """Raise an error if a text is no name of an agent.
+
+    Raises:
+        ValueError: It is not as `NAME`.
+    """
+    if not re.fullmatch(NAME, name):
+        raise ValueError(f"{name!r} is no name of an agent: up to 200 letters, digits and _.-@:+, a letter first")
+
+
 def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> list[str]:
     """Make a pair of keys for each name that has none: `NAME.key`, readable by its owner only, and `NAME.pub`.
 
@@ -34,8 +44,7 @@ def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> l
     """
     names = list(dict.fromkeys(names))
     for name in names:
-        if not re.fullmatch(NAME, name):
-            raise ValueError(f"{name!r} is no name of an agent: up to 200 letters, digits and _.-@:+, a letter first")
+        check_name(name)
     new = [name for name in names if not (folder / f"{name}{_PRIVATE}").exists()]
     alone = [name for name in new if (folder / f"{name}{_PUBLIC}").exists()]
     if alone and not replace:
