@@ -1,0 +1,107 @@
+"""Kills of a trust manager under load: what was acknowledged is there, once, and trust is that of `roletrust rate`."""
+
+import asyncio
+import csv
+import random
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+from command_line import run
+from load import connected, register
+from postgres import postgres
+from served import Served, served
+from signing_agents import Agent
+
+KILLS, RATERS = 20, 12
+LOAD_S = 0.1, 0.5  # until a kill
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def store(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    if request.param == "sqlite":
+        yield str(tmp_path / "trust.sqlite")
+    else:
+        with postgres() as address:
+            yield address
+
+
+class Rater:
+    """An agent that rates as fast as it is answered, and sends again what got no answer."""
+
+    def __init__(self, name: str) -> None:
+        self.agent, self._draw = Agent(name, time.time), random.Random(name)
+        self._pending: list[str] = []
+        self.acknowledged: dict[str, int] = {}
+
+    async def rate(self, port: int, others: list[str], until: float = float("inf")) -> None:
+        """Rate until a time, or until there is no answer."""
+        with suppress(ConnectionError):
+            connection = await connected(port)
+            while self._pending or time.time() < until:
+                rated = self._draw.sample(others, self._draw.choice([2, 2, 4]))
+                new = [self.agent.rating(one, round(self._draw.random(), 3)) for one in rated if one != self.agent.name]
+                self._pending = self._pending or new
+                status, answer = await connection.post("/ratings", {"tokens": self._pending})
+                assert status == 201, answer
+                self.acknowledged |= zip(self._pending, (one["seq"] for one in answer["receipts"]), strict=True)
+                self._pending = []
+
+
+async def live(manager: Served, raters: list[Rater], newcomer: Agent, load_s: float) -> None:
+    """Let a newcomer register and all others rate until the manager is killed."""
+    await register(manager.port, [newcomer])
+    names = [rater.agent.name for rater in raters]
+    asyncio.get_running_loop().call_later(load_s, manager.process.kill)
+    await asyncio.gather(*(rater.rate(manager.port, [*names, newcomer.name]) for rater in raters))
+    manager.process.join()
+
+
+@pytest.mark.slow
+def test_nothing_acknowledged_is_lost_by_kills_under_load(store: str, tmp_path: Path):
+    draw = random.Random(39)
+    raters, newcomers = [Rater(f"a{n}") for n in range(RATERS)], []
+    with served("--store", store, "--every", 1) as manager:
+        asyncio.run(register(manager.port, [rater.agent for rater in raters]))
+    for kill in range(KILLS):
+        newcomers.append(Agent(f"n{kill}", time.time))
+        with served("--store", store, "--every", 1) as manager:
+            asyncio.run(live(manager, raters, newcomers[-1], draw.uniform(*LOAD_S)))
+    with served("--store", store, "--every", 1) as manager, httpx2.Client(base_url=manager.url) as client:
+        for rater in raters:  # what got no answer
+            asyncio.run(rater.rate(manager.port, ["a0", "n0", "n1", "n2"], time.time()))
+        while (about := client.get("/").json())["counted"] < about["ratings"]:
+            time.sleep(0.1)
+        agents = client.get("/agents?limit=1000").json()["agents"]
+        (tmp_path / "export.csv").write_text(client.get("/ratings?counted=true").text)
+    with (tmp_path / "export.csv").open(newline="") as file:
+        kept = [row["token"] for row in csv.DictReader(file)]
+    acknowledged = {token: seq for rater in raters for token, seq in rater.acknowledged.items()}
+    assert len(kept) == len(set(kept)) == len(acknowledged) == about["ratings"] > KILLS * RATERS
+    assert kept == sorted(acknowledged, key=acknowledged.__getitem__)
+    assert {one["name"] for one in agents} == {one.name for one in [*(rater.agent for rater in raters), *newcomers]}
+    print(f"{KILLS} kills, {len(kept)} acknowledged ratings, none lost")
+    check_rate(tmp_path, agents)
+
+
+def check_rate(folder: Path, agents: list[dict[str, Any]]) -> None:
+    """Check that `roletrust rate` has the same trust, evidence and order of the export."""
+    options = "--model", "role-trust", "--every", "1", "--same-agents", "--out", str(folder)
+    result = run("rate", str(folder / "export.csv"), *options)
+    assert result.exit_code == 0, result.output
+    for role, file, others in (("provider", "ratees.csv", "raters"), ("rater", "raters.csv", "ratees")):
+        ours = sorted(
+            (one[role] | {"name": one["name"]} for one in agents if one[role]["rank"]), key=itemgetter("rank")
+        )
+        with (folder / file).open(newline="") as rows:
+            found = list(csv.DictReader(rows))
+        assert [one["name"] for one in ours] == [row["name"] for row in found]
+        for one, row in zip(ours, found, strict=True):
+            assert (one["ratings"], one["agents"]) == (int(row["ratings"]), int(row[others]))
+            for field in ("trust", "low", "high", "independent"):
+                assert f"{one[field]:.6f}" == row[field]

@@ -1,0 +1,78 @@
+"""1,000 acknowledged ratings in a second, each a request of its own, beside an endpoint that does nothing."""
+
+import asyncio
+import gc
+import socket
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import httpx2
+import numpy as np
+import pytest
+import uvicorn
+import uvloop
+from fastapi import FastAPI
+from load import offered, register
+from postgres import postgres
+from served import Served, served
+from signing_agents import Agent
+
+from roletrust_env.service import answers
+
+PER_S, SECONDS, BLOCKS, AGENTS = 1000, 2.0, 3, 100
+
+
+def bare() -> None:
+    """Serve an endpoint that takes and answers the same, and keeps nothing."""
+    app = FastAPI()
+
+    async def rate(body: answers.Ratings) -> answers.Receipts:
+        return answers.Receipts(receipts=[answers.Receipt(seq=1, time=time.time()) for _ in body.tokens])
+
+    app.add_api_route("/ratings", rate, methods=["POST"], status_code=201)
+    with socket.create_server(("127.0.0.1", 0), backlog=1024) as listener:
+        print(f"at http://127.0.0.1:{listener.getsockname()[1]}", file=sys.stderr, flush=True)
+        uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False)).run(sockets=[listener])
+
+
+@pytest.mark.slow
+def test_a_thousand_ratings_a_second_are_acknowledged(tmp_path: Path):
+    """The machine may be busy with other tests: the numbers are printed, and what is checked are ratios."""
+    agents = [Agent(f"a{n}", time.time) for n in range(AGENTS)]
+    options = "--every", 2, "--quota", 100_000
+    with ExitStack() as stack:
+        servers = {
+            "bare endpoint": stack.enter_context(served(function=bare)),
+            "SQLite": stack.enter_context(served("--store", tmp_path / "trust.sqlite", *options)),
+            "PostgreSQL": stack.enter_context(served("--store", stack.enter_context(postgres()), *options)),
+        }
+        managers = list(servers.values())[1:]
+        for manager in managers:
+            asyncio.run(register(manager.port, agents))
+        found: dict[str, list[tuple[float, ...]]] = {name: [] for name in servers}
+        gc.disable()
+        for _ in range(BLOCKS):
+            for name, server in servers.items():
+                found[name].append(measured(server, agents))
+        gc.enable()
+        for manager in managers:
+            assert httpx2.get(f"{manager.url}/").json()["ratings"] == PER_S * SECONDS * BLOCKS
+    print(f"\n{'':16}answers/s   p50 ms   p99 ms   CPU us")
+    middle = {name: np.median(blocks, axis=0) for name, blocks in found.items()}
+    for name, values in middle.items():
+        print(f"{name:16}" + "".join(f"{value:9.1f}" for value in values))
+    best = {name: np.max(blocks, axis=0)[0] for name, blocks in found.items()}
+    for name in ("SQLite", "PostgreSQL"):
+        assert best[name] > 0.9 * best["bare endpoint"]
+        assert middle[name][3] < 8 * middle["bare endpoint"][3]
+
+
+def measured(server: Served, agents: list[Agent]) -> tuple[float, ...]:
+    """Acknowledged requests in a second, their latency, and the time that the server computes for one, microseconds."""
+    before = server.cpu_s
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        rate, latencies_s = runner.run(offered(server.port, agents, PER_S, SECONDS))
+    cpu_us = 1e6 * (server.cpu_s - before) / len(latencies_s)
+    return (rate, *(1e3 * np.quantile(latencies_s, [0.5, 0.99])), cpu_us)
