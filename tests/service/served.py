@@ -23,10 +23,10 @@ _processes.set_forkserver_preload(
         "psycopg",
         "sqlite3",
         "uvicorn.main",
-        "uvicorn.protocols.http.httptools_impl",
         "uvloop",
         "roletrust_experiments.commands.serve",
         "roletrust_env.service.http",
+        "roletrust_env.service.connections",
         "served",
     ]
 )

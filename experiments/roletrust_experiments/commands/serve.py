@@ -93,6 +93,8 @@ def _manage(
     require("roletrust serve --store", "serve", "fastapi", "uvicorn", "sqlalchemy", "jwt", "cryptography", "pyarrow")
     import uvicorn
 
+    from roletrust_env.live.validation import RefusalReason
+    from roletrust_env.service.connections import limited_protocol
     from roletrust_env.service.http import make_app
     from roletrust_env.service.manager import Settings, TrustManager
     from roletrust_env.service.store import Store
@@ -106,7 +108,13 @@ def _manage(
             url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
             errors.print(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", soft_wrap=True)
             gc.freeze()  # else each full collection looks at all modules, and all requests wait
-            config = uvicorn.Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=_END_S)
+            config = uvicorn.Config(
+                app,
+                http=limited_protocol(lambda: manager.validator.refuse("", RefusalReason.TOO_LARGE)),
+                log_level="warning",
+                access_log=False,
+                timeout_graceful_shutdown=_END_S,
+            )
             uvicorn.Server(config).run(sockets=[listener])
     except KeyboardInterrupt:
         raise typer.Exit(130) from None
