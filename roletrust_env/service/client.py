@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from roletrust_env.errors import explain, printable
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.live.wire.keys import Signer, check_name, make_keys
-from roletrust_env.service.answers import About, Agent, Agents, Problem, Receipt, Receipts
+from roletrust_env.service.answers import About, Agent, Agents, Problem, Receipt, Receipts, Refusals
 from roletrust_env.service.tokens import Claims, Leave, Rating, Registration, key_as_text, sign, with_work
 from roletrust_env.storage.files import replacing
 
@@ -199,6 +199,14 @@ class TrustClient:
             UnreachableError: There is no answer.
         """
         return self._answer(Agents, "GET", "/agents", params={"start": start, "limit": limit})
+
+    def refusals(self) -> Refusals:
+        """Return how many tokens and requests the manager has refused since its start.
+
+        Raises:
+            UnreachableError: There is no answer.
+        """
+        return self._answer(Refusals, "GET", "/refusals")
 
     def export(self, path: Path) -> None:
         """Write all ratings with their tokens to a CSV file, which `roletrust rate` reads.

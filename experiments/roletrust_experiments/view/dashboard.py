@@ -3,13 +3,16 @@
 import base64
 import time
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader
 
-from roletrust_env.live.nodes.team_listener import TeamListener
 from roletrust_env.live.team import PublishedTrust
 from roletrust_env.live.validation import MANAGER, RefusalReason
+
+if TYPE_CHECKING:  # each needs packages of its own
+    from roletrust_env.live.nodes.team_listener import TeamListener
+    from roletrust_env.service.manager_listener import ManagerListener
 
 TEMPLATES = Environment(loader=PackageLoader("roletrust_experiments.view", "template"), autoescape=True)
 _PARTS: Any = TEMPLATES.get_template("parts.html").module
@@ -35,10 +38,10 @@ class PageParts(NamedTuple):
 
 
 class Dashboard:
-    """The current content of the page of a team.
+    """The current content of the page.
 
     Args:
-        listener: Listener to the team.
+        listener: Listener to the team, or to a trust manager of agents.
         period_s: Time between rounds, seconds.
         speed: Speed relative to the scenario's clock.
         attackers: Names to mark as attackers.
@@ -49,11 +52,19 @@ class Dashboard:
     """
 
     def __init__(
-        self, listener: TeamListener, period_s: float, speed: float = 1.0, attackers: Collection[str] = ()
+        self,
+        listener: "TeamListener | ManagerListener",
+        period_s: float,
+        speed: float = 1.0,
+        attackers: Collection[str] = (),
     ) -> None:
         self._listener, self._period_s, self._speed, self.attackers = listener, period_s, speed, attackers
         self.refresh_s = min(0.25, max(0.1, period_s / 4))
         self._parts, self._parts_at, self._origin = PageParts("", "", "", ""), 0.0, 0
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._listener.close()
 
     def rounds(self, after: int) -> list[PublishedTrust]:
         """Return the rounds with a stamp after the given one, nanoseconds."""
@@ -90,7 +101,7 @@ class Dashboard:
 def _state(last: Sequence[PublishedTrust], silent: bool) -> tuple[str, str, str]:
     """Return the state of the last round: a class of the style sheet, a title and words."""
     if not last:
-        return "none", "No round yet.", "Waiting for a manager on this machine."
+        return "none", "No round yet.", "Waiting for a manager."
     title = f"Round {last[0].round}"
     if silent:
         return "bad", title, "The manager has been silent since."

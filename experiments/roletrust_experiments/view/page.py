@@ -217,12 +217,17 @@ def run_view_server(
     os.nice(_NICENESS)
     keyring = None if keys is None else PublicKeys(keys, [MANAGER])
     listener = TeamListener(team, RoundTiming(round(period_s * SECOND)), keyring=keyring, network=network)
+    serve_until_signal(Dashboard(listener, period_s, speed, attackers), port, ready)
+
+
+def serve_until_signal(dashboard: Dashboard, port: int, ready: Callable[[Server], None] = lambda server: None) -> None:
+    """Serve a page until a signal ends the process, see `run_view_server`."""
     try:
-        server = serve(Dashboard(listener, period_s, speed, attackers), port)
+        server = serve(dashboard, port)
         with run_until_signal() as active:
             ready(server)
             PeriodicCallback(lambda: None if active else server.io_loop.stop(), _POLL_MS).start()
             server.io_loop.start()
         server.stop()
     finally:
-        listener.close()
+        dashboard.close()

@@ -1,6 +1,8 @@
 """`roletrust live view`: a page that shows a running team in the browser."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from roletrust_env import make_scenario
 from roletrust_experiments.commands.console import console, errors
@@ -13,6 +15,10 @@ if TYPE_CHECKING:
 
 def view(
     port: Port = 5006,
+    url: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Show the agents of a trust manager, see `roletrust serve --store`."),
+    ] = None,
     scenario: Scenario = "paper-3x3",
     keys: Keys = None,
     speed: Speed = 1.0,
@@ -21,23 +27,34 @@ def view(
 ) -> None:
     """Show a running team [bold]in the browser[/]: trust, missing raters, refused ratings and the cameras' pictures.
 
-    With --keys, the page shows nothing that is not signed, and counts what it refuses. It can be opened on this machine
-    only. It ends with Ctrl-C.
+    With --keys, the page shows nothing that is not signed, and counts what it refuses. With --url, it shows the
+    best providers of a trust manager. It can be opened on this machine only. It ends with Ctrl-C.
 
     [bold]Examples[/]
 
     [dim]# beside nodes in other terminals[/]
     [cyan]roletrust live view --keys keys[/]
+
+    [dim]# agents that are no robots[/]
+    [cyan]roletrust live view --url http://127.0.0.1:8000[/]
     """
     require_view()
     from roletrust_env.live.team import Team
-    from roletrust_experiments.view.page import run_view_server
+    from roletrust_experiments.view.page import run_view_server, serve_until_signal
 
     def ready(server: "Server") -> None:
         console.print(f"{address(port)}, until Ctrl-C", soft_wrap=True)
         if browser:
             server.io_loop.add_callback(server.show, "/")
 
+    if url is not None:
+        require("roletrust live view --url", "mcp", "httpx2", "jwt")
+        from roletrust_env.service.manager_listener import ManagerListener
+        from roletrust_experiments.view.dashboard import Dashboard
+
+        listener = ManagerListener(url)
+        serve_until_signal(Dashboard(listener, listener.period_s), port, ready)
+        return
     rules = make_scenario(scenario)
     if keys is None:
         errors.print("view: WITHOUT KEYS: everybody on this network can forge what the page shows", soft_wrap=True)
