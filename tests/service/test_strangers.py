@@ -104,27 +104,27 @@ def test_tokens_that_deceive_are_refused_and_counted(manager: Served):
         (401, "mis-signed", forged(other, claims(), kid="../../dev/null")),
         (401, "mis-signed", ".".join([head, part(claims(rating=1.0)), signature])),
         (401, "unsigned", f"{head}.{payload}."),
-        (422, "garbage", f"{part({'alg': 'none'})}.{payload}."),
-        (422, "garbage", f"{part({'alg': 'none'})}.{payload}.{signature}"),
-        (422, "garbage", shared_secret(ANN, claims(), public)),
-        (422, "garbage", shared_secret(ANN, claims(), part(public).encode())),
-        (422, "garbage", forged(ANN, claims(), alg="ES256")),
-        (422, "garbage", forged(ANN, claims(), alg=["EdDSA"])),
+        (401, "garbage", f"{part({'alg': 'none'})}.{payload}."),
+        (401, "garbage", f"{part({'alg': 'none'})}.{payload}.{signature}"),
+        (401, "garbage", shared_secret(ANN, claims(), public)),
+        (401, "garbage", shared_secret(ANN, claims(), part(public).encode())),
+        (401, "garbage", forged(ANN, claims(), alg="ES256")),
+        (401, "garbage", forged(ANN, claims(), alg=["EdDSA"])),
         (403, "in the wrong place", forged(ANN, claims(aud="other"))),
-        (422, "garbage", forged(ANN, claims(aud=[NAME, "other"]))),
+        (401, "garbage", forged(ANN, claims(aud=[NAME, "other"]))),
         (403, "unknown sender", forged(zoe, claims(iss="zoe"))),
         (404, "unknown provider", forged(ANN, claims(sub="zoe"))),
         (422, "rates itself", forged(ANN, claims(sub=ANN.name))),
         (401, "stamp from the past", forged(ANN, claims(iat=1.0))),
         (401, "stamp from the future", forged(ANN, claims(iat=9e9))),
-        *((422, "garbage", forged(ANN, claims(iat=iat))) for iat in (-1, 0, 1e300, True, "1", None)),
+        *((401, "garbage", forged(ANN, claims(iat=iat))) for iat in (-1, 0, 1e300, True, "1", None)),
         *((422, "out of range", forged(ANN, claims(rating=rating))) for rating in (1.0000001, -1e-9, 1e308)),
-        *((422, "garbage", forged(ANN, claims(rating=rating))) for rating in ("0.5", None, True, [0.5])),
-        *((422, "garbage", forged(ANN, raw(rating=text))) for text in ("NaN", "Infinity", "1e999", "0x1")),
-        *((422, "garbage", forged(ANN, raw(iat=text))) for text in ("9" * 2000, "1e999", "-0")),
-        *((422, "garbage", forged(ANN, raw(sub=text))) for text in ("[" * 1500, "[" * 750 + "]" * 750)),
+        *((401, "garbage", forged(ANN, claims(rating=rating))) for rating in ("0.5", None, True, [0.5])),
+        *((401, "garbage", forged(ANN, raw(rating=text))) for text in ("NaN", "Infinity", "1e999", "0x1")),
+        *((401, "garbage", forged(ANN, raw(iat=text))) for text in ("9" * 2000, "1e999", "-0")),
+        *((401, "garbage", forged(ANN, raw(sub=text))) for text in ("[" * 1500, "[" * 750 + "]" * 750)),
         *(
-            (422, "garbage", forged(ANN, claims(sub=name)))
+            (401, "garbage", forged(ANN, claims(sub=name)))
             for name in (
                 "\u0430nn",
                 "bob\n",
@@ -139,11 +139,11 @@ def test_tokens_that_deceive_are_refused_and_counted(manager: Served):
                 "1",
             )
         ),
-        (422, "garbage", forged(ANN, b"\xff\xfe")),
-        (422, "garbage", forged(ANN, "[]")),
-        (422, "garbage", ANN.farewell()),
-        (422, "garbage", "a.b"),
-        (422, "garbage", "...."),
+        (401, "garbage", forged(ANN, b"\xff\xfe")),
+        (401, "garbage", forged(ANN, "[]")),
+        (401, "garbage", ANN.farewell()),
+        (401, "garbage", "a.b"),
+        (401, "garbage", "...."),
     ):
         check_refused(manager, "/ratings", body(token), status, reason)
     check_refused(manager, "/ratings", body(ANN.rating(FLO.name, 0.2), forged(other, claims())), 401, "mis-signed")
@@ -154,7 +154,7 @@ def test_tokens_that_deceive_are_refused_and_counted(manager: Served):
         assert post(manager, "/ratings", body(FLO.rating("ann", 0.3))).status_code == 201
     check_refused(manager, "/ratings", body(FLO.rating("ann", 0.3)), 429, "too many messages")
     check_refused(manager, "/agents", body(other.registration()), 409, "name taken")
-    check_refused(manager, "/agents", body(forged(zoe, {**zoe._claims(), "kind": "register"})), 422, "garbage")
+    check_refused(manager, "/agents", body(forged(zoe, {**zoe._claims(), "kind": "register"})), 401, "garbage")
     with served_as_ever(manager):
         pass
 
@@ -164,7 +164,7 @@ def test_bodies_and_requests_that_fill_are_refused_and_counted(manager: Served):
     token = b'"' + b"x" * 4000 + b'"'
     with served_as_ever(manager):
         for status, reason, content in (
-            (413, "too large", b'{"tokens": [' + b",".join([token] * 260) + b"]}"),
+            (413, "too large", b'{"tokens": [' + b",".join([token] * 1100) + b"]}"),
             (422, "garbage", b'{"tokens": [' + b",".join([b'"x"'] * 1001) + b"]}"),
             (422, "garbage", b'{"tokens": ["' + b"x" * 5000 + b'"]}'),
             (422, "garbage", b"[" * 50_000),
