@@ -200,7 +200,7 @@ class TrustManager:
         self._members: dict[str, Member] = {}
         self._begun: Counter[str] = Counter()  # how often each agent has registered
         self._sent: Counter[str] = Counter()  # ratings of each agent in the running round
-        self._seq, self._time, self._ratings = self._store.last(), 0, 0
+        last, self._time = self._store.last(), 0
         stamps: dict[str, int] = {}
         self._latest: dict[str, int] = {}  # an event of the last request of each agent
         whole = select(events.c.sender, func.max(events.c.stamp), func.max(events.c.seq), func.max(events.c.time))
@@ -224,6 +224,7 @@ class TrustManager:
         self._trust = JournalTrust(
             self._store, self._model, self.settings.every, self.settings.scale, same_agents=self.settings.same_agents
         )
+        self._seq = last  # now that nothing is missing
         self.advance()
 
     # --- requests -----------------------------------------------------------------------------------

@@ -93,8 +93,8 @@ class Store:
         name: Name of the manager, to which tokens are addressed.
 
     Raises:
-        ValueError: The address is none, another manager has the store, or it is of another name or schema.
-        StoreError: The store cannot be opened.
+        ValueError: The address is none, or the store is of another name or schema.
+        StoreError: The store cannot be opened, or another manager has it.
     """
 
     def __init__(self, address: str, name: str | None = None) -> None:
@@ -109,8 +109,10 @@ class Store:
             self._file = FileLock(f"{Path(address).resolve()}.lock", timeout=0)
             try:
                 self._file.acquire()
-            except (Timeout, OSError) as error:
-                raise self._in_use() if isinstance(error, Timeout) else StoreError(f"{self._shown}: {error}") from None
+            except Timeout:
+                raise self._in_use() from None
+            except OSError as error:
+                raise StoreError(f"{self._shown} cannot be opened: {error.strerror}") from None
         elif url.drivername == "postgresql":
             url = url.set(drivername="postgresql+psycopg")
         else:
@@ -191,7 +193,7 @@ class Store:
         """Return the connection of the manager, on which it keeps other managers out.
 
         Raises:
-            ValueError: Another manager has the store.
+            StoreError: Another manager has the store.
         """
         if self._connection is None:
             self._connection = self._engine.connect()
@@ -215,8 +217,8 @@ class Store:
                 self._connection.close()
             self._connection = None
 
-    def _in_use(self) -> ValueError:
-        return ValueError(f"{self._shown} is in use by another manager")
+    def _in_use(self) -> StoreError:
+        return StoreError(f"{self._shown} is in use by another manager")
 
     def _failed(self, what: str, error: SQLAlchemyError) -> StoreError:
         reason = str(getattr(error, "orig", None) or error).strip().partition("\n")[0]

@@ -1,6 +1,7 @@
 """The trust manager without HTTP: what counts, what is refused, and trust as `roletrust rate` has it."""
 
 import random
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,7 @@ def test_postgresql_keeps_the_same(tmp_path: Path):
     with postgres() as address:
         check_trust(address, tmp_path, "leave-one-out")
         with managed(address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))) as manager:
-            with pytest.raises(ValueError, match="in use by another manager"):
+            with pytest.raises(StoreError, match="in use by another manager"):
                 Store(address)
             ann, _ = joined(manager, clock, "ann", "bob")
             check_failures(manager, ann)
@@ -89,7 +90,7 @@ def check_trust(address: str, tmp_path: Path, model: str) -> None:
     clock, draw = Clock(), random.Random(7)
     settings = QUICK._replace(every=10.0, scale=(1.0, 5.0), tolerance=1e6)
     with managed(address, clock, settings, model) as manager:
-        agents = joined(manager, clock, *"abcdef")
+        agents = joined(manager, clock, "null", "NaN", "true", "_1", "did:web:x.y@z+a-b", "f")
     for restart in range(2):
         with managed(address, clock, settings, model) as manager:
             for _ in range(25):
@@ -221,11 +222,18 @@ def check_failures(manager: TrustManager, ann: Agent) -> None:
 
 
 def test_a_store_has_one_manager_and_one_name(tmp_path: Path):
-    with managed(tmp_path / "s", Clock()), pytest.raises(ValueError, match="in use by another manager"):
+    with managed(tmp_path / "s", Clock()), pytest.raises(StoreError, match="in use by another manager"):
         Store(str(tmp_path / "s"))
     with pytest.raises(ValueError, match="of the manager m, not of n"):
         Store(str(tmp_path / "s"), "n")
+    with sqlite3.connect(tmp_path / "s") as connection:
+        connection.execute("update meta set value = '2' where name = 'schema'")
+    with pytest.raises(ValueError, match="has schema 2; schema 1 is read here"):
+        Store(str(tmp_path / "s"))
     (tmp_path / "text").write_text("no database" * 1000)
-    for address, words in (("mysql://x/y", "must be a file of SQLite"), (str(tmp_path / "text"), "not a database")):
+    for address, words in (
+        ("mysql://x/y", "must be a file of SQLite"),
+        (str(tmp_path / "text"), "not a database"),
+    ):
         with pytest.raises((ValueError, StoreError), match=words):
             Store(address)
