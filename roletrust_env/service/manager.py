@@ -417,8 +417,8 @@ class TrustManager:
         if not has_work(claims, self.settings.work):
             raise _refusal(RefusalReason.NO_WORK, claims, 0, f"it costs {self.settings.work} bits here")
         if name not in self._keys:
-            self._undo.append(partial(self._keys.pop, name))
             self._keys[name] = _key(claims)
+            self._undo.append(partial(self._keys.pop, name))
         elif name in self._members or claims.key != key_as_text(self._keys[name]):
             raise _refusal(RefusalReason.TAKEN, claims, 0, "choose another one")
         self._verify(signed, 0)

@@ -100,11 +100,16 @@ def check_trust(address: str, tmp_path: Path, model: str) -> None:
             manager.leave("f", agents[5].farewell())
             manager.register(agents[5].registration())
             clock.now += 20
-            manager.advance()
+            manager.rate([agents[5].rating("null", 3)])  # in a round that has not ended
+            assert [one.ratings for one in standings(manager)["f"]] == [0, 0]
             as_rated(manager, tmp_path / f"{restart}.csv", model)
             before = standings(manager)
         with managed(address, clock, settings, model) as manager:
             assert standings(manager) == before
+            clock.now += 20
+            assert manager.advance()
+            as_rated(manager, tmp_path / f"{restart}.csv", model)
+            assert manager.about()["counted"] == manager.about()["ratings"]
     other = settings._replace(every=25.0)
     clock.now += 50
     with managed(address, clock, other, "beta") as manager:  # another model and length of a round: a replay
@@ -149,6 +154,7 @@ def test_what_is_not_valid_is_refused_and_counted(tmp_path: Path):
         refused(manager, RefusalReason.CROWDED, "register", stranger.registration())
         clock.now += 60
         manager.register(stranger.registration())
+        manager.rate([ann.rating("bob", 0.1)])
         manager.leave("bob", bob.farewell())
         refused(manager, RefusalReason.UNKNOWN, "rate", [bob.rating("ann", 1)])
         refused(manager, RefusalReason.UNKNOWN_PROVIDER, "rate", [ann.rating("bob", 1)])
