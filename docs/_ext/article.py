@@ -185,7 +185,7 @@ class Results:
         Raises:
             ValueError: There is no such answer.
         """
-        return self._sentence("findings.md", rf"\n(.+)\n\n!\[[^\]]*\]\(findings/{re.escape(question)}\.png\)", question)
+        return self._sentence("findings.md", rf"\]\(findings/{re.escape(question)}\.png\)\n\n(.+)\n", question)
 
     def fact(self, what: str) -> Markup:
         """Return a value of the table of facts about the equilibrium, by its name there.

@@ -43,7 +43,7 @@ class Panel(NamedTuple):
         along: Label of the positions; unused for names.
         what: Label of the values.
         series: Series to draw, all at numbers or all at the same names.
-        scale: Scale of an axis of numbers; `symlog` is linear up to the first number above 0.
+        scale: Scale of an axis of numbers, or of the values in rows; `symlog` is linear up to the first number above 0.
         bound: Theoretical limit, drawn as a dotted line across the rows.
     """
 
@@ -149,7 +149,11 @@ def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
         axes.plot(value, places, label=one.label, markersize=5.5, zorder=3, **look)
         axes.errorbar(value, places, xerr=_bars(value, low, high), fmt="none", ecolor=look["color"], capsize=2.5)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.axvline(0, color=QUIET, linewidth=0.8, zorder=1)
+    if panel.scale == "log":
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(lambda x, _: _short(x))
+    elif axes.get_xlim()[0] < _FAR * axes.get_xlim()[1]:
+        axes.axvline(0, color=QUIET, linewidth=0.8, zorder=1)
     if panel.bound is not None:
         axes.axvline(panel.bound, label="bound", color=QUIET, linewidth=1.3, linestyle=(0, (1, 1.5)), zorder=1.5)
     axes.set_xlabel(panel.what, color=INK)

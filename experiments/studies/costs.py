@@ -38,6 +38,7 @@ class Options(NamedTuple):
 
 RECIPES = {"model-costs": Recipe(Options(), {name: name for name in ("model-costs.md", "model-costs.csv")})}
 
+_BELOW = "```{toctree}\n:hidden:\n\nedge-costs\n```"
 _HEADER = (
     *("model", "family", "grows_as", "library", "raters", "providers"),
     *("ns_per_rating", "ns_per_rating_least", "ns_per_rating_greatest", "left_out"),
@@ -75,6 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         study.csv("model-costs.csv", _HEADER, rows)
         parts = [
             "# What the trust models cost",
+            "![Nanoseconds per rating of each trust model, on NumPy and on compiled torch](model-costs.png)",
             "One update in float32 in which all raters rate all providers, the median of the repeats. S^ and P^ are "
             "the powers of the numbers of raters and of providers that its time grows by on NumPy, from "
             f"{sides[-2]:,} to {sides[-1]:,} of one with {sides[-1]:,} of the other; fixed costs make them less than "
@@ -88,7 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for (name, library, size), cell in found.items()
             if cell.left_out
         ]
-        study.page("model-costs.md", *parts, "\n".join(reasons), f"Made by `{study.command}` on {machine()}.")
+        study.page("model-costs.md", *parts, "\n".join(reasons), f"Made by `{study.command}` on {machine()}.", _BELOW)
 
 
 def sizes(sides: Sequence[int], library: str) -> list[Size]:

@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             study.figure(f"findings/{name}.png", panels_figure(found["question"], panels, note))
             command = f"{study.name} --question {name} --games {games} --seed {study.seed}{' --quick' * quick}"
             picture = f"![{found['question']}](findings/{name}.png)"
-            parts += [f"## {found['question']}", found["sentence"], picture, f"    python -m {command}"]
+            parts += [f"## {found['question']}", picture, found["sentence"], f"    python -m {command}"]
         study.page("findings.md", *parts)
 
 

@@ -108,6 +108,10 @@ COMMANDS = {
     ],
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
+    "audit": [
+        "rate {out}/log --compare --synthetic --model leave-one-out --out {out}/rate",
+        "audit {out}/log/ratings.csv.gz --same-agents --scale -10 10 --out {out}/audit",
+    ],
     "real": ["rate {logs} --compare --search 24 --out {out}"],
     "leave-one-out-logs": [
         f"rate {{logs}} --compare {_BESIDE} --out {{out}}/30",
@@ -162,6 +166,7 @@ FILES = {
     "attackers": {"report/games.csv.gz": "attackers/games.csv.gz"},
     "learners": {f"learners.{kind}": f"attackers/learners.{kind}" for kind in ("png", "md", "csv")},
     "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},
+    "audit": {"audit/audit.png": "audit.png"},
     "real": {f"comparison.{kind}": f"real/real.{kind}" for kind in ("md", "csv")},
     "leave-one-out-logs": {f"{days}/comparison.csv": f"leave-one-out-{days}.csv" for days in (30, 7)},
     "defence-logs": {"comparison.csv": "defence/logs.csv"},

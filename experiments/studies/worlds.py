@@ -96,8 +96,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         study.page(
             "worlds.md",
             "# Which worlds decide?",
-            sentence(found, centre),
             "![Worst-case skill of models in worlds that differ from one world in a single thing](worlds.png)",
+            sentence(found, centre),
             f"The centre has {centre.agents} agents, {centre.rounds} rounds, {centre.arriving:.0%} of the ratings "
             f"arriving, a noise of {centre.noise:g} in what raters perceive, and {centre.attackers:.0%} attackers in "
             "each role of a track. Each other world differs from it in one thing. Skill is 1 for the best choice and 0 "

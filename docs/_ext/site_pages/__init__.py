@@ -6,7 +6,9 @@ import shutil
 import sys
 from collections.abc import Sequence
 from copy import copy
+from html import escape
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from docutils import nodes
@@ -21,6 +23,10 @@ from sphinx.util.docutils import SphinxDirective
 from site_pages import docstrings
 from site_pages.pages import write_pages
 
+_LONG = 8
+"""Number of rows up to which a table on a page of results is open."""
+_READ = ("tutorials", "how", "guide", "reference", "api", "metrics")
+"""Pages and folders of pages without results."""
 _GROUPS = 6
 """Number of groups into which the pages are dealt out, about as many as Sphinx makes for two processes."""
 _NO_REPORT = (
@@ -42,6 +48,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("autodoc-process-signature", docstrings.as_written)
     app.connect("autodoc-skip-member", docstrings.skipped)
     app.connect("missing-reference", docstrings.found_by_its_last_names)
+    app.connect("doctree-resolved", fold_tables)
     app.connect("build-finished", _add_report)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -76,6 +83,21 @@ def whole_streams(outputs: Sequence[NotebookNode]) -> list[NotebookNode]:
             streams[output["name"]] = copy(output)
             found.append(streams[output["name"]])
     return found
+
+
+def fold_tables(app: Sphinx, page: nodes.document, name: str) -> None:
+    """Fold the long tables of pages of results: a reader wants the picture and the sentences first."""
+    if name.partition("/")[0] in _READ:
+        return
+    for table in list(page.findall(nodes.table)):
+        rows = len(list(next(table.findall(nodes.tbody)).findall(nodes.row)))
+        if rows > _LONG:
+            columns = ", ".join(entry.astext() for entry in next(table.findall(nodes.row)))
+            about = escape(shorten(f"Table of {rows} rows: {columns}", 90, placeholder=" ..."))
+            box = table.parent if isinstance(table.parent, nodes.container) else table  # of the theme
+            at = box.parent.index(box)
+            box.parent.insert(at + 1, nodes.raw("", "</details>", format="html"))
+            box.parent.insert(at, nodes.raw("", f"<details><summary>{about}</summary>", format="html"))
 
 
 def _begin(app: Sphinx, config: Config) -> None:

@@ -29,7 +29,8 @@ from roletrust_env.trust.outside import OutsideModel
 from roletrust_experiments.commands.console import console, number_table, progress_bar, shown, stage, tell
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
-from roletrust_experiments.report.audit import WORDS, audit_page
+from roletrust_experiments.plots.figure_files import write_figure
+from roletrust_experiments.report.audit import WORDS, audit_figure, audit_page
 
 _OTHERS = 3  # models beside the audited one
 _DEAR = 1e12  # the highest price
@@ -82,9 +83,9 @@ def audit(
     Prices may be in any currency; by default a new account is the unit. A goal fails (--fail-below) by the median price
     of its targets, since the last of the top and the first below it are always cheap.
 
-    Written: [green]audit.html[/], the page with the curve of effect against price; [green]audit.json[/], all numbers
-    and every rating of the cheapest attacks; [green]audit.schema.json[/], its JSON Schema. Columns and
-    dialect of the file are found as by `roletrust rate`, with the same options.
+    Written: [green]audit.html[/], the page with the curve of effect against price, which [green]audit.png[/] has;
+    [green]audit.json[/], all numbers and every rating of the cheapest attacks; [green]audit.schema.json[/], its JSON
+    Schema. Columns and dialect of the file are found as by `roletrust rate`, with the same options.
 
     [bold]Examples[/]
 
@@ -140,14 +141,15 @@ def audit(
     report = AuditReport(ratings.name, many, every, top, rank_by, prices, budget, seeds, model, found, compared)
     write_text(out / "audit.json", report.json().decode() + "\n")
     write_json(out / "audit.schema.json", report.schema())
-    write_text(out / "audit.html", audit_page(report))
+    write_figure(out / "audit.png", audit_figure(report), colours=256)
+    write_text(out / "audit.html", audit_page(report, (out / "audit.png").read_bytes()))
     if journal:
         journal.path.unlink(missing_ok=True)
     for table in _tables(report):
         console.print(table)
     far = f", and prices at most {found.apart:.0%} apart" if found.apart > 0 else ""
     told = f"{found.played:,} attacks; both searches found the same price for {found.agreement:.0%} of the targets{far}"
-    tell(f"{told}. Written to {out}: audit.html, audit.json, audit.schema.json")
+    tell(f"{told}. Written to {out}: audit.html, audit.png, audit.json, audit.schema.json")
     low = min(one.value for one in found.medians.values())
     if fail_below is not None and low < fail_below:
         console.print(f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True)

@@ -65,11 +65,13 @@ def report(
         write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
     drawn = write_figures(out, content, ".png", ".pdf")
     pictures = {name: (out / f"{name}.png").read_bytes() for name in drawn}
+    code = ["--allow-code"] if allow_code else []
     linked = [*(["--pages", pages] if pages else []), *(["--logs", str(logs)] if logs else [])]
-    command = shlex.join(["roletrust", "report", *map(str, paths), *linked, "--out", str(out)])
-    write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/")))
+    command = shlex.join(["roletrust", "report", *map(str, paths), *code, *linked, "--out", str(out)])
+    replayed = shlex.join(["roletrust", "replay", str(found.path), *code]) if (found := content.robustness) else ""
+    write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/"), replayed))
     written = "report.html"
-    if found := content.robustness:
+    if found:
         write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
         write_games(out / "games.csv.gz", found.leaderboard.cells)
         write_csv(out / "conditions.csv", ConditionRow._fields, found.conditions)

@@ -1,7 +1,6 @@
 """The page of `roletrust audit`: the curve of effect against price, and its tables, complete in one file."""
 
 from base64 import b64encode
-from io import BytesIO
 
 from matplotlib.figure import Figure
 
@@ -14,15 +13,18 @@ WORDS: dict[Goal, str] = {"sink": "out of top", "lift": "into top", "enter": "ne
 """Goals of attacks in words."""
 
 
-def audit_page(report: AuditReport) -> str:
-    """Return the page, which needs no other file and no network."""
-    with BytesIO() as file:
-        _curves(report).savefig(file, format="png", dpi=160, facecolor="white")
-        picture = b64encode(file.getvalue()).decode()
-    return environment().get_template("audit.html").render(report=report, picture=picture, words=WORDS)
+def audit_page(report: AuditReport, picture: bytes) -> str:
+    """Return the page, which needs no other file and no network.
+
+    Args:
+        report: Report of the audit.
+        picture: Its figure as a PNG file.
+    """
+    shown = b64encode(picture).decode()
+    return environment().get_template("audit.html").render(report=report, picture=shown, words=WORDS)
 
 
-def _curves(report: AuditReport) -> Figure:
+def audit_figure(report: AuditReport) -> Figure:
     """Return what attacks up to a price reach: the share of targets that cross the edge, and the ranks they move."""
     found = report.audit
     figure = Figure(figsize=(10, 3.6), layout="constrained")

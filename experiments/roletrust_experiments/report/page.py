@@ -20,7 +20,7 @@ def environment() -> Environment:
     return made
 
 
-def page(content: Content, pictures: Mapping[str, bytes], command: str, pages: str = "") -> str:
+def page(content: Content, pictures: Mapping[str, bytes], command: str, pages: str = "", replayed: str = "") -> str:
     """Return the page, which needs no other file and no network.
 
     Args:
@@ -28,6 +28,7 @@ def page(content: Content, pictures: Mapping[str, bytes], command: str, pages: s
         pictures: Picture of each table as a PNG file, by name.
         command: Command that writes the page.
         pages: Address of the folder with the pages of the trust models of this project. Empty makes no links.
+        replayed: Command that plays the worst attack on the best model again.
     """
     robustness = content.robustness
     linked = filter(is_own_model, robustness.order) if robustness and pages else ()
@@ -39,6 +40,7 @@ def page(content: Content, pictures: Mapping[str, bytes], command: str, pages: s
             learners=content.learners,
             sections=content.parts,
             command=command,
+            replayed=replayed,
             pages={name: f"{pages}/{name.partition(':')[0]}.html" for name in linked},
             pictures={name: b64encode(picture).decode() for name, picture in pictures.items()},
         )
