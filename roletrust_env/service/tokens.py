@@ -57,7 +57,7 @@ class Registration(Claims):
     """
 
     kind: Literal["register"] = "register"
-    key: Annotated[str, Field(pattern="^[A-Za-z0-9_-]{43}$")]
+    key: Annotated[str, Field(pattern="^[-_A-Za-z0-9]{43}$")]
     work: Annotated[int, Field(ge=0, lt=2**63)] = 0
 
 

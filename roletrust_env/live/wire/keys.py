@@ -10,7 +10,7 @@ from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
-NAME = r"[A-Za-z_][A-Za-z0-9_.@:+-]{0,199}"
+NAME = r"[_A-Za-z][_A-Za-z0-9.@:+-]{0,199}"
 """Names of agents as a regular expression: they are names of files, too, and none looks like another."""
 
 _PRIVATE, _PUBLIC = ".key", ".pub"

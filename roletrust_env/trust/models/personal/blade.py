@@ -54,8 +54,8 @@ class Blade(Personal):
     The paper's are the network, the Dirichlet distributions and Bayes' rule. How it treats mixtures and change could
     not be checked, so that is ours. Ours are also the levels, see `roletrust_env.trust.dirichlet`; that evidence fades
     as new evidence comes; that P(r | x) is learned only from services that the judge has seen; that a round's services
-    are taken one by one; and the credence, which the network has not: the mean agreement 1 - |x - r| over m. The paper
-    has several properties of a provider; here there is one, its quality.
+    are taken one by one; and the credence, which the network has not: 1 less the mean distance of x and r
+    over m. The paper has several properties of a provider; here there is one, its quality.
 
     Attributes:
         levels: Number of levels of ratings, at least 2.
