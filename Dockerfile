@@ -1,3 +1,11 @@
+# The trust manager, which compose.yaml starts with its database.
+FROM python:3.11-slim AS manager
+WORKDIR /roletrust
+COPY . .
+RUN pip install --no-cache-dir --constraint constraints.txt '.[serve]'
+USER nobody
+ENTRYPOINT ["roletrust", "serve"]
+
 # The environment of `make run` and `make test`: docker build -t roletrust . && docker run --rm roletrust
 FROM python:3.11-slim
 RUN apt-get update && apt-get install --yes --no-install-recommends git make && rm -rf /var/lib/apt/lists/*

@@ -1,7 +1,9 @@
 """What is needed to publish: the paper for JOSS, the citation, the container and the archive."""
 
 import hashlib
+import json
 import re
+import shlex
 import shutil
 import subprocess
 import tomllib
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from pages import refused
 from pybtex.database import parse_file
 
 HOUSE = Path(__file__).parent.parent
@@ -35,8 +38,8 @@ def test_the_citation_is_of_this_version_and_a_doi_can_be_added():
 
 def test_the_container_runs_commands_that_are_there():
     lines = (HOUSE / "Dockerfile").read_text().splitlines()
-    version = next(re.fullmatch(r"FROM python:(\d+\.\d+)-slim", line)[1] for line in lines if line.startswith("FROM"))
-    assert PROJECT["requires-python"] == f">={version}"
+    versions = {line.split()[1] for line in lines if line.startswith("FROM")}
+    assert versions == {f"python:{PROJECT['requires-python'].removeprefix('>=')}-slim"}
     makefile = (HOUSE / "Makefile").read_text()
     text = "\n".join(lines)
     targets = re.findall(r"make (\w+)", text) + re.findall(r'"make", "(\w+)"', text)
@@ -46,6 +49,19 @@ def test_the_container_runs_commands_that_are_there():
     for source in re.findall(r"^COPY (\S+) ", text, flags=re.MULTILINE):
         assert (HOUSE / source).exists()
     assert {"git", "make"} <= set(re.search(r"--no-install-recommends (.+?) &&", text)[1].split())
+
+
+def test_the_trust_manager_is_started_with_its_database():
+    manager, database = yaml.safe_load((HOUSE / "compose.yaml").read_text())["services"].values()
+    stages = re.split(r"^FROM \S+", (HOUSE / "Dockerfile").read_text(), flags=re.MULTILINE)
+    (stage,) = (stage for stage in stages if stage.startswith(f" AS {manager['build']['target']}"))
+    (extra,) = re.findall(r"'\.\[(\w+)\]'", stage)
+    assert extra in PROJECT["optional-dependencies"]
+    program = json.loads(re.search(r"^ENTRYPOINT (.+)", stage, flags=re.MULTILINE)[1])
+    assert not refused(shlex.join([*program, *manager["command"]]))
+    assert "POSTGRES_PASSWORD" in database["environment"]
+    (port,) = manager["ports"]
+    assert port.endswith(f":{manager['command'][manager['command'].index('--port') + 1]}")
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from roletrust_env.service.client import TrustClient
 
 _ROUNDS, _AGENTS = 600, 50  # that are shown
 _QUIET_S = 15.0  # a manager without news says so after that time
-_PAUSE_S = 1.0  # before another try to reach a manager
+_PAUSE_S, _PATIENCE_S = 1.0, 5.0  # before another try to reach a manager, and for an answer
 
 
 class ManagerListener:
@@ -40,7 +40,7 @@ class ManagerListener:
     """
 
     def __init__(self, url: str) -> None:
-        self._client, self._active = TrustClient(url), True
+        self._client, self._active = TrustClient(url, patience_s=_PATIENCE_S), True
         self.period_s = max(self._client.about().every, _QUIET_S)
         self.rounds: deque[PublishedTrust] = deque(maxlen=_ROUNDS)
         self.last_heard: dict[str, float] = {}
