@@ -8,8 +8,8 @@ from rich.markup import escape
 
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.scenario_files import printable, write_scenario
-from roletrust_experiments.commands.console import console, number_table
-from roletrust_experiments.commands.extras import require_live
+from roletrust_experiments.commands.console import console, number_table, tell
+from roletrust_experiments.commands.extras import require, require_live
 from roletrust_experiments.commands.live.options import Keys, Network
 
 
@@ -47,9 +47,13 @@ def record(
 
 
 def scenario(
-    recording: Annotated[Path, typer.Argument(help="Folder of a recording.")],
+    recording: Annotated[Path, typer.Argument(help="Folder of a recording, or a log of ratings.")],
     out: Annotated[Path, typer.Option(help="New .toml file.")] = Path("scenario.toml"),
     keys: Keys = None,
+    every: Annotated[float, typer.Option(help="Length of a round of a log, seconds.")] = 60.0,
+    scale: Annotated[
+        tuple[float, float], typer.Option(help="Worst and best rating of a log.", metavar="WORST BEST")
+    ] = (0.0, 1.0),
 ) -> None:
     """Make a [bold]scenario[/] from a recording, to train attackers against the recorded team.
 
@@ -57,13 +61,17 @@ def scenario(
     services, the ability of each provider, and the bias and noise of each rater. A scenario cannot express everything,
     and the command reports the rest: a rating that arrived too late counts as lost, and an agent that was absent for
     a while is present throughout. Attackers are treated like other agents; an attack in less than a third of the
-    rounds hardly changes the estimates.
+    rounds hardly changes the estimates. A log, such as the export of a trust manager, is read as `roletrust rate
+    --same-agents` reads it; raters that are silent in a round count as lost ratings.
 
     [bold]Examples[/]
 
     [cyan]roletrust live scenario results/live/recording --out team.toml[/]
     [cyan]roletrust play team.toml --attack sr_0=bad-mouthing[/]
     [cyan]roletrust train RaterAttack --scenario team.toml[/]
+
+    [dim]# agents that are no robots[/]
+    [cyan]roletrust live scenario ratings.csv --every 60 --out agents.toml[/]
     """
     require_live()
     from roletrust_env.live.recorded_team import infer_scenario, observe_team
@@ -74,9 +82,17 @@ def scenario(
         raise ValueError(f"{out}: the name of the scenario must end in .toml")
     if out.exists():
         raise ValueError(f"{out} exists already; a scenario needs a new file")
-    inferred = infer_scenario(
-        observe_team(read_recording(recording), None if keys is None else PublicKeys(keys)), out.stem
-    )
+    if recording.is_file():
+        require("roletrust live scenario of a log", "data", "pyarrow")
+        from roletrust_env.data.columns import Columns
+        from roletrust_env.data.log import read_ratings
+        from roletrust_env.service.log_team import observe_log
+
+        log = read_ratings(recording, Columns(time="time"), scale=scale, same_agents=True, every=every, tell=tell)
+        observation = observe_log(log, every)
+    else:
+        observation = observe_team(read_recording(recording), None if keys is None else PublicKeys(keys))
+    inferred = infer_scenario(observation, out.stem)
     write_scenario(out, inferred.scenario, inferred.names)
     table = number_table(
         escape(f"{recording.name}, {inferred.scenario.max_cycles} rounds"), "with 95% intervals", "value", "from", "to"
