@@ -3,7 +3,7 @@
 import asyncio
 import json
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from typing import Annotated, Any
 
@@ -340,7 +340,7 @@ def _wrong(error: RequestValidationError) -> str:
     return "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()[:_SHOWN])
 
 
-def _explanation(found: Found, names: list[str]) -> answers.Explanation:
+def _explanation(found: Found, names: Sequence[str]) -> answers.Explanation:
     reasons = [
         answers.Reason(
             agent=names[reason.other],

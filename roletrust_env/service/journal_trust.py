@@ -1,26 +1,29 @@
 """Trust from the journal of a manager: its rounds are played from there, and never from anywhere else."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from sqlalchemy import Select, select
 
-from roletrust_env.data.evidence import Evidence, Role
+from roletrust_env.data.evidence import Evidence, Role, evidence
 from roletrust_env.data.explanation import Explanation, explain
 from roletrust_env.data.log import RatingLog
-from roletrust_env.data.log_rounds import log_rounds
-from roletrust_env.data.rounds import MOST, round_numbers
+from roletrust_env.data.log_rounds import log_rounds, played
+from roletrust_env.data.rounds import MOST, check_rounds, round_numbers
 from roletrust_env.data.stream import TrustStream
-from roletrust_env.data.units import unit_ratings
+from roletrust_env.data.units import check_scale, unit_ratings
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.service.store import Store, events
+from roletrust_env.trust.edges import runs_on_edges
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import registry
-from roletrust_env.trust.run import make_run
+from roletrust_env.trust.run import check_memory, make_run
 
 SECOND = 1_000_000
 """Microseconds, in which the journal has times."""
 
+_ROLES: tuple[Role, ...] = ("ratee", "rater")
 _FAR = MOST - 2  # rounds without a rating after which none can be taken
 
 
@@ -67,11 +70,22 @@ class RoundEnd(NamedTuple):
 
 
 class Ranking:
-    """The agents of a role that have ratings, the best first."""
+    """The agents of a role that have ratings, the best first.
 
-    def __init__(self, found: Evidence) -> None:
-        self._found = found.ranked()
-        self.names: list[str] = list(self._found.names)
+    Args:
+        found: Trust in them and its evidence; None if there are none.
+
+    Attributes:
+        names: Their names.
+        trust: Trust in each.
+    """
+
+    def __init__(self, found: Evidence | None = None) -> None:
+        self.names, self.trust, self._columns = list[str](), dict[str, float](), list[Any]()
+        if found is not None:
+            names, *self._columns = found.ranked()
+            self.names = list(names)
+            self.trust = dict(zip(self.names, self._columns[0].tolist(), strict=True))
         self._places = {name: place for place, name in enumerate(self.names)}
 
     def place(self, name: str) -> int:
@@ -83,14 +97,15 @@ class Ranking:
         of, place = len(self.names), self.place(name)
         if place == of:
             return Standing(start, of=of)
-        return Standing._make([*(column[place].item() for column in self._found[1:]), place + 1, of])
+        return Standing._make([*(column[place].item() for column in self._columns), place + 1, of])
 
 
 class JournalTrust:
     """Trust after the rounds of a journal that have ended.
 
     Ratings count when the time of their round is over. The rounds are those of `roletrust rate --every` on the exported
-    journal, and so is the trust.
+    journal, and so is the trust. A model that keeps numbers for all pairs has to know all agents from the start, so the
+    whole journal is played for it after each round.
 
     Args:
         store: Journal.
@@ -106,15 +121,21 @@ class JournalTrust:
         rankings: Agents with ratings by role. They are replaced as a whole, so that any thread may read them.
 
     Raises:
-        ValueError: There is no such model, it needs to know all agents from the start, or a rating is off the scale.
+        ValueError: There is no such model, or a rating is off the scale.
     """
 
     def __init__(
         self, store: Store, model: str, every: float, scale: tuple[float, float], *, same_agents: bool
     ) -> None:
+        check_scale(scale)
+        check_rounds(every, None)
         self._store, self._model = store, parse_named(registry, model)
-        self._stream = TrustStream(self._model, every=every, scale=scale, same_agents=same_agents, keep_evidence=True)
-        self._every, self.counted, self.n_counted = every, 0, 0
+        self._every, self._scale, self._same_agents = every, scale, same_agents
+        self._stream = None
+        if runs_on_edges(self._model):
+            settings: Any = {"every": every, "scale": scale, "same_agents": same_agents, "keep_evidence": True}
+            self._stream = TrustStream(self._model, **settings)
+        self.rounds = self.counted = self.n_counted = 0
         self.rates_raters: bool = self._model.rates_raters
         newcomer = make_run(self._model, (1, 1), one_role=not same_agents)
         self._newcomer = {"ratee": float(newcomer.provider_trust[0]), "rater": float(newcomer.rater_trust[0])}
@@ -122,12 +143,16 @@ class JournalTrust:
         self._first: float | None = None  # of the first that does not count yet
         for row in store.rows(self._ratings().limit(1)):
             self._start = self._first = row.time / SECOND
-        self._rank()
+        self.rankings: dict[Role, Ranking] = {"ratee": Ranking(), "rater": Ranking()}
 
-    @property
-    def rounds(self) -> int:
-        """Number of rounds that have ended."""
-        return self._stream.rounds
+    def fits(self, agents: int) -> bool:
+        """Return whether the model has room for so many agents."""
+        try:
+            if self._stream is None:
+                check_memory(self._model, (agents, agents))
+        except MemoryError:
+            return False
+        return True
 
     def has_round(self, time: float) -> bool:
         """Return whether a time has a round: there may have been too many rounds without a rating before it."""
@@ -149,31 +174,49 @@ class JournalTrust:
         """
         if self._first is None or (running := self._round(now)) <= self._round(self._first):
             return None
-        before, self._first = self._trust, None
+        before, self._first = self.rankings, None
         for rows in self._store.blocks(self._ratings()):
             times = np.array([row.time for row in rows]) / SECOND
             ended = int(np.searchsorted(self._rounds(times), running))
             if ended:
                 _, raters, providers, values, _ = zip(*rows[:ended], strict=True)
-                self._stream.update(raters, providers, values, times[:ended])
+                if self._stream is not None:
+                    self._stream.update(raters, providers, values, times[:ended])
                 self.counted, self.n_counted = rows[ended - 1].seq, self.n_counted + ended
             if ended < len(rows):
                 self._first = float(times[ended])
                 break
-        self._stream.finish()
-        self._rank()
-        changed = (
-            {name: value for name, value in one.items() if other.get(name, start) != value}
-            for one, other, start in zip(self._trust, before, self._newcomer.values(), strict=True)
+        found = self._played_all() if self._stream is None else self._finished(self._stream)
+        self.rankings = {role: Ranking(one) for role, one in found.items()}
+        provider, rater = (
+            {
+                name: trust
+                for name, trust in ranking.trust.items()
+                if before[role].trust.get(name, self._newcomer[role]) != trust
+            }
+            for role, ranking in self.rankings.items()
         )
-        return RoundEnd(self.rounds, now, *changed)
+        return RoundEnd(self.rounds, now, provider, rater)
+
+    def _finished(self, stream: TrustStream) -> dict[Role, Evidence]:
+        stream.finish()
+        self.rounds = stream.rounds
+        return {role: stream.evidence(role) for role in _ROLES}
+
+    def _played_all(self) -> dict[Role, Evidence]:
+        log = self._log()
+        pairs = log.pairs()
+        run = played(self._model, log, log_rounds(log, self._every), pairs=pairs)
+        self.rounds = run.rounds
+        trusts = run.provider_trust, run.rater_trust
+        return {role: evidence(log, role, trust, pairs) for role, trust in zip(_ROLES, trusts, strict=True)}
 
     def standing(self, name: str, role: Role) -> Standing:
         """Return the standing of an agent in a role."""
         return self.rankings[role].standing(name, self._newcomer[role])
 
-    def explain(self, name: str, role: Role) -> tuple[Explanation, list[str]] | None:
-        """Return what makes the trust in an agent, and the names by place.
+    def explain(self, name: str, role: Role) -> tuple[Explanation, Sequence[str]] | None:
+        """Return what makes the trust in an agent, and the names of the others by place.
 
         None if it has no ratings that count, or as a rater if the model has no trust in raters. The journal is played
         several times, which takes as long. Any thread may call it.
@@ -183,21 +226,27 @@ class JournalTrust:
         """
         if role == "rater" and not self.rates_raters:
             return None
-        rows = self._store.rows(self._ratings(until=self.counted))
-        places: dict[str, int] = {}
-        raters, ratees = (
-            np.array([places.setdefault(row[side], len(places)) for row in rows], np.int64) for side in (1, 2)
-        )
-        names = list(places)
-        other = names if self._stream.same_agents else list(names)
-        values = unit_ratings(np.array([row.rating for row in rows]), self._stream.scale)
-        log = RatingLog(
-            raters, ratees, values, np.array([row.time for row in rows]) / SECOND, names, other, was_sorted=True
-        )
-        agent = places.get(name)
-        if agent is None or agent not in (ratees if role == "ratee" else raters):
+        log = self._log()
+        own, other = log.rater_names, log.ratee_names
+        if role == "ratee":
+            own, other = other, own
+        if name not in own or (agent := own.index(name)) not in (log.ratees if role == "ratee" else log.raters):
             return None
-        return explain(self._model, log, log_rounds(log, self._every), role, agent), names
+        return explain(self._model, log, log_rounds(log, self._every), role, agent), other
+
+    def _log(self) -> RatingLog:
+        """Return the ratings that count."""
+        rows = self._store.rows(self._ratings(until=self.counted))
+        names = [dict[str, int]()] * 2 if self._same_agents else [dict[str, int](), dict[str, int]()]
+        raters, ratees = (
+            np.array([places.setdefault(row[side], len(places)) for row in rows], np.int64)
+            for side, places in enumerate(names, 1)
+        )
+        values = unit_ratings(np.array([row.rating for row in rows]), self._scale)
+        times = np.array([row.time for row in rows]) / SECOND
+        rater_names = list(names[0])
+        ratee_names = rater_names if self._same_agents else list(names[1])
+        return RatingLog(raters, ratees, values, times, rater_names, ratee_names, was_sorted=True)
 
     def _ratings(self, until: int | None = None) -> Select[Any]:
         """Return the query of the ratings that do not count yet, or of all up to an event."""
@@ -215,8 +264,3 @@ class JournalTrust:
 
     def _round(self, time: float) -> int:
         return int(self._rounds(np.array([min(time, self._furthest)]))[0])
-
-    def _rank(self) -> None:
-        """Take the standings and the trust of now."""
-        self.rankings: dict[Role, Ranking] = {role: Ranking(self._stream.evidence(role)) for role in ("ratee", "rater")}
-        self._trust = self._stream.provider_trust(), self._stream.rater_trust() if self.rates_raters else {}

@@ -424,6 +424,8 @@ class TrustManager:
         self._verify(signed, 0)
         if not self._limit.admits(self._time * _NANO):
             raise _refusal(RefusalReason.CROWDED, claims, 0, f"{self.settings.newcomers:,} in a round are allowed")
+        if not self._trust.fits(sum(self._begun.values()) + 1):
+            raise _refusal(RefusalReason.CROWDED, claims, 0, f"{self._model} has no room for more agents")
         self._undo.append(partial(self._unjoin, name))
         self._append(signed, None, None, self._join(claims, Receipt(self._next, self._time / SECOND)).identity)
 
@@ -509,7 +511,7 @@ class TrustManager:
         """Return the trust in an agent as a provider and as a rater."""
         return self._trust.standing(member.identity, "ratee"), self._trust.standing(member.identity, "rater")
 
-    def explain(self, member: Member, role: Role) -> tuple[Explanation, list[str]] | None:
+    def explain(self, member: Member, role: Role) -> tuple[Explanation, Sequence[str]] | None:
         """Return what makes the trust in an agent, see `JournalTrust.explain`."""
         return self._trust.explain(member.identity, role)
 

@@ -55,12 +55,15 @@ def as_rated(manager: TrustManager, path: Path, model: str) -> None:
         wanted = evidence(log, role, trust, log.pairs()).ranked()
         found = manager._trust.rankings[role]
         assert found.names == list(wanted.names)
-        for name, one, other in zip(wanted._fields[1:], wanted[1:], found._found[1:], strict=True):
+        for name, one, other in zip(wanted._fields[1:], wanted[1:], found._columns, strict=True):
             np.testing.assert_allclose(other, one, rtol=0, atol=1e-12, err_msg=name)
 
 
-def test_trust_is_that_of_rate_on_the_export(tmp_path: Path):
-    check_trust(str(tmp_path / "s"), tmp_path, "role-trust")
+@pytest.mark.parametrize(
+    ("model", "same_agents"), [("role-trust", True), pytest.param("first-hand", False, marks=pytest.mark.slow)]
+)
+def test_trust_is_that_of_rate_on_the_export(tmp_path: Path, model: str, same_agents: bool):
+    check_trust(str(tmp_path / "s"), tmp_path, model, same_agents=same_agents)
 
 
 @pytest.mark.slow
@@ -85,10 +88,10 @@ def break_connection(manager: TrustManager) -> None:
         other.execute(text("select pg_terminate_backend(:own)"), {"own": own})
 
 
-def check_trust(address: str, tmp_path: Path, model: str) -> None:
+def check_trust(address: str, tmp_path: Path, model: str, *, same_agents: bool = True) -> None:
     """Check trust also after the clock went back, agents left and came back, rounds were silent, and each restart."""
     clock, draw = Clock(), random.Random(7)
-    settings = QUICK._replace(every=10.0, scale=(1.0, 5.0), tolerance=1e6)
+    settings = QUICK._replace(every=10.0, scale=(1.0, 5.0), same_agents=same_agents, tolerance=1e6)
     with managed(address, clock, settings, model) as manager:
         agents = joined(manager, clock, "null", "NaN", "true", "_1", "did:web:x.y@z+a-b", "f")
     for restart in range(2):
