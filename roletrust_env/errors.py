@@ -6,6 +6,20 @@ from typing import Any
 
 from pydantic import ValidationError
 
+_PLAIN = {
+    **dict.fromkeys(("tuple_type", "list_type", "set_type", "frozen_set_type"), "it must be a list"),
+    **dict.fromkeys(
+        ("dict_type", "mapping_type", "model_type", "model_attributes_type", "dataclass_type", "dataclass_exact_type"),
+        "it must be a table of names and values",
+    ),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float", "int_parsing_size"), "it must be an integer"),
+    **dict.fromkeys(("float_type", "float_parsing"), "it must be a number"),
+    **dict.fromkeys(("bool_type", "bool_parsing"), "it must be true or false"),
+    **dict.fromkeys(("string_type", "string_unicode"), "it must be a text"),
+    "finite_number": "it must be a finite number",
+}
+"""Words for what pydantic says of types in those of Python."""
+
 _MAX_FIELDS, _MAX_LENGTH = 10, 300  # limits on the wrong fields listed and on the characters shown of a value
 
 
@@ -38,7 +52,7 @@ def _explain(detail: Any) -> str:
     field = _short(".".join(str(part) for part in detail["loc"]))
     if detail["type"] == "missing":
         return f"field {field} is missing"
-    reason: str = detail["msg"].removeprefix("Value error, ")
+    reason: str = _PLAIN.get(detail["type"], detail["msg"].removeprefix("Value error, "))
     if detail["type"] == "value_error":
         return f"{field}: {reason}" if field else reason
     return f"{field} is {_short(repr(detail['input']))}: {reason}" if field else reason

@@ -12,10 +12,11 @@ from typing import Any
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.measurement import SEARCHED, judged_rollout, random_sources
-from roletrust_env.evaluation.resources import check_memory, pairs
+from roletrust_env.evaluation.resources import pairs
 from roletrust_env.evaluation.search import UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.game import Game
+from roletrust_env.memory import check_memory
 from roletrust_env.trust import RoleTrust, TrustModel
 from roletrust_env.trust.algorithms import rater_quality
 from roletrust_env.trust.ratings import Ratings

@@ -20,8 +20,8 @@ import numpy.typing as npt
 
 from roletrust_env import make_scenario
 from roletrust_env.data import TrustStream
-from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.memory import in_bytes
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trees import map_kinds
 from roletrust_env.trust import Ratings, TrustModel, trust_models

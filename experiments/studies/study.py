@@ -127,13 +127,13 @@ class Study(Generic[Options]):
         Args:
             work: Function of a module that plays a run.
             jobs: Arguments of each run, by key.
-            settings: Settings that runs must share to be compared; the version of the software is added.
+            settings: Settings that runs must share to be compared; the seed and the version of the software are added.
 
         Raises:
             ValueError: All runs failed, or the file has runs with other settings.
         """
         path = self.out / "runs.json"
-        made_with = json.loads(json.dumps({"study": self.name, **settings, **software()}))
+        made_with = json.loads(json.dumps({"study": self.name, "seed": self.seed, **settings, **software()}))
         kept = {} if self.again or not path.exists() else _kept(path, made_with)
         missing = {key: arguments for key, arguments in jobs.items() if key not in kept}
         with progress_bar() as bar:
@@ -229,13 +229,15 @@ def _given(default: Options, given: Namespace) -> tuple[Options, list[str]]:
 
 def _kept(path: Path, made_with: Run) -> dict[str, Run]:
     """Return the runs of a file, all with these settings."""
+    else_ = "give --force to begin again, or another --out"
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
-        same, runs = stored["made_with"] == made_with, dict(stored["runs"])
-    except (ValueError, KeyError, TypeError):
-        same, runs = False, {}
-    if not same:
-        raise ValueError(f"{path} holds no runs with these settings; give --force to begin again, or another --out")
+        before, runs = {"seed": 0, **stored["made_with"]}, {str(key): dict(run) for key, run in stored["runs"].items()}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"{path} is damaged, or no file of runs ({type(error).__name__}: {error}); {else_}") from None
+    if other := [name for name in {**before, **made_with} if before.get(name) != made_with.get(name)]:
+        told = "; ".join(f"{name} is {before.get(name)!r} there and {made_with.get(name)!r} here" for name in other)
+        raise ValueError(f"{path} holds runs with other settings: {told}; {else_}")
     return runs
 
 

@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 import gymnasium
 import numpy as np
 
+from roletrust_env.memory import check_memory
+from roletrust_env.trees import arrays
 from roletrust_env.world import Scenario
 from roletrust_env.world.roster import shown
 
@@ -70,6 +72,20 @@ def _words(n_bytes: int) -> tuple[int, int]:
     """Return the first bit of each word of some bytes; and what the bits of 1.0 lack to reach it, in each word."""
     ones = sum(1 << 8 * k for k in range(0, n_bytes, 4))
     return ones << 31, ones * (2**31 - 1 - int(np.float32(1).view(np.uint32)))
+
+
+def check_games(name: str, games: int, game: Any) -> None:
+    """Refuse a batch whose state alone would not fit into the memory.
+
+    Args:
+        name: Argument that sets the number of games.
+        games: Number of games.
+        game: State of one game, with what is observed of it.
+
+    Raises:
+        ValueError: It does not fit. The message says about how many games do.
+    """
+    check_memory(f"{name}:", games, float(sum(array.nbytes for array in arrays(game))))
 
 
 def seed_spaces(spaces: Mapping[str, gymnasium.Space[Any]], seed: int | None) -> None:

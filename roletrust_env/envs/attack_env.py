@@ -12,7 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.arguments import all_within, refuse_unknown
+from roletrust_env.envs.arguments import all_within, check_games, refuse_unknown
 from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import suggest
@@ -64,6 +64,10 @@ class TaskBatch:
         threads: int = 0,
         whole: bool = False,
     ) -> None:
+        if shape:
+            random = task.game.random(0)
+            one = task.start(task.game.draw(random, start=True), random)
+            check_games("num_envs", shape[0], (one, task.observe(one)))
         self.task = task
         self.shape = shape
         self.rounds = min(rounds or task.game.scenario.max_cycles, task.game.scenario.max_cycles)

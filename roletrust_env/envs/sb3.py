@@ -14,6 +14,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
+from roletrust_env.envs.arguments import check_games
 from roletrust_env.envs.attack_env import TaskBatch, check_action, choose, task_spaces
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.attack_task import AttackTask
@@ -351,6 +352,7 @@ class RoleVecEnv(BatchVecEnv):
         for name in others or {}:
             if name in self.agents:
                 raise ValueError(f"agent {name!r} learns; remove it from others")
+        check_games("games", games, game.start(game.draw(game.random(0), start=True)))
         self.game, self._role, self._games = game, role, games
         self._joint_policy = JointPolicy(game, others or {})
         self._rows = _slice(self.agents, roster.names)

@@ -68,6 +68,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if max_episode_steps is not None:
             max_episode_steps = whole_number("max_episode_steps", max_episode_steps, 1)
         self.task = task_by_id(task_id, arguments)
+        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps, threads)
         self.num_envs = num_envs
         self.metadata = {**deepcopy(TASKS[task_id].metadata), "autoreset_mode": mode}
         self.render_mode = render_mode
@@ -75,7 +76,6 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._mode = mode
-        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps, threads)
         self._random = self.task.game.random()
         self._ended: Array | None = None  # games to restart in the next step
         self._spectator = Spectator(self.task.game, render_mode)

@@ -10,11 +10,12 @@ import numpy.typing as npt
 from roletrust_env import metrics
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker, OpenLoop, Scripted
-from roletrust_env.evaluation.resources import check_memory, pairs, trial_size, try_out
+from roletrust_env.evaluation.resources import pairs, trial_size, try_out
 from roletrust_env.game.attack_task import AttackTask, Outcome
 from roletrust_env.game.consumer import Bought
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.rollout import Round, rollout
+from roletrust_env.memory import check_memory
 from roletrust_env.metrics.score import mean_or_nan, ratio
 from roletrust_env.parameters import whole_number
 from roletrust_env.randomness import Random

@@ -1,21 +1,17 @@
-"""Memory and time of a run, estimated before it starts."""
+"""Memory and time of a run, estimated before it starts; `roletrust_env.memory` knows what is free."""
 
-import os
 import platform
 import re
 import tracemalloc
 from collections.abc import Callable, Iterator
 from itertools import islice
-from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from roletrust_env.game.game import Game
-
-_SHARE = 0.8
-"""Share of the free memory that a run may take; the rest is for what is not counted here."""
+from roletrust_env.memory import kernel_file, two_digits
 
 _ROUNDS, _CELLS = 2, 200_000  # of a trial: rounds, and pairs of agents
 
@@ -55,61 +51,16 @@ def try_out(rounds: Callable[[int], Iterator[object]], many: int) -> Cost:
     return Cost(max(0.0, memory - few_memory) / more, max(0.0, seconds - few_seconds) / more / _ROUNDS)
 
 
-def check_memory(option: str, number: int, each: float, hint: str = "") -> None:
-    """Refuse a run that does not fit into the memory.
-
-    Args:
-        option: Option that sets the size of the run.
-        number: Value of the option.
-        each: Memory for each unit of it, in bytes.
-        hint: Further cost of the run, in words.
-
-    Raises:
-        ValueError: The run does not fit. The message says what it would take, and about how large a run fits.
-    """
-    free = _SHARE * available()
-    if number * each > free:
-        fits = int(free / each)
-        fits -= fits % 10 ** max(0, len(str(fits)) - 2)  # two digits
-        raise ValueError(
-            f"{option} {number:,} would take about {in_bytes(number * each)} of memory{hint}; "
-            f"{in_bytes(free)} can be had, enough for about {fits:,}"
-        )
-
-
 def processor() -> str:
     """Return the name of the processor, and those of its instructions that NumPy found.
 
     Another processor may round the same sums differently, and so may the same one where a virtual machine hides some of
     its instructions.
     """
-    found = re.search(r"^model name\s*:\s*(.+)$", _read("/proc/cpuinfo"), re.MULTILINE)
+    found = re.search(r"^model name\s*:\s*(.+)$", kernel_file("/proc/cpuinfo"), re.MULTILINE)
     name = found[1] if found else platform.processor() or platform.machine()
     build: dict[str, Any] = np.show_config(mode="dicts")  # type: ignore[assignment]  # None in the other modes
     return " ".join([name, *build.get("SIMD Extensions", {}).get("found", [])])
-
-
-def available() -> float:
-    """Return the free memory in bytes as Linux states it, else that of the whole machine, else infinity."""
-    try:
-        free = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, ValueError, OSError):
-        free = float("inf")
-    if found := re.search(r"MemAvailable: *(\d+) kB", _read("/proc/meminfo")):
-        free = 1024.0 * int(found[1])
-    limit = _read("/sys/fs/cgroup/memory.max").strip()  # of a container; or the word max
-    return min(free, float(limit)) if limit.isdecimal() else free
-
-
-def in_bytes(size: float) -> str:
-    """Return a size for people.
-
-    Example:
-        >>> in_bytes(3.26e12), in_bytes(21e6)
-        ('3.3 TB', '21 MB')
-    """
-    unit, of = next(((unit, of) for unit, of in (("TB", 1e12), ("GB", 1e9)) if size >= of), ("MB", 1e6))
-    return f"{_two_digits(size / of)} {unit}"
 
 
 def in_time(seconds: float) -> str:
@@ -121,11 +72,7 @@ def in_time(seconds: float) -> str:
     """
     units = (("days", 86_400), ("hours", 3600), ("minutes", 60))
     unit, of = next(((unit, of) for unit, of in units if seconds >= 2 * of), ("seconds", 1))
-    return f"{_two_digits(seconds / of)} {unit}"
-
-
-def _two_digits(value: float) -> str:
-    return f"{value:.1f}".removesuffix(".0") if value < 10 else f"{float(f'{value:.1e}'):,.0f}"
+    return f"{two_digits(seconds / of)} {unit}"
 
 
 def _trace(rounds: Callable[[int], Iterator[object]], games: int) -> tuple[int, float]:
@@ -138,11 +85,3 @@ def _trace(rounds: Callable[[int], Iterator[object]], games: int) -> tuple[int, 
         return tracemalloc.get_traced_memory()[1], perf_counter() - began
     finally:
         tracemalloc.stop()
-
-
-def _read(path: str) -> str:
-    """Return a file of the kernel; empty where there is none."""
-    try:
-        return Path(path).read_text()
-    except OSError:
-        return ""

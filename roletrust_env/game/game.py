@@ -196,8 +196,8 @@ class Game:
             The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
 
         Raises:
-            ValueError: The shapes of the actions are not those of the state, or a trust model fails. Values are not
-                looked at, which would take 4% of a small game's time; rollouts and environments refuse NaN before.
+            ValueError: The shapes of the actions are not those of the state, or a trust model fails; or, on NumPy, an
+                action is NaN or outside [0, 1].
         """
         xp, rules, roster, cells = namespace(self.like), self.scenario, self.roster, self._cells
         actions = fitted(actions, state)

@@ -90,8 +90,8 @@ def test_numpys_numbers_are_seeds_and_others_get_one_message() -> None:
                 entry(seed)
 
 
-def test_whole_numbers_may_be_numpys_and_nothing_else() -> None:
-    game = gymnasium.make(RATER)
+def test_whole_numbers_may_be_numpys_and_fit() -> None:
+    game, task = gymnasium.make(RATER), make_task("paper-3x3", ("sp_2",))
     takers: dict[str, Callable[[Any], Any]] = {
         "levels": lambda n: DiscretizeLevels(game, n, multidiscrete=True),
         "num_envs": lambda n: gymnasium.make_vec(RATER, num_envs=n),
@@ -106,5 +106,10 @@ def test_whole_numbers_may_be_numpys_and_nothing_else() -> None:
         for wrong in (-1, 2.5, "3", True):
             with pytest.raises(ValueError, match=f"^{name} is .*; it must be a whole number, [012] or more$"):
                 take(wrong)
+    rules = Game(make_scenario("paper-3x3"), like=np.zeros((), np.float32))
+    for make in (takers["num_envs"], lambda n: AttackVecEnv(task, n), lambda n: RoleVecEnv(rules, "sr", n)):
+        for many in (10**12, 2**70):
+            with pytest.raises(ValueError, match=r"(num_envs|games): .* would take about .* of memory; .* can be had"):
+                make(many)
     levels = DiscretizeLevels(game, np.int64(3), multidiscrete=True)
     assert gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(levels.spec.to_json()))

@@ -10,7 +10,8 @@ from roletrust_agents.planning.planner import Planner
 from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.search_method import ppo
-from roletrust_env.evaluation import measurement, resources
+from roletrust_env import memory
+from roletrust_env.evaluation import measurement
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.search import Budget, find
@@ -20,7 +21,7 @@ from roletrust_env.trust import make_trust_model
 
 @pytest.fixture(autouse=True)
 def _small_machine(monkeypatch):
-    monkeypatch.setattr(resources, "available", lambda: 1e5)
+    monkeypatch.setattr(memory, "available", lambda: 1e5)
 
 
 @pytest.fixture
@@ -43,7 +44,7 @@ def test_games_that_do_not_fit_are_refused_and_fewer_are_not(everything_is_tried
     ids=lambda method: method.name,
 )
 def test_a_search_in_a_world_that_is_too_large_is_refused(everything_is_tried, monkeypatch, method):
-    monkeypatch.setattr(resources, "available", lambda: 1e4)
+    monkeypatch.setattr(memory, "available", lambda: 1e4)
     with pytest.raises(ValueError, match=r"^games at once: .* would take about"):
         find(method, {**TASK, "trust_model": "beta"}, budget=50_000, seed=0, games=1)
 

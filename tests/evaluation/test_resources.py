@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from roletrust_agents.learned.saved import ZOO
 from roletrust_baselines import BadMouthing
-from roletrust_env import Game, JointPolicy, make_scenario
+from roletrust_env import Game, JointPolicy, make_scenario, memory
 from roletrust_env.evaluation import resources
 from roletrust_env.evaluation.measurement import task_memory
 from roletrust_env.metrics.confidence import over_games, student_quantile
@@ -99,7 +99,7 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
 
     monkeypatch.setattr(work, begin)
     monkeypatch.setattr("roletrust_agents.training.loop.MANY", 50)  # quickly tried
-    monkeypatch.setattr(resources, "available", lambda: 1e9)
+    monkeypatch.setattr(memory, "available", lambda: 1e9)
     monkeypatch.chdir(tmp_path)
 
     def attempt(number):
@@ -119,7 +119,7 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
 
 
 def test_one_game_that_is_too_long_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(resources, "available", lambda: 5e8)
+    monkeypatch.setattr(memory, "available", lambda: 5e8)
     monkeypatch.setattr(play, "play_games", lambda *_, **__: pytest.fail("it has begun"))
     result = run("play", "--set", "max_cycles=1000000", "--attack", "sr_0=bad-mouthing", "--out", tmp_path / "out")
     assert result.exit_code == 2
@@ -128,12 +128,12 @@ def test_one_game_that_is_too_long_is_refused(tmp_path, monkeypatch):
 
 
 def test_memory_is_that_of_the_kernel_and_of_the_container(monkeypatch):
-    assert 0 < resources.available() < 2**50
+    assert 0 < memory.available() < 2**50
     files = {"/proc/meminfo": "MemTotal: 9 kB\nMemAvailable:    4000000 kB\n", "/sys/fs/cgroup/memory.max": "max\n"}
-    monkeypatch.setattr(resources, "_read", lambda path: files[path])
-    assert resources.available() == 4_096_000_000
+    monkeypatch.setattr(memory, "kernel_file", lambda path: files[path])
+    assert memory.available() == 4_096_000_000
     files["/sys/fs/cgroup/memory.max"] = "1000000000\n"
-    assert resources.available() == 1e9
+    assert memory.available() == 1e9
 
 
 def test_intervals_of_very_many_games():

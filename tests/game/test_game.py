@@ -11,7 +11,7 @@ from game_cases import ACCESS, EVERY_ACCESS, TOLERANCE, assert_close, busy, each
 from hypothesis import given
 from slow_game import Slow
 
-from roletrust_env import Actions, Game, Noise, Scenario
+from roletrust_env import Actions, Game, Noise, Scenario, make_scenario
 from roletrust_env.game.summary import summarise
 from roletrust_env.trees import arrays
 from roletrust_env.world.presence import LEFT, PRESENT, WAITING
@@ -188,3 +188,15 @@ def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: 
         assert_close(game.agent_trust(other), game.agent_trust(state)[order])
         if rewards is not None:
             assert_close(other_rewards, rewards[order])
+
+
+def test_actions_that_are_nan_or_outside_are_refused() -> None:
+    game = Game(make_scenario("paper-3x3"))
+    random = game.random(0)
+    state = game.start(game.draw(random, (4,), start=True))
+    for wrong in (np.nan, -0.5, 1.5, np.inf):
+        for name, place in (("quality", 0), ("ratings", 1)):
+            parts = [np.ones((3, 4)), np.ones((3, 3, 4))]
+            parts[place][-1] = wrong
+            with pytest.raises(ValueError, match=f"{name} hold .*; none may be NaN or outside"):
+                game.step(state, Actions(*parts), game.draw(random, (4,)))

@@ -64,13 +64,21 @@ def test_a_study_continues_and_a_failed_run_is_played_again(tmp_path, capsys):
 
 def test_other_settings_and_damaged_files_are_refused_in_one_line(tmp_path, capsys):
     study(tmp_path)
-    for arguments, damage in ((["--power", 4], None), ([], "{"), ([], "[]"), ([], '{"runs": {}}')):
+    for arguments, damage, words in (
+        (["--power", 4], None, "other settings: power is 2.0 there and 4.0 here"),
+        (["--seed", 5], None, "other settings: seed is 0 there and 5 here"),
+        *(
+            ([], text, "is damaged, or no file of runs")
+            for text in ("{", "[]", '{"runs": {}}', '{"made_with": 1, "runs": {}}')
+        ),
+    ):
         if damage:
             (tmp_path / "out" / "runs.json").write_text(damage)
         with pytest.raises(SystemExit) as stopped:
             study(tmp_path, *arguments)
         assert stopped.value.code == 2
         line = capsys.readouterr().err
+        assert words in line
         assert "give --force to begin again" in line
         assert len(line.splitlines()) == 1
         assert PLAYED == []

@@ -35,7 +35,7 @@ AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
         ({"values": [1.0, -1.0]}, ["values.1", "-1.0", "greater than"]),
         ({"service": "smell"}, ["service", "'smell'", "'synthetic'", "'hog'"]),
         ({"frames": "video.mp4"}, ["frames", "'hog'", "'synthetic'"]),
-        ({"agents": "many"}, ["agents", "'many'", "tuple"]),
+        ({"agents": "many"}, ["agents", "'many'", "list"]),
         ({"agents": [{"role": "XX"}]}, ["agents.0.role", "'XX'", "'SR'", "'SP'", "'SR+SP'"]),
         ({"agents": [{"count": 2}]}, ["agents.0.role", "missing"]),
         ({"agents": [{"role": "SR", "count": 0}, {"role": "SP"}]}, ["agents.0.count", "0", "greater than"]),

@@ -13,10 +13,10 @@ from roletrust_agents.training.coalition_training import CoalitionTraining, Floa
 from roletrust_agents.training.settings import CoalitionPPOSettings, Start, settings_of
 from roletrust_agents.training.universal import best_universal, choice_rounds, starts_of, universal_coalitions
 from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, check_games_memory, mean_rewards
-from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.make_task import make_task
+from roletrust_env.memory import check_memory
 from roletrust_env.parameters import refuse_unknown
 
 _CRITIC_UNITS = 24

@@ -33,8 +33,9 @@ from roletrust_agents.training.runs import (
     score_of,
 )
 from roletrust_agents.training.settings import OnPolicySettings, learner_settings
-from roletrust_env.evaluation.resources import check_memory, trial_size, try_out
+from roletrust_env.evaluation.resources import trial_size, try_out
 from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.memory import check_memory
 
 _EVALUATIONS = 20
 """Number of measurements of the score during training."""

@@ -94,7 +94,7 @@ class RunFolder:
             if planned is None:
                 several = next(out.parent.glob("seed-*") if out.name.startswith("seed-") else out.glob("seed-*"), None)
                 how = "give the whole command again, with --resume" if several else "name a task to begin one"
-                raise ValueError(f"there is no run in {out} to continue; {how}" if resume else "name a task")
+                raise ValueError(f"there is no run in {out} to continue; {how}")
             return planned
         run = Run.read(config.get("run"))
         if not resume:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, NonNegativeFloat
 
 from roletrust_env.arrays import Array, is_compiling, namespace, total
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.model import Published, registry
@@ -398,4 +399,6 @@ def make_log_model(name: str) -> Any:
     Raises:
         ValueError: There is no such model.
     """
+    if ":" not in name and name not in registry and name not in LOG_MODELS:
+        raise ValueError(f"unknown trust model {name!r}{suggest(name, [*registry.names(), *LOG_MODELS])}")
     return LOG_MODELS[name]() if name in LOG_MODELS else parse_named(registry, name)

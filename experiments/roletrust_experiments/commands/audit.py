@@ -19,12 +19,11 @@ from roletrust_baselines.logs.audit import (
     audit_model,
     compare_models,
 )
+from roletrust_baselines.logs.models import make_log_model
 from roletrust_baselines.logs.ranking import ACCOUNTS, GOALS, Journal, Plan, Prices, Ranking
-from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_json, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from roletrust_env.trust.model import registry
 from roletrust_env.trust.outside import OutsideModel
 from roletrust_experiments.commands.console import console, number_table, progress_bar, shown, stage, tell
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
@@ -106,8 +105,8 @@ def audit(
         raise ValueError(f"prices and --fail-below must be numbers up to {_DEAR:g}")
     if alone and other:
         raise ValueError("--alone compares with no model, and --other with some")
-    prices, chosen = Prices(price_account, price_hijacked, price_rating, price_day), parse_named(registry, model)
-    others = {name: parse_named(registry, name) for name in other or ()}
+    prices, chosen = Prices(price_account, price_hijacked, price_rating, price_day), make_log_model(model)
+    others = {name: make_log_model(name) for name in other or ()}
     prepare_folder(out)
     every = None if count else MONTH if reading.every is None else reading.every
     journal = Journal(out / "audit.journal") if isinstance(chosen, OutsideModel) else None

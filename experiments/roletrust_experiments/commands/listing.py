@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.resources import check_memory
+from roletrust_env.memory import check_memory
 from roletrust_env.metrics.confidence import estimate
 from roletrust_experiments.commands.catalogue import (
     Entry,

@@ -13,8 +13,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, Policy, make_scenario
-from roletrust_env.evaluation.resources import check_memory, in_time
+from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import parse_attacks, parse_settings, parse_trust_model, with_settings
+from roletrust_env.memory import check_memory
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe, describe_policies, provenance

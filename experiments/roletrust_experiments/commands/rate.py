@@ -14,6 +14,7 @@ import typer
 from rich.markup import escape
 from rich.progress import Progress
 
+from roletrust_baselines.logs.models import make_log_model
 from roletrust_baselines.logs.suspects import find_suspects
 from roletrust_env.data.evidence import Evidence, Role, evidence, joined, window
 from roletrust_env.data.explanation import explain as explained
@@ -22,10 +23,8 @@ from roletrust_env.data.log import RatingLog
 from roletrust_env.data.log_rounds import numbers_of, played
 from roletrust_env.data.rounds import check_lateness, check_rounds
 from roletrust_env.data.stream import TrustStream
-from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.storage.tables import write_table
-from roletrust_env.trust.model import registry
 from roletrust_experiments.commands.console import console, progress_bar, stage, tell
 from roletrust_experiments.commands.log_options import LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
@@ -138,7 +137,7 @@ def rate(
         comparison.compare(ratings, reading, model, synthetic=synthetic, search=search, seed=seed, out=out)
         return
     name = model[0] if model else _MODEL
-    chosen: Any = parse_named(registry, name)
+    chosen: Any = make_log_model(name)
     if trusted and not hasattr(chosen, "seeds"):
         raise ValueError(f"{name} has no seeds, as --trusted needs; merit-rank and personalized-pagerank have")
     check_rounds(every, count)

@@ -123,6 +123,8 @@ def train(
 
     torch.set_num_threads(1)  # networks of this size gain little from two
     run = None
+    if task is None and not resume:
+        raise ValueError(f"name a task: {', '.join(task_names())}; or give --resume to continue the run in --out")
     if task is None:
         allowed = ("--out", "--resume", "--runs")  # a run that is continued has its own options
         sources = {one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params}

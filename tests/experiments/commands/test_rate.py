@@ -40,7 +40,7 @@ def log(tmp_path: Path) -> Path:
 COLUMNS = ["--rater", "who", "--ratee", "shop", "--rating", "stars", "--time", "day", "--scale", "1", "5"]
 
 
-@pytest.mark.parametrize("model", ["role-trust", "median", "travos", "eigentrust", "role-trust:lam=0.9"])
+@pytest.mark.parametrize("model", ["role-trust", "median", "travos", "eigentrust", "role-trust:lam=0.9", "rev2"])
 def test_it_writes_and_prints_the_trust_of_both_roles(log: Path, tmp_path: Path, model: str) -> None:
     result = run("rate", str(log), *COLUMNS, "--model", model, "--every", "30", "--out", str(tmp_path / "out"))
     assert result.exit_code == 0, result.output

@@ -170,7 +170,10 @@ def test_what_is_asked_wrongly(tmp_path):
         assert message in " ".join(result.output.split())
     assert "no run in" in run("--resume", "--out", tmp_path / "new").output
     assert "--steps, --set: a run that is continued" in run("--resume", "--steps", 9, "--set", "noise=0").output
-    assert "name a task" in run("--out", tmp_path / "new").output
+    for arguments in ([], ["--steps", 9], ["--seed", 3, "--runs", 2]):
+        line = run(*arguments, "--out", tmp_path / "new").output
+        assert "name a task: ProviderAttack, RaterAttack" in line
+        assert "a run that is continued" not in line
     (tmp_path / "config.json").write_text("{")
     assert "is broken" in run("--resume", "--out", tmp_path).output
 
