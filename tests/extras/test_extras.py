@@ -81,6 +81,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
         ("vision", ["figures"]),
         ("live", ["live", "keys", "keys"]),
         ("mcp", ["mcp", "http://127.0.0.1:9", "--name", "ann", "--keys", "keys"]),
+        ("serve", ["serve", "mean", "--store", "trust.sqlite"]),
         ("train", ["benchmark", "--dry-run"]),
         ("train", ["report", "results.sqlite"]),
     ):
@@ -106,6 +107,16 @@ async def tools():
 asyncio.run(tools())
 """
     assert fresh("mcp").python(listed) == "register ask rate list_agents leave\n"
+
+
+def test_serve(fresh: Callable[..., Environment]) -> None:
+    described = """
+from roletrust_env.service.http import make_app
+from roletrust_env.service.manager import TrustManager
+from roletrust_env.service.store import Store
+print(*make_app(TrustManager(Store("trust.sqlite"), "mean")).openapi()["paths"])
+"""
+    assert fresh("serve").python(described) == "/ /agents /agents/{name} /ratings /events /refusals\n"
 
 
 def test_cli_and_vision(fresh: Callable[..., Environment]) -> None:
