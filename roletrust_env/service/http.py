@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import logging
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -26,6 +27,7 @@ from roletrust_env.service.tokens import MAX_TOKEN, Leave, Name, Rating, Registr
 from roletrust_env.service.writer import BusyError, Writer
 from roletrust_env.trust.service import TrustService
 
+_log = logging.getLogger(__name__)
 _STATUS: dict[RefusalReason, int] = {
     RefusalReason.GARBAGE: 401,
     RefusalReason.UNSIGNED: 401,
@@ -90,12 +92,15 @@ class Endpoints:
         self._writer.close()
 
     async def _tick(self) -> None:
+        told = ""
         while True:
             await asyncio.sleep(min(1.0, self._manager.settings.every / 10))
             try:
                 await self._writer.run(self._manager.advance)
-            except StoreError:
-                continue  # whoever asks for something is told
+                told = ""
+            except StoreError as error:
+                if told != (told := str(error)):
+                    _log.error(told)
 
     def _publish(self, end: RoundEnd) -> None:
         text = f"event: round\ndata: {json.dumps(end._asdict())}\n\n"

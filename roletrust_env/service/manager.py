@@ -172,8 +172,8 @@ class TrustManager:
         tell: Function that is called at the end of each round.
 
     Raises:
-        ValueError: The model or a setting is not allowed, or the journal does not fit to them.
-        StoreError: The store cannot be read.
+        ValueError: The model or a setting is not allowed.
+        StoreError: The store cannot be read, or the model cannot go on with its ratings.
     """
 
     def __init__(
@@ -189,6 +189,7 @@ class TrustManager:
         self._new: list[Event] = []  # of the requests that are being taken
         self._undo: list[Callable[[], object]] = []  # how to take them back
         self._in_doubt = False  # whether the store may have more than is known
+        self._failure = ""  # of the model, for good
         self.refusals: Counter[tuple[str, RefusalReason]] = Counter()
         self.tell: Callable[[RoundEnd], object] = lambda end: None
         self._replay()
@@ -279,10 +280,16 @@ class TrustManager:
         """End the round whose time is over, if there is one, and return what has changed, by name.
 
         Raises:
-            StoreError: The store cannot be read.
+            StoreError: The store cannot be read, or the model fails, now or before. Trust stays as it is then.
         """
         self._time = max(self._time, round(self._clock() * SECOND))
-        end = self._trust.advance(self._time / SECOND)
+        if self._failure:
+            raise StoreError(self._failure)
+        try:
+            end = self._trust.advance(self._time / SECOND)
+        except (ValueError, MemoryError) as error:
+            self._failure = f"{self._model} cannot go on, so start with another model or scale: {error}"
+            raise StoreError(self._failure) from None
         if end is None:
             return None
         self._sent.clear()

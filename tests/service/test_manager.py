@@ -10,7 +10,7 @@ from postgres import postgres
 from signing_agents import QUICK, START, Agent, Clock, managed
 from sqlalchemy import text
 
-from roletrust_env.data import Columns, read_ratings
+from roletrust_env.data import Columns, TrustStream, read_ratings
 from roletrust_env.data.evidence import evidence
 from roletrust_env.data.log_rounds import log_rounds, played
 from roletrust_env.live.validation import RefusalReason
@@ -206,6 +206,24 @@ def test_what_cannot_be_stored_counts_for_nothing(tmp_path: Path):
         clock.now = START + 100
         manager.advance()
         as_rated(manager, tmp_path / "e.csv", "role-trust")
+
+
+def test_a_model_that_fails_ends_the_taking_of_ratings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """What was acknowledged is kept, and another model begins with it."""
+    clock = Clock()
+    with managed(tmp_path / "s", clock) as manager:
+        ann, _ = joined(manager, clock, "ann", "bob")
+        manager.rate([ann.rating("bob", 1)])
+        clock.now += 100
+        with monkeypatch.context() as patch:
+            patch.setattr(TrustStream, "update", lambda *_: int("no number"))
+            with pytest.raises(StoreError, match=r"role-trust cannot go on.*no number"):
+                manager.advance()
+        for _ in range(2):
+            with pytest.raises(StoreError, match="start with another model"):
+                manager.rate([ann.rating("bob", 1)])
+    with managed(tmp_path / "s", clock, model="mean") as manager:
+        assert manager.about()["counted"] == manager.about()["ratings"] == 1
 
 
 def check_failures(manager: TrustManager, ann: Agent) -> None:
