@@ -10,7 +10,7 @@ import signal
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from math import inf
-from multiprocessing import get_context, parent_process, resource_tracker
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from threading import Thread
 from time import monotonic
@@ -21,6 +21,7 @@ from roletrust_env.benchmarking.entrants import register_packed
 from roletrust_env.benchmarking.learners.suite import play_trial
 from roletrust_env.benchmarking.schema import AnyCell, CellResult, SuiteSchema, reason
 from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.interrupts import without_interrupts
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -70,7 +71,7 @@ class _Worker(Generic[Key]):
         self.ready, self.deadline = False, inf
         self.job: _Job[Key] | None = None
         self._process = _SPAWN.Process(target=_serve, args=(work, prepare, other_end), daemon=True)
-        with _environment(environment), _without_interrupts():
+        with _environment(environment), without_interrupts():
             self._process.start()
         other_end.close()
 
@@ -190,20 +191,6 @@ def _environment(variables: Mapping[str, str]) -> Iterator[None]:
         for name, value in before.items():
             os.environ.pop(name)
             os.environ.update({} if value is None else {name: value})
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Block keyboard interrupts, also for processes that start here: each would end with a traceback."""
-    if os.name != "posix":
-        yield
-        return
-    resource_tracker.ensure_running()  # which a first start does, and then unblocks them
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: Connection) -> None:

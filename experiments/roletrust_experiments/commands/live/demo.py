@@ -17,6 +17,7 @@ from rich.progress import Progress
 
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
 from roletrust_env.evaluation.curves import Curves
+from roletrust_env.interrupts import without_interrupts
 from roletrust_env.live.journal import JournalEntry, read_journal
 from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.storage.files import prepare_folder, write_json
@@ -127,7 +128,9 @@ def demo(
 
         check_port(port)
     prepare_folder(out)
-    with multiprocessing.get_context("spawn").Pool(1, os.nice, (_NICENESS,)) as aside, progress_bar() as progress:
+    with without_interrupts():
+        simulations = multiprocessing.get_context("spawn").Pool(1, os.nice, (_NICENESS,))
+    with simulations as aside, progress_bar() as progress:
         simulation = aside.apply_async(_simulated, (plan,))
         if view:
             console.print(f"Watch it on {address(port)}", soft_wrap=True)

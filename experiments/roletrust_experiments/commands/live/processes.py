@@ -7,6 +7,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Self
 
+from roletrust_env.interrupts import without_interrupts
 from roletrust_env.live.nodes.run_loop import run_with_parent
 
 _NODES = [f"roletrust_env.live.nodes.{name}" for name in ("agent_nodes", "manager_node", "recorder_node")]
@@ -49,7 +50,8 @@ class NodeProcesses:
         process = self._context.Process(
             target=run_with_parent, args=(_run_child, there, run, arguments), name=name, daemon=True
         )
-        process.start()
+        with without_interrupts():  # they are stopped at the end
+            process.start()
         there.close()
         self._processes[name] = _Process(process, here)
 
