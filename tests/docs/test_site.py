@@ -136,6 +136,22 @@ def test_what_stands_in_docs_is_on_the_site(site):
             assert (site / page.with_suffix(".html")).is_file(), page
 
 
+def test_home_has_three_doors_and_five_groups_of_results(site):
+    home = parsed(site / "index.html")
+    doors = home.select(".doors .sd-card")
+    assert len(doors) == 3
+    assert all(door.find("img") and door.find("pre") and door.find("a") for door in doors)
+    (results,) = (one for one in home.select(".sidebar-tree .caption") if one.get_text() == "Results")
+    names = [one.get_text() for one in results.find_next_sibling("ul").select(".toctree-l1 > a")]
+    assert names == ["Leaderboard", "Attackers", "Theory", "Real data", "Costs"]
+
+
+def test_long_tables_of_results_are_folded(site):
+    for name, folded in (("robustness", True), ("edge-costs", True), ("guide/install", False)):
+        for table in parsed(site / f"{name}.html").select("article table"):
+            assert (table.find_parent("details") is not None) == (folded and len(table.select("tbody tr")) > 8), name
+
+
 def test_links_land_and_nothing_is_fetched(site):
     assert {page.name: wrong for page in pages(site) if (wrong := broken(page))} == {}
     assert {page.name: asked for page in pages(site) if (asked := fetched(page))} == {}

@@ -4,6 +4,7 @@ import csv
 import gzip
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -195,3 +196,12 @@ def test_what_is_no_run_is_refused(folder: Path, tmp_path: Path) -> None:
     assert refused.exit_code == 2
     assert "both of a suite for robustness; a report has one of each kind" in " ".join(refused.output.split())
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_no_table_is_cut_on_a_desktop(folder: Path, browser: Any) -> None:
+    window = browser.new_page(viewport={"width": 1440, "height": 900})
+    window.goto((folder / "out" / "report.html").as_uri())
+    cut = "() => [...document.querySelectorAll('.wide')].filter((e) => e.scrollWidth > e.clientWidth + 1).length"
+    assert window.evaluate(cut) == 0
+    window.close()
