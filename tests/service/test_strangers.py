@@ -9,12 +9,16 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
 from served import Served, served
 from signing_agents import NAME, Agent
+
+from roletrust_env.service import connections
+from roletrust_experiments import main
 
 ANN, BOB, FLO = (Agent(name, time.time) for name in ("ann", "bob", "flo"))
 _http = httpx2.Client(timeout=20)
@@ -239,3 +243,30 @@ def test_clients_that_wait_hold_nobody_up(manager: Served):
         time.sleep(1)
     with served_as_ever(manager):
         pass
+
+
+def impatient() -> None:
+    """`roletrust`, for which a request has to arrive within half a second."""
+    connections._ARRIVAL_S = 0.5
+    main()
+
+
+@pytest.mark.slow
+def test_a_request_that_does_not_arrive_is_cut_and_counted(tmp_path: Path):
+    with served("--store", tmp_path / "trust.sqlite", function=impatient) as manager, ExitStack() as stack:
+        listener = stack.enter_context(connection(manager.port))
+        listener.sendall(b"GET /events HTTP/1.1\r\nHost: m\r\n\r\n")
+        slow = [stack.enter_context(connection(manager.port)) for _ in range(4)]
+        starts = b"", b"GET", b"GET / HTTP/1.1\r\n", b"POST /agents HTTP/1.1\r\nHost: m\r\nContent-Length: 9\r\n\r\n{"
+        for client, start in zip(slow, starts, strict=True):
+            client.sendall(start)
+        for client in slow:
+            with suppress(ConnectionResetError):
+                assert client.recv(1) == b""
+        assert counts(manager)["too large"] == 4
+        heard = b""
+        while b": rounds" not in heard:
+            heard += listener.recv(1000)
+        listener.setblocking(False)
+        with pytest.raises(BlockingIOError):  # it is still listened to
+            listener.recv(1000)
