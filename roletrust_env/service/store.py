@@ -117,7 +117,7 @@ class Store:
             url = url.set(drivername="postgresql+psycopg")
         else:
             raise ValueError(f"the store is {self._shown}; it must be a file of SQLite, or postgresql://...")
-        self._engine = create_engine(url)
+        self._engine = create_engine(url, pool_pre_ping=True)
         if self._file is not None:
             event.listen(self._engine, "connect", _durable)
         try:

@@ -10,14 +10,32 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-_FOUND = [path.parent for path in sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))]
+_FOLDERS = [path.parent for path in sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))]
+_PROGRAMS = _FOLDERS[-1] if _FOLDERS else Path(which("initdb") or "").parent
 
 
-def _run(*command: object) -> None:
+def _run(program: str, *arguments: object) -> None:
     """Run a program of PostgreSQL, which refuses to be run by root."""
     user = ["runuser", "-u", "postgres", "--"] if os.geteuid() == 0 else []
-    done = subprocess.run([*user, *map(str, command)], capture_output=True, text=True, cwd="/")
+    command = [*user, *map(str, (_PROGRAMS / program, *arguments))]
+    done = subprocess.run(command, capture_output=True, text=True, cwd="/")
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def _start(folder: str) -> None:
+    options = f"-k {folder} -c listen_addresses="
+    _run("pg_ctl", "-D", f"{folder}/data", "-l", f"{folder}/log", "-o", options, "-w", "start")
+
+
+def _kill(folder: str) -> None:
+    _run("pg_ctl", "-D", f"{folder}/data", "-m", "immediate", "-w", "stop")
+
+
+def crash(address: str) -> None:
+    """Kill the server of a database, and start it again."""
+    folder = address.partition("host=")[2]
+    _kill(folder)
+    _start(folder)
 
 
 @contextmanager
@@ -26,16 +44,14 @@ def postgres() -> Iterator[str]:
 
     A test that needs it is skipped where PostgreSQL is not installed.
     """
-    if not _FOUND and which("initdb") is None:
+    if not (_PROGRAMS / "initdb").exists():
         pytest.skip("PostgreSQL is not installed: apt-get install postgresql")
-    programs = _FOUND[-1] if _FOUND else Path(which("initdb") or "").parent
     with TemporaryDirectory(prefix="pg") as folder:
         if os.geteuid() == 0:
             chown(folder, "postgres")
-        data, options = f"{folder}/data", f"-k {folder} -c listen_addresses="
-        _run(programs / "initdb", "-D", data, "-U", "postgres", "-A", "trust", "-E", "UTF8")
-        _run(programs / "pg_ctl", "-D", data, "-l", f"{folder}/log", "-o", options, "-w", "start")
+        _run("initdb", "-D", f"{folder}/data", "-U", "postgres", "-A", "trust", "-E", "UTF8")
+        _start(folder)
         try:
             yield f"postgresql://postgres@/postgres?host={folder}"
         finally:
-            _run(programs / "pg_ctl", "-D", data, "-m", "immediate", "-w", "stop")
+            _kill(folder)

@@ -4,7 +4,7 @@ import asyncio
 import csv
 import random
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from operator import itemgetter
 from pathlib import Path
@@ -14,11 +14,11 @@ import httpx2
 import pytest
 from command_line import run
 from load import connected, register
-from postgres import postgres
+from postgres import crash, postgres
 from served import Served, served
 from signing_agents import Agent
 
-KILLS, RATERS = 20, 12
+KILLS, CRASHES, RATERS = 20, 3, 12
 LOAD_S = 0.1, 0.5  # until a kill
 
 
@@ -38,16 +38,21 @@ class Rater:
         self.agent, self._draw = Agent(name, time.time), random.Random(name)
         self._pending: list[str] = []
         self.acknowledged: dict[str, int] = {}
+        self.refusals = 0
 
-    async def rate(self, port: int, others: list[str], until: float = float("inf")) -> None:
-        """Rate until a time, or until there is no answer."""
+    async def rate(self, port: int, others: list[str], going: Callable[[], bool] = lambda: True) -> None:
+        """Rate as long as it goes on, or until there is no answer."""
         with suppress(ConnectionError):
             connection = await connected(port)
-            while self._pending or time.time() < until:
+            while self._pending or going():
                 rated = self._draw.sample(others, self._draw.choice([2, 2, 4]))
                 new = [self.agent.rating(one, round(self._draw.random(), 3)) for one in rated if one != self.agent.name]
                 self._pending = self._pending or new
                 status, answer = await connection.post("/ratings", {"tokens": self._pending})
+                if status == 503:
+                    self.refusals += 1
+                    await asyncio.sleep(0.05)
+                    continue
                 assert status == 201, answer
                 self.acknowledged |= zip(self._pending, (one["seq"] for one in answer["receipts"]), strict=True)
                 self._pending = []
@@ -74,19 +79,47 @@ def test_nothing_acknowledged_is_lost_by_kills_under_load(store: str, tmp_path: 
             asyncio.run(live(manager, raters, newcomers[-1], draw.uniform(*LOAD_S)))
     with served("--store", store, "--every", 1) as manager, httpx2.Client(base_url=manager.url) as client:
         for rater in raters:  # what got no answer
-            asyncio.run(rater.rate(manager.port, ["a0", "n0", "n1", "n2"], time.time()))
+            asyncio.run(rater.rate(manager.port, ["a0"], lambda: False))
         while (about := client.get("/").json())["counted"] < about["ratings"]:
             time.sleep(0.1)
         agents = client.get("/agents?limit=1000").json()["agents"]
         (tmp_path / "export.csv").write_text(client.get("/ratings?counted=true").text)
-    with (tmp_path / "export.csv").open(newline="") as file:
+    assert check_export(tmp_path / "export.csv", raters) == about["ratings"] > KILLS * RATERS
+    assert {one["name"] for one in agents} == {one.name for one in [*(rater.agent for rater in raters), *newcomers]}
+    print(f"{KILLS} kills, {about['ratings']} acknowledged ratings, none lost")
+    check_rate(tmp_path, agents)
+
+
+@pytest.mark.slow
+def test_nothing_acknowledged_is_lost_when_the_database_is_killed(tmp_path: Path):
+    raters = [Rater(f"a{n}") for n in range(RATERS)]
+    names = [rater.agent.name for rater in raters]
+
+    async def crash_often() -> None:
+        for _ in range(CRASHES):
+            await asyncio.sleep(0.5)
+            await asyncio.to_thread(crash, store)
+
+    async def rate(port: int) -> None:
+        await register(port, [rater.agent for rater in raters])
+        crashes = asyncio.create_task(crash_often())
+        await asyncio.gather(crashes, *(rater.rate(port, names, lambda: not crashes.done()) for rater in raters))
+
+    with postgres() as store, served("--store", store, "--quota", 100_000) as manager:
+        asyncio.run(rate(manager.port))
+        (tmp_path / "export.csv").write_text(httpx2.get(f"{manager.url}/ratings").text)
+    assert check_export(tmp_path / "export.csv", raters) > RATERS
+    assert sum(rater.refusals for rater in raters) >= CRASHES
+
+
+def check_export(path: Path, raters: list[Rater]) -> int:
+    """Check that an export has all acknowledged ratings, once and in order, and no others; return their number."""
+    with path.open(newline="") as file:
         kept = [row["token"] for row in csv.DictReader(file)]
     acknowledged = {token: seq for rater in raters for token, seq in rater.acknowledged.items()}
-    assert len(kept) == len(set(kept)) == len(acknowledged) == about["ratings"] > KILLS * RATERS
+    assert len(kept) == len(set(kept)) == len(acknowledged)
     assert kept == sorted(acknowledged, key=acknowledged.__getitem__)
-    assert {one["name"] for one in agents} == {one.name for one in [*(rater.agent for rater in raters), *newcomers]}
-    print(f"{KILLS} kills, {len(kept)} acknowledged ratings, none lost")
-    check_rate(tmp_path, agents)
+    return len(kept)
 
 
 def check_rate(folder: Path, agents: list[dict[str, Any]]) -> None:
