@@ -12,16 +12,52 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any, NamedTuple, Self
+from typing import IO, Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, NonNegativeInt, TypeAdapter, field_validator
 
 from roletrust_env.live.team import PublishedTrust, RatingRows, Team, Trust
 from roletrust_env.storage.arrays import load_arrays, save_arrays
+from roletrust_env.storage.untrusted import UntrustedModel
 
 _VERSION, _SNAPSHOT_VERSION = 1, 3
 _BLOCK = 1 << 20  # bytes that are read at once
+
+
+_Share = Annotated[float, Field(ge=0, le=1)]
+_Nanoseconds = Annotated[int, Field(ge=-(2**63), lt=2**63)]
+
+
+class _TeamLine(UntrustedModel):
+    """A line with the names of the team from the next round on."""
+
+    raters: tuple[str, ...]
+    providers: tuple[str, ...]
+
+    @field_validator("raters", "providers")
+    @classmethod
+    def _differ(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(names)) < len(names):
+            raise ValueError("a name occurs twice")
+        return names
+
+
+class _RoundLine(UntrustedModel):
+    """A line with a round, see `JournalEntry`."""
+
+    round: NonNegativeInt
+    stamp: _Nanoseconds
+    closed: _Nanoseconds
+    ratings: dict[str, list[_Share | None]]
+    missing: tuple[str, ...]
+    tor: tuple[_Share, ...]
+    top: tuple[_Share, ...]
+    toa: tuple[_Share, ...]
+
+
+_LINES: TypeAdapter[_RoundLine | _TeamLine] = TypeAdapter(_RoundLine | _TeamLine)
 
 
 class JournalEntry(NamedTuple):
@@ -189,13 +225,13 @@ def read_journal(path: Path, after: JournalPosition | None = None) -> Iterator[J
         for line in file:
             if not line.endswith(b"\n"):
                 return
-            data = _parse(path, line)
             try:
-                if "round" not in data:
-                    team = Team(tuple(data["raters"]), tuple(data["providers"]))
+                data = _LINES.validate_json(line)
+                if isinstance(data, _TeamLine):
+                    team = Team(data.raters, data.providers)
                     continue
                 entry = _entry(data, team)
-            except (KeyError, TypeError, ValueError):
+            except ValueError:
                 raise _damaged(path, line) from None
             if entry.round != rounds:
                 raise ValueError(f"{path} is damaged: it has round {entry.round} in place of round {rounds}")
@@ -258,20 +294,18 @@ def read_snapshot(journal: Path) -> Snapshot | None:
     return None
 
 
-def _entry(data: dict[str, Any], team: Team) -> JournalEntry:
-    """Return the round of a parsed line.
+def _entry(line: "_RoundLine", team: Team) -> JournalEntry:
+    """Return the round of a line.
 
     Raises:
-        KeyError, TypeError, ValueError: The line is not a round of this team.
+        ValueError: The line is not a round of this team.
     """
-    trust, ratings = Trust(*(tuple(data[name]) for name in Trust._fields)), data["ratings"]
-    when = int(data["round"]), int(data["stamp"]), int(data["closed"])
-    sizes = len(team.raters), len(team.providers)
+    trust, ratings, sizes = Trust(line.tor, line.top, line.toa), line.ratings, (len(team.raters), len(team.providers))
     if sizes != (len(trust.tor), len(trust.top)) or not set(ratings) <= set(team.raters):
         raise ValueError("the round is of another team")
     if any(len(row) > len(team.providers) for row in ratings.values()):
         raise ValueError("the round has more providers than the team")
-    return JournalEntry(*when, team, ratings, tuple(data["missing"]), trust)
+    return JournalEntry(line.round, line.stamp, line.closed, team, ratings, line.missing, trust)
 
 
 def _lock(file: int, path: Path) -> None:

@@ -264,3 +264,35 @@ def test_rounds_go_on_when_the_clock_goes_back_an_hour(restarts, tmp_path):
     assert keeper.validator.refusals == {(rater, RefusalReason.REPLAYED): 1}
     keeper.close()
     assert replay_journal(keeper._trust._model, tmp_path / "back").trust == steady.trust
+
+
+def test_what_a_line_holds_is_checked_like_what_is_sent(tmp_path):
+    path = tmp_path / "journal"
+    keeper = manager(path)
+    feed(keeper, *random_ratings(2, lost=0.0))
+    keeper.close()
+    lines = path.read_bytes().splitlines()
+    rows = (
+        {"sr_0": "abc"},
+        {"sr_0": [2.0]},
+        {"sr_0": [True]},
+        {"sr_0": [[0.5]]},
+        {"sr_0": {"a": 1}},
+        {"sr_0": ["0.5"]},
+        [],
+    )
+    trusts = "abc", [True] * 3, ["0.5"] * 3, [None] * 3, [-0.5] * 3, {"a": 1, "b": 2, "c": 3}
+    wrong = {
+        "ratings": rows,
+        **dict.fromkeys(("tor", "top", "toa"), trusts),
+        **dict.fromkeys(("round", "stamp", "closed"), (float("inf"), 2**70, "1", True, None, 1.5)),
+        "missing": ("abc", [1], {}),
+        **dict.fromkeys(("raters", "providers"), (["a", "a", "b"], [["a"]], "abc", [1, 2, 3])),
+    }
+    for name, values in wrong.items():
+        at = next(n for n, line in enumerate(lines) if name in json.loads(line))
+        for value in values:
+            damaged = json.dumps({**json.loads(lines[at]), name: value}).encode()
+            path.write_bytes(b"\n".join([*lines[:at], damaged, *lines[at + 1 :]]) + b"\n")
+            with pytest.raises(ValueError, match="is not a line of one"):
+                list(read_journal(path))
