@@ -390,3 +390,28 @@ def test_what_cannot_be_a_stream_is_refused() -> None:
     stream.update([], [], [])
     with pytest.raises(ValueError, match="times are given"):
         stream.update([1], [2], [1], [1])
+
+
+def test_a_loaded_stream_goes_on_with_the_round_that_has_begun(tmp_path: Path) -> None:
+    """Also where the agents of all of its ratings have left, and its names have no place yet."""
+    model = make_trust_model("mean")
+    for leaves, second in ((False, 12.0), (True, 12.0), (False, 2.0)):
+        streams = []
+        for loads in (False, True):
+            stream = TrustStream(model, every=10.0)
+            stream.update([1, 2], [3, 3], [0.5, 1.0], [1.0, second])
+            if leaves:
+                stream.remove(raters=[2])
+            if loads:
+                stream.save(tmp_path / "state")
+                stream = TrustStream.load(tmp_path / "state", model, every=10.0)
+            if not leaves:
+                with pytest.raises(ValueError, match="they were whole numbers before"):
+                    stream.update(["x"], ["y"], [0.5], [second + 1])
+            stream.finish()
+            stream.update([4], [3], [0.25], [second + 2])  # its round has ended
+            stream.finish()
+            streams.append(stream)
+        kept = [(one.rounds, one.n_late, one.rater_trust(), one.provider_trust()) for one in streams]
+        assert kept[0] == kept[1]
+        assert kept[0][:2] == (1 + (second > 10), 1)

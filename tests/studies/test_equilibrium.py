@@ -37,6 +37,16 @@ def test_one_mixture_serves_all_conditions() -> None:
     assert np.mean([solve([game]).value for game in (here, there)]) == pytest.approx(1.0)
 
 
+def test_intervals_are_those_of_means_over_all_games_drawn_anew() -> None:
+    """One model under one attack, so that its score alone is a mean: its interval has the width of the normal one."""
+    rng, count = np.random.default_rng(0), 400
+    chosen, measured = rng.random((2, 1, 1, count))
+    (alone,) = equilibrium([Payoffs(HERE, ("a",), chosen, measured)], resamples=400)["alone"]
+    half = 1.96 * measured.std() / np.sqrt(count)
+    assert alone.value == pytest.approx(measured.mean())
+    assert (alone.low, alone.high) == pytest.approx((measured.mean() - half, measured.mean() + half), abs=half / 4)
+
+
 @given(games=st.lists(SCORES, min_size=1, max_size=3))
 def test_neither_side_gains_by_leaving_the_equilibrium(games: list[np.ndarray]) -> None:
     found = solve(games)
