@@ -41,6 +41,7 @@ CREATE TABLE attacks (
 _JOURNALS = "-wal", "-shm"
 
 _ATTACK = TypeAdapter(AttackResult)
+_RESULT = TypeAdapter(CellResult)
 
 
 class StoredCell(NamedTuple):
@@ -166,8 +167,11 @@ class Store:
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
-            cells = [(key, self.suite.cell_type(**json.loads(cell)), columns) for key, cell, *columns in rows]
-        return [StoredCell(cell, CellResult(tuple(attacks.get(key, ())), *columns)) for key, cell, columns in cells]
+            read, found_cells = TypeAdapter[Any](self.suite.cell_type), list[StoredCell]()
+            for key, cell, *columns in rows:
+                result = _RESULT.validate_python(((), *columns))._replace(rows=tuple(attacks.get(key, ())))
+                found_cells.append(StoredCell(read.validate_json(cell), result))
+        return found_cells
 
     def _tables(self) -> int:
         """Return the number of tables, which is 0 in a new file."""

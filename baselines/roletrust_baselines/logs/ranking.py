@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import FiniteFloat, PositiveInt, TypeAdapter
 
 from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.replay import ACTIVE, Ending, HostileRatings
@@ -158,6 +159,9 @@ class Target(NamedTuple):
     rank: int
 
 
+_LINE = TypeAdapter(tuple[str, PositiveInt, FiniteFloat])
+
+
 class Journal:
     """Outcomes of attacks, kept in a file, so that a search that is interrupted goes on where it was.
 
@@ -171,9 +175,9 @@ class Journal:
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path, self.known = path, dict[str, tuple[int, float]]()
         for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
-            with suppress(ValueError, TypeError):
-                key, rank, beyond = json.loads(line)
-                self.known[key] = int(rank), float(beyond)
+            with suppress(ValueError):
+                key, *outcome = _LINE.validate_json(line, strict=True)
+                self.known[key] = outcome[0], outcome[1]
 
     def add(self, key: str, outcome: tuple[int, float]) -> None:
         """Keep an outcome."""

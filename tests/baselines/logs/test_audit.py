@@ -148,6 +148,20 @@ def test_targets_may_be_named(log: RatingLog) -> None:
 def test_a_damaged_journal_keeps_its_whole_lines(tmp_path: Path) -> None:
     (tmp_path / "journal").write_bytes(b'\xff\0["a", 1, 2]\n["b", 3, 0.5]\n["c", "x", null]\n[["d"], 1, 2]\n["e", 1')
     assert Journal(tmp_path / "journal").known == {"b": (3, 0.5)}
+    for wrong in (
+        "-3, 0.5",
+        "0, 0.5",
+        "true, 0.5",
+        '"3", 0.5',
+        "Infinity, 0.5",
+        "2.5, 0.5",
+        "3, NaN",
+        '3, "0.5"',
+        "3",
+        "[], {}",
+    ):
+        (tmp_path / "journal").write_text(f'["a", {wrong}]\n["b", 3, 0.5]\n[["c"], 3, 0.5]\n')
+        assert Journal(tmp_path / "journal").known == {"b": (3, 0.5)}, wrong
 
 
 def test_more_agents_than_the_top_are_needed(log: RatingLog) -> None:
