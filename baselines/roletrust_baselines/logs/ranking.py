@@ -176,8 +176,8 @@ class Journal:
         self.path, self.known = path, dict[str, tuple[int, float]]()
         for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
             with suppress(ValueError):
-                key, *outcome = _LINE.validate_json(line, strict=True)
-                self.known[key] = outcome[0], outcome[1]
+                key, rank, beyond = _LINE.validate_json(line, strict=True)
+                self.known[key] = rank, beyond
 
     def add(self, key: str, outcome: tuple[int, float]) -> None:
         """Keep an outcome."""
