@@ -39,7 +39,10 @@ def bare() -> None:
 
 @pytest.mark.slow
 def test_a_thousand_ratings_a_second_are_acknowledged(tmp_path: Path):
-    """The machine may be busy with other tests: the numbers are printed, and what is checked are ratios."""
+    """All are acknowledged, at the rate that the machine has room for beside other tests; what they cost is checked.
+
+    Rates and latencies are printed: `pytest -m slow -s tests/service/test_load.py`.
+    """
     agents = [Agent(f"a{n}", time.time) for n in range(AGENTS)]
     options = "--every", 2, "--quota", 100_000
     with ExitStack() as stack:
@@ -52,27 +55,26 @@ def test_a_thousand_ratings_a_second_are_acknowledged(tmp_path: Path):
         for manager in managers:
             asyncio.run(register(manager.port, agents))
         found: dict[str, list[tuple[float, ...]]] = {name: [] for name in servers}
-        gc.disable()
+        gc.freeze()  # what the tests before have left is not looked at again and again
         for _ in range(BLOCKS):
             for name, server in servers.items():
                 found[name].append(measured(server, agents))
-        gc.enable()
         for manager in managers:
             assert httpx2.get(f"{manager.url}/").json()["ratings"] == PER_S * SECONDS * BLOCKS
-    print(f"\n{'':16}answers/s   p50 ms   p99 ms   CPU us")
+    print(f"\n{'':16}answers/s   p50 ms   p99 ms, quartiles   CPU us, of the client")
     middle = {name: np.median(blocks, axis=0) for name, blocks in found.items()}
-    for name, values in middle.items():
-        print(f"{name:16}" + "".join(f"{value:9.1f}" for value in values))
-    best = {name: np.max(blocks, axis=0)[0] for name, blocks in found.items()}
+    for name, (rate, half, most, *cpu_us) in middle.items():
+        low, high = np.quantile([block[2] for block in found[name]], [0.25, 0.75])
+        print(f"{name:16}{rate:9.0f}{half:9.1f}{most:9.1f} {low:5.1f} {high:5.1f}{cpu_us[0]:12.0f}{cpu_us[1]:12.0f}")
     for name in ("SQLite", "PostgreSQL"):
-        assert best[name] > 0.9 * best["bare endpoint"]
         assert middle[name][3] < 5 * middle["bare endpoint"][3]
+        assert PER_S * sum(middle[name][3:]) < 2e6  # microseconds of two cores
 
 
 def measured(server: Served, agents: list[Agent]) -> tuple[float, ...]:
-    """Acknowledged requests in a second, their latency, and the time that the server computes for one, microseconds."""
-    before = server.cpu_s
+    """Acknowledged requests in a second, their latency, and the time that both sides compute for one, microseconds."""
+    before = np.array([server.cpu_s, time.process_time()])
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         rate, latencies_s = runner.run(offered(server.port, agents, PER_S, SECONDS))
-    cpu_us = 1e6 * (server.cpu_s - before) / len(latencies_s)
-    return (rate, *(1e3 * np.quantile(latencies_s, [0.5, 0.99])), cpu_us)
+    cpu_s = np.array([server.cpu_s, time.process_time()]) - before
+    return (rate, *(1e3 * np.quantile(latencies_s, [0.5, 0.99])), *(1e6 * cpu_s / len(latencies_s)))
