@@ -6,6 +6,7 @@ import logging
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from itertools import chain
 from typing import Annotated, Any
 
 from fastapi import FastAPI, HTTPException, Query
@@ -157,7 +158,9 @@ class Endpoints:
 
     async def ratings(self, counted: bool = False) -> StreamingResponse:
         """Export the ratings as CSV, which `roletrust rate` reads; `counted` leaves out those of the running round."""
-        return StreamingResponse(self._manager.export(counted=counted), media_type="text/csv; charset=utf-8")
+        parts = self._manager.export(counted=counted)
+        first = await run_in_threadpool(next, parts)  # before the status is sent
+        return StreamingResponse(chain([first], parts), media_type="text/csv; charset=utf-8")
 
     async def events(self) -> StreamingResponse:
         """Tell of each round that ends, with the trust that it changes, as server-sent events."""
@@ -284,7 +287,7 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     add("GET", "/agents/{name}", ends.agent, 404, 422, 503)
     add("DELETE", "/agents/{name}", ends.leave, *taken)
     add("POST", "/ratings", ends.rate, *taken, status=201)
-    add("GET", "/ratings", ends.ratings, 422, responses=_text("text/csv"), response_class=StreamingResponse)
+    add("GET", "/ratings", ends.ratings, 422, 503, responses=_text("text/csv"), response_class=StreamingResponse)
     add("GET", "/events", ends.events, 503, responses=_text("text/event-stream"), response_class=StreamingResponse)
     add("GET", "/refusals", ends.refusals)
     if rounds is not None:

@@ -530,12 +530,15 @@ class TrustManager:
         """
         after, until = 0, self._trust.counted if counted else self._seq
         query = select(events).where(events.c.kind == "rating").order_by(events.c.seq).limit(BLOCK)
-        yield "rater,ratee,rating,time,token\n"
+        head = "rater,ratee,rating,time,token\n"
         # A query for each block, since whoever reads slowly must not keep the database from tidying up.
         while rows := self._store.rows(query.where(events.c.seq > after, events.c.seq <= until)):
             after = rows[-1].seq
             lines = (f"{row.sender},{row.provider},{row.rating!r},{_decimal(row.time)},{row.token}\n" for row in rows)
-            yield "".join(lines)
+            yield head + "".join(lines)
+            head = ""
+        if head:
+            yield head
 
     def close(self) -> None:
         """Release the store."""

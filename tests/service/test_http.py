@@ -102,8 +102,9 @@ def test_errors_have_one_form_and_are_counted(client: TestClient, clock: Clock, 
         raise StoreError("disk full")
 
     monkeypatch.setattr(Store, "append", full)
-    answer = client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]})
-    assert (answer.status_code, answer.json()["reason"], answer.headers["Retry-After"]) == (503, "not stored", "1")
+    monkeypatch.setattr(Store, "rows", full)
+    for answer in (client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]}), client.get("/ratings")):
+        assert (answer.status_code, answer.json()["reason"], answer.headers["Retry-After"]) == (503, "not stored", "1")
 
 
 def test_the_protocol_of_rounds_is_answered_as_ever(client: TestClient):
