@@ -20,7 +20,22 @@ TUTORIALS = sorted((HOUSE / "docs/tutorials").glob("*.md"))
 WRITTEN = [HOUSE / "README.md", HOUSE / "CONTRIBUTING.md", *sorted((HOUSE / "docs").glob("*.md"))]
 WRITTEN += [*sorted((HOUSE / "docs/how").glob("*.md")), *sorted((HOUSE / "docs/guide").glob("*.md")), *TUTORIALS]
 
-_SHELL = ("pip", "python", "make", "ruff", "mypy", "lint-imports", "pytest", "cat", "curl", "head", "ls", "source")
+_SHELL = (
+    "pip",
+    "python",
+    "make",
+    "ruff",
+    "mypy",
+    "lint-imports",
+    "pytest",
+    "cat",
+    "curl",
+    "docker",
+    "echo",
+    "head",
+    "ls",
+    "source",
+)
 _OWN = re.compile(r"[\w.]+:[A-Z]\w*")  # a class of the reader's own
 
 
