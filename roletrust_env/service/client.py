@@ -161,6 +161,8 @@ class TrustClient:
             RefusalError: The manager refuses one of them.
             UnreachableError: There is no answer.
         """
+        for provider in ratings:
+            check_name(provider)
         contents = [{"sub": provider, "rating": rating} for provider, rating in ratings.items()]
         return self._send(Receipts, "POST", "/ratings", Rating, contents).receipts
 

@@ -81,6 +81,7 @@ class Endpoints:
         self._writer = Writer(manager)
         self._streams = set[asyncio.Queue[str | None]]()
         self._explaining = asyncio.Lock()
+        self._told = ""  # the failure of the store that the log has
 
     @asynccontextmanager
     async def life(self, app: object) -> AsyncIterator[None]:
@@ -93,15 +94,19 @@ class Endpoints:
         self._writer.close()
 
     async def _tick(self) -> None:
-        told = ""
         while True:
             await asyncio.sleep(min(1.0, self._manager.settings.every / 10))
             try:
                 await self._writer.run(self._manager.advance)
-                told = ""
+                self._told = ""
             except StoreError as error:
-                if told != (told := str(error)):
-                    _log.error(told)
+                self.log(error)
+
+    def log(self, error: StoreError) -> None:
+        """Tell the operator of a failure, once."""
+        if self._told != (text := str(error)):
+            _log.error(text)
+        self._told = text
 
     def _publish(self, end: RoundEnd) -> None:
         text = f"event: round\ndata: {json.dumps(end._asdict())}\n\n"
@@ -299,7 +304,8 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
         return _problem(status, error.reason.value, error.detail, error.at, _RETRY if status == 429 else None)
 
     async def not_stored(request: Any, error: StoreError) -> JSONResponse:
-        return _problem(503, "not stored", str(error), headers=_RETRY)
+        ends.log(error)  # whose words are for the operator: where the store is
+        return _problem(503, "not stored", "the store cannot be used now, and nothing counts", headers=_RETRY)
 
     async def busy(request: Any, error: BusyError) -> JSONResponse:
         return _problem(503, "busy", "too many wait for an answer; try again later", headers=_RETRY)

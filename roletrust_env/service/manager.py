@@ -243,6 +243,7 @@ class TrustManager:
             self.advance()
         except StoreError as error:
             return [error] * len(requests)
+        self._take_back(0)  # what is left of requests at which something has broken
         answers = [self._answer(request) for request in requests]
         if self._new:
             try:
@@ -395,9 +396,10 @@ class TrustManager:
         """
         claims = signed.claims
         rater, provider = claims.iss, claims.sub
+        worst, best = self.settings.scale
         before = {provider} if (rater, provider) in rated else ()
         if reason := rating_error(rater, provider, claims.rating, self._members, before, self.settings.scale):
-            raise _refusal(reason, claims, at, f"it is {claims.rating:g} of {provider}")
+            raise _refusal(reason, claims, at, f"it is {claims.rating} of {provider}, from {worst:g} to {best:g}")
         if self._sent[rater] >= self.settings.quota:
             raise _refusal(RefusalReason.FLOOD, claims, at, f"{self.settings.quota:,} ratings in a round are allowed")
         self._verify(signed, at)

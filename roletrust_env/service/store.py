@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from filelock import FileLock, Timeout
 from sqlalchemy import (
+    URL,
     BigInteger,
     Column,
     Connection,
@@ -28,6 +29,8 @@ from sqlalchemy import (
     text,
 )
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+
+from roletrust_env.live.wire.keys import check_name
 
 _SCHEMA = 1
 _LOCK = int.from_bytes(b"roletrus")  # the advisory lock of PostgreSQL, one for each database
@@ -93,30 +96,34 @@ class Store:
         name: Name of the manager, to which tokens are addressed.
 
     Raises:
-        ValueError: The address is none, or the store is of another name or schema.
+        ValueError: The address or the name is not valid, or the store is of another name or schema.
         StoreError: The store cannot be opened, or another manager has it.
     """
 
     def __init__(self, address: str, name: str | None = None) -> None:
         self._file: FileLock | None = None
         self._connection: Connection | None = None
-        try:
-            url = make_url(address if "://" in address else f"sqlite:///{address}")
-        except ArgumentError:
-            raise ValueError(f"the address of the store is {address!r}; see --store") from None
-        self._shown = url.render_as_string(hide_password=True) if "://" in address else address
-        if url.drivername == "sqlite":
-            self._file = FileLock(f"{Path(address).resolve()}.lock", timeout=0)
+        if name is not None:
+            check_name(name)
+        if address and "://" not in address:
+            path = Path(address).resolve()  # so that no text stands for a database in memory
+            url, self._shown = URL.create("sqlite", database=str(path)), address
+            self._file = FileLock(f"{path}.lock", timeout=0)
             try:
                 self._file.acquire()
             except Timeout:
                 raise self._in_use() from None
             except OSError as error:
                 raise StoreError(f"{self._shown} cannot be opened: {error.strerror}") from None
-        elif url.drivername == "postgresql":
-            url = url.set(drivername="postgresql+psycopg")
         else:
-            raise ValueError(f"the store is {self._shown}; it must be a file of SQLite, or postgresql://...")
+            try:
+                url = make_url(address)
+            except ArgumentError:
+                raise ValueError(f"the address of the store is {address!r}; see --store") from None
+            self._shown = url.render_as_string(hide_password=True)
+            if url.drivername != "postgresql":
+                raise ValueError(f"the store is {self._shown}; it must be a file of SQLite, or postgresql://...")
+            url = url.set(drivername="postgresql+psycopg")
         self._engine = create_engine(url, pool_pre_ping=True)
         if self._file is not None:
             event.listen(self._engine, "connect", _durable)
@@ -137,8 +144,8 @@ class Store:
         if not meta:
             meta = {"schema": str(_SCHEMA), "manager": name or f"manager-{secrets.token_hex(4)}"}
             connection.execute(insert(_meta), [{"name": one, "value": value} for one, value in meta.items()])
-        if meta["schema"] != str(_SCHEMA):
-            raise ValueError(f"{self._shown} has schema {meta['schema']}; schema {_SCHEMA} is read here")
+        if (schema := meta.get("schema")) != str(_SCHEMA):
+            raise ValueError(f"{self._shown} has schema {schema}; schema {_SCHEMA} is read here")
         if name not in (None, meta["manager"]):
             raise ValueError(f"{self._shown} is of the manager {meta['manager']}, not of {name}; tokens name it")
         return meta["manager"]

@@ -128,8 +128,8 @@ def has_work(claims: Registration, bits: int) -> bool:
     """Return whether a registration proves the work that a manager asks for.
 
     The SHA-256 of `aud`, `iss`, `key`, `iat` in whole microseconds, and `work`, joined by newlines, begins with `bits`
-    zeros. `iat` makes each return of an agent cost as much as its first registration, and work done long before useless
-    (Back, "Hashcash: A Denial of Service Counter-Measure", 2002).
+    zeros. `iat` makes each return of an agent cost as much as its first registration, and lets work expire (Back,
+    "Hashcash: A Denial of Service Counter-Measure", 2002). Who knows when it will register can work ahead.
 
     Args:
         claims: Claims of the registration.

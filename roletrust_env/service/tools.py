@@ -152,8 +152,8 @@ class AgentTools:
 
     def list_agents(
         self,
-        start: Annotated[int, Field(description="Number of agents to skip.")] = 0,
-        limit: Annotated[int, Field(description="Number of agents to list.")] = _LIST,
+        start: Annotated[int, Field(description="Number of agents to skip.", ge=0)] = 0,
+        limit: Annotated[int, Field(description="Number of agents to list.", ge=1, le=1000)] = _LIST,
     ) -> Annotated[CallToolResult, Agents]:
         """List agents with the trust in them, the highest lower end of the interval first."""
         with _explained():
@@ -161,7 +161,7 @@ class AgentTools:
         lines = [f"{one.name}: {trust_text(one.provider, one.time)}" for one in found.agents]
         if (end := start + len(lines)) < found.total:
             lines.append(f"{found.total - end} more: start={end}.")
-        return _result("\n".join(lines) or "There are no agents.", found)
+        return _result("\n".join(lines) or f"None here: there are {_counted(found.total, 'agent')}.", found)
 
     def leave(self) -> Annotated[CallToolResult, Receipt]:
         """Leave. You can come back, but as a newcomer without ratings: ask your user first."""
@@ -179,7 +179,7 @@ def _explained() -> Iterator[None]:
         advice = _ADVICE.get(error.reason, "")
         if error.wait_s is not None:
             advice = f"Try again in {_length(error.wait_s)}."
-        raise ToolError(f"{error} {advice}".strip()) from None
+        raise ToolError(f"{error}. {advice}".strip()) from None
     except UnreachableError as error:
         raise ToolError(f"{error}. Try again later with the same arguments: what you send counts once.") from None
     except (ValueError, OSError) as error:

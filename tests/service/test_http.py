@@ -60,7 +60,6 @@ def test_agents_register_rate_ask_and_leave(client: TestClient, clock: Clock):
     ]
     assert client.get("/ratings?counted=true").text.splitlines() == lines[:3]
     key = jwt.PyJWK({"kty": "OKP", "crv": "Ed25519", "x": client.get("/agents/ann").json()["key"]})
-    # whoever reads, can check
     claims = jwt.decode(
         lines[1].split(",")[4], key, audience=NAME, options={"verify_iat": False}
     )  # whoever reads, checks
@@ -69,7 +68,9 @@ def test_agents_register_rate_ask_and_leave(client: TestClient, clock: Clock):
     assert client.get("/agents/bob").status_code == 404
 
 
-def test_errors_have_one_form_and_are_counted(client: TestClient, clock: Clock, monkeypatch: pytest.MonkeyPatch):
+def test_errors_have_one_form_and_are_counted(
+    client: TestClient, clock: Clock, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
     ann, _ = registered(client, clock, "ann", "bob")
     wrong = Agent("ann", clock, seed=1)
     first = ann.rating("bob", 1)
@@ -99,12 +100,14 @@ def test_errors_have_one_form_and_are_counted(client: TestClient, clock: Clock, 
         assert set(client.get(path).json()) == {"reason", "detail", "at"}
 
     def full(store: Store, new: object) -> None:
-        raise StoreError("disk full")
+        raise StoreError("/srv/secret is full")
 
     monkeypatch.setattr(Store, "append", full)
     monkeypatch.setattr(Store, "rows", full)
     for answer in (client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]}), client.get("/ratings")):
         assert (answer.status_code, answer.json()["reason"], answer.headers["Retry-After"]) == (503, "not stored", "1")
+        assert "secret" not in answer.text
+    assert [record.message for record in caplog.records] == ["/srv/secret is full"]
 
 
 def test_the_protocol_of_rounds_is_answered_as_ever(client: TestClient):

@@ -248,7 +248,23 @@ def check_failures(manager: TrustManager, ann: Agent) -> None:
         assert manager.about()["ratings"] == before["ratings"] + 1
 
 
-def test_a_store_has_one_manager_and_one_name(tmp_path: Path):
+def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    with managed(tmp_path / "s", clock := Clock()) as manager:
+        ann, bob = joined(manager, clock, "ann", "bob")
+        one, other = ann.rating("bob", 1), bob.rating("ann", 1)
+        with monkeypatch.context() as patch:
+            patch.setattr(TrustManager, "_rate", lambda self, signed, *_: self._append(signed, "bob", 1.0) or 1 / 0)
+            with pytest.raises(ZeroDivisionError):
+                manager.take([Request(Rating, [one])])
+        manager.rate([other])
+        assert "".join(manager.export()).splitlines()[1].startswith("bob,ann,1.0,")
+        assert manager.about()["ratings"] == 1
+
+
+def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    Store(":memory:").close()  # is a file, as any other text
+    assert (tmp_path / ":memory:").is_file()
     with managed(tmp_path / "s", Clock()), pytest.raises(StoreError, match="in use by another manager"):
         Store(str(tmp_path / "s"))
     with pytest.raises(ValueError, match="of the manager m, not of n"):
@@ -257,10 +273,18 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path):
         connection.execute("update meta set value = '2' where name = 'schema'")
     with pytest.raises(ValueError, match="has schema 2; schema 1 is read here"):
         Store(str(tmp_path / "s"))
+    with sqlite3.connect(tmp_path / "s") as connection:
+        connection.execute("delete from meta where name = 'schema'")
     (tmp_path / "text").write_text("no database" * 1000)
     for address, words in (
+        (str(tmp_path / "s"), "has schema None"),
+        ("", "the address of the store is ''"),
+        (f"sqlite:///{tmp_path}/new", "must be a file of SQLite"),  # whose lock would be another
         ("mysql://x/y", "must be a file of SQLite"),
         (str(tmp_path / "text"), "not a database"),
     ):
         with pytest.raises((ValueError, StoreError), match=words):
             Store(address)
+    with pytest.raises(ValueError, match="'a b' is no name"):
+        Store(str(tmp_path / "new"), "a b")
+    assert not (tmp_path / "new").exists()

@@ -77,7 +77,9 @@ def test_a_refusal_says_what_to_do(use, ann):
         ("rate", {"name": "bob", "rating": "good"}, "rating"),
         ("rate", {"name": "ann", "rating": 1}, "rates itself"),
         ("rate", {"name": "carl", "rating": 1}, "unknown provider: ann rates an agent that is not registered here"),
-        ("ask", {"name": "carl"}, "Find the name with `list_agents`."),
+        ("rate", {"name": "bob ", "rating": 1}, "'bob ' is no name of an agent"),
+        ("list_agents", {"start": -1}, "greater than or equal to 0"),
+        ("ask", {"name": "carl"}, "carl is not registered here. Find the name with `list_agents`."),
     ]
     for (name, arguments, expected), (text, data) in zip(cases, use(*(case[:2] for case in cases)), strict=True):
         assert expected in text, (name, arguments)
