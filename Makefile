@@ -6,7 +6,7 @@ OUT := results
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: run docs test test-all test-slow test-doctests test-thorough test-studies test-site test-extras test-live test-soak \
-	test-ros2 test-clients setup format study studies benchmark report archive clean
+	test-ros2 test-clients setup format study studies benchmark report archive dist cards notebooks clean
 
 run: $(VENV)/.ready-run
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -80,6 +80,7 @@ setup: $(VENV)/.ready-dev
 $(VENV)/.ready-run: EXTRAS := cli,vision
 $(VENV)/.ready-test: EXTRAS := test
 $(VENV)/.ready-dev: EXTRAS := dev
+$(VENV)/.ready-release: EXTRAS := release
 $(VENV)/.ready-%: pyproject.toml constraints.txt
 	test -x $(BIN)/python || python3 -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[$(EXTRAS)]'
@@ -125,6 +126,27 @@ archive:
 	tar --null --files-from=$(ARCHIVE)/raw --mtime=@0 --owner=0 --group=0 --numeric-owner -c | gzip -n -9 > $(ARCHIVE)/roletrust-results.tar.gz
 	rm $(ARCHIVE)/raw
 	cd $(ARCHIVE) && sha256sum *.tar.gz SHA256SUMS | tee roletrust.sha256
+
+# Wheel and sdist of the last commit, with checksums: the same bytes for the same commit. Their metadata are checked.
+DIST := build/dist
+dist: $(VENV)/.ready-release
+	rm -rf $(DIST)
+	mkdir -p $(DIST)/source
+	git archive HEAD | tar -x -C $(DIST)/source
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m build --no-isolation --outdir $(DIST) $(DIST)/source
+	rm -rf $(DIST)/source
+	$(BIN)/python -m twine check --strict $(DIST)/*
+	cd $(DIST) && sha256sum * | tee SHA256SUMS
+
+# What the published results and the attackers of the zoo are, for those who use them elsewhere: in build/cards/.
+cards: setup
+	mkdir -p build/cards
+	$(BIN)/python docs/_ext/croissant.py build/cards
+	$(BIN)/python docs/_ext/model_cards.py build/cards
+
+# Three tutorials as notebooks, in build/notebooks/, which also run on a hosted machine: their first cell installs the package.
+notebooks: setup
+	$(BIN)/python docs/_ext/notebooks.py build/notebooks
 
 format: setup
 	$(BIN)/ruff check --fix .

@@ -19,8 +19,8 @@ extensions = [
     "sphinx_design",
     "site_pages",
 ]
-# Tables that a page includes, the report, and the paper for JOSS.
-exclude_patterns = ["_ext/**", "leaderboards/standard*", "paper.md"]
+# Tables that a page includes, the report, the paper for JOSS, and what a release needs.
+exclude_patterns = ["_ext/**", "leaderboards/standard*", "paper.md", "release/**"]
 smartquotes = False
 highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it

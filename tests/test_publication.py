@@ -14,6 +14,10 @@ import yaml
 from pages import refused
 from pybtex.database import parse_file
 
+import croissant
+import model_cards
+from roletrust_agents.learned.saved import load_attacker
+
 HOUSE = Path(__file__).parent.parent
 PROJECT = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]
 _, FRONT, PAPER = (HOUSE / "docs/paper.md").read_text(encoding="utf-8").split("---\n", 2)
@@ -84,3 +88,34 @@ def test_the_same_commit_gives_the_same_archive(tmp_path):
         "roletrust.sha256",
         "roletrust.tar.gz",
     ]
+
+
+def test_the_published_results_and_the_attackers_are_described():
+    described = croissant.croissant()
+    tables = {file["contentUrl"]: file["sha256"] for file in described["distribution"]}
+    board = HOUSE / "docs/leaderboards/standard/leaderboard.csv"
+    assert tables["docs/leaderboards/standard/leaderboard.csv"] == hashlib.sha256(board.read_bytes()).hexdigest()
+    fields = {field["@id"]: field["dataType"] for records in described["recordSet"] for field in records["field"]}
+    assert (fields["leaderboard/worst"], fields["leaderboard/model"]) == ("sc:Float", "sc:Text")
+    headings = re.findall(r"^## ", (HOUSE / "docs/release/datasheet.md").read_text(encoding="utf-8"), re.MULTILINE)
+    said = {key: words for key, words in described.items() if key.startswith("rai:")}
+    assert len(said) == len(headings)
+    assert all(said.values())
+    page = model_cards.page({"rater-3x3": load_attacker("rater-3x3").card})
+    assert "sr_2 in `paper-3x3`" in page
+
+
+@pytest.mark.slow
+def test_a_notebook_installs_the_package_and_then_is_the_tutorial():
+    import notebooks  # of what makes the site
+
+    for name, (page, extras) in notebooks.NOTEBOOKS.items():
+        book = notebooks.notebook(name)
+        first, *others = [cell.source for cell in book.cells if cell.cell_type == "code"]
+        assert f'%pip install --quiet --find-links . "roletrust-env[{extras}]"' in first
+        assert set(extras.split(",")) <= set(PROJECT["optional-dependencies"])
+        text = (HOUSE / f"docs/tutorials/{page}.md").read_text(encoding="utf-8")
+        assert len(others) == text.count("```{code-cell}")
+        assert all(cell in text for cell in others)
+        words = "".join(cell.source for cell in book.cells if cell.cell_type == "markdown")
+        assert not re.findall(r"\]\((?!https?://)", words)

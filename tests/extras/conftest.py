@@ -1,11 +1,12 @@
 """The wheel, and fresh environments in which it is installed."""
 
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from fresh_environments import HOUSE, PACKAGES, Environment, pip
+from fresh_environments import HOUSE, PACKAGES, PINNED, Environment, pip
 
 
 @pytest.fixture(scope="session")
@@ -29,9 +30,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fresh(wheel: Path, tmp_path: Path) -> Iterator[Callable[..., Environment]]:
     """Makes the environment of some extras; it goes after the test, for it is large."""
 
-    def make(extras: str = "") -> Environment:
-        environment = Environment(tmp_path / "environment")
-        environment.install(f"{wheel}[{extras}]" if extras else str(wheel))
+    def make(extras: str = "", constraints: Path = PINNED, python: str = sys.executable) -> Environment:
+        environment = Environment(tmp_path / "environment", python)
+        environment.install(f"{wheel}[{extras}]" if extras else str(wheel), constraints)
         return environment
 
     yield make

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 HOUSE = Path(__file__).parents[2]
+PINNED = HOUSE / "constraints.txt"
 PACKAGES = (
     *("roletrust_env", "agents/roletrust_agents", "baselines/roletrust_baselines"),
     "experiments/roletrust_experiments",
@@ -31,13 +32,13 @@ class Run(NamedTuple):
 class Environment:
     """A fresh virtual environment, and a folder to work in."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, python: str = sys.executable) -> None:
         self.path, self.folder = path, path / "work"
-        subprocess.run([sys.executable, "-m", "venv", "--without-pip", path], check=True)
+        subprocess.run([python, "-m", "venv", "--without-pip", path], check=True)
         self.folder.mkdir()
 
-    def install(self, what: str) -> None:
-        pip("install", "--no-compile", what, python=self.path / "bin" / "python")
+    def install(self, what: str, constraints: Path = PINNED) -> None:
+        pip("install", "--no-compile", what, python=self.path / "bin" / "python", constraints=constraints)
 
     def python(self, code: str) -> str:
         run = self._run("python", "-c", code)
@@ -65,9 +66,9 @@ class Environment:
         return Run(done.returncode, done.stdout, done.stderr)
 
 
-def pip(command: str, *arguments: object, python: Path = Path(sys.executable)) -> None:
-    """Run pip, in the versions that are pinned."""
-    pinned = ("--constraint", HOUSE / "constraints.txt")
+def pip(command: str, *arguments: object, python: Path = Path(sys.executable), constraints: Path = PINNED) -> None:
+    """Run pip, by default in the versions that are pinned."""
+    pinned = ("--constraint", constraints)
     start = (sys.executable, "-m", "pip", "--python", python, "--quiet", "--disable-pip-version-check")
     done = subprocess.run([*map(str, (*start, command, *pinned, *arguments))], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -182,10 +182,10 @@ def test_train(fresh: Callable[..., Environment]) -> None:
         "train", "ProviderAttack", *certain, *small, "--steps", 128, "--out", "mine"
     )
     assert "learned-provider" in train.roletrust("play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}")
-    _benchmark_and_report(train)
+    benchmark_and_report(train)
 
 
-def _benchmark_and_report(alone: Environment) -> None:
+def benchmark_and_report(alone: Environment) -> None:
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
     assert "pip install 'roletrust-env[ray]'" in alone.refused("benchmark", "--suite", "tiny.toml", "--ray", "auto")
     alone.roletrust("benchmark", "--suite", "tiny.toml", "--workers", 1, "--out", "played")

@@ -1,0 +1,122 @@
+"""The wheel with the oldest releases that `pyproject.toml` allows, and with the newest on each Python that it names."""
+
+import os
+import re
+import subprocess
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from fresh_environments import HOUSE, PINNED, Environment
+from test_extras import SHORT, benchmark_and_report
+
+pytestmark = pytest.mark.extras
+
+PROJECT = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYTHONS = [line.rpartition(" ")[2] for line in PROJECT["classifiers"] if ":: Python :: 3." in line]
+TORCH = re.search(r"^torch==.*$", PINNED.read_text(encoding="utf-8"), re.MULTILINE)[0]  # the build for CPUs
+IMPORTED = """
+import importlib, pkgutil
+for package in ("roletrust_env", "roletrust_agents", "roletrust_baselines", "roletrust_experiments"):
+    for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
+        if not module.name.endswith(("cluster", "__main__")) and "roletrust_nodes" not in module.name:  # Ray, ROS 2
+            importlib.import_module(module.name)
+"""
+PLAYED = """
+import gymnasium, pettingzoo, roletrust_env
+env = pettingzoo.make("parallel", "RoleTrust-v0", max_cycles=3)
+env.reset(seed=0)
+while env.agents:
+    env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+games = gymnasium.make_vec("RoleTrust/RaterAttack-v0", num_envs=2, max_cycles=3)
+games.reset(seed=0)
+print(games.step(games.action_space.sample())[1].shape)
+"""
+SERVED = """
+import threading, time, uvicorn
+from pathlib import Path
+from roletrust_env.service.client import TrustClient
+from roletrust_env.service.http import make_app
+from roletrust_env.service.manager import Settings, TrustManager
+from roletrust_env.service.store import Store
+app = make_app(TrustManager(Store("trust.sqlite"), "role-trust", Settings(work=4)))
+server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="error"))
+threading.Thread(target=server.run, daemon=True).start()
+while not server.started:
+    time.sleep(0.01)
+url = "http://127.0.0.1:%d" % server.servers[0].sockets[0].getsockname()[1]
+for name in ("bob", "ann"):
+    with TrustClient(url, name, Path("keys")) as client:
+        client.register()
+        if name == "ann":
+            print(client.rate("bob", 0.9).seq > 0)
+server.should_exit = True
+"""
+
+
+def minima(extras: str) -> Iterator[str]:
+    """The oldest allowed release of each requirement of the package and its extras."""
+    optional = PROJECT["optional-dependencies"]
+    for line in [*PROJECT["dependencies"], *(line for extra in extras.split(",") for line in optional[extra])]:
+        if own := re.fullmatch(r"roletrust-env\[(.*)\]", line):
+            yield from minima(own[1])
+        else:
+            yield "==".join(re.match(r"([\w.-]+)(?:\[.*\])?>=([\d.]+)", line).groups())
+
+
+def interpreter(version: str) -> str:
+    """Path of a Python on this machine, also of one that pyenv keeps."""
+    command = [f"python{version}", "-c", "import sys; print(sys.executable)"]
+    try:
+        done = subprocess.run(command, env={**os.environ, "PYENV_VERSION": version}, capture_output=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip(f"there is no Python {version} here")
+    return done.stdout.decode().strip()
+
+
+def check(environment: Environment) -> None:
+    """Use each part of the library that needs other packages; learners only where there is torch."""
+    assert environment.python(PLAYED) == "(2,)\n"
+    environment.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
+    environment.roletrust("rate", "log", "--compare", "--synthetic", "--model", "mean", "--out", "measured")
+    assert environment.python(SERVED) == "True\n"
+    assert "Made in keys" in environment.roletrust("live", "keys", "keys")
+
+
+def test_the_oldest_releases(fresh: Callable[..., Environment], tmp_path: Path) -> None:
+    extras = "all,jax,crowd"
+    oldest = tmp_path / "oldest.txt"
+    oldest.write_text("\n".join(sorted(set(minima(extras)))), encoding="utf-8")
+    environment = fresh(extras, oldest)
+    environment.python(IMPORTED)
+    check(environment)
+    benchmark_and_report(environment)
+
+
+@pytest.mark.parametrize("version", PYTHONS)
+def test_the_newest_releases(version: str, fresh: Callable[..., Environment], tmp_path: Path) -> None:
+    """Without constraints, but for torch: the newest is the build with CUDA."""
+    torch = tmp_path / "torch.txt"
+    torch.write_text(TORCH, encoding="utf-8")
+    first = version == PYTHONS[0]
+    environment = fresh("all" if first else "video,data,live,serve,mcp", torch, interpreter(version))
+    check(environment)
+    if first:
+        environment.python(IMPORTED)
+        benchmark_and_report(environment)
+
+
+@pytest.mark.skipif(not (HOUSE / ".git").exists(), reason="this is no clone")
+def test_the_same_commit_gives_the_same_wheel_and_source(tmp_path: Path) -> None:
+    tools = Environment(tmp_path / "tools")
+    for name in ("build", "hatchling", "twine"):
+        tools.install(name)
+    sums = []
+    for name, mask, zone in (("one", 0o022, "UTC"), ("two", 0o077, "Asia/Tokyo")):
+        made = ("make", "-o", ".venv/.ready-release", "dist", f"BIN={tools.path / 'bin'}", f"DIST={tmp_path / name}")
+        around = {**os.environ, "TZ": zone}
+        subprocess.run(made, cwd=HOUSE, env=around, umask=mask, check=True, capture_output=True)
+        sums.append((tmp_path / name / "SHA256SUMS").read_text())
+    assert sums[0] == sums[1]
+    assert len(sums[0].splitlines()) == 2
