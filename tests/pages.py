@@ -89,7 +89,7 @@ def refused(line: str) -> str:
             if "=" not in word and not re.search(rf"^{word}:", (HOUSE / "Makefile").read_text(), re.MULTILINE)
         ]
         return f"no targets {missing}" if missing else ""
-    if program == "pip":
+    if program in ("pip", "uv"):
         known = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]["optional-dependencies"]
         extras = {word: re.findall(r"\w+", named) for word in words for named in re.findall(r"\[(.*)\]", word)}
         missing = [word for word, wanted in extras.items() if not known.keys() >= set(wanted)]

@@ -82,7 +82,7 @@ class BudgetSpentError(ValueError):
     """A step exceeds the budget."""
 
 
-class CountedGames(VectorWrapper):  # type: ignore[type-arg]  # generic from Gymnasium 1.4 on
+class CountedGames(VectorWrapper):  # not generic before Gymnasium 1.4
     """Parallel games that count their rounds and raise an error beyond a budget.
 
     Args:
