@@ -36,7 +36,7 @@ def programs(monkeypatch):
 
 def test_the_consumer_finds_the_better_worker(tmp_path):
     with served(tmp_path / "trust.sqlite") as (_, url):
-        chosen = delegation.main([url, "--keys", str(tmp_path / "keys"), "--tasks", "4"])
+        chosen = delegation.main([url, "--keys", str(tmp_path / "keys"), "--tasks", "4", "--pause", "3"])
     assert chosen == ["bob", "eve", "bob", "bob"]
 
 
