@@ -5,6 +5,7 @@ from hashlib import sha256
 import jwt
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from pages import HOUSE, blocks
 
 from roletrust_env.service.tokens import (
     MAX_TOKEN,
@@ -37,6 +38,11 @@ def test_a_token_returns_as_its_claims_and_as_what_was_signed():
 def test_a_token_of_another_library_is_read():
     token = jwt.encode(json.loads(RATING.model_dump_json()) | {"iat": 1764181371, "task": 7}, KEY, algorithm="EdDSA")
     assert read_token(token, Rating)[0] == RATING.model_copy(update={"iat": 1764181371})
+
+
+def test_the_claims_of_the_guide_are_a_rating():
+    (claims,) = blocks(HOUSE / "docs/guide/manager.md", "json")
+    assert Rating.model_validate_json(claims).model_dump() == json.loads(claims)
 
 
 def test_what_is_no_token_of_the_kind_is_refused():

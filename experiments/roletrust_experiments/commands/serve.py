@@ -111,7 +111,7 @@ def _manage(
             config = uvicorn.Config(
                 app,
                 http=limited_protocol(lambda: manager.validator.refuse("", RefusalReason.TOO_LARGE)),
-                log_level="warning",
+                log_level="error",  # strangers must not fill the log
                 access_log=False,
                 timeout_graceful_shutdown=_END_S,
             )
