@@ -16,6 +16,7 @@ pytestmark = pytest.mark.extras
 PROJECT = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PYTHONS = [line.rpartition(" ")[2] for line in PROJECT["classifiers"] if ":: Python :: 3." in line]
 TORCH = re.search(r"^torch==.*$", PINNED.read_text(encoding="utf-8"), re.MULTILINE)[0]  # the build for CPUs
+EVERYTHING = "all,jax,crowd"
 IMPORTED = """
 import importlib, pkgutil
 for package in ("roletrust_env", "roletrust_agents", "roletrust_baselines", "roletrust_experiments"):
@@ -85,10 +86,9 @@ def check(environment: Environment) -> None:
 
 
 def test_the_oldest_releases(fresh: Callable[..., Environment], tmp_path: Path) -> None:
-    extras = "all,jax,crowd"
     oldest = tmp_path / "oldest.txt"
-    oldest.write_text("\n".join(sorted(set(minima(extras)))), encoding="utf-8")
-    environment = fresh(extras, oldest)
+    oldest.write_text("\n".join(sorted(set(minima(EVERYTHING)))), encoding="utf-8")
+    environment = fresh(EVERYTHING, oldest)
     environment.python(IMPORTED)
     check(environment)
     benchmark_and_report(environment)
@@ -96,11 +96,11 @@ def test_the_oldest_releases(fresh: Callable[..., Environment], tmp_path: Path) 
 
 @pytest.mark.parametrize("version", PYTHONS)
 def test_the_newest_releases(version: str, fresh: Callable[..., Environment], tmp_path: Path) -> None:
-    """Without constraints, but for torch: the newest is the build with CUDA."""
+    """Without constraints but for torch, of which the newest has CUDA; with torch and what needs it on one Python."""
     torch = tmp_path / "torch.txt"
     torch.write_text(TORCH, encoding="utf-8")
     first = version == PYTHONS[0]
-    environment = fresh("all" if first else "video,data,live,serve,mcp", torch, interpreter(version))
+    environment = fresh(EVERYTHING if first else "video,data,live,serve,mcp", torch, interpreter(version))
     check(environment)
     if first:
         environment.python(IMPORTED)
