@@ -99,7 +99,7 @@ class AgentTrust(_Message):
     rank: Annotated[int, Field(ge=1)] | None
     """Rank by the lower end, 1 for the best; null without ratings."""
     of: Count
-    """Number of agents that are ranked."""
+    """Number of agents that are ranked, also those that have left."""
 
 
 class Reason(_Message):

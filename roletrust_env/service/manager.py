@@ -37,6 +37,7 @@ from roletrust_env.service.tokens import (
 
 _VERSION = version("roletrust-env")
 _NANO = 1000  # nanoseconds of a microsecond
+_LONGEST = 10**9  # seconds of a round or of a tolerance
 _AGAIN = "~"  # between the name of an agent that has come back, and how often it has begun
 
 _WHY = {
@@ -183,6 +184,9 @@ class TrustManager:
         settings: Settings = Settings(),  # noqa: B008 - immutable
         clock: Callable[[], float] = time.time,
     ) -> None:
+        for length in ("every", "tolerance"):
+            if not 0 <= (value := getattr(settings, length)) <= _LONGEST:
+                raise ValueError(f"{length} is {value:g} s; it must be from 0 to {_LONGEST:,} s")
         self._store, self._model, self.settings, self._clock = store, model, settings, clock
         self._keys: dict[str, Ed25519PublicKey] = {}
         self._limit = NewcomerLimit(settings.newcomers, round(settings.every * 1e9))

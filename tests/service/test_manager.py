@@ -285,6 +285,12 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytes
     ):
         with pytest.raises((ValueError, StoreError), match=words):
             Store(address)
+    for change in ({"every": float("inf")}, {"tolerance": float("nan")}, {"tolerance": -1.0}):
+        with (
+            pytest.raises(ValueError, match=f"{next(iter(change))} is .* must be from 0 to"),
+            managed(tmp_path / "other", Clock(), QUICK._replace(**change)),
+        ):
+            pass
     with pytest.raises(ValueError, match="'a b' is no name"):
         Store(str(tmp_path / "new"), "a b")
     assert not (tmp_path / "new").exists()
