@@ -236,7 +236,7 @@ ONE = {"name": "mine", "scenario": "market", "track": "raters", "share": 0.3, "r
     ("text", "words"),
     [
         ("", "Expecting"),
-        ("[]", "object|dictionary"),
+        ("[]", "table of names"),
         ('{"attacks": []}', "attacks"),
         (json.dumps({"attacks": [ONE, ONE]}), "two known attacks 'mine' in market, raters 30%"),
         (json.dumps({"attacks": [ONE | {"share": 1.5}]}), "share"),

@@ -9,8 +9,10 @@ from pathlib import Path
 import httpx2
 import pytest
 from load import register
-from requests_of_agents import AGENTS
 from served import served
+
+pytest.importorskip("schemathesis", reason="`make test` does without it")
+from requests_of_agents import AGENTS  # noqa: E402
 
 EXAMPLES = 12  # of each operation
 

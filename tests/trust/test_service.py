@@ -58,7 +58,7 @@ def test_games_are_apart_and_can_end():
     [
         ("nonsense", "there is no JSON"),
         ("[" * 100_000, "there is no JSON"),
-        ("[]", "object"),
+        ("[]", "table of names"),
         ('{"over": 3}', "over"),
         (message(game="x"), "game"),
         (message(round=-1), "round"),

@@ -69,7 +69,7 @@ CHANGES = {
     "1 or more, for each": lambda said: first(said).update(sees=[[]] * 6),
     "not one of the 44 inputs": lambda said: first(said)["sees"][0].__setitem__(0, 44),
     "greater than or equal to 0": lambda said: first(said)["sees"][0].__setitem__(0, -1),
-    "valid integer": lambda said: first(said)["sees"][0].__setitem__(0, 1.5),
+    "must be an integer": lambda said: first(said)["sees"][0].__setitem__(0, 1.5),
     "no LSTM": lambda said: said["architecture"].update(lstm=4),
     "hidden layers and": lambda said: said["architecture"].update(hidden=[]),
     "multiplications": lambda said: said["architecture"].update(hidden=[4096, 4096, 4096, 4096, 4096]),

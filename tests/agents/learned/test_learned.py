@@ -209,7 +209,7 @@ def test_weights_that_fit_their_digest_but_not_the_network_are_refused():
         (b'{"format": 1, "format": 2}', "two fields of one name"),
         (b"\xff\xfe", "decode"),
         (b"", "Expecting value"),
-        (b"[]", "dictionary|object"),
+        (b"[]", "table of names"),
         (b" " * 1_000_001, "the limits are"),
     ],
 )
