@@ -12,7 +12,7 @@ from load import register
 from served import served
 
 pytest.importorskip("schemathesis", reason="`make test` does without it")
-from requests_of_agents import AGENTS  # noqa: E402
+from requests_of_agents import AGENTS
 
 EXAMPLES = 12  # of each operation
 
