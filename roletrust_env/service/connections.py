@@ -24,13 +24,14 @@ def limited_protocol(refuse: Callable[[], object]) -> type[Any]:
     class LimitedProtocol(HttpToolsProtocol):  # type: ignore[misc]
         _head = 0
         _deadline: TimerHandle | None = None
+        _cycles: tuple[Any, ...] = ()  # requests without a whole answer
 
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
             self._await_request()
 
         def connection_lost(self, error: Exception | None) -> None:
-            self._arrived()
+            self._end()
             super().connection_lost(error)
 
         def data_received(self, data: bytes) -> None:
@@ -46,6 +47,8 @@ def limited_protocol(refuse: Callable[[], object]) -> type[Any]:
         def on_headers_complete(self) -> None:
             self._head = 0
             super().on_headers_complete()
+            if self.cycle is not None:
+                self._cycles = (*(one for one in self._cycles if not one.response_complete), self.cycle)
 
         def on_body(self, body: bytes) -> None:
             self._head = 0
@@ -64,9 +67,17 @@ def limited_protocol(refuse: Callable[[], object]) -> type[Any]:
             if self._deadline is not None:
                 self._deadline.cancel()
 
+        def _end(self) -> None:
+            """End all requests; uvicorn ends the newest only, and another one would write an error to the log."""
+            self._arrived()
+            for cycle in self._cycles:
+                cycle.disconnected = True
+                cycle.message_event.set()
+
         def _cut(self) -> None:
             if not self.transport.is_closing():
                 refuse()
+                self._end()
                 self.transport.abort()
 
     return LimitedProtocol

@@ -5,7 +5,7 @@ import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
@@ -78,6 +78,9 @@ def served(*arguments: object, function: Callable[[], object] = main) -> Iterato
             process.terminate()
             process.join(20)
             assert process.exitcode in (0, -signal.SIGTERM)
+            os.set_blocking(ours.fileno(), False)
+            with suppress(BlockingIOError):
+                assert b"Traceback" not in os.read(ours.fileno(), 100_000)
     finally:
         process.kill()
         process.join()

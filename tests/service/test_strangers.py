@@ -237,6 +237,10 @@ def test_clients_that_wait_hold_nobody_up(manager: Served):
         assert (answer.status_code, answer.json()["reason"]) == (503, "busy")
         with served_as_ever(manager):
             pass
+    for more in (export, export * 300):  # the second is cut, while the first is answered
+        with connection(manager.port) as client:
+            client.sendall(listen + more)
+            time.sleep(0.1)
     with ExitStack() as stack:
         for _ in range(FILES):
             stack.enter_context(connection(manager.port))
