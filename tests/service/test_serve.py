@@ -13,8 +13,10 @@ from pathlib import Path
 import httpx2
 import pytest
 from signing_agents import NAME, Agent
+from typer.testing import CliRunner
 
 from roletrust_baselines.logs.folders import write_log
+from roletrust_experiments.cli import app
 
 COMMAND = [sys.executable, "-c", "from roletrust_experiments import main; main()"]
 AUDIT = ["--same-agents", "--scale", "-10", "10", "--top", "2", "--targets", "1", "--budget", "4", "--alone"]
@@ -31,6 +33,12 @@ def served(*options: object) -> Iterator[str]:
     finally:
         process.send_signal(signal.SIGTERM)
         assert process.wait(20) in (0, -signal.SIGTERM)
+
+
+def test_options_of_a_manager_need_a_store():
+    said = CliRunner().invoke(app, ["serve", "mean", "--every", "5", "--work", "3"])
+    assert said.exit_code == 2
+    assert "--every, --work: only a trust manager has that" in said.output
 
 
 @pytest.mark.slow

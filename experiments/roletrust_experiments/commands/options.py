@@ -43,6 +43,12 @@ def with_options(group: type) -> Callable[[Callable[..., None]], Callable[..., N
     return decorate
 
 
+def given_options(context: typer.Context) -> list[str]:
+    """Return the options that stand on the command line, such as `--out`."""
+    sources = {one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params}
+    return [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+
+
 def task_names() -> dict[str, str]:
     """Return the attack tasks by their short names, such as `RaterAttack`, with their ids."""
     from roletrust_env.envs.attack_env import TASKS

@@ -13,13 +13,15 @@ from roletrust_env.trust.model import registry
 from roletrust_env.trust.service import TrustService, http_server
 from roletrust_experiments.commands.console import errors
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, OWN
+from roletrust_experiments.commands.options import NAMED, OWN, given_options
 
 _END_S = 2  # for answers that are on their way when the manager ends
-_manager = partial(typer.Option, rich_help_panel="Manager of agents")
+_PANEL = "Manager of agents"
+_manager = partial(typer.Option, rich_help_panel=_PANEL)
 
 
 def serve(
+    context: typer.Context,
     model: Annotated[str, typer.Argument(metavar=NAMED, help="Trust model. " + OWN)],
     port: Annotated[
         int | None,
@@ -72,6 +74,9 @@ def serve(
         settings = (every, scale, same_agents, work, quota, newcomers, tolerance)
         _manage(model, store, name, settings, host, 8000 if port is None else port, rounds=rounds)
         return
+    of_manager = {one.opts[0] for one in context.command.params if getattr(one, "rich_help_panel", None) == _PANEL}
+    if wrong := [name for name in given_options(context) if name in of_manager]:
+        raise ValueError(f"{', '.join(wrong)}: only a trust manager has that; --store makes one")
     service = TrustService(parse_named(registry, model))
     if port is None:
         for line in sys.stdin:

@@ -17,7 +17,15 @@ from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands.console import console, errors, progress_bar
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, Out, Seed, SettingsOption, find_task, task_names
+from roletrust_experiments.commands.options import (
+    NAMED,
+    Out,
+    Seed,
+    SettingsOption,
+    find_task,
+    given_options,
+    task_names,
+)
 from roletrust_experiments.plots.figure_files import write_figure
 
 if TYPE_CHECKING:
@@ -127,9 +135,7 @@ def train(
         raise ValueError(f"name a task: {', '.join(task_names())}; or give --resume to continue the run in --out")
     if task is None:
         allowed = ("--out", "--resume", "--runs")  # a run that is continued has its own options
-        sources = {one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params}
-        given = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
-        if wrong := [name for name in given if name not in allowed]:
+        if wrong := [name for name in given_options(context) if name not in allowed]:
             raise ValueError(
                 f"{', '.join(wrong)}: a run that is continued keeps its options; name a task to begin another"
             )
