@@ -37,8 +37,11 @@ def test_its_files_say_the_same_and_several_runs_are_the_mean_of_single_ones(tmp
     run(tmp_path, "--runs", "2")
     monkeypatch.setattr("studies.defend.play_game", None)  # nothing may be played again
     tables = {name: by_name(rows(tmp_path, name)) for name in ("comparison.csv", "iterations.csv", "leads.csv")}
-    single = []
+    single, kept = [], tmp_path / "out" / "runs.json"
     for seed in (0, 1):
+        runs = json.loads(kept.read_text())
+        runs["made_with"]["seed"] = seed  # a folder keeps the runs of a study from one seed on
+        kept.write_text(json.dumps(runs))
         run(tmp_path, "--seed", str(seed))
         single.append({name: by_name(rows(tmp_path, name)) for name in tables})
     for name, last in (("comparison.csv", "worlds"), ("iterations.csv", "single"), ("leads.csv", "worlds")):
