@@ -3,6 +3,8 @@
 import sys
 from pathlib import Path
 
+import mcp.types  # noqa: F401 - it cannot be imported while autodoc says TYPE_CHECKING
+
 from roletrust_env import __version__
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
