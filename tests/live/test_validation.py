@@ -134,7 +134,6 @@ def test_the_clock_of_nodes_follows_the_machine_and_never_goes_back(monkeypatch)
         monkeypatch.setattr(clock.time, "monotonic_ns", lambda: 5)
         monkeypatch.setattr(clock.time, "time_ns", lambda step=step: wall + step)
         assert clock.now() == wall + expected
-    monkeypatch.setattr(clock, "_lead", 0)
 
 
 def test_unknown_names_take_no_memory():
