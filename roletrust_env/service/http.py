@@ -201,16 +201,12 @@ class Endpoints:
         body = await request.body()
         try:
             async with self._playing:
-                text = await run_in_threadpool(self._play, body.decode("utf-8", "replace"))
+                text = await run_in_threadpool(self._rounds.answer_lines, body.decode("utf-8", "replace"))
         except ValueError as error:
             return PlainTextResponse(f"{printable(str(error))}\n", 400)
         except Exception as error:  # a model of another package may raise anything
             return PlainTextResponse(f"{type(error).__name__}: {printable(str(error))}\n", 500)
         return PlainTextResponse(text)
-
-    def _play(self, messages: str) -> str:
-        found = [self._rounds.answer(line) for line in messages.splitlines() if line.strip()]
-        return "".join(f"{line}\n" for line in found if line is not None)
 
     def _agent(self, member: Member) -> answers.Agent:
         provider, rater = (answers.AgentTrust(**one._asdict()) for one in self._manager.standings(member))

@@ -1,11 +1,14 @@
 """A log of ratings as the rounds of a team, of which `infer_scenario` makes a scenario."""
 
+from typing import Any
+
 import numpy as np
 
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.log_rounds import log_rounds
 from roletrust_env.live.recorded_team import TeamObservation
 from roletrust_env.live.team import Team
+from roletrust_env.metrics.score import ratio
 
 _MOST = 10_000_000  # numbers of all rounds
 
@@ -33,8 +36,7 @@ def observe_log(log: RatingLog, every: float) -> TeamObservation:
         raise ValueError("the log has {:,} rounds of {:,} raters and {:,} providers: take longer rounds".format(*shape))
     cells = np.ravel_multi_index((numbers, i, j), shape)
     counts, sums = (np.bincount(cells, weights, minlength=np.prod(shape)) for weights in (None, log.values))
-    ratings = np.full(shape, np.nan)
-    np.divide(sums.reshape(shape), counts.reshape(shape), out=ratings, where=counts.reshape(shape) > 0)
+    ratings = ratio(sums, counts).reshape(shape)
     team = Team(tuple(log.rater_names[k] for k in raters), tuple(log.ratee_names[k] for k in providers))
-    sent = ~np.isnan(ratings)
+    sent: Any = ~np.isnan(ratings)
     return TeamObservation(team, round(every * 1e9), ratings, sent, sent.any(axis=1))

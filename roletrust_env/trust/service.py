@@ -93,6 +93,15 @@ class TrustService:
         self._games[message.game] = run
         return json.dumps(trust)
 
+    def answer_lines(self, text: str) -> str:
+        """Return the answers to the messages of a text, one on each line; those before a wrong message count.
+
+        Raises:
+            ValueError: See `answer`.
+        """
+        answers = [self.answer(line) for line in text.splitlines() if line.strip()]
+        return "".join(f"{answer}\n" for answer in answers if answer is not None)
+
     def _copied(self, message: _Copy) -> GridRun:
         """Return the run of a game of which another begins as a copy; a round makes a new run of it."""
         if message.copied not in self._games:
@@ -166,16 +175,16 @@ def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
             if not (size.isascii() and size.isdigit()) or int(size) > _MOST_BYTES:
                 self._respond(400, f"Content-Length must be a number of at most {_MOST_BYTES} bytes\n")
                 return
-            lines = self.rfile.read(int(size)).decode("utf-8", "replace").splitlines()
+            text = self.rfile.read(int(size)).decode("utf-8", "replace")
             try:
                 with lock:
-                    answers = [service.answer(line) for line in lines if line.strip()]
+                    answers = service.answer_lines(text)
             except ValueError as error:
                 self._respond(400, f"{printable(str(error))}\n")
             except Exception as error:  # a model of another package may raise anything
                 self._respond(500, f"{type(error).__name__}: {printable(str(error))}\n")
             else:
-                self._respond(200, "".join(f"{answer}\n" for answer in answers if answer is not None))
+                self._respond(200, answers)
 
         def log_message(self, *arguments: object) -> None:
             pass
