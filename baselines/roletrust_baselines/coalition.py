@@ -89,8 +89,6 @@ class AgreeingRater(WindowedAttack):
             first; `"published"` is published trust.
         accomplices: Indices of the accomplices among the providers. They are always rated 1 and have no rank. None is
             a coalition without accomplices.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     by: Annotated[Literal["perceived", "published"], GridValues("perceived")] = "perceived"
@@ -144,12 +142,6 @@ class RankLies(AgreeingRater):
         best: Rating of the best provider, in [0, 1].
         worst: Rating of the worst provider, in [0, 1].
         bend: Exponent of the rank in the curve between them, in (0, 8]. Above 1 only the worst providers are praised.
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the accomplices among the providers. They are always rated 1 and have no rank. None is
-            a coalition without accomplices.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     best: Annotated[Share, GridValues(0.0, 0.3)] = 0.0
@@ -172,8 +164,6 @@ class SelfPromotion(LyingRater):
         accomplices: Indices of the providers of the ring among all providers.
         bad: Quality of their services, in [0, 1].
         lift: Share of the distance to 1 that is added to a rating of the ring's providers, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     accomplices: Annotated[AgentIndices, Accomplices()] = field(kw_only=True)
@@ -204,12 +194,7 @@ class Collusion(SelfPromotion):
     The ring combines ballot stuffing and bad-mouthing, as in Hoffman, Zage and Nita-Rotaru (2009).
 
     Attributes:
-        accomplices: Indices of the providers of the ring among all providers.
-        bad: Quality of their services, in [0, 1].
-        lift: Share of the distance to 1 that is added to a rating of the ring's providers, in [0, 1].
         sink: Share by which a rating of the other providers is reduced, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     sink: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
@@ -231,12 +216,8 @@ class Orchestrated(Collusion):
         teams: Number of teams.
         team: Number of the agent's team, from 0 on.
         turn: Number of rounds for which a team attacks.
-        accomplices: Indices of the providers of the ring among all providers.
         bad: Quality of service of the attacking team, in [0, 1].
-        lift: Share of the distance to 1 that is added to a rating of the ring's providers, in [0, 1].
         sink: Share by which the attacking team reduces a rating of the other providers, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     teams: PositiveInt = 2
@@ -269,12 +250,6 @@ class Promotion(AgreeingRater):
             better one of two.
         lift: Share of the distance to 1 that is added to its rating, in [0, 1].
         sink: Share by which ratings of better providers are reduced, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the accomplices among the providers. They are always rated 1 and have no rank. None is
-            a coalition without accomplices.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     place: Annotated[Share, GridValues(0.2, 0.4, 0.7)] = 0.4
@@ -302,12 +277,6 @@ class SwapEnds(AgreeingRater):
     Attributes:
         sink: Share by which the rating of the best provider is reduced, in [0, 1].
         lift: Share of the distance to 1 that is added to the rating of the worst provider, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the accomplices among the providers. They are always rated 1 and have no rank. None is
-            a coalition without accomplices.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     sink: Annotated[Share, GridValues(0.6, 1.0)] = 1.0
@@ -329,15 +298,7 @@ class Sleeper(RankLies):
 
     Attributes:
         wakes_at: Own ToR from which on a rater lies, permanently, in [0, 1]. With 0 it wakes up at the start.
-        best: Rating of the best provider, in [0, 1].
-        worst: Rating of the worst provider, in [0, 1].
-        bend: Exponent of the rank in the curve between them, in (0, 8]. Above 1 only the worst providers are praised.
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the accomplices among the providers. They are always rated 1 and have no rank. None is
-            a coalition without accomplices.
         start: First round in which a rater can wake up.
-        stop: First round after the attack; None attacks to the end.
     """
 
     start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(5, 20)] = 5
@@ -365,16 +326,6 @@ class ReviewBurst(Promotion):
     Attributes:
         burst: Number of rounds of lies at the beginning of each period.
         every: Number of rounds of a period.
-        place: Rank of the promoted provider from 0, the best, to 1. It is the provider with the nearest rank, the
-            better one of two.
-        lift: Share of the distance to 1 that is added to its rating, in [0, 1].
-        sink: Share by which ratings of better providers are reduced, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the accomplices among the providers. They are always rated 1 and have no rank. None is
-            a coalition without accomplices.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     place: Annotated[Share, GridValues(0.3, 0.6)] = 0.3
@@ -395,12 +346,8 @@ class Ring(AgreeingRater):
         bad: Quality of bad service, in [0, 1].
         cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
         sink: Share by which their ratings are reduced, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
         accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
             None is a ring without providers.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     threshold: Annotated[Share, GridValues(0.5, 0.7)] = 0.7
@@ -431,15 +378,7 @@ class CheatingRing(Ring):
     self-promotion of Hoffman, Zage and Nita-Rotaru (2009) with the opportunistic service of Chen, Bao and Guo (2016).
 
     Attributes:
-        threshold: Own ToP from which on a provider cheats, in [0, 1].
-        bad: Quality of bad service, in [0, 1].
-        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
-        sink: Share by which their ratings are reduced, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
         accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     accomplices: Annotated[AgentIndices, Accomplices()] = field(kw_only=True)
@@ -455,14 +394,6 @@ class MilkingRing(CheatingRing):
     Attributes:
         patience: Number of rounds in which its providers build up trust, while its raters already lie.
         threshold: Share of the highest own ToP so far from which on a provider cheats, in [0, 1].
-        bad: Quality of bad service, in [0, 1].
-        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
-        sink: Share by which their ratings are reduced, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     patience: Annotated[NonNegativeInt, SearchRange(0, 20), GridValues(3, 10)] = 3
@@ -499,14 +430,7 @@ class PersonalMilkingRing(MilkingRing):
         patience: Number of ratings by a rater before a provider cheats it.
         threshold: Mean rating of a provider by a rater from which on it is cheated, in [0, 1].
         bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
-        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
-        sink: Share by which their ratings are reduced, in [0, 1].
         lift: Share of the distance to 1 that is added to the ratings of the rest, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1)] = 1

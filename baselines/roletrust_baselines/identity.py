@@ -66,8 +66,6 @@ class Whitewashing(IdentityAttack):
     Attributes:
         reserve: Number of identities in reserve that it takes besides its first one, 1 or more. This is how often it
             can come back.
-        serves: Policy by which each identity serves; by default the worst service in every round.
-        rates: Policy by which each identity rates; by default the lowest rating for every provider.
         threshold: Trust below which an identity leaves, in [0, 1]. If it is above the trust of newcomers, an identity
             leaves in every round.
     """
@@ -86,9 +84,6 @@ class Sybil(IdentityAttack):
     After Douceur (2002), "The Sybil Attack". For camouflage, give `serves` and `rates` a `start` later than this one.
 
     Attributes:
-        reserve: Number of identities in reserve that it takes besides its first one, 1 or more.
-        serves: Policy by which each identity serves; by default the worst service in every round.
-        rates: Policy by which each identity rates; by default the lowest rating for every provider.
         start: Round in which it calls its first identity in reserve, which is present after this round.
         every: Number of rounds between two identities; 0 calls all at once.
     """
@@ -113,15 +108,6 @@ class WhitewashingRing(Ring):
         reserve: Number of identities in reserve that it takes besides its first one, 1 or more. This is how often it
             can come back.
         leaves_below: Trust below which an identity leaves, in [0, 1].
-        threshold: Own ToP from which on a provider cheats, in [0, 1].
-        bad: Quality of bad service, in [0, 1].
-        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
-        sink: Share by which their ratings are reduced, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
-            None is a ring without providers.
-        start: First round of the attack.
         stop: First round after the attack; the agents still come back. None attacks to the end.
     """
 
@@ -144,14 +130,6 @@ class SybilRing(Ring):
     Attributes:
         reserve: Number of identities in reserve that it takes besides its first one, 1 or more.
         every: Number of rounds between two identities; 0 calls all at once.
-        threshold: Own ToP from which on a provider cheats, in [0, 1].
-        bad: Quality of bad service, in [0, 1].
-        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
-        sink: Share by which their ratings are reduced, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
-            None is a ring without providers.
         start: First round of the attack, in which it calls its first identity in reserve.
         stop: First round after the attack; the identities stay. None attacks to the end.
     """
@@ -176,15 +154,6 @@ class PersonalSybilRing(PersonalMilkingRing):
     Attributes:
         reserve: Number of identities in reserve that it takes besides its first one, 1 or more.
         every: Number of rounds between two identities; 0 calls all at once.
-        patience: Number of ratings by a rater before a provider cheats it.
-        threshold: Mean rating of a provider by a rater from which on it is cheated, in [0, 1].
-        bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
-        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
-        sink: Share by which their ratings are reduced, in [0, 1].
-        lift: Share of the distance to 1 that is added to the ratings of the rest, in [0, 1].
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
         start: First round of the attack, in which it calls its first identity in reserve.
         stop: First round after the attack; the identities stay. None attacks to the end.
     """

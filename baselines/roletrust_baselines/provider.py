@@ -18,8 +18,6 @@ class CheatingProvider(WindowedAttack):
 
     Attributes:
         bad: Quality of bad service, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     bad: Share = 0.0
@@ -49,8 +47,6 @@ class OnOff(WindowedAttack):
         bad: Quality of bad service, in [0, 1].
         good: Quality of good service during the attack, in [0, 1].
         switching: Switching between the phases, `"regular"` or `"random"`.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     period: Annotated[PositiveInt, SearchRange(1, 12), GridValues(2, 3, 5, 10)] = 2
@@ -92,9 +88,6 @@ class Camouflage(CheatingProvider):
 
     Attributes:
         wakes_at: Own ToP from which on it cheats, permanently, in [0, 1].
-        bad: Quality of bad service, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
@@ -120,9 +113,6 @@ class Exit(CheatingProvider):
     Attributes:
         length: Length of the game, in rounds.
         last: Number of rounds at the end of the game in which it cheats.
-        bad: Quality of bad service, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     length: Annotated[PositiveInt, GameLength()] = field(kw_only=True)
@@ -142,9 +132,6 @@ class Opportunistic(CheatingProvider):
 
     Attributes:
         threshold: Own ToP from which on it cheats, in [0, 1].
-        bad: Quality of bad service, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     threshold: Annotated[Share, GridValues(0.3, 0.5, 0.7, 0.9)] = 0.7
@@ -166,9 +153,6 @@ class ReputationLag(CheatingProvider):
     Attributes:
         threshold: Own ToP from which on it cheats, in [0, 1].
         noticed: Mean rating below which its bad service is noticed, in [0, 1].
-        bad: Quality of bad service, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     threshold: Annotated[Share, GridValues(0.5, 0.7, 0.9)] = 0.7
@@ -193,8 +177,6 @@ class ThresholdSurfing(WindowedAttack):
         threshold: Trust below which admission control can cut it off, in [0, 1].
         margin: Distance at which it keeps its trust above the threshold, in [0, 1].
         lam: Weight of the newest round that it assumes for trust, in [0.5, 1).
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     threshold: Share = 0.25
@@ -219,9 +201,6 @@ class ValueImbalance(CheatingProvider):
 
     Attributes:
         threshold: Value of a service, as a share of the highest value, above which it cheats, in [0, 1].
-        bad: Quality of bad service, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     threshold: Share = 0.5

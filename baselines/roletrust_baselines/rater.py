@@ -15,12 +15,7 @@ from roletrust_env.randomness import Random
 
 @checked_dataclass
 class LyingRater(WindowedAttack):
-    """Rater that lies about all providers in a time window.
-
-    Attributes:
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
-    """
+    """Rater that lies about all providers in a time window."""
 
     attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
 
@@ -47,8 +42,6 @@ class TargetedLyingRater(LyingRater):
 
     Attributes:
         targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     targets: Annotated[AgentIndices | None, Victims()] = field(default=None, kw_only=True)
@@ -68,9 +61,6 @@ class BadMouthing(TargetedLyingRater):
     Attributes:
         lie: Kind of lie: `"constant"` always rates `level`; `"relative"` rates (1 - level) * perceived quality.
         level: Rating of the constant lie, or share by which the relative lie reduces a rating; in [0, 1].
-        targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     lie: Annotated[Literal["constant", "relative"], GridValues("constant")] = "constant"
@@ -91,8 +81,6 @@ class BallotStuffing(LyingRater):
     Attributes:
         level: Share k of the distance to 1 that is added to a rating, in [0, 1].
         accomplices: Indices of the accomplices among the providers; None praises all.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     level: Annotated[Share, GridValues(0.25, 0.5, 1.0)] = 1.0
@@ -125,11 +113,7 @@ class CamouflageRating(BadMouthing):
 
     Attributes:
         wakes_at: Own ToR from which on it lies, permanently, in [0, 1].
-        lie: Kind of lie: `"constant"` always rates `level`; `"relative"` rates (1 - level) * perceived quality.
-        level: Rating of the constant lie, or share by which the relative lie reduces a rating; in [0, 1].
-        targets: Indices of the victims among the providers; None lies about all of them.
         start: First round in which it can lie.
-        stop: First round after the attack; None attacks to the end.
     """
 
     start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
@@ -151,11 +135,6 @@ class Complementary(TargetedLyingRater):
     """Complementary ratings: a rater that rates good services as bad and bad ones as good.
 
     Yu and Singh (2003), "Detecting Deception in Reputation Management".
-
-    Attributes:
-        targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -172,9 +151,6 @@ class FlipFlop(TargetedLyingRater):
 
     Attributes:
         period: Number of successive rounds with a rating of 1, followed by as many with a rating of 0.
-        targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     period: Annotated[PositiveInt, SearchRange(1, 12), GridValues(1, 2, 5)] = 1
@@ -190,11 +166,6 @@ class Optimistic(TargetedLyingRater):
     """Optimistic ratings: a rater that halves the distance of each rating to the best, (x + 1) / 2 on [-1, 1].
 
     The ratings are those of `BallotStuffing(level=0.5)`, but for honest providers, the targets.
-
-    Attributes:
-        targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -207,11 +178,6 @@ class Pessimistic(TargetedLyingRater):
     """Pessimistic ratings: a rater that halves the distance of each rating to the worst, (x - 1) / 2 on [-1, 1].
 
     The ratings are those of `BadMouthing(lie="relative", level=0.5)`. Searches vary the targets only.
-
-    Attributes:
-        targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -224,11 +190,6 @@ class RandomRating(TargetedLyingRater):
     """Random ratings: a rater with ratings drawn from U[0, 1), which carry no information.
 
     This is the random scenario of ATB (Jelenc et al. 2013).
-
-    Attributes:
-        targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -247,9 +208,6 @@ class RepTrap(TargetedLyingRater):
 
     Attributes:
         traps: Number of providers that it lies about at a time.
-        targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     traps: Annotated[PositiveInt, SearchRange(1, 5), GridValues(1, 2, 3)] = 1
@@ -271,8 +229,6 @@ class Silent(WindowedAttack):
 
     Attributes:
         targets: Indices of the providers that it does not rate; None rates no provider.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     targets: Annotated[AgentIndices | None, Victims()] = None
@@ -294,9 +250,6 @@ class TransitiveLying(TargetedLyingRater):
 
     Attributes:
         own: Own quality, in [0, 1].
-        targets: Indices of the victims among the providers; None lies about all of them.
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     own: Annotated[Share, GridValues(0.0, 0.25, 0.5, 0.75)] = 0.25

@@ -18,8 +18,6 @@ class UnequalProvider(WindowedAttack):
 
     Attributes:
         bad: Quality for the cheated raters as a share of the quality for the others, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     bad: float
@@ -53,8 +51,6 @@ class Conflicting(UnequalProvider):
     Attributes:
         raters: Indices of the raters that it serves badly; None is the first half of all raters, rounded up.
         bad: Quality for these raters as a share of the quality for the others, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     raters: AgentIndices | None = None
@@ -77,8 +73,6 @@ class Discrimination(UnequalProvider):
     Attributes:
         share: Share of the raters that it serves badly, in [0, 1], rounded, at least one: the first ones.
         bad: Quality for these raters as a share of the quality for the others, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     share: Annotated[Share, SearchRange(0.05, 0.5)] = 0.3
@@ -102,9 +96,6 @@ class QuietDiscrimination(Discrimination):
 
     Attributes:
         share: Share of the raters that it serves badly, in [0, 1], rounded, at least one.
-        bad: Quality for these raters as a share of the quality for the others, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
@@ -129,8 +120,6 @@ class Rotation(UnequalProvider):
         groups: Number of groups of raters, which stand side by side. With a single one all are cheated.
         turn: Number of rounds for which a group is cheated.
         bad: Quality for the group in turn as a share of the quality for the others, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     groups: Annotated[PositiveInt, SearchRange(2, 10), GridValues(2, 4)] = 3
@@ -158,8 +147,6 @@ class PersonalMilking(UnequalProvider):
         threshold: Mean rating by a rater from which on it is cheated, in [0, 1].
         patience: Number of ratings by a rater before it is cheated.
         bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
-        start: First round of the attack.
-        stop: First round after the attack; None attacks to the end.
     """
 
     start: Annotated[NonNegativeInt, SearchRange(0, 50), GridValues(0)] = 0

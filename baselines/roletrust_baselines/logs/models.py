@@ -107,9 +107,6 @@ class FairnessGoodness(ByPairMeans):
 
     with w = 2 x - 1, where x is the mean of all ratings that i gave j so far; in the paper a pair has one rating. The
     iteration starts from f = 1, and its error halves in each step. Published are f and (g + 1) / 2.
-
-    Attributes:
-        initial: Trust of an agent without ratings, in [0, 1].
     """
 
     source = "Kumar et al. (2016)"
@@ -144,9 +141,6 @@ class BiasDeserve(ByPairMeans):
     Published are 1 minus the size of the bias, which is this project's choice, and (deserve + 1) / 2. Later comparisons
     write x in two ways: as here, or with the product of bias and w in place of the size of the bias, which is the same
     where w is -1, 0 or 1.
-
-    Attributes:
-        initial: Trust of an agent without ratings, in [0, 1].
     """
 
     source = "Mishra and Bhattacharya (2011)"
@@ -178,7 +172,6 @@ class Rev2(ByPairMeans):
     starts from F = G = 1. Published are F and (G + 1) / 2.
 
     Attributes:
-        initial: Trust of an agent without ratings, in [0, 1].
         alpha: Number of ratings by which a rater is drawn to the mean fairness.
         beta: Number of ratings by which a provider is drawn to the mean goodness.
     """
@@ -224,9 +217,6 @@ class TwoWayMean(ByPairMeans):
     where x is the mean of all ratings that i gave j so far. The 1 in the denominator stands for one rating without
     generosity, so that the level of a provider with a single rater is defined. Published are the level, clipped to
     [0, 1], and 1 minus the size of the generosity. It is the additive model of the analysis of variance.
-
-    Attributes:
-        initial: Trust of an agent without ratings, in [0, 1].
     """
 
     source = "Koren et al. (2009)"
@@ -251,9 +241,6 @@ class ByRatingVectors(ByPairMeans):
         R[i] = 1 - d[i] / root of the number of providers that i rated
 
     where x[i, j] is the mean of all ratings that i gave j so far. The trust in raters is this project's choice.
-
-    Attributes:
-        initial: Trust of an agent without ratings, in [0, 1].
     """
 
     def _first(self, pairs: Ratings, rated: Array) -> tuple[Array, Array]:
@@ -295,9 +282,6 @@ class GeometricMedian(ByRatingVectors):
         c[j] <- sum over the raters i of j of x[i, j] / max(d[i], 1e-4) / sum over them of 1 / max(d[i], 1e-4)
 
     with d, x and both trusts as in `ByRatingVectors`. At most 60 iterations start from 1/2.
-
-    Attributes:
-        initial: Trust of an agent without ratings, in [0, 1].
     """
 
     source = "Pillutla et al. (2022)"
@@ -322,7 +306,6 @@ class CentredClipping(ByRatingVectors):
     few from the result of the round before.
 
     Attributes:
-        initial: Trust of an agent without ratings, in [0, 1].
         radius: Greatest length of a pull, above 0, where a single rating has a gap of at most 1.
     """
 

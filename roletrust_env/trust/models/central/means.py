@@ -57,12 +57,7 @@ class Constant(Published):
 
 @checked_dataclass
 class Mean(Smoothed):
-    """Undefended baseline: exponential mean of a provider's average rating, in which all raters count alike.
-
-    Attributes:
-        lam: Weight of the newest round, in [0.5, 1).
-        initial: Trust before any rating, in [0, 1].
-    """
+    """Undefended baseline: exponential mean of a provider's average rating, in which all raters count alike."""
 
     rates_raters = False
 
@@ -87,10 +82,6 @@ class DeviationWeighted(Smoothed):
 
     The literature has many models of this kind, such as that of Liu et al. (2011). This one claims to match none of
     them, and is named for what it does.
-
-    Attributes:
-        lam: Weight of the newest round, in [0.5, 1).
-        initial: Trust before any rating, in [0, 1].
     """
 
     def update(self, state: Trusts, ratings: Ratings) -> Trusts:
@@ -132,13 +123,9 @@ def median(ratings: Ratings) -> Array:
 class ByCentre(Smoothed, ABC):
     """Base of trust models that are defined by a centre of each provider's ratings. Both trusts follow from it.
 
-        centre[j] = the model's own, of f[i, j] over the raters i of j
-        T[j]     <- lam centre[j] + (1 - lam) T[j]
-        R[i]     <- lam (1 - mean over the providers j that i rated of |f[i, j] - centre[j]|) + (1 - lam) R[i]
-
-    Attributes:
-        lam: Weight of the newest round, in [0.5, 1).
-        initial: Trust before any rating, in [0, 1].
+    centre[j] = the model's own, of f[i, j] over the raters i of j
+    T[j]     <- lam centre[j] + (1 - lam) T[j]
+    R[i]     <- lam (1 - mean over the providers j that i rated of |f[i, j] - centre[j]|) + (1 - lam) R[i]
     """
 
     @abstractmethod

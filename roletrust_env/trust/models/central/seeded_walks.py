@@ -190,8 +190,6 @@ class PersonalizedPageRank(BySeeds):
     satisfied, and if no trust has reached any of them.
 
     Attributes:
-        seeds: Places of the raters that are trusted beforehand, from 0. One that is not among the raters yet counts
-            from when it is. Without names every rater is a seed, and none has trust 1 for that.
         alpha: Probability that a walker starts anew in a step, in [0.001, 0.999].
         back: Whether walkers go back from providers that cannot rate.
     """
@@ -257,8 +255,6 @@ class MeritRank(BySeeds):
     satisfied, and if no trust has reached any of them.
 
     Attributes:
-        seeds: Places of the raters that are trusted beforehand, from 0. One that is not among the raters yet counts
-            from when it is. Without names every rater is a seed, and none has trust 1 for that.
         alpha: Probability that a walk ends in a step, in [0.001, 0.999].
         beta: Share of the merit that an agent behind a bridge loses, in [0, 1].
         gamma: Share of the former merit that is lost in each round, in [0, 1].
@@ -361,8 +357,6 @@ class SybilRank(BySeeds):
     satisfied, and if no trust has reached any of them.
 
     Attributes:
-        seeds: Places of the raters that are trusted beforehand, from 0. One that is not among the raters yet counts
-            from when it is. Without names every rater is a seed, and none has trust 1 for that.
         steps: Number of steps w. None is that of the paper.
     """
 
