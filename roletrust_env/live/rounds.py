@@ -20,12 +20,14 @@ class RoundTiming:
     Attributes:
         period: Time between rounds, nanoseconds.
         deadline: Time from the first message of an incomplete round to its end, as a share of the period.
-        silence: Number of periods without a message after which a stream is no longer expected.
+        silence: Number of periods without a message after which a stream is no longer missing from a round.
+        absence: Number of periods without a message after which no round waits for a stream until its deadline.
     """
 
     period: int
     deadline: float = 0.7
     silence: float = 3.0
+    absence: float = 7200.0
 
     @property
     def max_spread(self) -> int:
@@ -67,10 +69,11 @@ class RoundAssembler(Generic[Item]):
 
     ROS's synchronisation publishes complete matches only: a stream that loses a message costs all streams the round,
     and a stream that stops ends all rounds. Here the messages that it gives up form a partial round. A silent stream is
-    not expected until it sends again, and a new stream is expected from its first message on. Rounds close in the
-    order of their stamps, which begins anew when the clock is set back, see `StampLimits`. A message that arrives
-    after its round was closed is in no round and is counted; this may happen to the first message of a stream that was
-    not expected.
+    not expected until it sends again, but rounds stay open for it until their deadline, so that its first message
+    counts however late in the round it comes. Only after a long absence are rounds complete without it. A new stream is
+    expected from its first message on. Rounds close in the order of their stamps, which begins anew when the clock is
+    set back, see `StampLimits`. A message that arrives after its round was closed is in no round and is counted; this
+    may happen to the first message of a new stream.
 
     Args:
         timing: How long to wait for a round.
@@ -85,14 +88,15 @@ class RoundAssembler(Generic[Item]):
         self._timing, self._after = timing, after
         self._initial, self._latest = tuple(expected), after or 0
         self._last_heard: dict[str, int] = {}
+        self._silent = set[str]()
         self._parts: dict[str, Message[Item]] = {}  # of a round that will not be complete
         self._reset_synchroniser(())
         self.unused: Counter[str] = Counter()
 
     @property
     def expected(self) -> tuple[str, ...]:
-        """Streams that a complete round needs."""
-        return self._expected
+        """Streams that a round should have: those that are not silent."""
+        return tuple(name for name in self._streams if name not in self._silent)
 
     def add(self, name: str, stamp: int, item: Item, now: int) -> list[MatchedRound[Item]]:
         """Take a message and return the rounds that it closes.
@@ -108,18 +112,20 @@ class RoundAssembler(Generic[Item]):
             self._reset_synchroniser(self._initial)
         closed = self._begin_anew(now)
         self._last_heard[name] = max(now, stamp)  # a stream that is ahead is not silent before its round
-        closed += [] if name in self._expected else self._expect((*self._expected, name))
+        self._silent.discard(name)
+        closed += [] if name in self._streams else self._wait_for((*self._streams, name))
         if self._is_closed(stamp):
             self.unused[name] += 1
             return closed
-        return closed + self._apply(self._sync.add(self._expected.index(name), Message(stamp, now, item)))
+        return closed + self._apply(self._sync.add(self._streams.index(name), Message(stamp, now, item)))
 
     def close_due(self, now: int) -> list[MatchedRound[Item]]:
         """Return the rounds whose deadline has passed, and stop expecting silent streams. Call it often."""
         closed = self._begin_anew(now) + self._close_until(now - self._timing.deadline * self._timing.period)
-        limit = self._timing.silence * self._timing.period
-        active = tuple(name for name in self._expected if now - self._last_heard[name] < limit)
-        return closed + self._expect(active) if active != self._expected else closed
+        periods = {name: (now - self._last_heard[name]) / self._timing.period for name in self._streams}
+        self._silent = {name for name, silence in periods.items() if silence >= self._timing.silence}
+        streams = tuple(name for name, silence in periods.items() if silence < self._timing.absence)
+        return closed + self._wait_for(streams) if streams != self._streams else closed
 
     def _begin_anew(self, now: int) -> list[MatchedRound[Item]]:
         """Close what waits if the clock has gone back; the stamps of later rounds may be those of earlier ones then."""
@@ -151,7 +157,7 @@ class RoundAssembler(Generic[Item]):
         return [(name, message) for name, message in messages if message.stamp - start <= self._timing.max_spread]
 
     def _waiting(self) -> _Named[Item]:
-        return [(self._expected[k], message) for k, message in self._sync.waiting()]
+        return [(self._streams[k], message) for k, message in self._sync.waiting()]
 
     def _close_partial(self) -> list[MatchedRound[Item]]:
         """Close the earliest round with the messages that have arrived."""
@@ -159,28 +165,28 @@ class RoundAssembler(Generic[Item]):
         first, self._parts = self._earliest_round(pending), {}
         start = min(message.stamp for _, message in first)
         closed = self._close(first)
-        self._reset_synchroniser(self._expected)
+        self._reset_synchroniser(self._streams)
         return closed + self._feed(entry for entry in pending if entry[1].stamp - start > self._timing.max_spread)
 
-    def _expect(self, names: tuple[str, ...]) -> list[MatchedRound[Item]]:
-        """Change the expected streams; a match that exists is published first."""
+    def _wait_for(self, names: tuple[str, ...]) -> list[MatchedRound[Item]]:
+        """Change the streams of a complete round; a match that exists is published first."""
         closed = self._apply(self._sync.publish_candidate())
         waiting = self._waiting()
         self._reset_synchroniser(names)
         return closed + self._feed(waiting)
 
     def _reset_synchroniser(self, names: tuple[str, ...]) -> None:
-        self._expected, period = names, self._timing.period
+        self._streams, period = names, self._timing.period
         self._sync: ApproximateTimeSynchroniser[Item] = ApproximateTimeSynchroniser(
             len(names), max_interval=self._timing.max_spread, lower_bound=4 * period // 5
         )
 
     def _feed(self, messages: Iterable[tuple[str, Message[Item]]]) -> list[MatchedRound[Item]]:
-        """Add earlier messages again, whether or not their streams are still expected."""
+        """Add earlier messages again, whether or not rounds still wait for their streams."""
         closed = []
         for name, message in messages:
-            if name in self._expected:
-                closed += self._apply(self._sync.add(self._expected.index(name), message))
+            if name in self._streams:
+                closed += self._apply(self._sync.add(self._streams.index(name), message))
             else:
                 closed += self._add_part(name, message)
         return closed
@@ -190,7 +196,7 @@ class RoundAssembler(Generic[Item]):
         closed = []
         for decision in decisions:
             pairs = zip(decision.streams, decision.messages, strict=True)
-            messages = [(self._expected[k], message) for k, message in pairs]
+            messages = [(self._streams[k], message) for k, message in pairs]
             closed += self._close_complete(messages) if decision.matched else self._add_part(*messages[0])
         return closed
 
@@ -229,7 +235,7 @@ class RoundAssembler(Generic[Item]):
         items = {name: message.item for name, message in messages}
         self.unused.update((Counter(name for name, _ in messages) - Counter(list(items))).elements())
         self._after = stamp
-        return [MatchedRound(stamp, items, tuple(name for name in self._expected if name not in items))]
+        return [MatchedRound(stamp, items, tuple(name for name in self.expected if name not in items))]
 
     def _is_closed(self, stamp: int) -> bool:
         """Return whether the round of a stamp, or a later one, is closed."""

@@ -56,9 +56,11 @@ def test_a_rater_that_vanishes_and_comes_back(raters):
     first = len(raters.heard) - 1
     raters.silent = {"sr_1"}
     raters.wait_for(12)
-    raters.silent = set()
+    begin, raters.silent = time.time_ns() + PERIOD, set()
     raters.wait_for(8)
     found = entries(raters, first)
+    back = [stamp for (name, stamp), _ in sorted(raters.sent.items()) if name == "sr_1" and stamp > begin][:2]
+    assert all("sr_1" in entry.ratings for entry in found if entry.stamp in back)
     assert 1 <= sum("sr_1" in entry.missing for entry in found) <= 6
     assert sum("sr_1" not in entry.ratings for entry in found) >= 8
     assert {"sr_0", "sr_1"} <= found[-2].ratings.keys()

@@ -51,12 +51,30 @@ def test_a_partial_round_closes_at_the_deadline_and_names_the_missing():
 def test_silent_streams_are_not_expected_until_they_send_again():
     sent = ["abc"] * 3 + ["ab"] * 6 + ["abc"] * 3
     closed, rounds = play(rounds_of("abc", sent), names="abc", tick=1, until=13_500)
-    expected = ["abc"] * 3 + ["ab"] * 7 + ["abc"] * 2  # the first message of a stream that is not expected is too late
-    assert summary(closed) == [(heard, "c" if k in (3, 4) else "") for k, heard in enumerate(expected)]
-    quick = [now - round.stamp for now, round in closed]
-    assert quick[3:10] == [710, 710, 12, 11, 11, 11, 11]
+    assert summary(closed) == [(heard, "c" if k in (3, 4) else "") for k, heard in enumerate(sent)]
+    assert [now - round.stamp for now, round in closed][3:10] == [710] * 6 + [12]
     assert rounds.expected == ("a", "b", "c")
-    assert rounds.unused == Counter("c")
+    assert not rounds.unused
+
+
+@pytest.mark.parametrize("start", [0, 4], ids=["at the start", "later"])
+@pytest.mark.parametrize("rounds", [2, 7, 1100])
+@pytest.mark.parametrize("delay", [1, 30, 690])
+def test_the_first_message_after_a_silence_counts(delay, rounds, start):
+    """It comes before those of the others, after them, or just before the deadline of the round."""
+    others = rounds_of("ab", ["ab"] * (start + rounds + 2))
+    stamps = [PERIOD * r for r in (*range(1, start + 1), start + rounds + 1, start + rounds + 2)]
+    closed, assembler = play(others + [(stamp + delay, "c", stamp) for stamp in stamps], names="abc", tick=10)
+    assert [round.items["c"] for _, round in closed if "c" in round.items] == stamps
+    assert not assembler.unused
+
+
+def test_after_a_long_absence_rounds_are_complete_without_a_stream():
+    timing = RoundTiming(PERIOD, absence=20.0)
+    sent = ["abc"] * 2 + ["ab"] * 28 + ["c"] + ["abc"] * 2
+    closed, rounds = play(rounds_of("abc", sent), names="abc", timing=timing, tick=1, until=34_000)
+    assert [now - round.stamp for now, round in closed] == [12] * 2 + [710] * 19 + [12] + [11] * 8 + [712] + [12] * 2
+    assert not rounds.unused
 
 
 def test_new_streams_are_added():
