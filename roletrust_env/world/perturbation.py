@@ -1,5 +1,7 @@
 """Strength of the perturbations in each round."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from roletrust_env.arrays import Array, cast, entries, is_compiling, namespace
@@ -32,6 +34,11 @@ class Perturbations:
             active = (now >= perturbation.start) & (now < perturbation.stop)
             strength = namespace(now).where(active, perturbation.strength, strength)
         return strength
+
+
+def strength_in(perturbations: Iterable[Perturbation], round: int) -> float:
+    """Return the strength in one round, which may be beyond the length of the game."""
+    return max((one.strength for one in perturbations if one.start <= round < one.stop), default=0.0)
 
 
 def _strength(perturbation: Perturbation) -> float:

@@ -1,6 +1,7 @@
 """A node without middleware, whose readers get the messages that a test puts on a topic."""
 
 from collections import defaultdict
+from types import SimpleNamespace
 
 from roletrust_env.live.wire.dds import Publication
 
@@ -40,14 +41,19 @@ class FakeWire:
         readers: Readers by topic.
         dropped: Topics of dropped readers.
         announced: New publications.
+        sent: Messages that the node has published.
     """
 
     def __init__(self):
         self.waiting, self.readers, self.dropped, self.announced = defaultdict(list), {}, [], []
+        self.sent = []
 
     def reader(self, topic, kind, **_):
         self.readers[topic] = FakeReader(self.waiting[topic])
         return self.readers[topic]
+
+    def writer(self, topic, kind):
+        return SimpleNamespace(write=self.sent.append)
 
     def drop(self, reader):
         topic = next(topic for topic, one in self.readers.items() if one is reader)

@@ -51,7 +51,9 @@ def test_the_nodes_of_the_paper_start_by_default(launch):
 
 
 def test_parameters_reach_the_nodes(launch):
-    commands = launch(keys="keys", journal="", cameras="", raters="sr_0", model="travos", speed="2.0", network="true")
+    commands = launch(
+        keys="keys", journal="", cameras="", raters="sr_0", model="travos", speed="2.0", network="true", rounds="9"
+    )
     shared = ["--scenario", "paper-3x3", "--speed", "2.0", "--keys", "keys", "--network"]
-    assert commands == [["roletrust", "live", "agent", "sr_0", "--role", "rater", *shared]]
+    assert commands == [["roletrust", "live", "agent", "sr_0", "--role", "rater", "--rounds", "9", *shared]]
     parse(commands[0])

@@ -1,7 +1,8 @@
 """The agents as processes: a provider publishes the pictures of its camera, and a rater rates those of every camera."""
 
+import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import cv2
@@ -14,7 +15,7 @@ from roletrust_env.live import clock
 from roletrust_env.live.nodes.inboxes import RatingSubscription, TrustSubscription, camera_inbox
 from roletrust_env.live.nodes.person_detector import PersonDetector, StrangePictures
 from roletrust_env.live.nodes.publishers import DiagnosticsPublisher
-from roletrust_env.live.nodes.run_loop import SECOND, Timeline, run_until_signal
+from roletrust_env.live.nodes.run_loop import SECOND, Timeline, print_line, run_rounds
 from roletrust_env.live.rounds import MatchedRound, RoundAssembler, RoundTiming
 from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER
@@ -23,7 +24,7 @@ from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import PublicKeys, Signer
 from roletrust_env.live.wire.topics import IMAGES, RATINGS
 from roletrust_env.randomness import Random, generator
-from roletrust_env.world.perturbation import Perturbations
+from roletrust_env.world.perturbation import strength_in
 from roletrust_env.world.scenario import Scenario
 from roletrust_env.world.vision.degrade import degrade
 from roletrust_env.world.vision.frames import FramesError, open_frames
@@ -43,13 +44,15 @@ def run_camera_node(
     keys: Path | None = None,
     seed: int = 0,
     network: bool = False,
+    rounds: int | None = None,
+    report: Callable[[str], object] = print_line,
 ) -> None:
-    """Run a camera until the scenario ends or a signal ends the process.
+    """Run a camera until a signal ends the process, or for some rounds.
 
     Args:
         name: Name of a provider of the scenario.
-        scenario: Scenario, which sets the number of rounds and the disturbances.
-        timeline: Start times of the rounds.
+        scenario: Scenario, which sets the disturbances; its length does not matter.
+        timeline: Start times of the rounds. A round that is over by half a period is left out.
         policy: Policy that chooses the quality; None serves honestly. It sees its trust, and the ratings of it since
             its last service.
         frames: See `open_frames`.
@@ -57,35 +60,40 @@ def run_camera_node(
         keys: Folder with the camera's private key and all public keys; None neither signs nor checks signatures.
         seed: Random seed of the sensor noise of bad service and of the policy.
         network: See `Node`.
+        rounds: See `run_rounds`.
+        report: See `run_rounds`.
 
     Raises:
-        ValueError: The scenario has no such provider, a key does not exist, or the frames do not exist (`FramesError`).
+        ValueError: The scenario has no such provider, a key does not exist, the rounds are over, or the frames do not
+            exist or end before the rounds (`FramesError`).
     """
     team, period_s = Team.of(scenario), scenario.period_s
     index = _index("provider", name, team.providers)
     keyring, signer = _keys(keys, name, team.raters)
-    source = open_frames(frames, duration_s=scenario.max_cycles * period_s, period_s=period_s, loop=loop)
-    perturbations = Perturbations(scenario, np.zeros(()))
+    length = math.inf if rounds is None else rounds
+    source = open_frames(frames, duration_s=length * period_s, period_s=period_s, loop=loop, paced=False)
     selector = QualitySelector(policy or Policy(), seed + index)
     cv2.setNumThreads(1)
     node = Node("cam", f"/{name}", network=network)
     pictures = node.writer(f"/{name}{IMAGES}", messages.IMAGE)
     trust = TrustSubscription(node, scenario.initial_trust, keyring)
     ratings = RatingSubscription(node, name, team.raters, RoundTiming(timeline.period), keyring)
-    with run_until_signal() as active:
-        for round in range(max(0, timeline.round(clock.now())), scenario.max_cycles):
+    with run_rounds(name, timeline, rounds, report) as active:
+        round = timeline.next_round()
+        while active and round < length:
             active.sleep_until(timeline.begin(round) - timeline.period // 2)  # time to make the picture
             trust.update()
-            frame = source.frame(index, round * period_s, float(perturbations.strength(np.asarray(round))))
+            frame = source.frame(index, round * period_s, strength_in(scenario.perturbations, round))
             quality = selector.quality(round, trust.top(name), *ratings.take())
             picture = degrade(frame, quality, (seed, index, round))
             encoded, jpeg = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
             if not encoded:
                 raise FramesError(f"a frame of {name} cannot be encoded as JPEG")
             active.sleep_until(timeline.begin(round))
-            if not active:
-                return
-            pictures.write(messages.picture_message(timeline.begin(round), name, jpeg.tobytes(), signer))
+            if active:
+                pictures.write(messages.picture_message(timeline.begin(round), name, jpeg.tobytes(), signer))
+            round = timeline.next_round(round)
+        active.sleep_until(timeline.begin(round))  # the last picture has a period to arrive
 
 
 def run_rater_node(
@@ -97,8 +105,10 @@ def run_rater_node(
     keys: Path | None = None,
     seed: int = 0,
     network: bool = False,
+    rounds: int | None = None,
+    report: Callable[[str], object] = print_line,
 ) -> None:
-    """Run a rater until a signal ends the process.
+    """Run a rater until a signal ends the process, or for some rounds.
 
     Args:
         name: Name of a rater of the scenario.
@@ -109,9 +119,11 @@ def run_rater_node(
         keys: Folder with the rater's private key and all public keys; None neither signs nor checks signatures.
         seed: Random seed of the noise on the rater's links and of the policy.
         network: See `Node`.
+        rounds: See `run_rounds`.
+        report: See `run_rounds`.
 
     Raises:
-        ValueError: The scenario has no such rater, or a key does not exist.
+        ValueError: The scenario has no such rater, a key does not exist, or the rounds are over.
     """
     team = Team.of(scenario)
     index = _index("rater", name, team.raters)
@@ -123,7 +135,7 @@ def run_rater_node(
     selector = RatingSelector(name, team.providers, policy or Policy(), trust, seed + index)
     detector = PersonDetector(np.random.default_rng([seed, index]))
     cameras, strangers = camera_inbox(node, timing, keyring, team), StrangePictures(detector, timing)
-    rounds: RoundAssembler[bytes] = RoundAssembler(timing)
+    assembler: RoundAssembler[bytes] = RoundAssembler(timing, [one for one in team.providers if one != name])
     diagnostics = DiagnosticsPublisher(node, name, signer)
 
     def publish(closed: MatchedRound[bytes]) -> None:
@@ -133,7 +145,7 @@ def run_rater_node(
         ratings = selector.ratings(timeline.round(closed.stamp), perceived)
         publisher.write(messages.ratings_message(name, closed.stamp, ratings, signer))
 
-    with run_until_signal() as active:
+    with run_rounds(name, timeline, rounds, report) as active:
         while active:
             node.wait(timeline.period / SECOND / 20)
             trust.update()  # in each turn: the node does not wait while messages remain
@@ -141,10 +153,10 @@ def run_rater_node(
             closed = []
             for jpeg, (camera, stamp, *_) in cameras.take(clock.now()):
                 if camera in cameras.known and camera != name:
-                    closed += rounds.add(camera, stamp, jpeg, clock.now())
+                    closed += assembler.add(camera, stamp, jpeg, clock.now())
                 elif camera != name:
                     strangers.add(camera, stamp, jpeg)
-            closed += rounds.close_due(clock.now())
+            closed += assembler.close_due(clock.now())
             for newest in closed[-1:]:  # a rater that is behind catches up: late ratings do not count
                 publish(newest)
             if diagnostics.is_due:

@@ -1,6 +1,5 @@
 """The trust manager as a process: receives the ratings of every rater, and publishes trust."""
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -12,7 +11,7 @@ from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.nodes.inboxes import diagnostics_inbox, rating_inbox, read_message
 from roletrust_env.live.nodes.publishers import INTERVAL_S, ManagerPublisher
-from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
+from roletrust_env.live.nodes.run_loop import SECOND, print_line, run_until_signal
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, RefusalReason
@@ -39,7 +38,7 @@ def run_manager_node(
     team: Team | None = None,
     keys: Path | None = None,
     network: bool = False,
-    report: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True),
+    report: Callable[[str], object] = print_line,
 ) -> None:
     """Run the manager until a signal ends the process.
 

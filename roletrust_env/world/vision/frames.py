@@ -1,5 +1,6 @@
 """Sources of frames: the rendered scene, a video file, a folder of images, or a camera."""
 
+import math
 import os
 import time
 from collections.abc import Iterator
@@ -85,7 +86,7 @@ class VideoFile(CapturedFrames):
 
     Args:
         path: Path of the video.
-        duration_s: Length of the run, seconds.
+        duration_s: Length of the run, seconds; infinite for a run without an end.
         loop: Whether a video that is shorter than the run starts again.
 
     Raises:
@@ -105,7 +106,7 @@ class VideoFile(CapturedFrames):
             if not loop:
                 raise FramesError(
                     f"{self._name} lasts {length_s:.1f} s and ends before the run, "
-                    f"which lasts {duration_s:.1f} s; use a longer video or a shorter run, or loop it"
+                    + _ways_out(duration_s, f"lasts {duration_s:.1f} s", "a longer video")
                 )
             self.loop_length_s = length_s
 
@@ -154,7 +155,7 @@ class ImageFolder(CapturedFrames):
 
     Args:
         path: Path of the folder.
-        duration_s: Length of the run, seconds.
+        duration_s: Length of the run, seconds; infinite for a run without an end.
         period_s: Length of a round, seconds.
         loop: Whether the images start again if there are fewer of them than rounds.
 
@@ -166,14 +167,14 @@ class ImageFolder(CapturedFrames):
         super().__init__(f"image folder {path}")
         self._period_s, self._loop = period_s, loop
         self._images = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
-        needed = round(duration_s / period_s)
+        needed = duration_s / period_s
         if not self._images:
             raise FramesError(f"{self._name} holds no images; allowed are {', '.join(IMAGE_SUFFIXES)}")
-        if len(self._images) < needed:
+        if len(self._images) < needed - 0.5:
             if not loop:
                 raise FramesError(
                     f"{self._name} holds {len(self._images)} images, one for each round, and ends before the run, "
-                    f"which has {needed} rounds; use more images or a shorter run, or loop it"
+                    + _ways_out(duration_s, f"has {needed:.0f} rounds", "more images")
                 )
             self.loop_length_s = len(self._images) * period_s
 
@@ -191,19 +192,19 @@ class ImageFolder(CapturedFrames):
 
 
 class LiveCamera(CapturedFrames):
-    """Frames of a camera of this machine in real time. A round that is early waits for its time.
-
-    This is the only source that is not reproducible.
+    """Frames of a camera of this machine in real time, the only source that is not reproducible.
 
     Args:
         number: Number of the camera, from 0 on.
+        paced: Whether a round that is early waits for its time; False if the caller waits.
 
     Raises:
         FramesError: There is no such camera.
     """
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, number: int, paced: bool = True) -> None:
         super().__init__(f"camera {number}")
+        self._paced = paced
         if not 0 <= number < 2**31:  # OpenCV crashes with other numbers
             raise FramesError(f"{self._name} does not exist; the numbers of cameras start at 0")
         with _quiet():
@@ -217,7 +218,8 @@ class LiveCamera(CapturedFrames):
         if time_s < self._last:  # a new run starts
             self._start = time.monotonic() - time_s
         self._last = time_s
-        time.sleep(max(0.0, self._start + time_s - time.monotonic()))
+        if self._paced:
+            time.sleep(max(0.0, self._start + time_s - time.monotonic()))
         success, picture = self._capture.read()
         if not success:
             raise FramesError(f"{self._name} stopped sending frames at {time_s:.1f} s")
@@ -225,16 +227,17 @@ class LiveCamera(CapturedFrames):
 
 
 def open_frames(
-    source: str | Path | int | None, *, duration_s: float, period_s: float, loop: bool = False
+    source: str | Path | int | None, *, duration_s: float, period_s: float, loop: bool = False, paced: bool = True
 ) -> FrameSource:
     """Open a source of frames, and check that it lasts as long as the run, if that is known in advance.
 
     Args:
         source: Path of a video or of a folder of images; number of a camera (also as text, unless a file has that
             name); None for the rendered scene.
-        duration_s: Length of the run, seconds.
+        duration_s: Length of the run, seconds; infinite for a run without an end.
         period_s: Length of a round, seconds.
         loop: Whether a video or a folder that is shorter than the run starts again.
+        paced: See `LiveCamera`.
 
     Raises:
         FramesError: The source does not exist, cannot be opened, ends before the run, or cannot be looped.
@@ -247,7 +250,7 @@ def open_frames(
     if source is None:
         return RenderedScene(0)
     if live:
-        return LiveCamera(int(source))  # type: ignore[arg-type]
+        return LiveCamera(int(source), paced)  # type: ignore[arg-type]
     if path.is_dir():
         return ImageFolder(path, duration_s, period_s, loop)
     if not path.exists():
@@ -256,6 +259,13 @@ def open_frames(
             "allowed are a video file, a folder of images, and the number of a camera"
         )
     return VideoFile(path, duration_s, loop)
+
+
+def _ways_out(duration_s: float, length: str, more: str) -> str:
+    """Return the end of the message about frames that end before the run."""
+    if math.isinf(duration_s):
+        return "which has no end; loop it, or give the run an end"
+    return f"which {length}; use {more} or a shorter run, or loop it"
 
 
 @contextmanager

@@ -142,6 +142,10 @@ def demo(
     _report(plan, entries, start, simulated, out)
 
 
+def _silent(line: str) -> None:
+    """Show nothing of what a node reports: the bar shows the rounds."""
+
+
 def _simulated(plan: _Plan) -> Curves:
     """Simulate the same run without robots."""
     with progress_bar() as progress:
@@ -237,10 +241,12 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> t
     with NodeProcesses() as nodes:
         nodes.start("manager", run_manager_node, model=plan.model, journal=journal, period=period, team=team, keys=keys)
         nodes.start("recorder", run_recorder_node, folder=out / "recording", images=False)
-        shared = {"scenario": scenario, "keys": keys, "seed": plan.seed}
-        for names, run in ((team.raters, run_rater_node), (team.providers, run_camera_node)):
-            for name in names:
-                nodes.start(name, run, name=name, policy=policies.get(name), **shared)
+        shared = {"scenario": scenario, "keys": keys, "seed": plan.seed, "report": _silent}
+        for name in team.raters:
+            nodes.start(name, run_rater_node, name=name, policy=policies.get(name), **shared)
+        shared["rounds"] = scenario.max_cycles
+        for name in team.providers:
+            nodes.start(name, run_camera_node, name=name, policy=policies.get(name), **shared)
         if port is not None:
             clock = {"period_s": period / SECOND, "speed": plan.speed}
             nodes.start("view", run_view_server, port=port, team=team, keys=keys, attackers=tuple(policies), **clock)

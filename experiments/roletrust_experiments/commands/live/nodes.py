@@ -45,6 +45,9 @@ def agent(
     seed: Annotated[
         int, typer.Option(min=0, help="Random seed of the noise of bad service, or of the noise on a rater's links.")
     ] = 0,
+    rounds: Annotated[
+        int | None, typer.Option(min=1, help="Rounds until the agent ends; without it, the agent runs until Ctrl-C.")
+    ] = None,
     network: Network = False,
 ) -> None:
     """Run an [bold]agent[/] of a team: a camera for a provider, and an assessor of pictures for a rater.
@@ -52,6 +55,9 @@ def agent(
     A provider is the node [green]/NAME/cam[/], which publishes one picture a round on
     [green]/NAME/image_raw/compressed[/]. A rater is the node [green]/NAME/assess[/], which looks for a person in every
     picture: its rating of a camera, on [green]/NAME/ratings[/], is the probability that the picture shows one.
+
+    It runs until Ctrl-C, however many rounds the scenario has; the disturbances come once. With --rounds, it says when
+    it will end, and that it has ended.
 
     With --keys, pictures and ratings are signed, and agents that have keys ignore what is not. What a rater refuses is
     published on [green]/diagnostics[/].
@@ -62,8 +68,9 @@ def agent(
     [cyan]roletrust live agent sp_0 --keys keys[/]
     [cyan]roletrust live agent sr_0 --keys keys[/]
 
-    [dim]# a real camera, on the whole network[/]
+    [dim]# a real camera, on the whole network; a video again and again, for an hour[/]
     [cyan]roletrust live agent sp_1 --frames 0 --network[/]
+    [cyan]roletrust live agent sp_1 --frames walk.mp4 --loop --rounds 7200[/]
 
     [dim]# a camera with ten rounds of good pictures and ten of bad ones, in turn; a rater that always rates 0.2[/]
     [cyan]roletrust live agent sp_2 --attack on-off:period=20[/]
@@ -80,7 +87,9 @@ def agent(
     rules = make_scenario(scenario)
     period, played = period_ns(rules.period_s, speed), _role(Team.of(rules), name, role)
     timeline = Timeline.aligned(period) if start is None else Timeline(start, period)
-    shared: Any = {"timeline": timeline, "keys": keys, "seed": seed, "network": network}
+    report = partial(errors.print, markup=False, soft_wrap=True)
+    shared: Any = {"timeline": timeline, "keys": keys, "seed": seed, "network": network, "rounds": rounds}
+    shared["report"] = report
     if played == "provider":
         policy = _policy(rules, name, attack, "quality")
         run_camera_node(name, rules, policy=policy, frames=frames, loop=loop, **shared)

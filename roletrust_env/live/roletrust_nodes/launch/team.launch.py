@@ -15,6 +15,7 @@ PARAMETERS = {
     "cameras": ("sp_0,sp_1,sp_2", "Names of the cameras, with commas"),
     "raters": ("sr_0,sr_1,sr_2", "Names of the raters, with commas"),
     "speed": ("1.0", "Speed relative to the scenario's clock"),
+    "rounds": ("", "Rounds until the cameras and raters end; empty for no end"),
     "network": ("false", "Whether to communicate with other machines"),
 }
 """Parameters of the launch: default value and description."""
@@ -35,8 +36,9 @@ def nodes(context):
     shared += ["--keys", given["keys"]] if given["keys"] else []
     shared += ["--network"] if given["network"] == "true" else []
     commands = [["manager", given["journal"], "--model", given["model"]]] if given["journal"] else []
-    commands += [["agent", name, "--role", "provider"] for name in given["cameras"].split(",") if name]
-    commands += [["agent", name, "--role", "rater"] for name in given["raters"].split(",") if name]
+    end = ["--rounds", given["rounds"]] if given["rounds"] else []
+    commands += [["agent", name, "--role", "provider", *end] for name in given["cameras"].split(",") if name]
+    commands += [["agent", name, "--role", "rater", *end] for name in given["raters"].split(",") if name]
     return [
         ExecuteProcess(cmd=["roletrust", "live", *command, *shared], name=command[1].replace("/", "_"), output="screen")
         for command in commands
