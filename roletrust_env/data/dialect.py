@@ -23,6 +23,7 @@ _SEPARATORS = {
 _ONE = "\x1f"  # stands for a separator of several letters, which pyarrow does not know
 _LINES = 200  # of the beginning
 _WORDS = re.compile(rb'"[^"]*"|\S+')
+_WINDOWS, _NO_WINDOWS = re.compile(rb"[\x80-\x9f]"), re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # letters of cp1252 only
 _BYTE_ORDER = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF32_LE: "utf-32",  # begins with the mark of UTF-16
@@ -74,7 +75,7 @@ class Beginning(NamedTuple):
 
 
 def find_encoding(head: bytes) -> str:
-    """Return the encoding of a text by its first bytes: UTF-8, UTF-16 or UTF-32, else latin-1.
+    """Return the encoding of a text by its first bytes: UTF-8, UTF-16 or UTF-32, else that of Windows or latin-1.
 
     Raises:
         ValueError: It is no text.
@@ -91,7 +92,7 @@ def find_encoding(head: bytes) -> str:
         if re.search(rb"[\x00-\x08\x0e-\x1a]", head):
             raise ValueError("its beginning is no text") from None
         if head.decode("utf-8", "ignore").isascii():  # in UTF-8 with a fault, other letters would be right
-            return "latin-1"
+            return "cp1252" if _WINDOWS.search(head) and not _NO_WINDOWS.search(head) else "latin-1"
     return "utf-8"
 
 

@@ -13,7 +13,7 @@ from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.names import JOINED, NameColumns
 from roletrust_env.data.rounds import MOST, round_numbers
 from roletrust_env.data.tables import Block, Table
-from roletrust_env.data.units import check_scale, unit_ratings
+from roletrust_env.data.units import check_scale, number_text, unit_ratings
 from roletrust_env.data.values import Clock, Row, Times, named, numbers
 from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
@@ -162,7 +162,7 @@ def read_ratings(
     try:
         unit = unit_ratings(ratings, scale, lambda at: f"{table.row(at)}: the rating is")
     except ValueError as error:
-        ends = f"{ratings.min():g} {ratings.max():g}"
+        ends = f"{number_text(ratings.min())} {number_text(ratings.max())}"
         raise ValueError(f"{error}; all ratings here are on --scale {ends}, from worst to best") from None
     if same_agents and (own := np.flatnonzero(who == whom)).size:
         raise ValueError(f"{table.row(int(own[0]))}: {raters[who[own[0]]]!r} rates itself")
@@ -209,9 +209,11 @@ def _lines(
     if clock is None or log.times is None:
         return
     if clock.words != "numbers":
-        first, last = (1970 + int(time // _YEAR) for time in (log.times[0], log.times[-1]))
+        first, last = (1970 + time // _YEAR for time in (log.times[0], log.times[-1]))
         if first < _FIRST or last > _LAST:
-            yield f"Warning: times are from the year {first} to {last}; their unit may be another (--time-unit)."
+            yield f"Warning: times are from the year {first:.6g} to {last:.6g}; another unit (--time-unit)?"
+    elif _are_days(log.times):
+        yield f"Warning: times such as {log.times[0]:.0f} may be dates; --time-format %Y%m%d reads them as dates."
     if every is not None and log.times[-1] - log.times[0] < every * MOST:
         rounds = round_numbers(log.times, every, float(log.times[0]))
         total, full = int(rounds[-1]) + 1, 1 + np.count_nonzero(rounds[1:] != rounds[:-1])
@@ -219,6 +221,14 @@ def _lines(
             yield f"Warning: {total - full:,} of {total:,} rounds are empty; --every is {every:g}, in another unit?"
         if total == 1 and log.times[0] < log.times[-1]:
             yield f"{many} in one round; --every is {every:g}, in another unit?"
+
+
+def _are_days(times: Floats) -> bool:
+    """Return whether all times may be dates that are written as whole numbers, such as 20240131."""
+    year, rest = np.divmod(times, 10_000)
+    month, day = np.divmod(rest, 100)
+    fits = (year >= 1900) & (year <= _LAST) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
+    return bool((fits & (times == np.rint(times))).all())
 
 
 def _refuse_repeats(table: Table, log: RatingLog, times: Ints | Floats, order: Ints | None) -> None:

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.data.values import is_text, to_numpy, trimmed
+from roletrust_env.data.values import LONGEST, is_text, to_numpy, trimmed
 from roletrust_env.trust.key_index import Ints, KeyIndex
 
 _WHOLE = r"^-?(0|[1-9]\d*)(\.0)?$"  # a whole number, also as pandas writes it if its column misses a value
@@ -168,13 +168,31 @@ class NameIndex:
         if array.dtype.kind == "i" or (array.dtype.kind == "u" and array.max() < 2**63):
             kind, array = "whole numbers", array.astype(np.int64, copy=False)
         elif array.dtype.kind in "OUT" and all(issubclass(kind, str) for kind in set(map(type, array.tolist()))):
-            kind, array = "texts", np.array([trimmed(name) for name in array.tolist()], object)
+            kind, array = "texts", np.array(self._trimmed(array.tolist()), object)
         else:
             raise ValueError(f"{self.role} are of type {array.dtype}; they must be whole numbers or texts")
         before = "whole numbers" if self._numbers is not None else "texts" if self._texts is not None else kind
         if kind != before:
             raise ValueError(f"{self.role} are {kind}; they were {before} before")
         return array
+
+    def _trimmed(self, names: list[str]) -> list[str]:
+        """Return texts as names.
+
+        Raises:
+            ValueError: One is no name in a file, either.
+        """
+        names = [trimmed(name) for name in names]
+        for place, name in enumerate(names, 1):
+            try:
+                size = len(name.encode())
+            except UnicodeEncodeError:  # half a letter
+                size = 0
+            if not 0 < size <= LONGEST:
+                raise ValueError(
+                    f"{self.role} have {name[:20]!r} at position {place}; a name has 1 to {LONGEST:,} bytes"
+                )
+        return names
 
     def expect(self, names: Names) -> None:
         """Let all names be of the type of these, which get no place yet."""

@@ -475,9 +475,12 @@ def _seconds(times: Any, length: int) -> tuple[Floats, Floats | float]:
             found, scale = ticks.reshape(array.shape), UNITS[unit]
             return _numbers("times", found / scale, length), lost_digits(found / scale, found, scale)
     if array.dtype.kind == "M":
-        seconds = _numbers("times", date_seconds(array), length)
         fine = np.datetime_data(array.dtype)[0] in ("ns", "ps", "fs", "as")
-        return seconds, lost_digits(seconds, array.astype("M8[ns]").astype(np.int64), UNITS["ns"]) if fine else 0.0
+        array = array.astype("M8[ns]") if fine else array
+        seconds = _numbers("times", date_seconds(array), length)
+        return seconds, lost_digits(seconds, array.astype(np.int64), UNITS["ns"]) if fine else 0.0
+    if array.dtype.kind == "b":
+        raise ValueError("times must be numbers")
     seconds = _numbers("times", times, length)
     if array.dtype.kind in "iu":
         return seconds, lost_digits(seconds, array.astype(np.int64), 1)

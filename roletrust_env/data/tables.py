@@ -308,7 +308,7 @@ class Table:
         if len(text) > _LARGEST:
             raise ValueError(f"{self.path} is an array of more than {_LARGEST:,} bytes; JSON lines have no limit")
         try:
-            rows = json.loads(text, parse_float=_json_number)
+            rows = json.loads(text, parse_float=_json_number, object_pairs_hook=_json_object)
         except (ValueError, RecursionError) as error:
             raise ValueError(f"{self.path} is no array of JSON objects, or a damaged one: {error}") from None
         for start in range(0, len(rows), _ROWS):
@@ -391,6 +391,19 @@ def _is_deep(lines: bytes) -> bool:
 def _json_number(text: str) -> float | str:
     """Return a number, or its text if it is a time of more digits than a number keeps."""
     return text if _LONG.fullmatch(text.encode()) else float(text)
+
+
+def _json_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON.
+
+    Raises:
+        ValueError: A name occurs twice.
+    """
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        twice = next(name for k, (name, _) in enumerate(pairs) if name in dict(pairs[:k]))
+        raise ValueError(f"an object has {twice!r} twice")
+    return found
 
 
 def _json_text(value: Any) -> str | None:

@@ -49,10 +49,15 @@ def unit_ratings(
     worst, best = scale
     if not (right := (ratings >= worst) & (ratings <= best)).all():
         at = int(right.argmin())
-        raise ValueError(f"{name(at)} {ratings[at]:g}, off the scale from {worst:g} to {best:g}")
+        raise ValueError(f"{name(at)} {number_text(ratings[at])}, off the scale from {worst:g} to {best:g}")
     unit = ratings - worst
     unit /= best - worst
     return unit
+
+
+def number_text(number: Any) -> str:
+    """Return a number with all its digits, and a whole one without a point."""
+    return repr(float(number)).removesuffix(".0")
 
 
 def date_seconds(dates: Any) -> Floats:

@@ -16,7 +16,10 @@ _MISSING = ("na", "n/a", "nan", "nat", "null", "none", "-")
 """Texts that stand for no rating and no time, in small letters."""
 
 _NO_ZONE = "dates without a time zone"  # they count as UTC
-_LONGEST = 10_000  # bytes of a name
+LONGEST = 10_000
+"""Most bytes of a name, in UTF-8."""
+
+_NUMBERED = "a name that is a number must be whole and below 2 ** 53, or a text"
 _EXACT, _DIGITS = 2**53, 15  # whole numbers below, and numbers of so many digits, are exact as float64
 
 Row = Callable[[int], str]
@@ -92,6 +95,10 @@ def named(column: Any, what: str, row: Row) -> Any:
     if kinds.is_floating(column.type):
         column = _whole(column, what, row)
     elif kinds.is_decimal(column.type):
+        if (
+            wrong := np.flatnonzero(to_numpy(compute.not_equal(compute.trunc(column), column).cast(arrow.uint8())))
+        ).size:
+            raise ValueError(f"{row(wrong[0])}: {what} is {column[int(wrong[0])]}; {_NUMBERED}")
         column = column.cast(arrow.decimal256(76, 0))
     elif kinds.is_binary(column.type) or kinds.is_large_binary(column.type) or kinds.is_fixed_size_binary(column.type):
         codes = column.dictionary_encode()
@@ -102,9 +109,9 @@ def named(column: Any, what: str, row: Row) -> Any:
     if (missing := np.flatnonzero(is_missing(column))).size:
         raise ValueError(f"{row(missing[0])} has no name in {what}")
     sizes = to_numpy(compute.binary_length(column))
-    if (long := np.flatnonzero(sizes > _LONGEST)).size:
+    if (long := np.flatnonzero(sizes > LONGEST)).size:
         size = sizes[long[0]]
-        raise ValueError(f"{row(long[0])}: the name in {what} has {size:,} bytes; at most {_LONGEST:,} are allowed")
+        raise ValueError(f"{row(long[0])}: the name in {what} has {size:,} bytes; at most {LONGEST:,} are allowed")
     return column
 
 
@@ -120,10 +127,7 @@ def _whole(column: Any, what: str, row: Row) -> Any:
     missing = np.isnan(numbers)
     whole = np.where(missing, 0.0, numbers)
     if (wrong := np.flatnonzero((np.rint(whole) != whole) | (np.abs(whole) >= _EXACT))).size:
-        raise ValueError(
-            f"{row(wrong[0])}: {what} is {numbers[wrong[0]]!s}; a name that is a number must be whole and below "
-            "2 ** 53, or a text"
-        )
+        raise ValueError(f"{row(wrong[0])}: {what} is {numbers[wrong[0]]!s}; {_NUMBERED}")
     return arrow.array(whole.astype(np.int64), mask=missing)
 
 
@@ -211,7 +215,7 @@ def _floats(column: Any, what: str, row: Row, comma: bool) -> Floats:
 def _number(text: str | None) -> float:
     """Return the number in a text; NaN if there is none."""
     try:
-        return float(text or "nan")
+        return float((text or "nan").replace("_", "x"))  # Python takes `1_0` for 10
     except ValueError:
         return float("nan")
 
@@ -283,7 +287,7 @@ class Times:
             texts = column.cast(arrow.string()).to_pylist()
             ticks, unit = iso_dates(list(map(_iso, texts)), row, zoned=self._zoned)
             self._parts.append((ticks / UNITS[unit], ticks, UNITS[unit]))
-        elif kinds.is_temporal(column.type):
+        elif kinds.is_temporal(column.type) or kinds.is_boolean(column.type):
             self._dates = "dates" if getattr(column.type, "tz", None) else _NO_ZONE
             self._parts.append(_dates(column, row))
         else:

@@ -19,6 +19,10 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "infinite": (GOOD + "c,x,inf,40\n", "row 5: the rating is 'inf'; it must be a number"),
     "below the scale": (GOOD + "c,x,-1,40\n", "row 5: the rating is -1, off the scale from 1 to 5"),
     "NaN as time": (GOOD + "c,x,5,nan\n", "row 5: the time is 'nan'; it must be a number"),
+    "just off the scale": (
+        GOOD + "c,x,5.0000001,40\n",
+        r"row 5: the rating is 5\.0000001, off .* --scale 1 5\.0000001",
+    ),
     "no time": (GOOD + "c,x,5,\n", "row 5: the time is ''; it must be a number"),
     "a date after numbers": (GOOD + "c,x,5,2024-01-31\n", "row 5: the time is '2024-01-31'; it must be a number"),
     "no time at first": (HEADER + "c,x,5,\n", "row 2: the time is ''; it must be a number"),

@@ -178,6 +178,13 @@ def test_names_are_trimmed_and_the_joined_are_told(tmp_path: Path) -> None:
     assert "form of Unicode: 3." in lines
 
 
+def test_letters_of_windows_are_not_those_of_latin_1(tmp_path: Path) -> None:
+    for name, encoding, word in (("ann\u2019s Café", "cp1252", "cp1252"), ("José", "latin-1", "latin-1")):
+        log, lines = told(write(tmp_path, f"rater,ratee,rating\n{name},x,1\n".encode(encoding)), Columns())
+        assert (log.rater_names, word in lines) == ([name], True)
+    assert read_ratings(write(tmp_path, b"rater,ratee,rating\na\x81\x92,x,1\n")).rater_names == ["a\x81\x92"]
+
+
 def test_names_of_whole_floats_are_whole_numbers_if_all_of_the_column_are(tmp_path: Path) -> None:
     log, lines = told(write(tmp_path, "rater,ratee,rating\n3,x1,1\n3.0,x,1\n-1.0,x.0,0\n"), Columns())
     assert (log.rater_names, log.raters.tolist(), log.ratee_names) == (["3", "-1"], [0, 0, 1], ["x1", "x", "x.0"])
@@ -283,6 +290,7 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
         (start.encode() + b"a,x,1,2\n" * 200_000 + b"Jos\xe9,x,1,3\n", "row 200004: byte 0xe9 is no UTF-8; .* latin-1"),
         (start.encode() + "é,x,1,2\n".encode() + b"\xe9,x,1,3\n", "row 5: byte 0xe9 is no UTF-8"),
         (start + 'a,x,"1,234.5",2\n', "row 4: the rating is '1,234.5'; it must be a number without separators of"),
+        (start + "a,x,1,2\nb,x,1_0,3\n", "row 5: the rating is '1_0'; it must be a number"),
         (start + "a,x,1,2\nb,x,5,3\n", "row 5: the rating is 5, off the scale from 0 to 1; .* --scale 1 5"),
         (start + '"a\nb",x,1,2\n"c,x,1,2\n', "row 5: a quote has no end"),
         (
@@ -301,6 +309,7 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
         ('[{"rater": 1}, 5]', "row 2: .* it must be one JSON object in each line, or in an array"),
         ('[{"rater": 1}', "log.jsonl is no array of JSON objects, or a damaged one"),
         ('{"rater": 1, "rating": 1}\n', "columns: there is no column 'ratee'"),
+        ('[{"rater": 1, "rater": 2, "ratee": 1, "rating": 1}]', "an object has 'rater' twice"),
     ):
         with pytest.raises(ValueError, match=message):
             read_ratings(write(tmp_path, content, "log.jsonl"))
@@ -365,10 +374,15 @@ def test_what_may_be_wrong_is_told_with_its_number(tmp_path: Path) -> None:
         ([1706702400000, 1706702400001, 1706702400002], {"dialect": Dialect(unit="s")}, "the year 56053 to 56053"),
         ([1706702400, 1706702401, 1706702402], {"dialect": Dialect(unit="ms")}, "the year 1970 to 1970"),
         ([1706702400, 1706702401, 1706702400000], {}, "the year 1970 to 2024"),
+        ([0, 1, 1e300], {}, "the year 1970 to 3.16887e+283; another unit"),
+        ([20240131, 20240201, 20231231], {}, "times such as 20231231 may be dates; --time-format %Y%m%d reads them"),
         ([1, 2, 3], {}, "Warning: all 3 ratings are the same.\nWarning: all 3 ratings are by one rater, a."),
     ):
         content = "rater,ratee,rating,time\n" + "".join(f"a,x,1,{time}\n" for time in times)
         assert message in told(write(tmp_path, content), **options)[1]
+    for times in ("20240131 20240132", "20240131 20241301", "20240131 20240100", "20240131 20240131.5"):
+        content = "".join(f"a,{time},{n},{time}\n" for n, time in enumerate(times.split()))
+        assert "may be dates" not in told(write(tmp_path, content), Columns("1", "2", "3", "4"))[1]
     assert "Warning" not in told(write(tmp_path, text()), scale=(1, 5), every=3600)[1]
 
 

@@ -1,6 +1,7 @@
 """Ratings from Parquet files: the same logs as from CSV, and the same refusals."""
 
 import datetime
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,11 @@ def test_bad_rows_get_the_line_that_they_get_in_csv(tmp_path: Path, case: str) -
         ({"time": ["1", "2", "soon"]}, "row 3: the time is 'soon'"),
         ({"time": arrow.array([1, None, 3], arrow.timestamp("s"))}, "row 2: the time is 'nan'"),
         ({"ratee": ["x", None, "y"]}, "row 2 has no name in column 'ratee'"),
+        ({"time": [True, False, True]}, "the time is of type bool; it must be a date or numbers"),
+        (
+            {"ratee": [Decimal(7), Decimal("7.5"), Decimal(8)]},
+            r"row 2: column 'ratee' is 7\.5; a name that is a number",
+        ),
         ({"ratee": [0.5, 1.5, 2.5]}, "row 1: column 'ratee' is 0.5; a name that is a number must be whole"),
         ({"rating": [[1], [2], [3]]}, r"the rating is of type list<.*>; it must be numbers"),
     ],

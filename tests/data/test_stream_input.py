@@ -76,6 +76,9 @@ def test_times_are_told_apart_to_the_last_digit(tmp_path: Path) -> None:
         one.update(["ann"] * 2, ["shop\t"] * 2, [1, 1], times[3:])
         one.finish()
         assert (one.n_repeated, list(one.rater_trust())) == (2, ["ann"])
+    one = stream(every=1)
+    one.update(["ann"], ["shop"], [1], np.array([2 * 10**18], "datetime64[as]"))
+    assert one.window.tolist() == [2, 2]
 
 
 def test_names_keep_a_nul_at_their_end() -> None:
@@ -103,6 +106,10 @@ NAMES = np.ma.masked_array([1, 2], mask=[False, True])
         ("ratings", MASKED, "ratings must be numbers"),
         ("ratings", np.array([0.5, 0.5j]), "ratings must be numbers"),
         ("ratings", np.array([0, 1], "datetime64[s]"), "ratings must be numbers"),
+        ("times", [True, False], "times must be numbers"),
+        ("raters", ["ann", " \t"], "raters have '' at position 2; a name has 1 to 10,000 bytes"),
+        ("providers", ["é" * 5_001, "s"], "providers have 'é+' at position 1; a name has 1 to 10,000 bytes"),
+        ("raters", ["ann", "\ud800"], "raters have .* at position 2"),
         ("raters", NAMES, "raters are masked"),
         ("providers", NAMES, "providers are masked"),
     ],
