@@ -49,16 +49,33 @@ def explain(error: ValidationError) -> str:
 
 
 def _explain(detail: Any) -> str:
-    field = _short(".".join(str(part) for part in detail["loc"]))
+    field = short(".".join(str(part) for part in detail["loc"]))
     if detail["type"] == "missing":
         return f"field {field} is missing"
     reason: str = _PLAIN.get(detail["type"], detail["msg"].removeprefix("Value error, "))
     if detail["type"] == "value_error":
         return f"{field}: {reason}" if field else reason
-    return f"{field} is {_short(repr(detail['input']))}: {reason}" if field else reason
+    return f"{field} is {short(repr(detail['input']))}: {reason}" if field else reason
 
 
-def _short(text: str) -> str:
+def check_unicode(what: str, text: str) -> None:
+    """Refuse a text that cannot be written as UTF-8, since it has half a surrogate pair.
+
+    Args:
+        what: What the text is, for the error message.
+        text: Text to check.
+
+    Raises:
+        ValueError: The text is such a one.
+    """
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f"{what} has {printable(text[error.start])}, which is no character of Unicode") from None
+
+
+def short(text: str) -> str:
+    """Return a text of others for a message: `printable`, and cut off where it is long."""
     return printable(text if len(text) <= _MAX_LENGTH else f"{text[:_MAX_LENGTH]}...")
 
 

@@ -10,8 +10,9 @@ import numpy.typing as npt
 from roletrust_env.data.log import Pairs, RatingLog
 from roletrust_env.data.names import NameList
 from roletrust_env.data.units import find_unit
-from roletrust_env.trust.edges import pair_ends, pair_keys, pairs_left
+from roletrust_env.trust.edges import check_keys, pair_ends, pair_keys, pairs_left
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
+from roletrust_env.trust.stored import taken
 
 _Z = NormalDist().inv_cdf(0.975)
 
@@ -118,19 +119,23 @@ class PairCounts:
         size = len(self._index)
         return {"met": self._index.keys, "met_counts": self._counts[:size], "met_last": self._last[:size]}
 
-    def load(self, arrays: dict[str, npt.NDArray[Any]], shape: tuple[int, int]) -> None:
+    def load(self, arrays: dict[str, npt.NDArray[Any]], shape: tuple[int, int], latest: float | None) -> None:
         """Take from arrays what `save` has returned.
 
+        Args:
+            arrays: Arrays by name.
+            shape: Number of raters and of providers.
+            latest: Time of the latest rating; None if ratings have no times.
+
         Raises:
-            ValueError: It does not fit together, or is not what can be counted with so many raters and providers.
+            ValueError: It does not fit together, or is not what can be counted with these agents and times.
         """
-        keys, counts, last = (arrays.pop(name) for name in ("met", "met_counts", "met_last"))
-        right = [array.dtype.str[1:] for array in (keys, counts, last)] == ["i8", "i8", "f8"]
-        if not right or not keys.shape == counts.shape == last.shape == (keys.size,):
-            raise ValueError("the ratings of pairs are no columns of numbers of the same length")
-        inside = [((ends >= 0) & (ends < size)).all() for ends, size in zip(pair_ends(keys), shape, strict=True)]
-        if not all(inside) or not (counts > 0).all() or not (last < np.inf).all():
-            raise ValueError("a pair has an agent that is not there, no rating, or no time")
+        keys = taken(arrays, "met", np.int64, (None,))
+        counts = taken(arrays, "met_counts", np.int64, keys.shape)
+        last = taken(arrays, "met_last", np.float64, keys.shape, finite=latest is not None)
+        check_keys(keys, shape)
+        if not (counts > 0).all() or not (last <= (-np.inf if latest is None else latest)).all():
+            raise ValueError("a pair that met has no rating, or one after the latest")
         self._index, self._counts, self._last = KeyIndex.of(keys), counts, last
 
 

@@ -12,19 +12,38 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field, FiniteFloat, NonNegativeInt
 
 from roletrust_env.data.evidence import Evidence, PairCounts, Role
 from roletrust_env.data.names import NameIndex, Names
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
 from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone, iso_dates, lost_digits, unit_ratings
+from roletrust_env.errors import short
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
+from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted
 from roletrust_env.trust.edges import edge_model
 from roletrust_env.trust.key_index import Floats, Ints, staying
 from roletrust_env.trust.run import make_run
+from roletrust_env.trust.stored import taken
 
 _FORMAT = 5
-_KEPT = "_start", "_latest", "_begun", "n_late", "n_ahead", "n_repeated"  # attributes that a file has
+
+
+class _Header(UntrustedModel):
+    """What a file has beside its arrays; the names with an underscore are attributes of a stream."""
+
+    format: Literal[5] = 5
+    settings: dict[str, Any]
+    start: FiniteFloat | None = Field(alias="_start")
+    latest: FiniteFloat | None = Field(alias="_latest")
+    begun: bool = Field(alias="_begun")
+    n_late: NonNegativeInt
+    n_ahead: NonNegativeInt
+    n_repeated: NonNegativeInt
+    texts: list[list[str] | None] = Field(min_length=4, max_length=4)
+    """Names of raters, of providers, and of both in ratings that wait; None where they are whole numbers."""
+
 
 Columns: TypeAlias = tuple[Names, Names, Floats, Floats, Floats]
 """Names of raters and of providers, ratings on [0, 1], times, and what these do not hold, see `lost_digits`."""
@@ -179,8 +198,9 @@ class TrustStream:
     def _round_numbers(self, times: Floats, start: float) -> Ints:
         """Return the number of the round in which each rating counts: the running one, if its own has ended."""
         if self.every is None:
-            return times.astype(np.int64) // (self.count or 1)
-        numbers = round_numbers(np.maximum(times, start), self.every, start, self.rounds)
+            numbers = np.clip(times // (self.count or 1), 0, 2**62).astype(np.int64)
+        else:
+            numbers = round_numbers(np.maximum(times, start), self.every, start, self.rounds)
         return np.maximum(numbers, self.rounds)
 
     def _wait(self, columns: Columns) -> None:
@@ -317,14 +337,18 @@ class TrustStream:
         waiting = self._together(self._waiting)
         self._waiting = [waiting] if len(waiting[0]) else []
         people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
-        header = {
-            "format": _FORMAT,
-            "settings": self._settings(),
-            **{name: getattr(self, name) for name in _KEPT},
-            "texts": [names.tolist() if names.dtype == object else None for names in people],
-        }
+        header = _Header(
+            settings=self._settings(),
+            _start=self._start,
+            _latest=self._latest,
+            _begun=self._begun,
+            n_late=self.n_late,
+            n_ahead=self.n_ahead,
+            n_repeated=self.n_repeated,
+            texts=[names.tolist() if names.dtype == object else None for names in people],
+        )
         arrays = {
-            "header": np.frombuffer(json.dumps(header).encode(), np.uint8),
+            "header": np.frombuffer(json.dumps(header.model_dump(by_alias=True)).encode(), np.uint8),
             **{f"names_{n}": names for n, names in enumerate(people) if names.dtype != object},
             "ratings": waiting[2],
             "times": waiting[3],
@@ -354,19 +378,19 @@ class TrustStream:
         stream = cls(model, **settings)
         try:
             arrays = load_arrays(Path(path))
-            header = json.loads(arrays.pop("header").tobytes())
-            if header["format"] != _FORMAT:
-                raise ValueError(f"its format is {header['format']}, and {_FORMAT} is read here")
-            before, now = header["settings"], stream._settings()
+            text = taken(arrays, "header", np.uint8, (None,)).tobytes()
+            if (data := parse_json(text)) and isinstance(data, dict) and data.get("format") != _FORMAT:
+                raise ValueError(f"its format is {short(str(data.get('format')))}, and {_FORMAT} is read here")
+            header = parse_untrusted(_Header, text)
+            before, now = header.settings, stream._settings()
             other = [name for name in {**before, **now} if before.get(name) != now.get(name)]
             if not other:
                 stream._restore(arrays, header)
-        except (ValueError, TypeError, LookupError) as error:
-            what = f"{error.args[0]} is missing" if isinstance(error, KeyError) else error
-            raise ValueError(f"{path} is no saved stream, or is damaged: {what}") from None
+        except (ValueError, MemoryError) as error:
+            raise ValueError(f"{path} is no saved stream, or is damaged: {error}") from None
         if other:
             saved, given = (", ".join(f"{name} {some.get(name)}" for name in other) for some in (before, now))
-            raise ValueError(f"{path} was saved with other settings: {saved}; given now: {given}")
+            raise ValueError(f"{path} was saved with other settings: {short(saved)}; given now: {given}")
         return stream
 
     @classmethod
@@ -395,22 +419,20 @@ class TrustStream:
             yield stream
             stream.save(path)
 
-    def _restore(self, arrays: dict[str, npt.NDArray[Any]], header: dict[str, Any]) -> None:
+    def _restore(self, arrays: dict[str, npt.NDArray[Any]], header: _Header) -> None:
         """Take what was saved.
 
         Raises:
             ValueError: It does not fit together, or is not what can be given.
         """
-        _check_kept(header)
         stored = list[Names]()
-        for n, texts in enumerate(header["texts"]):
-            names = arrays.pop(f"names_{n}") if texts is None else np.array(texts, object)
+        for n, texts in enumerate(header.texts):
+            names = taken(arrays, f"names_{n}", np.int64, (None,)) if texts is None else np.array(texts, object)
             stored.append(NameIndex(f"names_{n}").check(names))
         raters, providers, who, whom = stored
-        columns = ("ratings", "times", "rests")
-        values, when, rests = (_numbers(column, arrays.pop(column), len(who)) for column in columns)
+        values, when, rests = (taken(arrays, name, np.float64, who.shape) for name in ("ratings", "times", "rests"))
         if self._pairs is not None:
-            self._pairs.load(arrays, (len(raters), len(providers)))
+            self._pairs.load(arrays, (len(raters), len(providers)), None if self.every is None else header.latest)
         self._run.load(arrays)
         self._raters.restore(raters)
         if not self.same_agents:
@@ -419,15 +441,30 @@ class TrustStream:
             raise ValueError(
                 f"{len(raters)} raters and {len(providers)} providers have names; {self._run.shape} belong"
             )
-        for name in _KEPT:
-            setattr(self, name, header[name])
+        self._start, self._latest, self._begun = header.start, header.latest, header.begun
+        self.n_late, self.n_ahead, self.n_repeated = header.n_late, header.n_ahead, header.n_repeated
         waiting = self._raters.check(who), self._providers.check(whom), unit_ratings(values, (0.0, 1.0)), when, rests
-        if len(whom) != len(who) or (self._start is None and (self._begun or (self.every is not None and self.rounds))):
-            raise ValueError("ratings or times are missing")
-        if len(who) and not (self._begun and (self._round_numbers(when, self._start or 0.0) == self.rounds).all()):
-            raise ValueError("ratings wait for another round than the running one")
+        if len(whom) != len(who):
+            raise ValueError(f"{len(who)} raters and {len(whom)} providers wait")
+        self._check_waiting(when)
         self._waiting = [waiting] if len(who) else []
         self._expect_names()
+
+    def _check_waiting(self, times: Floats) -> None:
+        """Refuse ratings that wait, or a first and a latest rating, at times at which they cannot have come.
+
+        Raises:
+            ValueError: There are such.
+        """
+        first, last, by_update = self._start, self._latest, self.every is None and self.count is None
+        if by_update or first is None or last is None:
+            if first is not None or last is not None or self._begun or len(times) or (self.rounds and not by_update):
+                raise ValueError("the time of the first or of the latest rating is missing, or there can be none")
+            return
+        least = -math.inf if self.count is None else self.rounds * self.count
+        right = first <= last and (self._begun or not len(times)) and ((least <= times) & (times <= last)).all()
+        if not right or (self._round_numbers(np.append(times, last), first) != self.rounds).any():
+            raise ValueError("ratings wait, or the latest one came, in another round than the running one")
 
     def _settings(self) -> dict[str, Any]:
         return {
@@ -447,18 +484,6 @@ class TrustStream:
         self._run.play(who, whom, values)
         if self._pairs is not None:
             self._pairs.add(who, whom, None if self.every is None else times)
-
-
-def _check_kept(header: dict[str, Any]) -> None:
-    """Refuse what a file has as attributes of a stream if a stream cannot have them.
-
-    Raises:
-        ValueError: One has another type or range, or one of two times is missing.
-    """
-    *times, begun, late, ahead, repeated = (header[name] for name in _KEPT)
-    right = times == [None, None] or all(isinstance(time, float) and math.isfinite(time) for time in times)
-    if not right or type(begun) is not bool or not all(type(n) is int and n >= 0 for n in (late, ahead, repeated)):
-        raise ValueError(f"it has {[header[name] for name in _KEPT]} as {', '.join(_KEPT)}")
 
 
 def _seconds(times: Any, length: int) -> tuple[Floats, Floats | float]:

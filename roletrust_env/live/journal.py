@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Annotated, Any, NamedTuple, Self
+from typing import IO, Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,10 @@ from pydantic import Field, NonNegativeInt, TypeAdapter, field_validator
 
 from roletrust_env.live.team import PublishedTrust, RatingRows, Team, Trust
 from roletrust_env.storage.arrays import load_arrays, save_arrays
-from roletrust_env.storage.untrusted import UntrustedModel
+from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted
+from roletrust_env.trust.stored import taken
 
-_VERSION, _SNAPSHOT_VERSION = 1, 3
+_VERSION = 1
 _BLOCK = 1 << 20  # bytes that are read at once
 
 
@@ -55,6 +56,15 @@ class _RoundLine(UntrustedModel):
     tor: tuple[_Share, ...]
     top: tuple[_Share, ...]
     toa: tuple[_Share, ...]
+
+
+class _SnapshotHeader(_TeamLine):
+    """What a snapshot has beside the arrays of its run, see `Snapshot`."""
+
+    snapshot: Literal[3] = 3
+    position: tuple[NonNegativeInt, str, NonNegativeInt]
+    stamp: _Nanoseconds
+    last_stamps: dict[str, _Nanoseconds]
 
 
 _LINES: TypeAdapter[_RoundLine | _TeamLine] = TypeAdapter(_RoundLine | _TeamLine)
@@ -266,31 +276,25 @@ def write_snapshot(journal: Path, snapshot: Snapshot) -> None:
     Raises:
         OSError: The file cannot be written.
     """
-    *place, team = snapshot.position
-    header = {
-        "snapshot": _SNAPSHOT_VERSION,
-        "position": place,
-        "raters": team.raters,
-        "providers": team.providers,
-        "stamp": snapshot.stamp,
-        "last_stamps": snapshot.last_stamps,
-    }
-    arrays = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8), **snapshot.run}
+    offset, digest, number, team = snapshot.position
+    header = _SnapshotHeader(
+        raters=team.raters,
+        providers=team.providers,
+        position=(offset, digest, number),
+        stamp=snapshot.stamp,
+        last_stamps=snapshot.last_stamps,
+    )
+    arrays = {"header": np.frombuffer(header.model_dump_json().encode(), np.uint8), **snapshot.run}
     save_arrays(snapshot_path(journal), arrays)
 
 
 def read_snapshot(journal: Path) -> Snapshot | None:
     """Return the snapshot of a journal; None if there is none or it is damaged."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
+    with suppress(OSError, ValueError):
         run = load_arrays(snapshot_path(journal))
-        data = json.loads(run.pop("header").tobytes())
-        if data["snapshot"] != _SNAPSHOT_VERSION:
-            return None
-        team = Team(tuple(data["raters"]), tuple(data["providers"]))
-        offset, digest, number = data["position"]
-        position = JournalPosition(int(offset), str(digest), int(number), team)
-        stamps = {str(name): int(stamp) for name, stamp in data["last_stamps"].items()}
-        return Snapshot(position, int(data["stamp"]), stamps, run)
+        header = parse_untrusted(_SnapshotHeader, taken(run, "header", np.uint8, (None,)).tobytes())
+        position = JournalPosition(*header.position, Team(header.raters, header.providers))
+        return Snapshot(position, header.stamp, header.last_stamps, run)
     return None
 
 
@@ -330,7 +334,7 @@ def _line(data: dict[str, Any]) -> bytes:
 
 def _parse(path: Path, line: bytes) -> dict[str, Any]:
     try:
-        data = json.loads(line)
+        data = parse_json(line)
     except ValueError:  # neither JSON nor, perhaps, text
         data = None
     if not isinstance(data, dict):

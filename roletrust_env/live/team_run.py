@@ -10,6 +10,7 @@ from roletrust_env.live.team import RatingRows, Team, Trust
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.run import GridRun
+from roletrust_env.trust.stored import taken
 
 _TRIALS, _ROUNDS = 18, 12
 _DENSITIES = 0.2, 0.5, 0.9  # shares of the pairs that meet in a round
@@ -60,10 +61,11 @@ class TeamRun(GridRun):
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Go on from what another run of the same model and team has kept. See `TrustRun.load`."""
         left = dict(arrays)
-        self._rated, self._provided = left.pop("rated"), left.pop("provided")
+        rated, provided = (taken(left, name, np.float64, (None,)) for name in ("rated", "provided"))
         super().load(left)
-        if (self._rated.shape, self._provided.shape) != ((self.shape[0],), (self.shape[1],)):
-            raise ValueError("the counts are of another team")
+        if (len(rated), len(provided)) != self.shape or min(rated.min(), provided.min()) < 0:
+            raise ValueError("the counts are of another team, or below 0")
+        self._rated, self._provided = rated, provided
 
     def play_named(self, ratings: RatingRows) -> None:
         """Play one round.

@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from zipfile import is_zipfile
+from zipfile import ZIP_STORED, ZipFile, is_zipfile
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,9 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
         try:
             if not is_zipfile(file):  # NumPy would take it for a pickle
                 raise ValueError("it is no zip file")
+            with ZipFile(file) as packed:
+                if any(part.compress_type != ZIP_STORED for part in packed.infolist()):
+                    raise ValueError("it is compressed, so it may become larger than memory")
             file.seek(0)
             with np.load(file, allow_pickle=False) as stored:
                 arrays = dict(stored)

@@ -1,14 +1,16 @@
 """Files from untrusted sources: each is validated or refused with a message of one line, and never executed."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import check_unicode, explain
 
 _MAX_GROUP_ROUNDS = 10_000_000
+_SURROGATE = re.compile(rb"\\u[dD][89a-fA-F]")  # as JSON writes half a character
 
 
 class UntrustedModel(BaseModel):
@@ -61,15 +63,18 @@ def read_limited(path: Path, limit: int) -> bytes:
 
 
 def parse_json(text: bytes) -> Any:
-    """Parse strict JSON, without NaN and without two fields of one name, both of which pydantic would accept.
+    """Parse strict JSON: without NaN, two fields of one name, and texts that are no Unicode, such as half a surrogate.
 
     Raises:
         ValueError: The text is not such JSON, or it is nested too deeply.
     """
     try:
-        return json.loads(text.decode(), object_pairs_hook=_unique_fields, parse_constant=_refuse_constant)
+        data = json.loads(text.decode(), object_pairs_hook=_unique_fields, parse_constant=_refuse_constant)
     except RecursionError:
         raise ValueError("the JSON is nested too deeply") from None
+    if _SURROGATE.search(text):
+        check_unicode("the JSON", json.dumps(data, ensure_ascii=False))
+    return data
 
 
 def parse_untrusted(kind: type[Kind], text: bytes) -> Kind:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.randomness import generator
-from roletrust_env.trees import arrays
+from roletrust_env.trees import arrays, check_ranges
 from roletrust_env.trust import Ratings, TrustModel
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import check_trust_model as check_one_round
@@ -140,8 +140,12 @@ def check_kinds(model: TrustModel[Any], shape: Shape, dtype: Any) -> None:
     """Check shapes, dtypes and ranges in every round; the state must keep the shape and dtype of its arrays."""
     state = start_model(model, np.zeros(shape, dtype), some_peers(shape))
     before = _kinds(model, state, shape)
-    for played in random_rounds(shape, dtype=dtype):
+    for number, played in enumerate(random_rounds(shape, dtype=dtype), 1):
         state = model.update(state, played.given())
+        try:
+            check_ranges(state, number)
+        except ValueError as error:
+            raise AssertionError(_line(model, f"{error}, as its annotation says")) from None
         _require(
             _kinds(model, state, shape) == before, model, "update changes the shape or dtype of its state; keep both"
         )

@@ -8,9 +8,10 @@ import math
 import operator
 from collections.abc import Callable
 from functools import reduce
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, device_of, is_compiling, namespace
+from roletrust_env.trees import SHARES
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerProvider, PerRater, Ratings, smooth
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
@@ -127,8 +128,8 @@ def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initia
 class Trusts(NamedTuple):
     """The trust of the raters, shape (S, ...), and of the providers, shape (P, ...)."""
 
-    tor: PerRater
-    top: PerProvider
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
 
 
 Root = Callable[[Array], Array]

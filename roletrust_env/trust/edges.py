@@ -25,6 +25,17 @@ def pair_ends(keys: Ints) -> tuple[Ints, Ints]:
     return keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1)
 
 
+def check_keys(keys: Ints, shape: tuple[int, int]) -> None:
+    """Refuse keys of pairs of other agents than so many raters and providers.
+
+    Raises:
+        ValueError: There is one.
+    """
+    for ends, size in zip(pair_ends(keys), shape, strict=True):
+        if ((ends < 0) | (ends >= size)).any():
+            raise ValueError("a pair has an agent that is not there")
+
+
 def pairs_left(keys: Ints, stay: Sequence[npt.NDArray[np.bool_]]) -> tuple[Ints, Ints]:
     """Return the places of the pairs in which both agents stay, and their keys after those behind them have moved up.
 

@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array
-from roletrust_env.trees import Kind, kinds, leaves, map_kinds, map_leaves
+from roletrust_env.trees import Kind, check_ranges, kinds, leaves, map_kinds, map_leaves
 from roletrust_env.trust.edges import (
+    check_keys,
     edge_model,
     pair_ends,
     pair_keys,
@@ -29,6 +30,7 @@ from roletrust_env.trust.model import Traits, TrustModel, start_model
 from roletrust_env.trust.model_checks import needs_watching, watched_update
 from roletrust_env.trust.neighbours import Neighbourhood
 from roletrust_env.trust.ratings import Ratings, merge_repeats
+from roletrust_env.trust.stored import restoring, taken, taken_counts
 
 MEMORY = 2e9
 """Bytes that a state on a grid may take. An update takes some times as much for a moment."""
@@ -108,14 +110,15 @@ class TrustRun(ABC):
             ValueError: The arrays do not fit together, or are not what a run can have.
         """
 
-    def _check_loaded(self, left: Mapping[str, Any]) -> None:
-        """Refuse arrays that are of no part of a state, and trust outside [0, 1].
+    def _check_loaded(self, state: Any, left: Mapping[str, Any]) -> None:
+        """Refuse arrays that are of no part of a state, a state that no rounds lead to, and trust outside [0, 1].
 
         Raises:
-            ValueError: There are such arrays, or there is such trust.
+            ValueError: There are such arrays, or there is such a state or trust.
         """
         if left:
             raise ValueError(f"{', '.join(left)} is of no part of a state of {self.model!r}")
+        check_ranges(state, self.rounds)
         for trust in (self.rater_trust, self.provider_trust):
             if not ((trust >= 0) & (trust <= 1)).all():
                 raise ValueError("there is trust outside [0, 1]")
@@ -222,9 +225,12 @@ class GridRun(TrustRun):
         if shape == self.shape:
             return
         check_memory(self.model, shape)
-        self.peers = pairs_of(shape, one_role=self._one_role) if peers is None else peers
+        self.peers = self._pairs(shape) if peers is None else peers
         start = start_model(self.model, np.zeros(shape), self.peers)
         self.state = map_leaves(_grown, self.state, start) if self.rounds else start
+
+    def _pairs(self, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+        return pairs_of(shape, one_role=self._one_role)
 
     def remove(self, raters: Ints, providers: Ints) -> None:
         """Let agents leave. See `TrustRun.remove`."""
@@ -249,19 +255,14 @@ class GridRun(TrustRun):
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Go on from what another run has kept. See `TrustRun.load`."""
         left = dict(arrays)
-        *shape, rounds = _counts(left)
-        peers, place = _checked(left.pop("peers"), tuple(shape), np.dtype(bool)), iter(range(1000))
-
-        def restored(leaf: Any) -> Any:
-            if leaf is None:
-                return None
-            like = np.asarray(leaf)
-            stored = _checked(left.pop(f"state_{next(place)}"), like.shape, like.dtype)
-            return stored if hasattr(leaf, "dtype") else stored.item()  # a flag or a number of Python stays one
-
-        state = map_leaves(restored, start_model(self.model, np.zeros(peers.shape), peers))
+        *shape, rounds = taken_counts(left)
+        peers = taken(left, "peers", bool, tuple(shape))
+        check_memory(self.model, peers.shape)
+        if not np.array_equal(peers, self.peers if peers.shape == self.shape else self._pairs(peers.shape)):
+            raise ValueError("other pairs are one agent")
+        state = map_leaves(restoring(left), start_model(self.model, np.zeros(peers.shape), peers))
         self.state, self.peers, self.rounds = state, peers, rounds
-        self._check_loaded(left)
+        self._check_loaded(state, left)
 
 
 def pairs_of(shape: tuple[int, int], *, one_role: bool) -> npt.NDArray[np.bool_]:
@@ -298,23 +299,6 @@ def _grown(old: Any, new: Any) -> Any:
     grown = new.astype(old.dtype)
     grown[tuple(slice(size) for size in old.shape)] = old
     return grown
-
-
-def _checked(stored: npt.NDArray[Any], shape: tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
-    """Return a stored array; refuse it if it has another shape or dtype, or holds NaN or infinity."""
-    if stored.shape != shape or stored.dtype != dtype:
-        raise ValueError(f"{stored.shape} values of {stored.dtype} where {shape} of {dtype} belong")
-    if not np.isfinite(stored).all():
-        raise ValueError("some values are not finite")
-    return np.array(stored)
-
-
-def _counts(arrays: dict[str, npt.NDArray[Any]]) -> tuple[int, int, int]:
-    """Take the numbers of raters, of providers and of rounds from stored arrays; refuse others."""
-    counts: tuple[int, int, int] = tuple(_checked(arrays.pop("counts"), (3,), np.dtype(np.int64)).tolist())
-    if min(counts) < 0:
-        raise ValueError(f"raters, providers and rounds are {counts}; none may be below 0")
-    return counts
 
 
 # --- on edges ----------------------------------------------------------------------------------------
@@ -413,28 +397,17 @@ class EdgeRun(TrustRun):
 
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Go on from what another run has kept. See `TrustRun.load`."""
-        left, place = dict(arrays), iter(range(100))
-        raters, providers, rounds = _counts(left)
-        keys = left.pop("pairs")
-        keys = _checked(keys, (keys.size if self._remembers else 0,), np.dtype(np.int64))
-        for ends, size in zip(pair_ends(keys), (raters, providers), strict=True):
-            if ((ends < 0) | (ends >= size)).any():
-                raise ValueError("a pair has an agent that is not there")
+        left = dict(arrays)
+        raters, providers, rounds = taken_counts(left)
+        keys = taken(left, "pairs", np.int64, (None if self._remembers else 0,))
+        check_keys(keys, (raters, providers))
         sizes: dict[Kind, int] = {"rater": raters, "provider": providers, "pair": len(keys), "age": len(keys)}
 
-        def restored(kind: Kind, leaf: Floats) -> Floats:
-            stored = _checked(left.pop(f"state_{next(place)}"), (sizes[kind],), leaf.dtype)
-            if kind == "age" and not ((stored >= 0) & (stored <= rounds + 1)).all():
-                raise ValueError("the last rating of a pair is of no round")
-            return stored
-
-        state, index = map_kinds(restored, self._start), KeyIndex.of(keys)
+        restored = restoring(left)
+        state = map_kinds(lambda kind, leaf: restored(np.broadcast_to(leaf.dtype.type(), sizes[kind])), self._start)
+        index = KeyIndex.of(keys)
         self._state, self._index, self.rounds, self._sizes = state, index, rounds, sizes
-        self._check_loaded(left)
-        if self._remembers and all(self.shape):  # memory shows in trust once its pair rates again
-            with np.errstate(all="ignore"):
-                watched_update(self.model, self._view(), self._known_pairs(np.ones(len(keys))), np.r_[rounds])
-        self._watched = True  # and all that it may do shows later
+        self._check_loaded(state, left)
         self._near = Neighbourhood() if self._near is not None else None
 
     def join(self, raters: int, providers: int) -> None:

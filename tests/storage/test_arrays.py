@@ -34,10 +34,10 @@ def test_a_file_is_on_the_disk_before_it_replaces_another(tmp_path: Path, monkey
     assert sizes == [path.stat().st_size]
 
 
-def written(change: Any) -> bytes:
+def written(change: Any, save: Any = np.savez) -> bytes:
     """Return a file of arrays that a function of its arrays has changed."""
     path = io.BytesIO()
-    np.savez(path, **change)
+    save(path, **change)
     return path.getvalue()
 
 
@@ -76,7 +76,8 @@ def bad_files(whole: bytes) -> dict[str, tuple[bytes, str]]:
         "a pickle in it": (written(objects), "allow_pickle"),
         "another zip file": (foreign.getvalue(), "sha256 is missing"),
         "an encrypted one": (packed(whole, flag=1), "encrypted"),
-        "an unknown compression": (packed(whole, method=99), "compression"),
+        "an unknown compression": (packed(whole, method=99), "compressed"),
+        "a bomb": (written(arrays, np.savez_compressed), "compressed, so it may become larger than memory"),
         "no checksum": (written({"numbers": arrays["numbers"]}), "sha256 is missing"),
         "another number": (written({**arrays, "numbers": np.arange(7.0)[::-1]}), "not the saved ones"),
         "another type": (written({**arrays, "numbers": np.arange(7)}), "not the saved ones"),

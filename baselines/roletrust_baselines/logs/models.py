@@ -13,6 +13,7 @@ from roletrust_env.arrays import Array, is_compiling, namespace, total
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.model import Published, registry
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
@@ -32,10 +33,10 @@ class PairMeansState(NamedTuple):
         counts: Number of ratings of each pair, shape (S, P, ...).
     """
 
-    tor: PerRater
-    top: PerProvider
-    sums: PerPair
-    counts: PerPair
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
+    sums: Annotated[PerPair, ValueRange(0, "counts")]
+    counts: Annotated[PerPair, COUNTS]
 
 
 @checked_dataclass
@@ -329,9 +330,9 @@ class AllTimeMeanState(NamedTuple):
         counts: Number of these ratings, shape (P, ...).
     """
 
-    tor: PerRater
-    sums: PerProvider
-    counts: PerProvider
+    tor: Annotated[PerRater, SHARES]
+    sums: Annotated[PerProvider, ValueRange(0, "counts")]
+    counts: Annotated[PerProvider, COUNTS]
 
 
 @checked_dataclass

@@ -15,10 +15,11 @@ from command_line import run
 from roletrust_env.benchmarking import verification
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.submission import ClaimedMetrics, model_scores, suite_hash
-from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.benchmarking.submission import CellClaim, ClaimedMetrics, model_scores, suite_hash
+from roletrust_env.benchmarking.suite_files import load_suite, read_suite
 from roletrust_env.benchmarking.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
+from roletrust_experiments.commands import submit
 
 SUITE = tiny(methods=["scripted"])
 
@@ -105,6 +106,15 @@ def better(said: Any) -> None:
         said["standings"]["mean"][name]["mean"] = 1.0
 
 
+def follow(said: Any) -> None:
+    """Let the standings follow from the cells, as in a file that was made up with care."""
+    suite = read_suite(said["suite"], "suite")
+    claims = [CellClaim.model_validate_json(json.dumps(one)) for one in said["cells"]]
+    for name, scores in model_scores(suite, [claim.as_single_game() for claim in claims]).items():
+        for score, value in scores:
+            said["standings"][name][score]["mean"] = value.mean
+
+
 def other_versions(said: Any) -> None:
     said["software"]["packages"]["numpy"] = "1.0.0"
 
@@ -119,10 +129,18 @@ def other_versions(said: Any) -> None:
         (lambda said: said["attacks"]["on-off"].update(version="9"), "other source, from roletrust-env 9"),
     ],
 )
-def test_what_is_not_as_said_is_told_without_playing(verified: Callable, change: Callable, words: str) -> None:
-    code, told = verified(change)
+def test_what_is_not_as_said_is_told_without_playing(
+    verified: Callable, change: Callable, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if "from roletrust-env 9" in words:
+        code, told = verified(change)
+        assert code == 0
+    else:
+        monkeypatch.setattr(submit, "LocalPool", None)
+        code, told = verified(change, "--cells", "1")
+        assert code == 1
+        assert "No cell was played again: what is not ok above needs no game." in told
     assert words in told
-    assert code == (0 if "from roletrust-env 9" in words else 1)
 
 
 @pytest.mark.parametrize("forgotten", [False, True])
@@ -132,6 +150,7 @@ def test_numbers_that_were_made_up_are_found(in_process: None, verified: Callabl
         if forgotten:
             for one in said["cells"]:
                 del one["attacks"][1:]
+        follow(said)
 
     code, told = verified(change, "--cells", "100", "--workers", "1")
     assert code == 1
@@ -151,6 +170,7 @@ def test_on_other_software_means_have_to_be_within_the_intervals(in_process: Non
     def far(said: Any) -> None:
         near(said)
         cell(said)["attacks"][0]["measured"]["false_alarms"]["mean"] = 7.0
+        follow(said)
 
     code, told = verified(far, "--cells", "100", "--workers", "1")
     assert code == 1
@@ -162,6 +182,7 @@ def test_an_edited_choice_of_the_worst_case_is_found(in_process: None, verified:
         other_versions(said)
         rows = [row for one in said["cells"] if one["track"] == "raters" for row in one["attacks"]]
         min(rows, key=lambda row: row["chosen"])["chosen"] += 2
+        follow(said)
 
     code, told = verified(change, "--cells", "100", "--workers", "1")
     assert code == 1
@@ -174,6 +195,7 @@ def test_utilities_that_are_a_little_too_high_everywhere_are_found(in_process: N
         for one in said["cells"]:
             for row in one["attacks"]:
                 row["measured"]["utility"]["mean"] += 1.3 * row["measured"]["utility"]["half_95"]
+        follow(said)
 
     code, told = verified(change, "--cells", "100", "--workers", "1")
     assert code == 1
@@ -194,11 +216,7 @@ def test_utilities_that_are_hardly_too_high_are_found_over_all_cells(tmp_path: P
         for row in (row for one in said["cells"] for row in one["attacks"]):
             for name in ("utility", "published"):
                 row["measured"][name]["mean"] += raised * row["measured"][name]["half_95"]
-        path.write_text(json.dumps(said))
-        found, as_said = read_submission(path)
-        scores = model_scores(as_said, [claim.as_single_game() for claim in found.cells])
-        for name in ("clean", "worst", "alike", "published", "ensemble", "open_worst"):
-            said["standings"]["mean"][name]["mean"] = getattr(scores["mean"], name).mean
+        follow(said)
         path.write_text(json.dumps(said))
         result = run("verify", str(path), "--own-suite", "--workers", "2")
         told = " ".join(result.output.split())

@@ -1,9 +1,10 @@
 """Beta reputation: a provider's trust is the mean of the Beta distribution that follows from its ratings."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.parameters import Share, Tail, checked_dataclass
+from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import between_quantiles, reputation
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings, occurred
@@ -18,9 +19,9 @@ class BetaState(NamedTuple):
         tor: Trust of the raters, shape (S, ...), always 1, since the model has no notion of it.
     """
 
-    successes: PerProvider
-    failures: PerProvider
-    tor: PerRater
+    successes: Annotated[PerProvider, AMOUNTS]
+    failures: Annotated[PerProvider, AMOUNTS]
+    tor: Annotated[PerRater, SHARES]
 
 
 @checked_dataclass
@@ -90,10 +91,10 @@ class BetaFilteredState(NamedTuple):
             rated none.
     """
 
-    successes: PerPair
-    failures: PerPair
-    top: PerProvider
-    tor: PerRater
+    successes: Annotated[PerPair, AMOUNTS]
+    failures: Annotated[PerPair, AMOUNTS]
+    top: Annotated[PerProvider, SHARES]
+    tor: Annotated[PerRater, SHARES]
 
 
 @checked_dataclass

@@ -1,11 +1,12 @@
 """Iterative filtering: providers are judged by their raters, and raters by the result, until both agree."""
 
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
 from roletrust_env.arrays import Array, largest, namespace, smallest
 from roletrust_env.parameters import Lam, Share, checked_dataclass
+from roletrust_env.trees import FLAGS, SHARES, ValueRange
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
@@ -27,10 +28,10 @@ class FilteringState(NamedTuple):
         rated: Flag, 1 where there are ratings, 0 elsewhere, shape (S, P, ...).
     """
 
-    tor: PerRater
-    top: PerProvider
-    means: PerPair
-    rated: PerPair
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
+    means: Annotated[PerPair, ValueRange(0, "rated")]
+    rated: Annotated[PerPair, FLAGS]
 
 
 @checked_dataclass

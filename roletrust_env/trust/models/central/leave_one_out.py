@@ -1,9 +1,10 @@
 """Leave-one-out trust: each rater is compared with the others, and has one voice about each provider."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
+from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
 from roletrust_env.trust.algorithms import lower_median, safe_power
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.models.central.beta_reputation import remaining
@@ -20,10 +21,10 @@ class LeaveOneOutState(NamedTuple):
         counts: Number of these ratings, faded alike, shape (S, P, ...).
     """
 
-    tor: PerRater
-    top: PerProvider
-    sums: PerPair
-    counts: PerPair
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
+    sums: Annotated[PerPair, ValueRange(0, "counts")]
+    counts: Annotated[PerPair, AMOUNTS]
 
 
 class Compared(NamedTuple):

@@ -5,12 +5,13 @@ rated, or a provider that does not rate. An agent's opinion of itself does not c
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, device_of, largest, namespace, total
 from roletrust_env.parameters import checked_dataclass
+from roletrust_env.trees import BALANCES, COUNTS, FLAGS, SHARES
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings
@@ -167,10 +168,10 @@ class SatisfactionState(NamedTuple):
         peers: Flag, 1 where a rater and a provider are one agent, shape (S, P, ...).
     """
 
-    tor: PerRater
-    top: PerProvider
-    scores: PerPair
-    peers: PerPair
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
+    scores: Annotated[PerPair, BALANCES]
+    peers: Annotated[PerPair, FLAGS]
 
 
 def satisfaction(scores: PerPair) -> Array:
@@ -235,11 +236,11 @@ class PowerTrustState(NamedTuple):
         peers: Flag, 1 where a rater and a provider are one agent, shape (S, P, ...).
     """
 
-    tor: PerRater
-    top: PerProvider
-    latest: PerPair
-    heard: PerProvider
-    peers: PerPair
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
+    latest: Annotated[PerPair, SHARES]
+    heard: Annotated[PerProvider, COUNTS]
+    peers: Annotated[PerPair, FLAGS]
 
 
 @checked_dataclass

@@ -1,9 +1,10 @@
 """The paper's model: Algorithms 1 and 2, and their memory between rounds."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import Lam, Share, checked_dataclass
+from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import provider_quality, rater_quality
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, PairAge, PerPair, PerProvider, PerRater, Ratings, aged, smooth
@@ -20,9 +21,9 @@ class RoleTrustState(NamedTuple):
         full: Whether every rater rated every provider in the last round, so that `elapsed` is 1 everywhere.
     """
 
-    tor: PerRater
-    top: PerProvider
-    last: PerPair
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
+    last: Annotated[PerPair, SHARES]
     elapsed: PairAge
     full: bool = False
 

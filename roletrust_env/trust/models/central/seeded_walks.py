@@ -12,13 +12,14 @@ Without names of seeds, every rater is one. Then nobody is trusted beforehand, a
 import math
 from abc import ABC, abstractmethod
 from itertools import count
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
 from roletrust_env.arrays import Array, device_of, is_compiling, largest, namespace, total
 from roletrust_env.parameters import Inside, Share, checked_dataclass
+from roletrust_env.trees import AMOUNTS, BALANCES, FLAGS, SHARES
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.model import Published
@@ -210,8 +211,8 @@ class Merits(NamedTuple):
         of_providers: Share of each agent that provides, shape (P, ...).
     """
 
-    of_raters: PerRater
-    of_providers: PerProvider
+    of_raters: Annotated[PerRater, AMOUNTS]
+    of_providers: Annotated[PerProvider, AMOUNTS]
 
 
 class MeritRankState(NamedTuple):
@@ -225,10 +226,10 @@ class MeritRankState(NamedTuple):
         merits: Merit of each agent, see `Merits`.
     """
 
-    tor: PerRater
-    top: PerProvider
-    scores: PerPair
-    peers: PerPair
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
+    scores: Annotated[PerPair, BALANCES]
+    peers: Annotated[PerPair, FLAGS]
     merits: Merits
 
 

@@ -1,9 +1,10 @@
 """Cautious role-trust: old ratings still count, trusted raters count for more, and trust rises slowly."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Factor, Lam, Power, Share, checked_dataclass
+from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import sinc, upper_median, without_rounding
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import (
@@ -32,10 +33,10 @@ class WaryState(NamedTuple):
         fresh: Remaining weight of that rating, shape (S, P, ...), 0 where there is none.
     """
 
-    tor: PerRater
-    top: PerProvider
-    last: PerPair
-    fresh: PerPair
+    tor: Annotated[PerRater, SHARES]
+    top: Annotated[PerProvider, SHARES]
+    last: Annotated[PerPair, SHARES]
+    fresh: Annotated[PerPair, SHARES]
 
 
 @checked_dataclass

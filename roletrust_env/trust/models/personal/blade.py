@@ -6,6 +6,7 @@ from pydantic import Field
 
 from roletrust_env.arrays import Array, device_of, largest, namespace, total
 from roletrust_env.parameters import Factor, checked_dataclass
+from roletrust_env.trees import POSITIVE, SHARES
 from roletrust_env.trust.dirichlet import expected_level, in_levels, level_values
 from roletrust_env.trust.personal import Personal, product
 from roletrust_env.trust.ratings import PROVIDER, Ratings
@@ -23,10 +24,10 @@ class BladeState(NamedTuple):
         credence: Credence of judge i in adviser k, shape (S, S, ...).
     """
 
-    evidence: Array
-    common: Array
-    trust: Array
-    credence: Array
+    evidence: Annotated[Array, POSITIVE]
+    common: Annotated[Array, POSITIVE]
+    trust: Annotated[Array, SHARES]
+    credence: Annotated[Array, SHARES]
 
 
 @checked_dataclass

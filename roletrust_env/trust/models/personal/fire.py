@@ -1,12 +1,13 @@
 """Own experience and witnesses, each weighted by its reliability: two of the four parts of FIRE."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from pydantic import PositiveFloat
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.trees import AMOUNTS, SHARES, SIGNED
 from roletrust_env.trust.personal import (
     Personal,
     absorb,
@@ -40,11 +41,11 @@ class FireState(NamedTuple):
         weights: Current weights of these ratings, 0 where there is none, shape (10, S, P, ...).
     """
 
-    trust: Array
-    credibility: Array
-    judged: Array
-    values: Array
-    weights: Array
+    trust: Annotated[Array, SHARES]
+    credibility: Annotated[Array, SIGNED]
+    judged: Annotated[Array, AMOUNTS]
+    values: Annotated[Array, SIGNED]
+    weights: Annotated[Array, SHARES]
 
 
 @checked_dataclass

@@ -1,9 +1,10 @@
 """First-hand trust: each judge goes by its own ratings first, and by others as far as they agree with these."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Power, Ridge, Share, Weighting, checked_dataclass
+from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
 from roletrust_env.trust.algorithms import safe_power
 from roletrust_env.trust.personal import (
     Personal,
@@ -27,10 +28,10 @@ class FirstHandState(NamedTuple):
         credence: Credence of each judge in each rater, shape (S, S, ...).
     """
 
-    sums: Array
-    counts: Array
-    trust: Array
-    credence: Array
+    sums: Annotated[Array, ValueRange(0, "counts")]
+    counts: Annotated[Array, AMOUNTS]
+    trust: Annotated[Array, SHARES]
+    credence: Annotated[Array, SHARES]
 
 
 @checked_dataclass

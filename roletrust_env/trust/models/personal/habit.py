@@ -7,6 +7,7 @@ from pydantic import Field
 
 from roletrust_env.arrays import Array, device_of, largest, namespace, total
 from roletrust_env.parameters import Ridge, checked_dataclass
+from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import log_gamma
 from roletrust_env.trust.dirichlet import in_levels, level_values
 from roletrust_env.trust.personal import Personal, by_judges, by_pairs, others
@@ -21,8 +22,8 @@ class HabitState(NamedTuple):
         trust: Trust of judge i in provider j, shape (S, P, ...).
     """
 
-    counts: Array
-    trust: Array
+    counts: Annotated[Array, AMOUNTS]
+    trust: Annotated[Array, SHARES]
 
 
 @checked_dataclass

@@ -3,10 +3,11 @@
 The algebra is that of Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006).
 """
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.personal import Personal, by_judges, compare_opinions, credences, others, published_raters
 from roletrust_env.trust.ratings import PROVIDER, Ratings
 
@@ -95,11 +96,11 @@ class SubjectiveLogicState(NamedTuple):
         failures: Evidence against it, shape (S, P, ...).
     """
 
-    trust: Array
-    agreed: Array
-    differed: Array
-    successes: Array
-    failures: Array
+    trust: Annotated[Array, SHARES]
+    agreed: Annotated[Array, AMOUNTS]
+    differed: Annotated[Array, AMOUNTS]
+    successes: Annotated[Array, AMOUNTS]
+    failures: Annotated[Array, AMOUNTS]
 
 
 @checked_dataclass

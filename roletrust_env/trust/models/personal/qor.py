@@ -1,10 +1,11 @@
 """Ratings that fade, bad ones faster, weighted by their rater's quality of recommendation."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Factor, Share, checked_dataclass
+from roletrust_env.trees import AMOUNTS, SHARES, SIGNED
 from roletrust_env.trust.personal import (
     Personal,
     absorb,
@@ -34,12 +35,12 @@ class QorState(NamedTuple):
         weights: Current weights of these ratings, 0 where there is none, shape (10, S, P, ...).
     """
 
-    trust: Array
-    quality: Array
-    past: Array
-    weight: Array
-    values: Array
-    weights: Array
+    trust: Annotated[Array, SHARES]
+    quality: Annotated[Array, SIGNED]
+    past: Annotated[Array, SIGNED]
+    weight: Annotated[Array, AMOUNTS]
+    values: Annotated[Array, SIGNED]
+    weights: Annotated[Array, SHARES]
 
 
 @checked_dataclass

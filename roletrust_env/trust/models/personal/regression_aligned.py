@@ -1,9 +1,10 @@
 """The mean of ratings that are first mapped to the judge's own scale."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, Ridge, Share, checked_dataclass
+from roletrust_env.trees import BALANCES, COUNTS, SHARES, ValueRange
 from roletrust_env.trust.personal import Personal, by_judges, credences, in_common, product
 from roletrust_env.trust.ratings import PROVIDER, Ratings, smooth
 
@@ -18,10 +19,10 @@ class Moments(NamedTuple):
         shared: Sum of (x - mean x)(y - mean y).
     """
 
-    count: Array
-    mean: Array
-    spread: Array
-    shared: Array
+    count: Annotated[Array, COUNTS]
+    mean: Annotated[Array, SHARES]
+    spread: Annotated[Array, ValueRange(0, "count")]
+    shared: Annotated[Array, BALANCES]
 
     @classmethod
     def of(cls, ratings: Ratings) -> "Moments":
@@ -52,8 +53,8 @@ class RegressionAlignedState(NamedTuple):
     """Memory of the aligned mean: moments of each pair, trust (S, P, ...), trust of the raters (S, ...), all 1."""
 
     moments: Moments
-    trust: Array
-    tor: Array
+    trust: Annotated[Array, SHARES]
+    tor: Annotated[Array, SHARES]
 
 
 @checked_dataclass

@@ -1,9 +1,10 @@
 """Judges that keep all ratings so far: by themselves, or weighted by the similarity of the raters."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
+from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.personal import (
     Personal,
     by_pairs,
@@ -24,8 +25,8 @@ class Experience(NamedTuple):
         sums: Sum of the ratings, shape (S, P, ...).
     """
 
-    counts: Array
-    sums: Array
+    counts: Annotated[Array, COUNTS]
+    sums: Annotated[Array, ValueRange(0, "counts")]
 
     @classmethod
     def none(cls, like: Array) -> "Experience":
@@ -48,8 +49,8 @@ class SimilarityState(NamedTuple):
     """
 
     known: Experience
-    trust: Array
-    credence: Array
+    trust: Annotated[Array, SHARES]
+    credence: Annotated[Array, SHARES]
 
 
 def disagreement(known: Experience) -> tuple[Array, Array]:
@@ -83,7 +84,7 @@ class OwnState(NamedTuple):
     """
 
     known: Experience
-    trust: Array
+    trust: Annotated[Array, SHARES]
 
 
 @checked_dataclass

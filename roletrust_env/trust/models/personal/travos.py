@@ -1,12 +1,13 @@
 """TRAVOS: own experience where there is enough, else opinions, discounted by the accuracy of earlier ones."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, cast, device_of, namespace
 from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import mass_below, mass_between, reputation
 from roletrust_env.trust.personal import Personal, by_judges, others
 from roletrust_env.trust.ratings import Ratings
@@ -29,14 +30,14 @@ class TravosState(NamedTuple):
         credence: Credence of judge i in adviser k, shape (S, S, ...).
     """
 
-    successes: Array
-    failures: Array
-    good: Array
-    bad: Array
-    accuracy: Array
-    confidence: Array
-    trust: Array
-    credence: Array
+    successes: Annotated[Array, AMOUNTS]
+    failures: Annotated[Array, AMOUNTS]
+    good: Annotated[Array, AMOUNTS]
+    bad: Annotated[Array, AMOUNTS]
+    accuracy: Annotated[Array, SHARES]
+    confidence: Annotated[Array, SHARES]
+    trust: Annotated[Array, SHARES]
+    credence: Annotated[Array, SHARES]
 
 
 @checked_dataclass

@@ -1,11 +1,12 @@
 """Own experience, and advisers weighted by how right they were before: the model of Yu, Singh and Sycara."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Factor, Share, checked_dataclass
+from roletrust_env.trees import FLAGS, SHARES, ValueRange
 from roletrust_env.trust.personal import (
     Personal,
     compare_opinions,
@@ -33,10 +34,10 @@ class YuSinghState(NamedTuple):
         known: Flag, 1 where there is such a rating, 0 elsewhere, shape (memory, S, P, ...).
     """
 
-    trust: Array
-    log_credence: Array
-    recent: Array
-    known: Array
+    trust: Annotated[Array, SHARES]
+    log_credence: Annotated[Array, ValueRange(high=0)]
+    recent: Annotated[Array, ValueRange(0, "known")]
+    known: Annotated[Array, FLAGS]
 
 
 @checked_dataclass

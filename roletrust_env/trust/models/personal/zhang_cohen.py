@@ -1,10 +1,11 @@
 """The personalised model of Zhang and Cohen: advisers weighted by private and by public evidence."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Inside, Lam, Share, checked_dataclass
+from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.personal import (
     Personal,
     compare_opinions,
@@ -28,11 +29,11 @@ class ZhangCohenState(NamedTuple):
         trust: Trust of each judge in each provider, shape (S, P, ...).
     """
 
-    common: Array
-    agreeing: Array
-    checked: Array
-    consistent: Array
-    trust: Array
+    common: Annotated[Array, COUNTS]
+    agreeing: Annotated[Array, ValueRange(0, "common")]
+    checked: Annotated[Array, COUNTS]
+    consistent: Annotated[Array, ValueRange(0, "checked")]
+    trust: Annotated[Array, SHARES]
 
 
 @checked_dataclass
