@@ -60,7 +60,7 @@ class Manager:
         admitted = Membership(raters, timing.period, rater_keys, len(set(raters) - set(settings.raters)))
         strangers = len(set(providers) - set(settings.providers))
         self._providers = Membership(providers, timing.period, provider_keys, strangers)
-        self.validator = MessageValidator(timing.limits, rater_keys, self._trust.last_stamps, admitted)
+        self.validator = MessageValidator(timing.limits, rater_keys, self._trust.last_stamps, admitted, settings.raters)
         self.known_raters: Container[str] = admitted if rater_keys is None else rater_keys
         self.rounds: RoundAssembler[dict[str, float]] = RoundAssembler(timing, raters, self._trust.last_stamp)
 

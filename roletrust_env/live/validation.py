@@ -220,6 +220,7 @@ class MessageValidator:
         keyring: Senders that may send; None accepts every sender, without a signature.
         last_stamps: Last accepted stamp of each sender, from an earlier run.
         admission: Decides which newcomers may send; None for all.
+        members: Senders that are known without keys before they have sent a valid message.
 
     Attributes:
         refusals: Number of refusals by sender and reason. Unknown senders are counted under `""`.
@@ -231,9 +232,10 @@ class MessageValidator:
         keyring: Keyring | None = None,
         last_stamps: dict[str, int] | None = None,
         admission: Membership | None = None,
+        members: Container[str] = (),
     ) -> None:
         self._limits, self._keyring, self._last_stamps = limits, keyring, dict(last_stamps or {})
-        self._admission = admission
+        self._admission, self._members = admission, members
         self.refusals: Counter[tuple[str, RefusalReason]] = Counter()
 
     @property
@@ -243,7 +245,8 @@ class MessageValidator:
 
     def refuse(self, sender: str, reason: RefusalReason, count: int = 1) -> None:
         """Count a refusal, such as that of a message that cannot be read."""
-        known = sender in self._last_stamps if self._keyring is None else sender in self._keyring
+        keyless = sender in self._last_stamps or sender in self._members
+        known = keyless if self._keyring is None else sender in self._keyring
         named = known and ((sender, reason) in self.refusals or len(self.refusals) < _REMEMBERED)
         self.refusals[sender if named else "", reason] += count
 
@@ -341,10 +344,10 @@ def rating_error(
         before: Names of the providers that the same message has rated before.
         scale: Worst and best rating.
     """
-    if provider not in providers:
-        return RefusalReason.UNKNOWN_PROVIDER
     if provider == rater:
         return RefusalReason.ITSELF
+    if provider not in providers:
+        return RefusalReason.UNKNOWN_PROVIDER
     if provider in before:
         return RefusalReason.DOUBLED
     if math.isnan(value):

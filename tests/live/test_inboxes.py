@@ -7,13 +7,21 @@ import numpy as np
 import pytest
 from fake_wire import FakeWire
 
+from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.nodes import inboxes, run_loop
-from roletrust_env.live.nodes.inboxes import AgentInbox, RatingSubscription, TrustSubscription, rating_inbox
+from roletrust_env.live.nodes.inboxes import (
+    AgentInbox,
+    RatingSubscription,
+    TrustSubscription,
+    rating_inbox,
+    trust_limits,
+)
 from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
 from roletrust_env.live.rounds import RoundTiming
+from roletrust_env.live.team import Team, Trust
 from roletrust_env.live.validation import MAX_STRANGERS, MessageValidator, RefusalReason, StampLimits
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.topics import IMAGES, RATINGS, owner
+from roletrust_env.live.wire.topics import IMAGES, RATINGS, TRUST, owner
 
 STRANGERS = [f"z{k}" for k in range(200)]
 
@@ -54,15 +62,36 @@ def test_known_agents_come_first_and_strangers_are_limited(clock):
     assert names(made)[:2] == ["sp_1", "sp_0"]
     assert names(made)[2:] == STRANGERS[:MAX_STRANGERS]
     assert made.turned_away == {"mean": 200 - MAX_STRANGERS}
+    assert made.refusals == {("participant mean", RefusalReason.CROWDED): 200 - MAX_STRANGERS}
 
 
 def test_strangers_are_not_read_at_all_if_there_are_keys(clock):
     wire = FakeWire()
     made = readers(wire, strangers=False)
-    made.update(wire.announce(IMAGES, messages.IMAGE, "z0", "sp_0"))
+    made.update(wire.announce(IMAGES, messages.IMAGE, "z0", "sp_0", participant="mean"))
     made.update(wire.announce(IMAGES, messages.NUMBER, "sp_1"))
     assert names(made) == ["sp_0"]
     assert list(wire.readers) == [f"/sp_0{IMAGES}"]
+    assert made.refusals == {("participant mean", RefusalReason.UNKNOWN): 1}
+
+
+@pytest.mark.parametrize("keyed", [True, False])
+@pytest.mark.parametrize("fault", [RefusalReason.FLOOD, RefusalReason.GARBAGE, RefusalReason.ELSEWHERE])
+def test_a_first_message_that_cannot_be_read_is_counted_under_its_name(fault, keyed):
+    """A member of the team, with or without keys, before any of its messages was valid."""
+    wire, raters = FakeWire(), ("sr_0", "sr_1")
+    validator = MessageValidator(StampLimits(10**9, 1), Names(raters) if keyed else None, members=raters)
+    inbox = rating_inbox(wire, RoundTiming(PERIOD), validator, raters, strangers=not keyed)
+    inbox.update(wire.announce(RATINGS, messages.RATINGS, "sr_1"))
+    ratings = messages.encode(messages.ratings_message("sr_0", 5, {"sp_0": 0.5}))
+    wire.waiting["/sr_1/ratings"] += {RefusalReason.GARBAGE: [b"?"], RefusalReason.ELSEWHERE: [ratings]}.get(fault, [])
+    wire.readers["/sr_1/ratings"].excess = int(fault is RefusalReason.FLOOD)
+    assert list(inbox.take(5)) == []
+    assert inbox.refusals == {("sr_1", fault): 1}
+
+
+class Names(frozenset):
+    """A keyring that no message of these tests needs for more than its names."""
 
 
 def test_a_topic_whose_writers_have_gone_is_dropped_and_read_again_when_they_return(clock):
@@ -125,6 +154,18 @@ def test_trust_is_the_initial_one_until_some_is_published():
     subscription = TrustSubscription(FakeWire(), 0.7)
     subscription.update()
     assert (subscription.tor("sr_0"), subscription.top("sp_0")) == (0.7, 0.7)
+
+
+def test_trust_of_long_rounds_is_not_from_the_past():
+    """A round of a minute may close 66 seconds after its stamp."""
+    wire, now, timing = FakeWire(), time.time_ns(), RoundTiming(60 * 10**9)
+    subscription = TrustSubscription(wire, 0.7, limits=trust_limits(timing))
+    for age in (timing.period * 3 // 2, 0):
+        entry = JournalEntry(0, now - age, now, Team(("sr_0",), ("sp_0",)), {}, (), Trust((0.2,), (0.3,), ()))
+        wire.waiting[TRUST].append(messages.encode(messages.trust_message(entry)))
+        subscription.update()
+        assert (subscription.tor("sr_0"), subscription.top("sp_0")) == (0.2, 0.3)
+    assert not subscription.inbox.validator.refusals
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from math import inf, nan
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -231,6 +232,63 @@ def test_a_key_is_for_a_role_of_the_scenario(name, reason, tmp_path):
     message = RatingMessage(Envelope(name, PERIOD, b"", name.encode()), ["sp_1"], [0.5])
     keeper.receive(message, PERIOD)
     assert list(keeper.validator.refusals) == ([] if reason is None else [("", reason)])
+
+
+HOUR = 3600 * 10**9
+KEYS, BOTH = (True,), (True, False)
+BASE = 2 * HOUR // PERIOD * PERIOD  # a time at which the clock can go back
+
+
+def sent(stamp=BASE, rater="sr_0", signer=None, providers=("sp_0",), values=(0.5,)):
+    return RatingMessage(Envelope(rater, stamp, b"text", f"{signer or rater}text".encode()), providers, values)
+
+
+def unsigned(message):
+    return message._replace(envelope=message.envelope._replace(signature=b""))
+
+
+FAULTS = {
+    RefusalReason.UNKNOWN: (KEYS, [], sent(rater="stranger")),
+    RefusalReason.FUTURE: (BOTH, [], sent(BASE + 5 * PERIOD)),
+    RefusalReason.PAST: (BOTH, [], sent(BASE - 5 * PERIOD)),
+    RefusalReason.CLOCK: (KEYS, [sent(BASE + HOUR)], sent()),
+    RefusalReason.REPLAYED: (BOTH, [sent()], sent()),
+    RefusalReason.TOO_SOON: (BOTH, [sent()], sent(BASE + PERIOD // 4)),
+    RefusalReason.UNSIGNED: (KEYS, [], unsigned(sent())),
+    RefusalReason.MIS_SIGNED: (KEYS, [], sent(signer="sr_1")),
+    RefusalReason.CROWDED: (BOTH, [sent(rater=f"x{k}") for k in range(10)], sent(rater="x10")),
+    RefusalReason.ITSELF: (BOTH, [], sent(providers=("sr_0",))),
+    RefusalReason.UNKNOWN_PROVIDER: (BOTH, [], sent(providers=("sp_7",))),
+    RefusalReason.DOUBLED: (BOTH, [], sent(providers=("sp_0", "sp_0"), values=(0.5, 0.6))),
+    RefusalReason.NOT_A_NUMBER: (BOTH, [], sent(values=(nan,))),
+    RefusalReason.OUT_OF_RANGE: (BOTH, [], sent(values=(1.5,))),
+}
+"""Whether teams with keys and without have this reason, earlier messages, and a message with one fault.
+
+The rest of the reasons are tested with the inboxes, and with models whose state cannot grow.
+"""
+
+ONLY_OF_A_SERVICE = {RefusalReason.TOO_LARGE, RefusalReason.NO_WORK, RefusalReason.TAKEN}
+
+
+@pytest.mark.parametrize(("reason", "keyed"), [(one, keyed) for one in FAULTS for keyed in FAULTS[one][0]])
+def test_a_single_fault_is_refused_for_its_own_reason(reason, keyed, tmp_path):
+    """Under the name of the rater, also if none of its messages has been valid so far; strangers have none."""
+    _, before, message = FAULTS[reason]
+    names = [*TEAM.raters, *(f"x{k}" for k in range(20))]
+    keeper = manager(tmp_path / "journal", keyring=Signed(*names) if keyed else None)
+    for earlier in before:
+        keeper.receive(earlier, earlier.envelope.stamp)
+    keeper.validator.refusals.clear()
+    keeper.receive(message, BASE)
+    nameless = reason is RefusalReason.UNKNOWN or (reason is RefusalReason.CROWDED and not keyed)
+    assert keeper.validator.refusals == {("" if nameless else message.envelope.sender, reason): 1}
+
+
+def test_the_guide_has_every_reason_of_a_refusal():
+    table = (Path(__file__).parents[2] / "docs" / "guide" / "own-nodes.md").read_text().split("## Refusals")[1]
+    rows = " ".join(line.split("|")[1] for line in table.splitlines() if line.startswith("|"))
+    assert [reason for reason in RefusalReason if reason not in ONLY_OF_A_SERVICE and reason not in rows] == []
 
 
 def test_a_provider_without_a_key_cannot_join_a_team_with_keys(tmp_path):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.live import clock
-from roletrust_env.live.nodes.inboxes import RatingSubscription, TrustSubscription, camera_inbox
+from roletrust_env.live.nodes.inboxes import RatingSubscription, TrustSubscription, camera_inbox, trust_limits
 from roletrust_env.live.nodes.person_detector import PersonDetector, StrangePictures
 from roletrust_env.live.nodes.publishers import DiagnosticsPublisher
 from roletrust_env.live.nodes.run_loop import SECOND, Timeline, print_line, run_rounds
@@ -74,10 +74,10 @@ def run_camera_node(
     source = open_frames(frames, duration_s=length * period_s, period_s=period_s, loop=loop, paced=False)
     selector = QualitySelector(policy or Policy(), seed + index)
     cv2.setNumThreads(1)
-    node = Node("cam", f"/{name}", network=network)
+    node, timing = Node("cam", f"/{name}", network=network), RoundTiming(timeline.period)
     pictures = node.writer(f"/{name}{IMAGES}", messages.IMAGE)
-    trust = TrustSubscription(node, scenario.initial_trust, keyring)
-    ratings = RatingSubscription(node, name, team.raters, RoundTiming(timeline.period), keyring)
+    trust = TrustSubscription(node, scenario.initial_trust, keyring, trust_limits(timing))
+    ratings = RatingSubscription(node, name, team.raters, timing, keyring)
     with run_rounds(name, timeline, rounds, report) as active:
         round = timeline.next_round()
         while active and round < length:
@@ -131,7 +131,7 @@ def run_rater_node(
     cv2.setNumThreads(1)
     node, timing = Node("assess", f"/{name}", network=network), RoundTiming(timeline.period, deadline=_DEADLINE)
     publisher = node.writer(f"/{name}{RATINGS}", messages.RATINGS)
-    trust = TrustSubscription(node, scenario.initial_trust, keyring)
+    trust = TrustSubscription(node, scenario.initial_trust, keyring, trust_limits(timing))
     selector = RatingSelector(name, team.providers, policy or Policy(), trust, seed + index)
     detector = PersonDetector(np.random.default_rng([seed, index]))
     cameras, strangers = camera_inbox(node, timing, keyring, team), StrangePictures(detector, timing)
@@ -160,7 +160,7 @@ def run_rater_node(
             for newest in closed[-1:]:  # a rater that is behind catches up: late ratings do not count
                 publish(newest)
             if diagnostics.is_due:
-                diagnostics.publish({}, cameras.validator.refusals + trust.inbox.validator.refusals)
+                diagnostics.publish({}, cameras.refusals + trust.inbox.validator.refusals)
 
 
 class QualitySelector:

@@ -28,7 +28,10 @@ from roletrust_env.live.wire.dds import Node, Publication, Quota, Reader
 from roletrust_env.live.wire.topics import DIAGNOSTICS, IMAGES, RATINGS, TRUST, owner
 
 LIMITS = StampLimits(tolerance=10_000_000_000, min_gap=1)
-"""Limits on the stamps of trust and diagnostics: a message that is sent again within the tolerance has an old stamp."""
+"""Limits on the stamps of diagnostics, and of the trust of short rounds.
+
+A message that is sent again within the tolerance has an old stamp.
+"""
 
 _MAX_PER_SECOND = 100  # messages of a node on a topic of all, such as `/diagnostics`
 _GONE_S = 5.0  # a topic without a writer for that long has no reader
@@ -108,15 +111,21 @@ class Inbox(Generic[M]):
                 yield message
 
 
-def trust_inbox(node: Node, keyring: Keyring | None) -> Inbox[messages.TrustMessage]:
+def trust_limits(timing: RoundTiming) -> StampLimits:
+    """Return the limits on the stamps of trust: those of its rounds, which may have been old when they closed."""
+    return StampLimits(max(LIMITS.tolerance, 2 * timing.tolerance), LIMITS.min_gap)
+
+
+def trust_inbox(node: Node, keyring: Keyring | None, limits: StampLimits = LIMITS) -> Inbox[messages.TrustMessage]:
     """Return an inbox of the published trust. With keys, it counts only if the manager has signed it.
 
     Args:
         node: Node that subscribes.
         keyring: Keys of the team, with the manager's; None accepts every message.
+        limits: See `trust_limits`.
     """
     reader = node.reader(TRUST, messages.TRUST, depth=100, quota=Quota(_MAX_PER_SECOND))
-    return Inbox(reader, messages.read_trust, MessageValidator(LIMITS, keyring), MANAGER)
+    return Inbox(reader, messages.read_trust, MessageValidator(limits, keyring), MANAGER)
 
 
 def diagnostics_inbox(
@@ -145,13 +154,16 @@ class TrustSubscription:
         node: Node that subscribes.
         initial: Trust of agents about which nothing has been published.
         keyring: See `trust_inbox`.
+        limits: See `trust_limits`.
 
     Attributes:
         inbox: Incoming messages.
     """
 
-    def __init__(self, node: Node, initial: float, keyring: Keyring | None = None) -> None:
-        self.inbox, self._initial = trust_inbox(node, keyring), initial
+    def __init__(
+        self, node: Node, initial: float, keyring: Keyring | None = None, limits: StampLimits = LIMITS
+    ) -> None:
+        self.inbox, self._initial = trust_inbox(node, keyring, limits), initial
         self._trust = PublishedTrust(0, 0, {}, {}, ())
 
     def update(self) -> None:
@@ -316,6 +328,13 @@ class AgentInbox(Generic[M]):
             if self.validator.accepts(message.envelope, now):
                 yield message
 
+    @property
+    def refusals(self) -> Counter[tuple[str, RefusalReason]]:
+        """Refusals by sender and reason; those of topics that are not read, by their participant."""
+        reason = RefusalReason.CROWDED if self._strangers else RefusalReason.UNKNOWN
+        away = {(f"participant {one}", reason): count for one, count in self.turned_away.items()}
+        return self.validator.refusals + Counter(away)
+
     def readers(self) -> list[tuple[str, Reader]]:
         """Return the names of the agents and their readers; known agents come first."""
         named = [(owner(topic, self._ending) or "", reader) for topic, reader in self._readers.items()]
@@ -346,7 +365,8 @@ def camera_inbox(
         team: Agents of the scenario.
     """
     _, serving = keys_by_role(keyring, team)
-    known, validator = team.providers if serving is None else serving, MessageValidator(timing.limits, serving)
+    known = team.providers if serving is None else serving
+    validator = MessageValidator(timing.limits, serving, members=team.providers)
     return AgentInbox(
         node, IMAGES, messages.IMAGE, messages.read_picture, validator, known, strangers=serving is None, timing=timing
     )

@@ -1,7 +1,6 @@
 """The trust manager as a process: receives the ratings of every rater, and publishes trust."""
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from roletrust_env.live.nodes.publishers import INTERVAL_S, ManagerPublisher
 from roletrust_env.live.nodes.run_loop import SECOND, print_line, run_until_signal
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.team import Team
-from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, RefusalReason
+from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Publication
 from roletrust_env.live.wire.keys import PublicKeys, Signer
@@ -81,8 +80,7 @@ def run_manager_node(
             for message in raters.read():
                 publisher.publish(manager.receive(message, clock.now()))
             publisher.publish(manager.tick(clock.now()))
-            crowd = {(f"participant {one}", RefusalReason.CROWDED): n for one, n in raters.turned_away.items()}
-            publisher.publish_diagnostics(manager, precedence.validator.refusals + Counter(crowd))
+            publisher.publish_diagnostics(manager, raters.refusals + precedence.validator.refusals)
             node.wait(period / SECOND / 20)
     manager.close()
 

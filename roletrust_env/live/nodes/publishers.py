@@ -1,7 +1,6 @@
 """Outgoing messages of a node: trust after each round, and the state of the node."""
 
 import time
-from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from roletrust_env.live import clock
@@ -71,12 +70,12 @@ class ManagerPublisher:
             for name, value in entry.published.top.items():
                 self._publish_number(f"/{name}/top", value)
 
-    def publish_diagnostics(self, manager: Manager, further: Counter[tuple[str, RefusalReason]]) -> None:
+    def publish_diagnostics(self, manager: Manager, refusals: Mapping[tuple[str, RefusalReason], int]) -> None:
         """Publish the refusals and the expected raters, once per interval.
 
         Args:
             manager: Manager.
-            further: Refusals of messages that did not reach the manager.
+            refusals: Refusals by sender and reason.
         """
         if not self._diagnostics.is_due:
             return
@@ -86,7 +85,7 @@ class ManagerPublisher:
             state["other writers of trust"] = str(strangers)
         state["next round"] = str(manager.next_round)
         state |= {f"{rater}: in no round": str(n) for rater, n in manager.rounds.unused.items()}
-        self._diagnostics.publish(state, manager.validator.refusals + further)
+        self._diagnostics.publish(state, refusals)
 
     def _publish_number(self, topic: str, value: float) -> None:
         if topic not in self._numbers:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from roletrust_env.live import clock
-from roletrust_env.live.nodes.inboxes import camera_inbox, diagnostics_inbox, rating_inbox, trust_inbox
+from roletrust_env.live.nodes.inboxes import camera_inbox, diagnostics_inbox, rating_inbox, trust_inbox, trust_limits
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, RefusalReason, keys_by_role
@@ -49,10 +49,11 @@ class TeamListener:
         self._known = {MANAGER, *team.raters, *team.providers}
         rating, _ = keys_by_role(keyring, team)
         self._node, self._active = Node("view", network=network), True
-        self._trust = trust_inbox(self._node, keyring)
+        self._trust = trust_inbox(self._node, keyring, trust_limits(timing))
         self._diagnostics = diagnostics_inbox(self._node, keyring, self._is_of_team)
         self._cameras = camera_inbox(self._node, timing, keyring, team)
-        known, validator = team.raters if rating is None else rating, MessageValidator(timing.limits, rating)
+        known = team.raters if rating is None else rating
+        validator = MessageValidator(timing.limits, rating, members=team.raters)
         self._raters = rating_inbox(self._node, timing, validator, known, strangers=rating is None)
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
