@@ -98,7 +98,7 @@ studies: setup
 docs/game.gif: setup
 	$(BIN)/python docs/_ext/moving_picture.py $@
 
-# The leaderboard and its report, of which the README has the table; about two hours on two cores. Git ignores the raw
+# The leaderboard and its report, of which the README has the picture; about two hours on two cores. Git ignores the raw
 # results beside the tables; `make archive` packs them.
 benchmark: setup
 	$(BIN)/roletrust benchmark --suite standard --out $(OUT)/standard

@@ -1,6 +1,5 @@
-"""The README in particular: its loop, its table, and its links on a package index."""
+"""The README in particular: its loop, and its links on a package index."""
 
-import csv
 import importlib.util
 import re
 
@@ -21,21 +20,6 @@ def test_the_first_loop_shows_the_liar(said):
     text = README.read_text(encoding="utf-8")
     assert f"trusted least, with {trust['sr_2']:.2f}" in text
     assert f"end at {trust['sp_0']:.2f}, hardly higher" in text
-
-
-def test_the_leaderboard_is_that_of_the_benchmark():
-    with (HOUSE / "docs/leaderboards/standard/leaderboard.csv").open(encoding="utf-8") as file:
-        expected = [
-            f"| {row['tier']} | {row['rank']} | `{row['model']}` | {score(row, 'clean')} | {score(row, 'worst')} "
-            f"| {row['worst_attack']} ({row['worst_condition']}) |"
-            for row in csv.DictReader(file)
-        ]
-    text = README.read_text(encoding="utf-8").partition("<!-- leaderboard -->")[2].partition("<!-- /leaderboard -->")[0]
-    assert text.strip().splitlines()[2:] == expected
-
-
-def score(row, column):
-    return f"{float(row[column]):.3f} ± {float(row[f'{column}_half_95']):.3f}"
 
 
 CODE = r"^```.*?^```$|`[^`\n]+`"

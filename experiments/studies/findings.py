@@ -33,7 +33,9 @@ leave open. The trust model is theirs, `role-trust`, unless another one is named
 numbers. The numbers are means with 95% intervals over the games. A rule turns the numbers into sentences: a difference
 whose interval contains 0 is not shown, and the sentence says "neither more nor less". Intervals are not corrected for
 multiple comparisons: of twenty differences that do not exist, one is shown by chance. The code is in
-`experiments/studies/questions`; `python -m studies.findings` also writes a table of the numbers of each figure."""
+`experiments/studies/questions`; `python -m studies.findings` also writes a table of the numbers of each figure.
+`roletrust figures` repeats the experiment of the paper with rendered cameras and a people detector, and compares each
+statement about its Figures 3 and 4 with the measurement."""
 
 
 class Options(NamedTuple):
