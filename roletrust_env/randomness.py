@@ -47,6 +47,12 @@ def generator(seed: int | None = None) -> np.random.Generator:
     return np.random.default_rng(None if seed is None else whole_number("seed", seed))
 
 
+def own_seeds(seed: int, many: int) -> list[int]:
+    """Return a seed for each of some agents; neighbouring seeds have none in common, as `seed + i` would."""
+    seeds: list[int] = np.random.SeedSequence(seed).generate_state(many, np.uint64).tolist()
+    return seeds
+
+
 class Random:
     """Source of random numbers for NumPy or torch: it draws one key after the other and makes numbers from each.
 

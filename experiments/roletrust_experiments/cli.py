@@ -1,6 +1,9 @@
 """The command line, `roletrust`."""
 
+import os
+import sys
 from importlib.metadata import version as version_of
+from io import TextIOWrapper
 from typing import Annotated
 
 import typer
@@ -60,5 +63,10 @@ def app(
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line. Letters that the terminal does not have are shown by their number."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # and not closed
+            stream.reconfigure(errors="backslashreplace")
+    if os.environ.get("COLUMNS") == "0":  # an unknown width, with which Rich would show nothing
+        del os.environ["COLUMNS"]
     app(prog_name="roletrust")

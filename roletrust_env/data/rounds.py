@@ -38,7 +38,7 @@ def round_numbers(times: Floats, every: float, start: float, ended: int = 0) -> 
         ValueError: The length is not above 0, or there would be more than `MOST` further rounds.
     """
     if not 0 < every < math.inf:
-        raise ValueError(f"the length of a round is {every:g}; it must be above 0")
+        raise ValueError(f"the length of a round is {every:g}; it must be above 0 and finite")
     last = float(times.max()) if len(times) else start  # Python's numbers overflow without a warning
     if (last - start) / every - ended >= MOST:
         raise ValueError(

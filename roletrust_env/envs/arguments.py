@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 
 from roletrust_env.memory import check_memory
+from roletrust_env.randomness import own_seeds
 from roletrust_env.trees import arrays
 from roletrust_env.world import Scenario
 from roletrust_env.world.roster import shown
@@ -91,8 +92,8 @@ def check_games(name: str, games: int, game: Any) -> None:
 def seed_spaces(spaces: Mapping[str, gymnasium.Space[Any]], seed: int | None) -> None:
     """Seed the spaces of all agents, also of those who join later, whom nobody else can seed in time; None does not."""
     if seed is not None:
-        for i, space in enumerate(spaces.values()):
-            space.seed(int(seed) + i)
+        for own, space in zip(own_seeds(int(seed), len(spaces)), spaces.values(), strict=True):
+            space.seed(own)
 
 
 def space_of(agent: str, spaces: Mapping[str, Space]) -> Space:

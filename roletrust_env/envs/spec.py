@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -62,4 +63,4 @@ def _plain(name: str, value: Any) -> Any:
     if callable(dump := getattr(value, "model_dump", None)) and name != "scenario":
         return dump(mode="json")  # a part of a scenario
     hint = "the name of one, or its file" if name == "scenario" else "a name, or plain values"
-    raise ValueError(f"{name} is {value!r}, which cannot be written as JSON; give {hint}")
+    raise ValueError(f"{name} is {shorten(repr(value), 80)}, which cannot be written as JSON; give {hint}")

@@ -63,6 +63,12 @@ def test_a_seed_makes_the_actions_of_all_agents() -> None:
             drawn.append({name: game.action_space(name).sample() for name in game.possible_agents})
         assert same(drawn[0], drawn[1]), game
         assert same(drawn[0], drawn[2]), game
+        game.reset(seed=8)
+        others = {name: game.action_space(name).sample() for name in game.possible_agents}
+        if isinstance(
+            game.action_space("sr_0"), gymnasium.spaces.Box
+        ):  # no agent acts as another one at the seed before
+            assert not {action.tobytes() for action in drawn[0].values()} & {one.tobytes() for one in others.values()}
         game.reset(seed=np.uint8(255))  # the last agents have seeds beyond this type
 
 

@@ -79,7 +79,7 @@ def serve(
         raise ValueError(f"{', '.join(wrong)}: only a trust manager has that; --store makes one")
     service = TrustService(parse_named(registry, model))
     if port is None:
-        for line in sys.stdin:
+        for line in sys.stdin or ():  # None where it is closed
             if line.strip() and (answer := service.answer(line)) is not None:
                 print(answer, flush=True)
         return

@@ -23,7 +23,7 @@ from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import PublicKeys, Signer
 from roletrust_env.live.wire.topics import IMAGES, RATINGS
-from roletrust_env.randomness import Random, generator
+from roletrust_env.randomness import Random, generator, own_seeds
 from roletrust_env.world.perturbation import strength_in
 from roletrust_env.world.scenario import Scenario
 from roletrust_env.world.vision.degrade import degrade
@@ -72,7 +72,7 @@ def run_camera_node(
     keyring, signer = _keys(keys, name, team.raters)
     length = math.inf if rounds is None else rounds
     source = open_frames(frames, duration_s=length * period_s, period_s=period_s, loop=loop, paced=False)
-    selector = QualitySelector(policy or Policy(), seed + index)
+    selector = QualitySelector(policy or Policy(), own_seeds(seed, len(team.raters) + index + 1)[-1])
     cv2.setNumThreads(1)
     node, timing = Node("cam", f"/{name}", network=network), RoundTiming(timeline.period)
     pictures = node.writer(f"/{name}{IMAGES}", messages.IMAGE)
@@ -132,7 +132,7 @@ def run_rater_node(
     node, timing = Node("assess", f"/{name}", network=network), RoundTiming(timeline.period, deadline=_DEADLINE)
     publisher = node.writer(f"/{name}{RATINGS}", messages.RATINGS)
     trust = TrustSubscription(node, scenario.initial_trust, keyring, trust_limits(timing))
-    selector = RatingSelector(name, team.providers, policy or Policy(), trust, seed + index)
+    selector = RatingSelector(name, team.providers, policy or Policy(), trust, own_seeds(seed, index + 1)[-1])
     detector = PersonDetector(np.random.default_rng([seed, index]))
     cameras, strangers = camera_inbox(node, timing, keyring, team), StrangePictures(detector, timing)
     assembler: RoundAssembler[bytes] = RoundAssembler(timing, [one for one in team.providers if one != name])

@@ -1,7 +1,10 @@
 """The command line as a whole: options, suggestions and tables of 80 columns."""
 
 import io
+import os
 import re
+import subprocess
+import sys
 
 import pytest
 import typer
@@ -88,6 +91,22 @@ def test_a_name_that_is_nearly_right_is_suggested(arguments, message, tmp_path):
     result = CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
     assert result.exit_code == 2
     assert message in result.output
+
+
+ROLETRUST = [sys.executable, "-c", "from roletrust_experiments import main; main()"]
+
+
+def test_letters_that_the_terminal_lacks_and_a_width_that_it_does_not_know_are_no_fault():
+    around = {**os.environ, "PYTHONIOENCODING": "ascii", "COLUMNS": "0"}
+    done = subprocess.run([*ROLETRUST, "list", "models"], env=around, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert r"J\xf8sang" in done.stdout
+
+
+def test_a_closed_input_and_a_reader_that_stops_are_no_fault():
+    script = 'set -o pipefail; "$@" serve mean <&-; "$@" list models | true; [ $? -lt 2 ] || [ $? = 141 ]'
+    done = subprocess.run(["bash", "-c", script, "-", *ROLETRUST], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("", "")
 
 
 def printed(table, width):
