@@ -10,7 +10,6 @@ import json
 import mmap
 import os
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import IO, Annotated, Any, Literal, NamedTuple, Self
 
@@ -289,13 +288,19 @@ def write_snapshot(journal: Path, snapshot: Snapshot) -> None:
 
 
 def read_snapshot(journal: Path) -> Snapshot | None:
-    """Return the snapshot of a journal; None if there is none or it is damaged."""
-    with suppress(OSError, ValueError):
+    """Return the snapshot of a journal; None if there is none.
+
+    Raises:
+        ValueError: It is damaged, or of another version. The message says what is wrong, without the path.
+        OSError: It cannot be read.
+    """
+    try:
         run = load_arrays(snapshot_path(journal))
-        header = parse_untrusted(_SnapshotHeader, taken(run, "header", np.uint8, (None,)).tobytes())
-        position = JournalPosition(*header.position, Team(header.raters, header.providers))
-        return Snapshot(position, header.stamp, header.last_stamps, run)
-    return None
+    except FileNotFoundError:
+        return None
+    header = parse_untrusted(_SnapshotHeader, taken(run, "header", np.uint8, (None,)).tobytes())
+    position = JournalPosition(*header.position, Team(header.raters, header.providers))
+    return Snapshot(position, header.stamp, header.last_stamps, run)
 
 
 def _entry(line: "_RoundLine", team: Team) -> JournalEntry:

@@ -1,6 +1,6 @@
 """The trust manager without middleware: from messages to rounds, and from rounds to trust."""
 
-from collections.abc import Container
+from collections.abc import Callable, Container
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ class Manager:
         team: Agents that are expected from the start; newcomers are appended.
         keyring: Keys of the agents; None accepts every rater. The settings' raters may not serve, and its providers may
             not rate, unless they have both roles.
+        report: Function that shows a line to the user, before a long replay.
 
     Attributes:
         validator: Refuses invalid ratings and counts them.
@@ -52,9 +53,10 @@ class Manager:
         timing: RoundTiming,
         team: Team | None = None,
         keyring: Keyring | None = None,
+        report: Callable[[str], object] = lambda line: None,
     ) -> None:
         settings = team or Team()
-        self._trust = TeamTrust(model, journal, timing.period, settings)
+        self._trust = TeamTrust(model, journal, timing.period, settings, report)
         rater_keys, provider_keys = keys_by_role(keyring, settings)
         raters, providers = self._trust.team.raters, self._trust.team.providers
         admitted = Membership(raters, timing.period, rater_keys, len(set(raters) - set(settings.raters)))

@@ -2,20 +2,27 @@
 
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from roletrust_env.live.journal import Journal, JournalEntry, Snapshot, read_journal, read_snapshot, write_snapshot
+from roletrust_env.live.journal import (
+    Journal,
+    JournalEntry,
+    JournalPosition,
+    Snapshot,
+    read_journal,
+    read_snapshot,
+    write_snapshot,
+)
 from roletrust_env.live.rounds import MatchedRound
 from roletrust_env.live.team import Team, Trust
 from roletrust_env.live.team_run import TeamRun, grows
 from roletrust_env.trust import TrustModel
 
-_SNAPSHOT_ROUNDS = 1000  # rounds between two snapshots; a restart replays fewer
-_AT_ONCE = 100  # so many rounds are replayed in no time
+_AT_ONCE = 100  # rounds that are replayed in no time: a snapshot is written after so many
 _TICK_S = 0.005  # time for a gradual replay, each time
 
 
@@ -31,10 +38,11 @@ class TeamTrust:
         path: Path of the journal; the file is created if it does not exist.
         period: Time between rounds, nanoseconds.
         settings: Agents of the team from the start; newcomers are appended.
+        report: Function that shows a line to the user, before a long replay.
 
     Attributes:
         team: Agents of the team.
-        last_stamps: Last stamp of each rater in the journal, nanoseconds.
+        last_stamps: Last accepted stamp of each rater, nanoseconds; after a replay, that of its last round.
         last_stamp: Stamp of the last round in the journal, nanoseconds; None if it was empty.
 
     Raises:
@@ -43,9 +51,20 @@ class TeamTrust:
         OSError: The journal cannot be written.
     """
 
-    def __init__(self, model: TrustModel[Any], path: Path, period: int, settings: Team) -> None:
+    def __init__(
+        self,
+        model: TrustModel[Any],
+        path: Path,
+        period: int,
+        settings: Team,
+        report: Callable[[str], object] = lambda line: None,
+    ) -> None:
         self._model, self._path, self._grows = model, path, grows(model)
-        snapshot = read_snapshot(path)
+        snapshot, fault = None, ""
+        try:
+            snapshot = read_snapshot(path)
+        except (OSError, ValueError) as error:
+            fault = str(error)
         about = {"trust_model": repr(model), "period": period}
         self._journal = Journal(path, about, None if snapshot is None else snapshot.position)
         self.last_stamps: dict[str, int] = {}
@@ -54,24 +73,40 @@ class TeamTrust:
         self._replay: Iterator[TeamRun] | None = None
         self._closed = deque[JournalEntry]()  # during a replay
         self.team = self._journal.position.team
-        self._run = self._restore(snapshot)
+        self._run: TeamRun | None = None
+        after: JournalPosition | None = None
+        if snapshot is not None:
+            try:
+                after = self._load(snapshot)
+            except ValueError as error:
+                fault = str(error)
+        replayed = self.next_round - (0 if after is None else after.round)
+        if replayed and (fault or replayed > _AT_ONCE):
+            why = f"its snapshot cannot be used: {fault}" if fault else "it has no snapshot"
+            report(f"{path}: {replayed} rounds are replayed, since {why}")
+        entries = self._noted(read_journal(path, after))
+        self._run = replay_rounds(model, entries, None if self._grows else self.team, path, self._run)
+        if replayed > _AT_ONCE:
+            self._write_snapshot()
         if self.newcomers_wait:
             self.join(settings.raters, settings.providers)
         else:
             self.team = self.team.with_newcomers(settings.raters, settings.providers)
 
-    def _restore(self, snapshot: Snapshot | None) -> TeamRun | None:
-        """Return the trust after the rounds in the journal, from a snapshot if it fits."""
-        run, after = None, self._journal.after
-        if snapshot is not None and after is not None and (self._grows or after.team == self.team):
-            with suppress(ValueError, LookupError):
-                run = TeamRun(self._model, after.team)
-                run.load(snapshot.run)
-                self.last_stamps, self.last_stamp = dict(snapshot.last_stamps), snapshot.stamp
-        if self.last_stamp is None:
-            run, after = None, None
-        entries = self._noted(read_journal(self._path, after))
-        return replay_rounds(self._model, entries, None if self._grows else self.team, self._path, run)
+    def _load(self, snapshot: Snapshot) -> JournalPosition:
+        """Begin with the memory of a snapshot, and return its place in the journal.
+
+        Raises:
+            ValueError: The snapshot is of another journal, team or model.
+        """
+        if self._journal.after is None:
+            raise ValueError("it is of another journal")
+        if not self._grows and snapshot.position.team != self.team:
+            raise ValueError("agents have joined since")
+        run = TeamRun(self._model, snapshot.position.team)
+        run.load(snapshot.run)
+        self._run, self.last_stamps, self.last_stamp = run, dict(snapshot.last_stamps), snapshot.stamp
+        return snapshot.position
 
     def _noted(self, entries: Iterable[JournalEntry]) -> Iterable[JournalEntry]:
         """Iterate over rounds and note their stamps."""
@@ -148,19 +183,21 @@ class TeamTrust:
         self._journal.append(entry)
         if self._replay is not None:
             self._closed.append(entry)
-        if self.next_round % _SNAPSHOT_ROUNDS == 0:
-            self._write_snapshot(closed.stamp, last_stamps)
+        self.last_stamps, self.last_stamp = last_stamps, closed.stamp
+        if self.next_round % _AT_ONCE == 0:
+            self._write_snapshot()
         return entry
 
     def close(self) -> None:
         """Release the journal."""
         self._journal.close()
 
-    def _write_snapshot(self, stamp: int, last_stamps: dict[str, int]) -> None:
+    def _write_snapshot(self) -> None:
         """Write a snapshot; without it, a restart takes longer, and nothing else is lost."""
-        if self._run is not None:
+        if self._run is not None and self.last_stamp is not None:
             with suppress(OSError, TypeError, ValueError):
-                write_snapshot(self._path, Snapshot(self._journal.position, stamp, last_stamps, self._run.save()))
+                position = self._journal.position
+                write_snapshot(self._path, Snapshot(position, self.last_stamp, self.last_stamps, self._run.save()))
 
 
 def replay_rounds(

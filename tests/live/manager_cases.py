@@ -20,9 +20,9 @@ MODELS = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) fo
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 
 
-def manager(path, *, model="role-trust", team=TEAM, keyring=None, silence=3.0):
+def manager(path, *, model="role-trust", silence=3.0, **settings):
     timing = RoundTiming(PERIOD, silence=silence)
-    return Manager(make_trust_model(model), path, timing=timing, team=team, keyring=keyring)
+    return Manager(make_trust_model(model), path, timing=timing, **{"team": TEAM, **settings})
 
 
 def replay_journal(model, path):

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from roletrust_env.live import clock
 from roletrust_env.live.journal import JournalEntry
@@ -17,9 +17,11 @@ from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Publication
 from roletrust_env.live.wire.keys import PublicKeys, Signer
-from roletrust_env.live.wire.recording import RecordedMessage
 from roletrust_env.live.wire.topics import IMAGES, RATINGS, TRUST, owner
 from roletrust_env.trust import TrustModel
+
+if TYPE_CHECKING:  # a manager needs no recordings
+    from roletrust_env.live.wire.recording import RecordedMessage
 
 DISCOVERY_S = 1.0
 """Time within which nodes of one machine find each other, seconds."""
@@ -59,15 +61,15 @@ def run_manager_node(
     precedence = Precedence(node, keyring)
     if precedence.wait_for_others():
         raise ValueError(_SECOND_MANAGER)
-    manager = Manager(model, journal, timing=timing, team=team, keyring=keyring)
+    manager = Manager(model, journal, timing=timing, team=team, keyring=keyring, report=report)
     if keyring is None:
         report("manager: WITHOUT KEYS: everybody on this network can rate in any name, and forge trust")
-    if manager.next_round:
-        report(f"manager: continues with round {manager.next_round} of {journal}")
     publisher = ManagerPublisher(node, signer)
     precedence.own = publisher.writer
     known, strangers = manager.known_raters, keyring is None
     raters = rating_inbox(node, timing, manager.validator, known, strangers=strangers, depth=_DEPTH)
+    begins = f"continues with round {manager.next_round} of" if manager.next_round else "begins"
+    report(f"manager: {begins} {journal}, and waits for ratings")
     with run_until_signal() as active:
         while active:
             publications = node.discover()
@@ -98,7 +100,7 @@ def receive_raw(manager: Manager, name: str, raw: bytes, now: int) -> list[Journ
     return [] if message is None else manager.receive(message, now)
 
 
-def replay_recording(recording: Iterable[RecordedMessage], manager: Manager, period: int) -> Iterator[JournalEntry]:
+def replay_recording(recording: "Iterable[RecordedMessage]", manager: Manager, period: int) -> Iterator[JournalEntry]:
     """Iterate over the rounds that a manager makes of a recording, by the clock of the recording.
 
     Args:
