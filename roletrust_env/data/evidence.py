@@ -52,12 +52,16 @@ class Evidence(NamedTuple):
         return Evidence(self.names.at(places), *(column[places] for column in self[1:]))
 
     def ranked(self, by: Rank = "low") -> "Evidence":
-        """Return the agents with the best first; of equals, those with the higher trust, and with more ratings."""
+        """Return the agents with the best first.
+
+        Of equals, those with the higher trust come first, then those with more ratings, then the first by name.
+        """
         import pyarrow as arrow
         from pyarrow import compute
 
         columns = {name: getattr(self, name) for name in (by, "trust", "ratings")}
-        order = compute.sort_indices(arrow.table(columns), [(name, "descending") for name in columns])  # a stable sort
+        keys = [*((name, "descending") for name in columns), ("names", "ascending")]
+        order = compute.sort_indices(arrow.table({**columns, "names": self.names.column}), keys)
         return self.at(order.to_numpy())
 
     def table(self, role: Role, origin: Mapping[str, str]) -> Any:
