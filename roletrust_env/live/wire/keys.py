@@ -14,6 +14,7 @@ NAME = r"[_A-Za-z][_A-Za-z0-9.@:+-]{0,199}"
 """Names of agents as a regular expression: they are names of files, too, and none looks like another."""
 
 _PRIVATE, _PUBLIC = ".key", ".pub"
+_PRIME = 2**255 - 19  # of the field of ed25519
 
 
 def check_name(name: str) -> None:
@@ -24,6 +25,16 @@ def check_name(name: str) -> None:
     """
     if not re.fullmatch(NAME, name):
         raise ValueError(f"{name!r} is no name of an agent: up to 200 letters, digits and _.-@:+, a letter first")
+
+
+def is_forgeable(key: Ed25519PublicKey) -> bool:
+    """Return whether anybody can sign with a public key: it is of small order, or not in its canonical form.
+
+    The order divides 8 where y is 0, 1, -1, or a root of d y^4 + 2 y^2 = 1 with d = -121665 / 121666, from the formula
+    of doubling (Bernstein et al., "High-Speed High-Security Signatures", 2012).
+    """
+    y = int.from_bytes(key.public_bytes_raw(), "little") % 2**255
+    return y >= _PRIME or y * (y**2 - 1) * (121665 * y**4 - 243332 * y**2 + 121666) % _PRIME == 0
 
 
 def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> list[str]:
@@ -164,6 +175,6 @@ def _read_public(path: Path) -> Ed25519PublicKey:
     key: object = None
     with suppress(ValueError, UnsupportedAlgorithm):
         key = serialization.load_pem_public_key(path.read_bytes())
-    if not isinstance(key, Ed25519PublicKey):
+    if not isinstance(key, Ed25519PublicKey) or is_forgeable(key):
         raise ValueError(f"{path} is not a public ed25519 key")
     return key

@@ -1,6 +1,8 @@
 import stat
 
 import pytest
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
 
@@ -60,3 +62,12 @@ def test_a_lost_public_key_is_made_again_from_the_private_one(tmp_path):
     (tmp_path / "sr_0.pub").unlink()
     assert make_keys(tmp_path, ["sr_0"]) == []
     assert (tmp_path / "sr_0.pub").read_bytes() == public
+
+
+def test_a_public_key_with_which_everybody_signs_is_none(tmp_path):
+    make_keys(tmp_path, ["sr_0"])
+    point = Ed25519PublicKey.from_public_bytes(bytes([1]) + bytes(31))
+    form = serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo
+    (tmp_path / "sr_0.pub").write_bytes(point.public_bytes(*form))
+    with pytest.raises(ValueError, match=r"sr_0\.pub is not a public ed25519 key"):
+        PublicKeys(tmp_path)
