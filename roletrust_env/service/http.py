@@ -6,6 +6,7 @@ import logging
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from importlib.metadata import version
 from itertools import chain
 from typing import Annotated, Any
 
@@ -210,15 +211,14 @@ class Endpoints:
 
     def _agent(self, member: Member) -> answers.Agent:
         provider, rater = (answers.AgentTrust(**one._asdict()) for one in self._manager.standings(member))
-        about = self._manager.about()
         return answers.Agent(
             name=member.name,
             key=member.key,
             registered=member.receipt.time,
             provider=provider,
             rater=rater if self._manager.rates_raters else None,
-            rounds=about["rounds"],
-            time=about["time"],
+            rounds=self._manager.rounds,
+            time=self._manager.time,
         )
 
     def _explained(self, member: Member) -> answers.Explanations:
@@ -267,8 +267,10 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     app = FastAPI(
         title="RoleTrust manager",
         description="Agents report ratings of one another, and ask whom to trust.",
-        version=manager.about()["version"],
+        version=version("roletrust-env"),
         lifespan=ends.life,
+        docs_url=None,  # these pages load scripts from elsewhere
+        redoc_url=None,
     )
 
     def refuse(reason: RefusalReason) -> None:

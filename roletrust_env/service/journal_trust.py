@@ -10,14 +10,14 @@ from roletrust_env.data.evidence import Evidence, Role, evidence
 from roletrust_env.data.explanation import Explanation, explain
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.log_rounds import log_rounds, played
+from roletrust_env.data.names import NameIndex
 from roletrust_env.data.rounds import MOST, check_rounds, round_numbers
 from roletrust_env.data.stream import TrustStream
 from roletrust_env.data.units import check_scale, unit_ratings
-from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.service.store import Store, events
 from roletrust_env.trust.edges import runs_on_edges
 from roletrust_env.trust.key_index import Floats
-from roletrust_env.trust.model import registry
+from roletrust_env.trust.model import TrustModel
 from roletrust_env.trust.run import check_memory, make_run
 
 SECOND = 1_000_000
@@ -108,8 +108,8 @@ class JournalTrust:
     whole journal is played for it after each round.
 
     Args:
-        store: Journal.
-        model: Trust model, as `roletrust list models` names it.
+        store: Journal, which need not be open yet.
+        model: Trust model.
         every: Length of a round, seconds.
         scale: Worst and best rating.
         same_agents: Whether the rater and the provider of a name are one agent.
@@ -121,15 +121,15 @@ class JournalTrust:
         rankings: Agents with ratings by role. They are replaced as a whole, so that any thread may read them.
 
     Raises:
-        ValueError: There is no such model, or a rating is off the scale.
+        ValueError: The scale or the length of a round is not allowed.
     """
 
     def __init__(
-        self, store: Store, model: str, every: float, scale: tuple[float, float], *, same_agents: bool
+        self, store: Store, model: TrustModel[Any], every: float, scale: tuple[float, float], *, same_agents: bool
     ) -> None:
         check_scale(scale)
         check_rounds(every, None)
-        self._store, self._model = store, parse_named(registry, model)
+        self._store, self._model = store, model
         self._every, self._scale, self._same_agents = every, scale, same_agents
         self._stream = None
         if runs_on_edges(self._model):
@@ -141,8 +141,6 @@ class JournalTrust:
         self._newcomer = {"ratee": float(newcomer.provider_trust[0]), "rater": float(newcomer.rater_trust[0])}
         self._start: float | None = None  # time of the first rating
         self._first: float | None = None  # of the first that does not count yet
-        for row in store.rows(self._ratings().limit(1)):
-            self._start = self._first = row.time / SECOND
         self.rankings: dict[Role, Ranking] = {"ratee": Ranking(), "rater": Ranking()}
 
     def fits(self, agents: int) -> bool:
@@ -237,16 +235,15 @@ class JournalTrust:
     def _log(self) -> RatingLog:
         """Return the ratings that count."""
         rows = self._store.rows(self._ratings(until=self.counted))
-        names = [dict[str, int]()] * 2 if self._same_agents else [dict[str, int](), dict[str, int]()]
-        raters, ratees = (
-            np.array([places.setdefault(row[side], len(places)) for row in rows], np.int64)
-            for side, places in enumerate(names, 1)
+        raters = NameIndex("raters")
+        ratees = raters if self._same_agents else NameIndex("ratees")
+        i, j = (
+            index.places(index.check([row[side] for row in rows])) for side, index in enumerate((raters, ratees), 1)
         )
         values = unit_ratings(np.array([row.rating for row in rows]), self._scale)
         times = np.array([row.time for row in rows]) / SECOND
-        rater_names = list(names[0])
-        ratee_names = rater_names if self._same_agents else list(names[1])
-        return RatingLog(raters, ratees, values, times, rater_names, ratee_names, was_sorted=True)
+        names = raters.names
+        return RatingLog(i, j, values, times, names, names if raters is ratees else ratees.names, was_sorted=True)
 
     def _ratings(self, until: int | None = None) -> Select[Any]:
         """Return the query of the ratings that do not count yet, or of all up to an event."""

@@ -12,6 +12,7 @@ from sqlalchemy import func, select
 
 from roletrust_env.data.evidence import Role
 from roletrust_env.data.explanation import Explanation
+from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.live.validation import (
     Envelope,
     MessageValidator,
@@ -21,12 +22,11 @@ from roletrust_env.live.validation import (
     is_genuine,
     rating_error,
 )
-from roletrust_env.live.wire.keys import KnownKeys
+from roletrust_env.live.wire.keys import KnownKeys, is_forgeable
 from roletrust_env.service.journal_trust import SECOND, JournalTrust, RoundEnd, Standing
 from roletrust_env.service.store import BLOCK, Event, Store, StoreError, events
 from roletrust_env.service.tokens import (
     Claims,
-    Leave,
     Rating,
     Registration,
     has_work,
@@ -34,6 +34,7 @@ from roletrust_env.service.tokens import (
     key_of_text,
     read_token,
 )
+from roletrust_env.trust.model import TrustModel, registry
 
 _VERSION = version("roletrust-env")
 _NANO = 1000  # nanoseconds of a microsecond
@@ -162,10 +163,11 @@ class TrustManager:
     `about`, `member`, `members`, `standings`, `explain` and `export`.
 
     Args:
-        store: Journal.
-        model: Trust model, as `roletrust list models` names it.
+        store: Journal, which is opened.
+        model: Name of the trust model, such as `roletrust list models` has it.
         settings: Settings.
         clock: Function that returns the time, seconds since 1970. Rounds never go back, even if it does.
+        make: Function that makes the trust model of a name.
 
     Attributes:
         validator: Checks tokens.
@@ -183,13 +185,14 @@ class TrustManager:
         model: str,
         settings: Settings = Settings(),  # noqa: B008 - immutable
         clock: Callable[[], float] = time.time,
+        make: Callable[[str], TrustModel[Any]] = partial(parse_named, registry),  # noqa: B008 - immutable
     ) -> None:
         for length in ("every", "tolerance"):
             if not 0 <= (value := getattr(settings, length)) <= _LONGEST:
                 raise ValueError(f"{length} is {value:g} s; it must be from 0 to {_LONGEST:,} s")
         self._store, self._model, self.settings, self._clock = store, model, settings, clock
+        self._made = make(model)
         self._keys: dict[str, Ed25519PublicKey] = {}
-        self._limit = NewcomerLimit(settings.newcomers, round(settings.every * 1e9))
         self._new: list[Event] = []  # of the requests that are being taken
         self._undo: list[Callable[[], object]] = []  # how to take them back
         self._in_doubt = False  # whether the store may have more than is known
@@ -199,8 +202,14 @@ class TrustManager:
         self._replay()
 
     def _replay(self) -> None:
-        """Begin with what the store has."""
-        limits = StampLimits(round(self.settings.tolerance * 1e9), 1)
+        """Begin with what the store has; it is opened once all that can be checked without it has been."""
+        settings = self.settings
+        self._trust = JournalTrust(
+            self._store, self._made, settings.every, settings.scale, same_agents=settings.same_agents
+        )
+        self._store.open()
+        limits = StampLimits(round(settings.tolerance * 1e9), 1)
+        self._limit = NewcomerLimit(settings.newcomers, round(settings.every * 1e9))
         self._keys.clear()
         self._members: dict[str, Member] = {}
         self._begun: Counter[str] = Counter()  # how often each agent has registered
@@ -224,13 +233,15 @@ class TrustManager:
                 claims, _ = read_token(row.token, Registration)
                 self._keys[name] = key_of_text(claims.key)
                 self._join(claims, Receipt(row.seq, row.time / SECOND))
-        many = select(func.count()).where(events.c.kind == "rating")
-        self._ratings = self._store.rows(many)[0][0]
-        self._trust = JournalTrust(
-            self._store, self._model, self.settings.every, self.settings.scale, same_agents=self.settings.same_agents
-        )
+                self._limit.admits(row.time * _NANO)
+        ratings: Any = select(func.count(), func.min(events.c.time)).where(events.c.kind == "rating")
+        ((self._ratings, first),) = self._store.rows(ratings)
+        if first is not None:
+            self._trust.expect(first / SECOND)
         self._seq = last  # now that nothing is missing
         self.advance()
+        running = select(events.c.sender).where(events.c.kind == "rating", events.c.seq > self._trust.counted)
+        self._sent.update(sender.partition(_AGAIN)[0] for (sender,) in self._store.rows(running))
 
     # --- requests -----------------------------------------------------------------------------------
 
@@ -264,23 +275,6 @@ class TrustManager:
             self._undo.clear()
         return answers
 
-    def register(self, token: str) -> Receipt:
-        """Register an agent, see `take`.
-
-        Raises:
-            RefusedError: The token is refused.
-            StoreError: The store cannot be written.
-        """
-        return self._one(Request(Registration, [token]))[0]
-
-    def rate(self, tokens: Sequence[str]) -> list[Receipt]:
-        """Take ratings, see `register`."""
-        return self._one(Request(Rating, tokens))
-
-    def leave(self, name: str, token: str) -> Receipt:
-        """Let an agent leave, see `register`. What it rated stays; a return is that of a newcomer."""
-        return self._one(Request(Leave, [token], name))[0]
-
     def advance(self) -> RoundEnd | None:
         """End the round whose time is over, if there is one, and return what has changed, by name.
 
@@ -305,12 +299,6 @@ class TrustManager:
         end = end._replace(provider=provider, rater=rater)
         self.tell(end)
         return end
-
-    def _one(self, request: Request) -> list[Receipt]:
-        (answer,) = self.take([request])
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
 
     def _answer(self, request: Request) -> list[Receipt] | RefusedError | StoreError:
         """Return the receipts of a request, whose events are not in the store yet, or why there are none."""
@@ -491,6 +479,16 @@ class TrustManager:
         """Name of the manager."""
         return self._store.name
 
+    @property
+    def rounds(self) -> int:
+        """Number of rounds that have ended."""
+        return self._trust.rounds
+
+    @property
+    def time(self) -> float:
+        """Time of the last request or end of a round, seconds."""
+        return self._time / SECOND
+
     def about(self) -> dict[str, Any]:
         """Return what this manager is, and its state, by the fields of `About`."""
         return {
@@ -500,9 +498,9 @@ class TrustManager:
             "version": _VERSION,
             "agents": len(self._members),
             "ratings": self._ratings,
-            "rounds": self._trust.rounds,
+            "rounds": self.rounds,
             "counted": self._trust.n_counted,
-            "time": self._time / SECOND,
+            "time": self.time,
         }
 
     def member(self, name: str) -> Member | None:
@@ -559,12 +557,12 @@ def _key(claims: Registration) -> Ed25519PublicKey:
     """Return the key of a registration.
 
     Raises:
-        RefusedError: There is none.
+        RefusedError: Anybody could sign with it, or it is written in another way than `key_as_text` does.
     """
-    try:
-        return key_of_text(claims.key)
-    except ValueError as error:
-        raise RefusedError(RefusalReason.GARBAGE, f"the key is none: {error}", 0, claims.iss) from None
+    key = key_of_text(claims.key)
+    if is_forgeable(key) or key_as_text(key) != claims.key:
+        raise RefusedError(RefusalReason.GARBAGE, "the key is of small order, or not as RFC 8037 has it", 0, claims.iss)
+    return key
 
 
 def _put(table: dict[str, int], name: str, value: int | None) -> None:

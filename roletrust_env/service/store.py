@@ -93,28 +93,22 @@ class Store:
         name: Name of the manager; of a new store one is made up if none is given.
 
     Attributes:
-        name: Name of the manager, to which tokens are addressed.
+        name: Name of the manager, to which tokens are addressed; empty before the store is opened.
 
     Raises:
-        ValueError: The address or the name is not valid, or the store is of another name or schema.
-        StoreError: The store cannot be opened, or another manager has it.
+        ValueError: The address or the name is not valid.
     """
 
     def __init__(self, address: str, name: str | None = None) -> None:
         self._file: FileLock | None = None
         self._connection: Connection | None = None
+        self.name, self._wanted = "", name
         if name is not None:
             check_name(name)
         if address and "://" not in address:
             path = Path(address).resolve()  # so that no text stands for a database in memory
             url, self._shown = URL.create("sqlite", database=str(path)), address
             self._file = FileLock(f"{path}.lock", timeout=0)
-            try:
-                self._file.acquire()
-            except Timeout:
-                raise self._in_use() from None
-            except OSError as error:
-                raise StoreError(f"{self._shown} cannot be opened: {error.strerror}") from None
         else:
             try:
                 url = make_url(address)
@@ -127,10 +121,27 @@ class Store:
         self._engine = create_engine(url, pool_pre_ping=True)
         if self._file is not None:
             event.listen(self._engine, "connect", _durable)
+
+    def open(self) -> None:
+        """Open the store, which makes a new one; nothing happens if it is open.
+
+        Raises:
+            ValueError: The store is of another name or schema.
+            StoreError: The store cannot be opened, or another manager has it.
+        """
+        if self.name:
+            return
+        if self._file is not None:
+            try:
+                self._file.acquire()
+            except Timeout:
+                raise self._in_use() from None
+            except OSError as error:
+                raise StoreError(f"{self._shown} cannot be opened: {error.strerror}") from None
         try:
             with self._writer().begin():
                 _tables.create_all(self._writer())
-                self.name = self._opened(self._writer(), name)
+                self.name = self._opened(self._writer())
         except SQLAlchemyError as error:
             self.close()
             raise self._failed("cannot be opened", error) from None
@@ -138,16 +149,18 @@ class Store:
             self.close()
             raise
 
-    def _opened(self, connection: Connection, name: str | None) -> str:
+    def _opened(self, connection: Connection) -> str:
         """Return the name of the manager, after a check of what the store says of itself; a new one is told."""
         meta: dict[str, str] = {row.name: row.value for row in connection.execute(select(_meta))}
         if not meta:
-            meta = {"schema": str(_SCHEMA), "manager": name or f"manager-{secrets.token_hex(4)}"}
+            meta = {"schema": str(_SCHEMA), "manager": self._wanted or f"manager-{secrets.token_hex(4)}"}
             connection.execute(insert(_meta), [{"name": one, "value": value} for one, value in meta.items()])
         if (schema := meta.get("schema")) != str(_SCHEMA):
             raise ValueError(f"{self._shown} has schema {schema}; schema {_SCHEMA} is read here")
-        if name not in (None, meta["manager"]):
-            raise ValueError(f"{self._shown} is of the manager {meta['manager']}, not of {name}; tokens name it")
+        if self._wanted not in (None, meta["manager"]):
+            raise ValueError(
+                f"{self._shown} is of the manager {meta['manager']}, not of {self._wanted}; tokens name it"
+            )
         return meta["manager"]
 
     def append(self, new: Sequence[Event]) -> None:

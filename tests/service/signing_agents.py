@@ -1,13 +1,13 @@
 """Agents of tests of the trust manager: they register, rate and leave by tokens of their own."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from roletrust_env.service.manager import Settings, TrustManager
+from roletrust_env.service.manager import Receipt, Request, Settings, TrustManager
 from roletrust_env.service.store import Store
 from roletrust_env.service.tokens import Leave, Rating, Registration, key_as_text, sign, with_work
 
@@ -49,12 +49,31 @@ class Agent:
         return sign(Leave(**self._claims()), self.key)
 
 
+class OneByOne(TrustManager):
+    """A manager that takes a request at a time; a refusal or failure is raised."""
+
+    def register(self, token: str) -> Receipt:
+        return self._one(Request(Registration, [token]))[0]
+
+    def rate(self, tokens: Sequence[str]) -> list[Receipt]:
+        return self._one(Request(Rating, tokens))
+
+    def leave(self, name: str, token: str) -> Receipt:
+        return self._one(Request(Leave, [token], name))[0]
+
+    def _one(self, request: Request) -> list[Receipt]:
+        (answer,) = self.take([request])
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+
 @contextmanager
 def managed(
     path: Path | str, clock: Clock, settings: Settings = QUICK, model: str = "role-trust"
-) -> Iterator[TrustManager]:
+) -> Iterator[OneByOne]:
     """A manager of a store, which is released at the end."""
-    manager = TrustManager(Store(str(path), NAME), model, settings, clock)
+    manager = OneByOne(Store(str(path), NAME), model, settings, clock)
     try:
         yield manager
     finally:

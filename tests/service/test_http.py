@@ -96,7 +96,7 @@ def test_errors_have_one_form_and_are_counted(
         assert client.get("/refusals").json()["refusals"] == {**counts, reason: counts.get(reason, 0) + 1}
     assert client.post("/agents", content=b"\xff", headers={"Content-Type": "application/json"}).status_code == 422
     assert client.put("/agents").headers["Allow"] == "GET, POST"
-    for path in ("/agents/zoe", "/nothing", "/agents?limit=0"):
+    for path in ("/agents/zoe", "/nothing", "/agents?limit=0", "/docs", "/redoc"):
         assert set(client.get(path).json()) == {"reason", "detail", "at"}
 
     def full(store: Store, new: object) -> None:

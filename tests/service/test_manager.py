@@ -2,12 +2,15 @@
 
 import random
 import sqlite3
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from postgres import postgres
-from signing_agents import QUICK, START, Agent, Clock, managed
+from signing_agents import NAME, QUICK, START, Agent, Clock, OneByOne, managed
 from sqlalchemy import text
 
 from roletrust_env.data import Columns, TrustStream, read_ratings
@@ -16,18 +19,18 @@ from roletrust_env.data.log_rounds import log_rounds, played
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.service.manager import RefusedError, Request, TrustManager
 from roletrust_env.service.store import Store, StoreError
-from roletrust_env.service.tokens import Rating
+from roletrust_env.service.tokens import Rating, Registration, key_as_text, sign
 from roletrust_env.trust import make_trust_model
 
 
-def joined(manager: TrustManager, clock: Clock, *names: str) -> list[Agent]:
+def joined(manager: OneByOne, clock: Clock, *names: str) -> list[Agent]:
     agents = [Agent(name, clock) for name in names]
     for agent in agents:
         manager.register(agent.registration())
     return agents
 
 
-def refused(manager: TrustManager, reason: RefusalReason, kind: str, *args: object) -> RefusedError:
+def refused(manager: OneByOne, reason: RefusalReason, kind: str, *args: object) -> RefusedError:
     """Check that a request is refused for a reason, which is counted, and that nothing else changes."""
     before, counts = manager.about(), manager.refusals.copy()
     with pytest.raises(RefusedError) as caught:
@@ -39,11 +42,11 @@ def refused(manager: TrustManager, reason: RefusalReason, kind: str, *args: obje
     return caught.value
 
 
-def standings(manager: TrustManager) -> dict[str, tuple[object, ...]]:
+def standings(manager: OneByOne) -> dict[str, tuple[object, ...]]:
     return {member.name: manager.standings(member) for member in manager.members()}
 
 
-def as_rated(manager: TrustManager, path: Path, model: str) -> None:
+def as_rated(manager: OneByOne, path: Path, model: str) -> None:
     """Check that trust is that of `roletrust rate` on the export."""
     path.write_text("".join(manager.export(counted=True)))
     settings = manager.settings
@@ -72,7 +75,7 @@ def test_postgresql_keeps_the_same(tmp_path: Path):
         check_trust(address, tmp_path, "leave-one-out")
         with managed(address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))) as manager:
             with pytest.raises(StoreError, match="in use by another manager"):
-                Store(address)
+                Store(address).open()
             ann, _ = joined(manager, clock, "ann", "bob")
             check_failures(manager, ann)
             break_connection(manager)
@@ -81,7 +84,7 @@ def test_postgresql_keeps_the_same(tmp_path: Path):
             assert manager.rate([one])
 
 
-def break_connection(manager: TrustManager) -> None:
+def break_connection(manager: OneByOne) -> None:
     """Let the connection on which the store is written end, as when the server is started anew."""
     with manager._store._engine.connect() as other:
         own = manager._store._writer().connection.driver_connection.info.backend_pid
@@ -164,6 +167,68 @@ def test_what_is_not_valid_is_refused_and_counted(tmp_path: Path):
         refused(manager, RefusalReason.TAKEN, "register", Agent("bob", clock, seed=1).registration())
 
 
+def test_equals_are_ranked_by_name_as_rate_does(tmp_path: Path):
+    """Not by the order in which they came, which is another one where rounds are played one by one."""
+    with managed(tmp_path / "s", clock := Clock(), model="mean") as manager:
+        r, y, x, _ = joined(manager, clock, "r", "y", "x", "z")
+        manager.rate([r.rating("y", 0.5)])
+        clock.now += 100
+        manager.rate([r.rating("x", 0.5)])
+        manager.rate([x.rating("z", 0.5)])
+        manager.rate([y.rating("z", 0.5)])
+        clock.now += 100
+        manager.advance()
+        as_rated(manager, tmp_path / "e.csv", "mean")
+        assert manager._trust.rankings["ratee"].names == ["z", "x", "y"]
+
+
+def test_limits_of_a_round_go_on_after_a_restart(tmp_path: Path):
+    clock, settings = Clock(), QUICK._replace(every=10.0, quota=2, newcomers=3)
+    with managed(tmp_path / "s", clock, settings) as manager:
+        ann, bob = joined(manager, clock, "ann", "bob")
+        manager.rate([ann.rating("bob", 1)])
+        clock.now += 12  # the round of this rating is over
+        manager.rate([ann.rating("bob", 1)])
+        manager.leave("ann", ann.farewell())
+        manager.register(ann.registration())  # as ann~2, which is the same agent for a quota
+        manager.rate([ann.rating("bob", 1)])
+        joined(manager, clock, "cec", "dan")
+    with managed(tmp_path / "s", clock, settings) as manager:
+        refused(manager, RefusalReason.FLOOD, "rate", [ann.rating("bob", 1)])
+        refused(manager, RefusalReason.CROWDED, "register", Agent("eve", clock).registration())
+        manager.rate([bob.rating("ann", 1)])
+
+
+@pytest.mark.parametrize(
+    "point",
+    [
+        f"01{'00' * 31}",
+        f"ec{'ff' * 30}7f",
+        "00" * 32,
+        f"{'00' * 31}80",
+        "26e8958fc2b227b045c3f489f2ef98f0d5dfac05d3c63339b13802886d53fc05",
+        "26e8958fc2b227b045c3f489f2ef98f0d5dfac05d3c63339b13802886d53fc85",
+        "c7176a703d4dd84fba3c0b760d10670f2a2053fa2c39ccc64ec7fd7792ac037a",
+        "c7176a703d4dd84fba3c0b760d10670f2a2053fa2c39ccc64ec7fd7792ac03fa",
+        f"ed{'ff' * 30}7f",  # the same as 0 and 1, not canonical
+        f"ee{'ff' * 30}7f",
+    ],
+)
+def test_a_key_with_which_everybody_signs_is_refused(tmp_path: Path, point: str):
+    """The eight points of small order: a signature without a secret is valid for one in eight texts, or for each."""
+    key, ann = Ed25519PublicKey.from_public_bytes(bytes.fromhex(point)), Agent("ann", Clock())
+    for work in range(1000):
+        claims = Registration(iss="eve", aud=NAME, iat=START, key=key_as_text(key), work=work)
+        signed = sign(claims, ann.key).rpartition(".")[0]
+        with suppress(InvalidSignature):
+            key.verify(bytes([1]) + bytes(63), signed.encode())
+            break
+    with managed(tmp_path / "s", Clock(), QUICK._replace(work=0)) as manager:
+        refused(manager, RefusalReason.GARBAGE, "register", f"{signed}.AQ{'A' * 84}")
+        written_otherwise = Registration(**ann._claims(), key=key_as_text(ann.key.public_key())[:-1] + "F")
+        refused(manager, RefusalReason.GARBAGE, "register", sign(written_otherwise, ann.key))
+
+
 def altered(token: str) -> str:
     head, claims, signature = token.split(".")
     return ".".join([head, claims, ("B" if signature[0] == "A" else "A") + signature[1:]])
@@ -226,7 +291,7 @@ def test_a_model_that_fails_ends_the_taking_of_ratings(tmp_path: Path, monkeypat
         assert manager.about()["counted"] == manager.about()["ratings"] == 1
 
 
-def check_failures(manager: TrustManager, ann: Agent) -> None:
+def check_failures(manager: OneByOne, ann: Agent) -> None:
     """Check that nothing counts if the disk is full, nor if the store does not say whether it has written."""
     append = Store.append
     for written in (False, True):
@@ -263,16 +328,16 @@ def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
 
 def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    Store(":memory:").close()  # is a file, as any other text
+    Store(":memory:").open()  # is a file, as any other text
     assert (tmp_path / ":memory:").is_file()
     with managed(tmp_path / "s", Clock()), pytest.raises(StoreError, match="in use by another manager"):
-        Store(str(tmp_path / "s"))
+        Store(str(tmp_path / "s")).open()
     with pytest.raises(ValueError, match="of the manager m, not of n"):
-        Store(str(tmp_path / "s"), "n")
+        Store(str(tmp_path / "s"), "n").open()
     with sqlite3.connect(tmp_path / "s") as connection:
         connection.execute("update meta set value = '2' where name = 'schema'")
     with pytest.raises(ValueError, match="has schema 2; schema 1 is read here"):
-        Store(str(tmp_path / "s"))
+        Store(str(tmp_path / "s")).open()
     with sqlite3.connect(tmp_path / "s") as connection:
         connection.execute("delete from meta where name = 'schema'")
     (tmp_path / "text").write_text("no database" * 1000)
@@ -284,7 +349,7 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytes
         (str(tmp_path / "text"), "not a database"),
     ):
         with pytest.raises((ValueError, StoreError), match=words):
-            Store(address)
+            Store(address).open()
     for change in ({"every": float("inf")}, {"tolerance": float("nan")}, {"tolerance": -1.0}):
         with (
             pytest.raises(ValueError, match=f"{next(iter(change))} is .* must be from 0 to"),

@@ -3,6 +3,7 @@
 import json
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -39,6 +40,32 @@ def test_options_of_a_manager_need_a_store():
     said = CliRunner().invoke(app, ["serve", "mean", "--every", "5", "--work", "3"])
     assert said.exit_code == 2
     assert "--every, --work: only a trust manager has that" in said.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("no-model", "unknown trust model"),
+        ("mean:lam=7", "lam is 7"),
+        ("rev2 --scale 1 1", "the scale is from 1 to 1"),  # a model of `rate`
+        ("mean --every 1e300", "every is 1e+300 s"),
+        ("mean --name a/b", "'a/b' is no name"),
+        ("mean --port {port}", "in use"),
+    ],
+)
+def test_a_first_start_that_fails_leaves_nothing_behind(tmp_path: Path, arguments: str, words: str):
+    with socket.create_server(("127.0.0.1", 0)) as used:
+        command = f"serve {arguments.format(port=used.getsockname()[1])}".split()
+        options = [] if "--port" in command else ["--port", "0"]
+        said = CliRunner().invoke(app, [*command, *options, "--store", str(tmp_path / "trust.sqlite")])
+    assert words in " ".join((said.output + str(said.exception)).split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_model_of_rate_is_served():
+    message = '{"game": 1, "round": 0, "raters": 1, "providers": 1, "ratings": []}'
+    said = CliRunner().invoke(app, ["serve", "fairness-goodness"], input=message)
+    assert json.loads(said.output)["providers"] == [0.5]
 
 
 @pytest.mark.slow

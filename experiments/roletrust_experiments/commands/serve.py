@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from roletrust_env.evaluation.specs import parse_named
-from roletrust_env.trust.model import registry
+from roletrust_baselines.logs.models import make_log_model
 from roletrust_env.trust.service import TrustService, http_server
 from roletrust_experiments.commands.console import errors
 from roletrust_experiments.commands.extras import require
@@ -55,7 +54,7 @@ def serve(
     measured in a process of its own, where it sees ratings and nothing else.
 
     With --store it is a trust manager: agents register, report signed ratings, and ask whom to trust. What it has
-    acknowledged is in the store, and another model or length of a round is another start. /docs describes its HTTP.
+    acknowledged is in the store, and another model or length of a round is another start. /openapi.json has its HTTP.
 
     [bold]Examples[/]
 
@@ -77,7 +76,7 @@ def serve(
     of_manager = {one.opts[0] for one in context.command.params if getattr(one, "rich_help_panel", None) == _PANEL}
     if wrong := [name for name in given_options(context) if name in of_manager]:
         raise ValueError(f"{', '.join(wrong)}: only a trust manager has that; --store makes one")
-    service = TrustService(parse_named(registry, model))
+    service = TrustService(make_log_model(model))
     if port is None:
         for line in sys.stdin or ():  # None where it is closed
             if line.strip() and (answer := service.answer(line)) is not None:
@@ -104,12 +103,12 @@ def _manage(
     from roletrust_env.service.manager import Settings, TrustManager
     from roletrust_env.service.store import Store
 
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     journal = Store(store, name)
     try:
-        manager = TrustManager(journal, model, Settings(*settings))
-        app = make_app(manager, TrustService(parse_named(registry, model)) if rounds else None)
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
         with socket.create_server((host, port), family=family, backlog=1024) as listener:
+            manager = TrustManager(journal, model, Settings(*settings), make=make_log_model)
+            app = make_app(manager, TrustService(make_log_model(model)) if rounds else None)
             url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
             errors.print(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", soft_wrap=True)
             gc.freeze()  # else each full collection looks at all modules, and all requests wait
