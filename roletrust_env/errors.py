@@ -23,13 +23,14 @@ _PLAIN = {
 _MAX_FIELDS, _MAX_LENGTH = 10, 300  # limits on the wrong fields listed and on the characters shown of a value
 
 
-def suggest(name: object, known: Iterable[str], label: str = "Known:") -> str:
+def suggest(name: object, known: Iterable[str], label: str = "Known:", hint: str | None = None) -> str:
     """Return the end of a message about an unknown name: the nearest known name, and all of them.
 
     Args:
         name: Unknown name.
         known: Names that exist.
         label: Words in front of the known names.
+        hint: Sentence in place of the nearest known name.
 
     Example:
         >>> "unknown suite 'quik'" + suggest("quik", ["quick", "full"])
@@ -37,8 +38,8 @@ def suggest(name: object, known: Iterable[str], label: str = "Known:") -> str:
     """
     names = {one.casefold(): one for one in known}
     near = get_close_matches(str(name).casefold(), names, 1)
-    hint = f"; did you mean {names[near[0]]!r}?" if near else "."
-    return f"{hint} {label} {', '.join(names.values()) or 'none'}"
+    hint = hint or (f"did you mean {names[near[0]]!r}?" if near else None)
+    return f"{f'; {hint}' if hint else '.'} {label} {', '.join(names.values()) or 'none'}"
 
 
 def explain(error: ValidationError) -> str:
@@ -50,6 +51,8 @@ def explain(error: ValidationError) -> str:
 
 def _explain(detail: Any) -> str:
     field = short(".".join(str(part) for part in detail["loc"]))
+    if detail["type"] == "union_tag_not_found":
+        return f"field {field}.{detail['ctx']['discriminator'].strip(chr(39))} is missing"
     if detail["type"] == "missing":
         return f"field {field} is missing"
     reason: str = _PLAIN.get(detail["type"], detail["msg"].removeprefix("Value error, "))

@@ -3,7 +3,7 @@
 Cells are independent of each other and can be played anywhere and in any order.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
@@ -67,6 +67,11 @@ class Cell(NamedTuple):
 
 class Stage(FrozenModel):
     """Scenario of a suite."""
+
+    field_hints: ClassVar[Mapping[str, str]] = {
+        **{name: f"did you mean {name!r} in 'set'?" for name in (*Scenario.model_fields, "noise")},
+        **dict.fromkeys(("scenario", "base", "extends", "name", "file"), "did you mean 'preset'?"),
+    }
 
     preset: Label
     """Name of a scenario, or path of its file."""
@@ -142,6 +147,10 @@ class Suite(SuiteSchema):
     """
 
     cell_type: ClassVar = Cell
+    field_hints: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(Scenario.model_fields, "it is of a scenario; give its file as 'preset' of one in 'scenarios'."),
+        **dict.fromkeys(("preset", "set", "scenario"), "did you mean 'preset' and 'set' of one in 'scenarios'?"),
+    }
     kind: Literal["robustness"] = "robustness"
     """Type of the suite."""
     models: tuple[Label, ...] | Literal["all"] = "all"

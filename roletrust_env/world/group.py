@@ -1,16 +1,23 @@
 """Groups of agents, with their roles and abilities, and the base of all parts of a scenario."""
 
+from collections.abc import Mapping
+from difflib import get_close_matches
 from inspect import cleandoc
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
 
 from roletrust_env.errors import suggest
 from roletrust_env.parameters import BiasOrRange, ScaleOrRange, Share, ShareOrRange
 
+_NEAR = 0.75  # likeness of a name and one that has a hint
+
 
 class FrozenModel(BaseModel):
     """Frozen, validated data without unknown fields. The docstrings of its fields are added to that of its class."""
+
+    field_hints: ClassVar[Mapping[str, str]] = {}
+    """Sentences that say what to write in place of names that are no fields, in small letters."""
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
@@ -26,7 +33,10 @@ class FrozenModel(BaseModel):
     def _check_fields(cls, data: Any) -> Any:
         for name, value in data.items() if isinstance(data, dict) else ():
             if name not in cls.model_fields:
-                raise ValueError(f"there is no field {name!r}{suggest(name, cls.model_fields)}")
+                key = str(name).casefold().replace("-", "_")
+                near = get_close_matches(key, [*cls.model_fields, *cls.field_hints], 1, _NEAR)
+                hint = cls.field_hints.get(near[0]) if near else None
+                raise ValueError(f"there is no field {name!r}{suggest(name, cls.model_fields, hint=hint)}")
             if isinstance(value, bool):  # would pass for 0 or 1
                 raise ValueError(f"{name} is {value}; no field is true or false")
         return data

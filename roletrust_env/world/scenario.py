@@ -19,6 +19,7 @@ from pydantic import (
 
 from roletrust_env.errors import explain
 from roletrust_env.parameters import Factor, Lam, Share
+from roletrust_env.world.field_hints import give_hints
 from roletrust_env.world.group import AgentGroup, FrozenModel
 
 
@@ -224,6 +225,19 @@ class Scenario(FrozenModel):
             return changed
         agents = [{**group.model_dump(), "noise": noise} for group in changed.agents]
         return read_scenario({**changed.model_dump(), "agents": agents}, source)
+
+
+give_hints(
+    Scenario,
+    {
+        "agents": [AgentGroup],
+        "access": [Everyone, InRange, Choice, Encounters],
+        "ratings": [RatingDelivery],
+        "perturbations": [Perturbation],
+        "admission": [Admission],
+        "rewards": [Rewards],
+    },
+)
 
 
 def read_scenario(data: Mapping[str, Any], source: str) -> Scenario:

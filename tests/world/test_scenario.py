@@ -1,5 +1,6 @@
 """Scenarios: what is refused and how, files, and changes."""
 
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import pytest
 from hypothesis import given
 
 from roletrust_env import Game, Random, Scenario, load_scenario, make_scenario, parallel_env, scenarios
+from roletrust_env.benchmarking.suite import Stage, Suite, Track
+from roletrust_env.game.make_task import make_task
 from roletrust_env.game.summary import summarise
 from roletrust_env.world.scenario import read_scenario
 
@@ -43,6 +46,7 @@ AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
         ({"agents": [{"role": "SR", "turns": ["SP"]}, {"role": "SP"}]}, ["agents.0", "turns", "'SR+SP'", "'SR'"]),
         ({"agents": [*AGENTS, {"role": "SR", "joins": 5, "leaves": 5}]}, ["agents.2", "leaves is 5", "joins, 5"]),
         ({"agents": [*AGENTS, {"role": "SR", "join_rate": 0}]}, ["agents.2", "join_rate is 0", "above 0"]),
+        ({"access": {"radius": 3.0}}, ["field access.kind is missing"]),
         ({"access": {"kind": "wifi"}}, ["access", "'wifi'", "'everyone'", "'in-range'", "'choice'"]),
         ({"access": {"kind": "in-range", "radius": -1}}, ["access", "radius", "-1", "greater than"]),
         ({"access": {"kind": "choice", "providers": 3}}, ["access.providers", "3", "only 2 providers"]),
@@ -79,6 +83,56 @@ def test_an_unknown_field_is_answered_with_the_known_ones(fields: dict[str, Any]
         read_scenario({"agents": AGENTS} | fields, "my file")
     assert unknown in str(error.value)
     assert allowed in str(error.value).partition(unknown)[2]
+
+
+PRESET = "--set FIELD=VALUE behind its name, or make_scenario(NAME).change(FIELD=VALUE) in Python"
+GROUPS = "did you mean 'agents'? Each of its groups has a 'role' and a 'count'"
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("preset", PRESET),
+        ("base", PRESET),
+        ("extends", PRESET),
+        ("scenarios", "it is of a suite, which `roletrust benchmark --suite FILE` plays"),
+        ("trust_model", "--model, or trust_model=... in Python"),
+        ("seed", "stands beside it: --seed"),
+        ("Rounds", "did you mean 'max_cycles'?"),
+        ("lambda", "did you mean 'lam'?"),
+        ("max-cycle", "did you mean 'max_cycles'?"),
+        ("n_raters", GROUPS),
+        ("num_providers", GROUPS),
+        ("noise", "did you mean 'noise' in 'agents'?"),
+        ("abilty", "did you mean 'ability' in 'agents'?"),
+        ("loss", "did you mean 'lost' in 'ratings'?"),
+        ("radius", "did you mean 'radius' in 'access'?"),
+        ("agents.max_cycles", "did you mean 'max_cycles' of the scenario itself, above its tables?"),
+        ("agents.number", "did you mean 'count'?"),
+        ("agents.abilty", "did you mean 'ability'?"),
+        ("agents.lost", "did you mean 'lost' in 'ratings'?"),
+        ("agents.preset", PRESET),
+        ("ratings.loss", "did you mean 'lost'?"),
+    ],
+)
+def test_a_name_from_elsewhere_is_answered_with_what_to_write(name: str, hint: str) -> None:
+    table, _, last = name.rpartition(".")
+    agents = [AGENTS[0], AGENTS[1] | {last: 1}] if table == "agents" else AGENTS
+    fields = {} if table == "agents" else {table: {last: 1}} if table else {last: 1}
+    with pytest.raises(ValueError, match="my file: ") as error:
+        read_scenario({"agents": agents} | fields, "my file")
+    assert f"there is no field {last!r}; " in str(error.value)
+    assert hint in str(error.value)
+    assert "Known: " in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_what_stands_beside_a_scenario_or_in_a_suite_has_a_hint() -> None:
+    beside = {*signature(make_task).parameters, *signature(parallel_env).parameters} - {"changes"}
+    suites = {name for model in (Suite, Stage, Track) for name in model.model_fields}
+    unknown = (beside | suites) - {*Scenario.model_fields}
+    assert len(unknown) > 25
+    assert unknown - {*Scenario.field_hints} == set()
 
 
 @pytest.mark.parametrize(
