@@ -150,7 +150,8 @@ def _check(name: str, trust: Any, needed: tuple[int, ...], ratings: Array, where
     """Refuse a read-out with another type, shape, dtype or range than the game needs."""
     if not isinstance(trust, type(ratings)):
         raise ValueError(
-            f"{where}: {name} is a {type(trust).__name__}; it must be a {type(ratings).__name__}{_on_library(ratings)}"
+            f"{where}: {name} is of type {type(trust).__name__}; it must be a {type(ratings).__name__} of shape "
+            f"{needed}{_on_library(ratings)}"
         )
     shape = tuple(trust.shape)
     if shape != needed:

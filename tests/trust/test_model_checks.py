@@ -59,7 +59,7 @@ WRONG = pytest.mark.parametrize(
         (lambda top: top * np.nan, "provider_trust holds nan"),
         (lambda top: top + 1, r"provider_trust holds 1\.5; a trust must lie in \[0, 1\]"),
         (lambda top: top[:1], r"provider_trust has shape \(1,.*\); it must be \(3,"),
-        (lambda top: 0.5, "provider_trust is a float; it must be a (ndarray|Tensor)"),
+        (lambda top: 0.5, "provider_trust is of type float; it must be a (ndarray|Tensor) of shape"),
         (lambda top: top > 0, r"provider_trust is of dtype .*bool; it must be .*float"),
         (fail, "KeyError: 'lost'"),
     ],
@@ -211,7 +211,7 @@ def test_a_read_out_that_is_no_array_is_refused_at_once(read: Any) -> None:
         def rater_trust(self, state: Trusts) -> Any:
             return read
 
-    with pytest.raises(ValueError, match=f"rater_trust is a {type(read).__name__}; it must be a ndarray"):
+    with pytest.raises(ValueError, match=f"rater_trust is of type {type(read).__name__}; it must be a ndarray"):
         Game(make_scenario("paper-3x3"), NoArray(None))
 
 

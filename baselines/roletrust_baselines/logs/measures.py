@@ -4,10 +4,13 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from roletrust_baselines.logs.advice import advise
+import numpy as np
+
+from roletrust_baselines.logs.advice import FORECAST, advise
 from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
 from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
+from roletrust_env.benchmarking.real_logs import kept
 from roletrust_env.data.log import RatingLog
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
@@ -17,6 +20,8 @@ Row = tuple[str, str, float, str, str, str, float, float, float]
 
 Found = dict[tuple[str, str], Interval]
 """Measures by protocol and name."""
+
+_UNDEFINED = Interval(math.nan, math.nan, math.nan)
 
 
 class Protocols(NamedTuple):
@@ -68,11 +73,29 @@ def _named(protocol: str, measures: Mapping[str, Interval]) -> Found:
 
 def recommendations(rows: list[Row]) -> list[str]:
     """Return a line for each log with forecasts: which model suits it, and why."""
+    advice = {log: advise(models) for log, models in _by_log(rows).items()}
+    return [f"{log}: {one.words}" for log, one in advice.items() if one]
+
+
+def summaries(rows: list[Row]) -> dict[str, list[tuple[str, str, str]]]:
+    """Return the models of each log, the best forecast first, with their forecast and what they keep under attack."""
+    return {
+        log: [
+            (name, interval_text(one.get(FORECAST, _UNDEFINED)), interval_text(kept(one) or _UNDEFINED))
+            for name, one in sorted(
+                models.items(), key=lambda item: -np.nan_to_num(item[1].get(FORECAST, _UNDEFINED).value, nan=-np.inf)
+            )
+        ]
+        for log, models in _by_log(rows).items()
+    }
+
+
+def _by_log(rows: list[Row]) -> dict[str, dict[str, Found]]:
+    """Return the measures of each model on each log."""
     logs: dict[str, dict[str, Found]] = {}
     for row in rows:
         logs.setdefault(row[0], {}).setdefault(row[4], {})[row[3], row[5]] = Interval(*row[6:])
-    advice = {log: advise(models) for log, models in logs.items()}
-    return [f"{log}: {one.words}" for log, one in advice.items() if one]
+    return logs
 
 
 def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]]]]:
@@ -82,8 +105,7 @@ def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]
         values = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
         measures = list(dict.fromkeys(what for _, what in values))
         names = dict.fromkeys(name for name, _ in values)
-        undefined = Interval(math.nan, math.nan, math.nan)
-        lines = [[name, *(interval_text(values.get((name, what), undefined)) for what in measures)] for name in names]
+        lines = [[name, *(interval_text(values.get((name, what), _UNDEFINED)) for what in measures)] for name in names]
         tables.append((f"{log}: {protocol}", ["model", *measures], lines))
     return tables
 

@@ -253,7 +253,9 @@ class Ranking:
         order, self.trust = np.lexsort([-column for column in columns[::-1]]), columns[1]
         self.order: Ints = order[self._total[order] > 0]
         if len(self.order) <= top:
-            raise TooSmallError(f"{len(self.order)} agents have ratings; more than the top {top} are needed")
+            raise TooSmallError(
+                f"only {len(self.order)} agents have ratings; the top (--top) must be fewer, and is {top}"
+            )
 
     def of(self, model: Any) -> "Ranking":
         """Return the ranking of the same log by another model."""

@@ -173,7 +173,12 @@ def _tables(report: AuditReport) -> list[Table]:
     """Return what is found about a model, and models beside each other, as tables of 80 columns."""
     model, found = report.model, report.audit
     title = f"Cheapest attacks found on {escape(model)}, top {report.top} of {found.ranked:,} agents"
-    cheap = number_table(title, "", "rank", "ratings", "price", "accounts", "sent", "days", name="target")
+    account, rating = report.prices.account, report.prices.rating
+    caption = (
+        f"price: {account:g} for a new account, {rating:g} for a rating; rank, ratings: of the target; accounts, sent, "
+        "days: accounts and ratings of the attack, and the days that it takes"
+    )
+    cheap = number_table(title, caption, "rank", "ratings", "price", "accounts", "sent", "days", name="target")
     for goal, median in found.medians.items():
         whole = [one for one in found.exposures if one.goal == goal]
         of = f", median of {len(whole)}" if len(whole) > 1 else ""

@@ -1,24 +1,23 @@
 """Trust models on logs of real ratings: `roletrust rate --compare`."""
 
-import textwrap
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from rich.markup import escape
-from rich.table import Table
 
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.measures import Protocols, Row, markdown, measure_tables, recommendations
+from roletrust_baselines.logs.measures import Protocols, Row, markdown, measure_tables, recommendations, summaries
 from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from roletrust_experiments.commands.console import console, number_table, progress_bar, short, tell, tell_left_out
+from roletrust_experiments.commands.console import console, number_table, progress_bar, shown, tell, tell_left_out
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 
+_CAPTION = (
+    "forecast: r of trust with the next ratings of agents that have earlier ones; kept: of 1, under the worst of the "
+    "attacks by hostile accounts; both with 95% intervals"
+)
 HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
-_ACROSS = 4  # measures side by side in 80 columns, with the interval below the value
-_HEADING = 12  # letters
 
 
 def compare(
@@ -79,25 +78,15 @@ def compare(
     left_out = list(dict.fromkeys(left_out))  # what a log is too small for is the same for all models
     if not rows:
         raise ValueError(f"nothing could be measured; {'; '.join(left_out)}")
-    tables = measure_tables(rows)
-    for table in screen_tables(tables):
+    for name, lines in summaries(rows).items():
+        table = number_table(shown(name), _CAPTION, "forecast", "kept", name="model")
+        for cells in lines:
+            table.add_row(*map(escape, cells))
         console.print(table)
     advice = recommendations(rows)
     for line in advice:
         tell(line)
     for reason in left_out:
         tell_left_out(reason)
-    write_text(out / "comparison.md", markdown(tables, advice, left_out))
-    console.print(f"Written to {out}: comparison.csv, comparison.md", soft_wrap=True)
-
-
-def screen_tables(tables: list[tuple[str, list[str], list[list[str]]]]) -> Iterator[Table]:
-    """Yield the tables for a terminal of 80 columns; one with many measures goes on in further tables."""
-    for title, headings, lines in tables:
-        for at in range(1, len(headings), _ACROSS):
-            measures = (textwrap.fill(heading, _HEADING) for heading in headings[at : at + _ACROSS])
-            table = number_table(title + ", continued" * (at > 1), "", *measures, name="model")
-            for name, *cells in lines:
-                shown = (short(cell).replace(" (", "\n(") for cell in cells[at - 1 : at - 1 + _ACROSS])
-                table.add_row(escape(name), *shown)
-            yield table
+    write_text(out / "comparison.md", markdown(measure_tables(rows), advice, left_out))
+    console.print(f"Written to {out}: comparison.md, the tables of all measures, and comparison.csv", soft_wrap=True)

@@ -40,6 +40,7 @@ from roletrust_experiments.commands.console import (
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
 _FEW = 5  # judges at each end of a longer table
+_BEST = 10  # methods of a longer table
 _INTERVAL = re.compile(r" \((.*), (.*)\)")
 _METHOD = "first-hand"
 
@@ -187,7 +188,7 @@ def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None
     write_csv(out / "measures.csv", Row._fields, rows)
     tables, words = accuracy_tables(rows), headline(rows)
     for title, (headings, lines) in tables.items():
-        _print(title, headings, lines)
+        _print(title + f": first {_BEST} of {len(lines)}" * (len(lines) > _BEST), headings, lines[:_BEST])
     tell(words)
     write_text(out / "panel.md", markdown(words, tables))
     panel_figure(rows).savefig(out / "panel.png", dpi=150)

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,7 +20,7 @@ from roletrust_env.memory import check_memory
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
-from roletrust_experiments.commands.console import console, errors, number_table, print_json, progress_bar
+from roletrust_experiments.commands.console import console, errors, number_table, print_json, progress_bar, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, Seed, SettingsOption
 from roletrust_experiments.playing.games import (
@@ -31,7 +32,13 @@ from roletrust_experiments.playing.games import (
     play_games,
     rows,
 )
-from roletrust_experiments.playing.group_measures import AUC_FINALLY, AUC_MEANWHILE, MEASURES, measured_since
+from roletrust_experiments.playing.group_measures import (
+    AUC_FINALLY,
+    AUC_MEANWHILE,
+    MEASURES,
+    UTILITY_WITHOUT,
+    measured_since,
+)
 from roletrust_experiments.plots.figure_files import write_figure
 
 
@@ -65,9 +72,15 @@ def play(
     Written: [green]curves.png curves.csv results.json[/], and with --video [green]play.mp4 play.png[/].
     With several games every mean comes with its 95% confidence interval.
 
-    With an attack, the same games are played again with all agents honest. The [bold]damage[/] is the mean trust of
-    the honest agents there, minus their mean trust under the attack. The table also shows how well trust separates
-    attackers from honest agents, the rate of false alarms, the utility of consumers, and the recovery time.
+    Trust and reward are means over the agents of a group that are present; [bold]at end[/]: agents present in the last
+    round / all agents. With an attack, the same games are played again with all agents honest. [bold]Damage[/]: mean
+    trust of the honest agents there, minus that under the attack; an agent that has left counts with its last trust.
+    [bold]AUC[/]: probability that an attacker has less trust than an honest agent of its role, by mean trust during the
+    attack (left) and by final trust. [bold]False alarms[/]: share of rounds and honest agents in which trust is below
+    0.5. [bold]Utility[/]: quality of the most trusted provider, as a share of the best quality in the round; a provider
+    that serves nobody in a round delivers nothing. [bold]Recovery[/]: rounds after the attack until the mean trust of
+    the honest agents is within 0.05 of that without the attack.
+
     Values are written as in TOML: 3, 0.5, true, \[0, 1], {kind = "choice"}.
 
     [bold]Examples[/]
@@ -143,8 +156,20 @@ def play(
         console.print(_as_table(title, played, games))
         for note in _notes(played, games, attackers):
             console.print(f"[dim]{note}[/]")
+        for each in played:
+            if each.damage:
+                tell(f"{each.model}: {_verdict(each)}")
     if written:
         aside.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+    if not as_json and not video:
+        rater = next(name for name in one.game.roster.names if "SR" in one.game.roster.role(name))
+        words = {"--attack": attack or [f"{rater}=bad-mouthing"], "--model": model, "--set": settings or []}
+        words |= {"--games": [f"{games}"], "--seed": [f"{seed}"]}  # the folder of the results may hold no other games
+        usual = {"--model": ["role-trust"], "--games": ["1"], "--seed": ["0"]}
+        options = [
+            word for name, texts in words.items() if texts != usual.get(name) for text in texts for word in (name, text)
+        ]
+        tell(f"Next: {shlex.join(['roletrust', 'play', scenario, *options, '--video'])}")
 
 
 def _check_memory(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int) -> None:
@@ -206,17 +231,6 @@ def _slug(text: str) -> str:
     return re.sub(r"[^\w.]+", "-", text).strip("-")
 
 
-_EXPLAINED = {
-    AUC_MEANWHILE: "AUC: the probability that an attacker has less trust than an honest agent of its role, by mean "
-    "trust during the attack (left) and by final trust",
-    "false alarms": "false alarms: share of rounds and honest agents in which trust is below 0.5",
-    "utility": "utility: quality of the most trusted provider, as a share of the best quality in the round; a provider "
-    "that serves nobody in a round delivers nothing",
-    "recovery": "recovery: rounds after the attack until the mean trust of the honest agents is within 0.05 of that "
-    "without the attack",
-}
-
-
 def _as_data(played: Sequence[Played]) -> dict[str, Any]:
     """Return all measurements by trust model; an undefined value is None, with the reason."""
     return {
@@ -264,27 +278,33 @@ def _notes(played: Sequence[Played], games: int, attackers: Mapping[str, Policy]
     since = measured_since(attackers, rules.max_cycles)
     start = f"round {since} ({(since + 1) * rules.period_s:g} s)"
     past = "during the attack, without the first rounds" if attackers else "without the first rounds"
+    many = f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game"
     lines = [
-        f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game",
-        "at end: agents present in the last round / all agents; means are over the agents present",
-        f"lowest trust: lowest value of the group's mean trust, from {start} on: {past}",
+        f"{many}; lowest trust: of the group's mean trust, from {start} on: {past}; roletrust play --help: the rest"
     ]
-    if any(one.damage for one in played):
-        lines.append(
-            "damage: mean trust of the honest agents in the same games without the attack, minus that under the "
-            "attack; an agent that has left counts with its last trust"
-        )
     if unrated := [one.model for one in played if not one.game.model.rates_raters]:
         lines.append(f"no trust in raters: {', '.join(unrated)}: false alarms and recovery are of providers only")
     measured = [(one.model, name, estimate) for one in played for name, estimate in one.metrics.items()]
-    shown = {name.partition(",")[0] for _, name, estimate in measured if not np.isnan(estimate.mean)}
-    lines += [explained for name, explained in _EXPLAINED.items() if name in shown]
     undefined: dict[str, list[str]] = {}
     for model, name, estimate in measured:
         if estimate.why:
             undefined.setdefault(f"{name}: undefined: {estimate.why}", []).append(model)
     lines += [f"{why} ({', '.join(models)})" if len(played) > 1 else why for why, models in undefined.items()]
     return lines
+
+
+def _verdict(played: Played) -> str:
+    """Return what an attack does under a model, in a sentence."""
+    *_, harm = played.damage.values()
+    under, without = played.metrics["utility"], played.metrics[UTILITY_WITHOUT]
+    loss = Estimate(without.mean - under.mean, np.nan)
+    costs = f"the attack costs honest agents {_shown(harm)} of trust, and consumers {_shown(loss)} of utility"
+    apart = [
+        f"with probability {_shown(auc)} an attacker ends with less trust than an honest {name.rpartition(' ')[2]}"
+        for name, auc in played.metrics.items()
+        if name.startswith(AUC_FINALLY) and not np.isnan(auc.mean)
+    ]
+    return "; ".join([costs, *apart])
 
 
 def _shown(estimate: Estimate) -> str:

@@ -187,6 +187,8 @@ def rate(
     console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
     told = f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to {written}"
     tell(told)
+    if explain is None and not suspects and not state_or_lead:
+        tell("--explain AGENT shows what makes the trust in an agent; --suspects, which raters act together.")
 
 
 def _stream(model: Any, log: RatingLog, state: Path | None, reading: LogOptions, rounds: dict[str, Any]) -> TrustStream:

@@ -24,6 +24,8 @@ def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
         when = "-" if last != last else f"{last!s:.10}"
         counts = f"{ratings:,}", f"{number:,}", f"{independent:.1f}"
         table.add_row(shown(agent), f"{place + 1:,}", f"{trust:.4f}", interval, *counts, when)
+        if place == top - 1 and len(ends) < size:
+            table.add_row("...")
     return table
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from roletrust_env import Scenario, make_scenario
+from roletrust_env import Scenario, make_scenario, scenarios
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model
@@ -15,7 +15,7 @@ from roletrust_env.game.attack_task import Consumers, Knowledge, Objective
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.commands.console import console, errors, progress_bar
+from roletrust_experiments.commands.console import console, errors, progress_bar, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import (
     NAMED,
@@ -224,10 +224,12 @@ def _train(run: "Run", folder: "RunFolder") -> None:
     console.print(
         f"[bold]{name}[/], {run.algo}, seed {run.seed}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} "
         f"held-out games; {attacker.card.training.seconds:.0f} s\n{escape(f'In the same games: {others}')}\n"
-        "More attackers, and what they need: From weak to strong, in docs/how/threats.md\n"
         f"Written to {folder.path}: attacker.json, attacker.safetensors, curve.csv, curve.png",
         soft_wrap=True,
     )
+    if len(run.task.compromised) == 1 and run.task.knowledge == "black_box" and run.scenario.name in scenarios():
+        attack = f"{run.task.compromised[0]}=learned:path={folder.path}"
+        tell(f"Next: {shlex.join(['roletrust', 'play', run.scenario.name, '--attack', attack, '--video'])}")
 
 
 def _model_card(text: str, rules: Scenario) -> "ModelCard":

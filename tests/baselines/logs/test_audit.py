@@ -165,5 +165,5 @@ def test_a_damaged_journal_keeps_its_whole_lines(tmp_path: Path) -> None:
 
 
 def test_more_agents_than_the_top_are_needed(log: RatingLog) -> None:
-    with pytest.raises(TooSmallError, match="agents have ratings; more than the top 40 are needed"):
+    with pytest.raises(TooSmallError, match="must be fewer, and is 40"):
         Ranking(make_trust_model("mean"), log, MONTH, same_agents=True, top=40)

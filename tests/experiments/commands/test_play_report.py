@@ -1,4 +1,5 @@
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -53,6 +54,19 @@ def test_what_is_undefined_is_null_with_the_reason(tmp_path, window, undefined):
     assert {name: value["why"] for name, value in found.items() if value["mean"] is None} == undefined
     for name, why in undefined.items():
         assert f"{name}: undefined: {why}" in printed.replace("\n", " ")
+
+
+def test_an_attack_in_words_and_what_comes_next(tmp_path, monkeypatch):
+    """The line plays the same games, in the same folder."""
+    monkeypatch.chdir(tmp_path)
+    result = run("play", *TINY, "--attack", "sr_2=bad-mouthing:start=4", "--games", "2", "--seed", "3")
+    (folder,) = (tmp_path / "results/play").iterdir()
+    harm = json.loads((folder / "results.json").read_text())["measured"]["role-trust"]["damage"]["all 5 honest"]["mean"]
+    assert f"role-trust: the attack costs honest agents {harm:.3f}" in result.output
+    (line,) = (line for line in result.output.splitlines() if line.startswith("Next: "))
+    again = run(*shlex.split(line)[2:])
+    assert again.exit_code == 0, again.output
+    assert (folder / "play.mp4").stat().st_size > 1000
 
 
 def test_detection_is_that_of_the_attack_s_own_rounds_and_of_the_end():

@@ -261,6 +261,9 @@ def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
     assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in known)
     assert {row["round"] for row in table} == {"2592000.000000"}
     assert "| role-trust |" in (tmp_path / "out" / "comparison.md").read_text()
+    first = next(row for row in table if (row["protocol"], row["measure"]) == ("rated before", "r"))
+    shown = [line.split() for line in result.output.splitlines()]
+    assert [first["model"], f"{float(first['value']):.3f}"] in [line[:2] for line in shown]
     again = compare(str(tmp_path / "log"), *models, "--out", str(tmp_path / "again"))
     assert again.exit_code == 0
     assert rows(tmp_path / "again" / "comparison.csv") == table
