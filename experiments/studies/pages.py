@@ -112,7 +112,7 @@ COMMANDS = {
         "rate {out}/log --compare --synthetic --model leave-one-out --out {out}/rate",
         "audit {out}/log/ratings.csv.gz --same-agents --scale -10 10 --out {out}/audit",
     ],
-    "real": ["rate {logs} --compare --search 24 --out {out}"],
+    "real": ["rate {logs} --compare --out {out}"],
     "leave-one-out-logs": [
         f"rate {{logs}} --compare {_BESIDE} --out {{out}}/30",
         f"rate {{logs}} --compare {_BESIDE} --every 604800 --out {{out}}/7",

@@ -8,7 +8,7 @@ import numpy as np
 
 from roletrust_env.metrics.confidence import Interval
 
-_PROTOCOLS = ("attack", "searched attack")
+_PROTOCOL = "attack"
 _GOALS = ("sink", "lift")
 
 
@@ -29,7 +29,7 @@ def read_replays(path: Path) -> dict[str, Interval]:
         with path.open(encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
                 measure = row["protocol"], row["measure"]
-                if measure[0] in _PROTOCOLS:
+                if measure[0] == _PROTOCOL:
                     value = Interval(*(float(row[name]) for name in ("value", "low", "high")))
                     found.setdefault(row["model"], {}).setdefault(row["log"], {})[measure] = value
     except (KeyError, TypeError, ValueError, AttributeError, csv.Error) as error:
@@ -57,7 +57,7 @@ def kept(measures: Mapping[tuple[str, str], Interval]) -> Interval | None:
     found: dict[str, list[Interval]] = {}
     for (protocol, what), value in measures.items():
         goal, _, accounts = what.partition(", ")
-        if protocol in _PROTOCOLS and goal in _GOALS and accounts != "honest":
+        if protocol == _PROTOCOL and goal in _GOALS and accounts != "honest":
             left = value if goal == "sink" else Interval(1 - value.value, 1 - value.high, 1 - value.low)
             found.setdefault(goal, []).append(left)
     complete = len(found) == len(_GOALS)

@@ -12,7 +12,7 @@ HEAD = "log,sha256,round,protocol,model,measure,value,low,high\n"
 LINES = [
     "otc,ab,9,attack,mean,\"sink, honest\",0.99,0.9,1.0",
     "otc,ab,9,attack,mean,\"sink, 3 new\",0.5,0.4,0.6",
-    "otc,ab,9,searched attack,mean,\"sink, 3 new\",0.3,0.2,0.5",
+    "otc,ab,9,attack,mean,\"sink, 10 new\",0.3,0.2,0.5",
     "otc,ab,9,attack,mean,\"lift, 3 new\",0.2,0.1,0.4",
     "otc,ab,9,attack,mean,\"lift, 10 new\",0.1,0.0,0.3",
     "otc,ab,9,next rating,mean,auc,0.6,0.5,0.7",

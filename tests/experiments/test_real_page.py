@@ -44,13 +44,3 @@ def test_every_number_of_the_text_is_in_the_tables() -> None:
     found = re.findall(r"\d\.\d{3}(?: \(.*?\))?", PAGE)
     assert found
     assert not [one for one in found if one not in TABLES]
-
-
-def test_searched_attacks_are_no_smaller(rows: list[Row]) -> None:
-    """A search starts from the attacks without tactics, of which the other table has the mean."""
-    plain = {row[4:6]: row[6] for row in rows if row[3] == "attack"}
-    searched = {row[4:6]: row[6] for row in rows if row[3] == "searched attack"}
-    assert len(searched) > 100
-    for place, value in searched.items():
-        sign = 1 if place[1].startswith("lift") else -1
-        assert sign * (value - plain[place]) >= -1e-6, place

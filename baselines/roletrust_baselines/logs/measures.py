@@ -9,7 +9,7 @@ import numpy as np
 from roletrust_baselines.logs.advice import FORECAST, advise
 from roletrust_baselines.logs.errors import TooSmallError
 from roletrust_baselines.logs.forecasts import forecasts, next_rating, rated_before, rater_forward
-from roletrust_baselines.logs.replay import ATTACKS, Replay, replay_attacks, search_attack
+from roletrust_baselines.logs.replay import Replay, replay_attacks
 from roletrust_env.benchmarking.real_logs import kept
 from roletrust_env.data.log import RatingLog
 from roletrust_env.metrics.confidence import Interval
@@ -30,13 +30,11 @@ class Protocols(NamedTuple):
     Attributes:
         every: Length of a round, in the unit of the times.
         scale: Worst and best rating.
-        search: Number of attacks that a search plays for each goal, number and origin of accounts; 0 for no search.
-        seed: Random seed of the resamples, draws and searches.
+        seed: Random seed of the resamples and draws.
     """
 
     every: float
     scale: tuple[float, float]
-    search: int
     seed: int
 
     def measure(self, model: Any, log: RatingLog) -> tuple[Found, dict[str, str]]:
@@ -61,9 +59,6 @@ class Protocols(NamedTuple):
         for attack, shift in replay_attacks(replay, seed=self.seed).items():
             found["attack", f"{attack.goal}, honest"] = shift.before
             found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = shift.after
-        for attack in ATTACKS if self.search else ():
-            worst = search_attack(replay, attack, self.search, self.seed)
-            found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.shift.after
         return found
 
 

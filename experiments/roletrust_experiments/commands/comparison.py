@@ -26,7 +26,6 @@ def compare(
     names: list[str] | None,
     *,
     synthetic: bool,
-    search: int,
     seed: int,
     out: Path,
 ) -> None:
@@ -37,8 +36,7 @@ def compare(
         reading: Options by which a file of ratings is read.
         names: Trust models; None for all central ones and those of neighbouring fields.
         synthetic: Whether a small synthetic log is first written to the folder.
-        search: Number of attacks that a search plays for each goal, number and origin of accounts; 0 for no search.
-        seed: Random seed of the resamples, draws and searches, and of the synthetic log.
+        seed: Random seed of the resamples and draws, and of the synthetic log.
         out: Folder of the results.
 
     Raises:
@@ -56,7 +54,7 @@ def compare(
     logs = find_logs(folder)
     # All are read before a model plays.
     contents = [reading.read(log.path) for log in logs]
-    protocols = Protocols(every, scale, search, seed)
+    protocols = Protocols(every, scale, seed)
     prepare_folder(out)
     rows: list[Row] = []
     left_out: list[str] = []

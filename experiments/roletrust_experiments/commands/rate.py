@@ -66,7 +66,6 @@ def rate(
     ] = "drop",
     lead: Annotated[float | None, _state(help="Longest time without a rating; later ones are left out.")] = None,
     compare: Annotated[bool, _comparison("--compare", help="Measure trust models on logs, see above.")] = False,
-    search: Annotated[int, _comparison(min=0, help="Number of attacks of a search for each attack.")] = 0,
     synthetic: Annotated[bool, _comparison("--synthetic", help="First write synthetic logs.")] = False,
     seed: Seed = 0,
     out: Out = Path("results/rate"),
@@ -95,10 +94,9 @@ def rate(
 
     With --compare, trust models are measured on a file, or on the logs in a folder and in the folders in it, files
     *network.csv or ratings.csv: forecasts, and a few hostile accounts in a replay; one model is recommended. Rounds are
-    of 30 days (--every). --search plays so many attacks for each goal, number and origin of accounts. By default all
-    central models are measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness,
-    bias-deserve, rev2, geometric-median and centred-clipping. What does not fit is left out, and a line says so.
-    Written then: [green]comparison.csv comparison.md[/].
+    of 30 days (--every). By default all central models are measured, and those of neighbouring fields: all-time-mean,
+    two-way-mean, fairness-goodness, bias-deserve, rev2, geometric-median and centred-clipping. What does not fit is
+    left out, and a line says so. Written then: [green]comparison.csv comparison.md[/].
 
     [bold]Examples[/]
 
@@ -123,7 +121,7 @@ def rate(
             "--explain, --suspects, --rank-by and --late are not for --compare: it ranks no agents",
         ),
         (compare and single, "--compare writes several tables; --out is a folder for them"),
-        (not compare and (synthetic or search), "--synthetic and --search need --compare"),
+        (not compare and synthetic, "--synthetic needs --compare"),
         (not compare and len(model or ()) > 1, "several models need --compare"),
         (trusted and (compare or state), "--trusted is of one model on a whole log, without --compare and --state"),
         (state and every is None, "--state needs --every: the time of a rating says whether it is new"),
@@ -134,7 +132,7 @@ def rate(
     if compare:
         from roletrust_experiments.commands import comparison
 
-        comparison.compare(ratings, reading, model, synthetic=synthetic, search=search, seed=seed, out=out)
+        comparison.compare(ratings, reading, model, synthetic=synthetic, seed=seed, out=out)
         return
     name = model[0] if model else _MODEL
     chosen: Any = make_log_model(name)
