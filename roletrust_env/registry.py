@@ -44,6 +44,10 @@ class Registry(Generic[T]):
     def register(self, name: str, factory: Callable[..., T]) -> None:
         """Add a factory under a new name.
 
+        Args:
+            name: New name.
+            factory: Function of the parameters that makes an object, usually its class.
+
         Raises:
             ValueError: The name is taken, or is not a word of letters, digits, `-`, `_` and `.`.
         """

@@ -5,7 +5,6 @@ rounds: rounds times games that it plays, with or without gradients. `find` then
 games, the same ones for every method; these are not counted.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -108,17 +107,8 @@ class SearchMethod(Protocol):
 search_methods: Registry[SearchMethod] = Registry("search method", "roletrust_env.search_methods", SearchMethod)
 
 
-def register_search_method(name: str, factory: Callable[..., SearchMethod]) -> None:
-    """Register a search method under a name.
-
-    Args:
-        name: New name.
-        factory: Callable `(**parameters) -> SearchMethod`, usually the method's class.
-
-    Raises:
-        ValueError: The name is taken or is not a word.
-    """
-    search_methods.register(name, factory)
+register_search_method = search_methods.register
+"""Register the class of a search method under a name, see `Registry.register`."""
 
 
 @dataclass(frozen=True)

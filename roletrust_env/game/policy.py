@@ -95,17 +95,8 @@ def policy_name(policy: Policy) -> str:
 registry: Registry[Policy] = Registry("attacker", "roletrust_env.attackers", Policy)
 
 
-def register_attacker(name: str, factory: Any) -> None:
-    """Register an attacker under a name.
-
-    Args:
-        name: New name.
-        factory: Callable `(**parameters) -> Policy`, usually the attacker's class.
-
-    Raises:
-        ValueError: The name is taken or is not a word.
-    """
-    registry.register(name, factory)
+register_attacker = registry.register
+"""Register the class of an attacker under a name, see `Registry.register`."""
 
 
 def make_attacker(name: str, **parameters: Any) -> Policy:

@@ -116,15 +116,11 @@ def start_model(model: TrustModel[State], like: Array, peers: Array) -> State:
 registry: Registry[TrustModel[Any]] = Registry("trust model", "roletrust_env.trust_models", TrustModel)
 
 
-def register_trust_model(name: str, factory: Any) -> None:
-    """Register a trust model under a name; see `Registry.register`.
+register_trust_model = registry.register
+"""Register the class of a trust model under a name, see `Registry.register`.
 
-    Args:
-        name: New name.
-        factory: Callable `(**parameters) -> TrustModel`, usually the model's class. In a game, `lam` and `initial`
-            come from the scenario if the factory takes them.
-    """
-    registry.register(name, factory)
+In a game, `lam` and `initial` come from the scenario if it takes them.
+"""
 
 
 def make_trust_model(name: str, **parameters: Any) -> TrustModel[Any]:

@@ -65,17 +65,8 @@ class Learner(Protocol):
 registry: Registry[Learner] = Registry("learner", "roletrust_env.learners", Learner)
 
 
-def register_learner(name: str, factory: Callable[..., Learner]) -> None:
-    """Register a learner under a name.
-
-    Args:
-        name: New name.
-        factory: Callable `(**parameters) -> Learner`, usually the learner's class.
-
-    Raises:
-        ValueError: The name is taken or is not a word.
-    """
-    registry.register(name, factory)
+register_learner = registry.register
+"""Register the class of a learner under a name, see `Registry.register`."""
 
 
 class BudgetSpentError(ValueError):
