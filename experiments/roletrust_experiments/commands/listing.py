@@ -1,6 +1,6 @@
 """`roletrust list`: the available scenarios, trust models, attackers, learners and trained attackers."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
@@ -155,81 +155,64 @@ def _print_names(found: Mapping[Kind, dict[str, Entry]]) -> None:
 
 def _print(entries: Mapping[str, Entry], kind: Kind) -> None:
     """Print the table of a kind, and what its words mean."""
-    console.print(_KINDS[kind][1](entries))
+    console.print(_table(entries, kind))
     if kind not in (Kind.SCENARIOS, Kind.ZOO):
         console.print(
             "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"
         )
 
 
-def _scenario_table(entries: Mapping[str, Entry]) -> Table:
-    table = _table("Scenarios", "description", "agents", "rounds")
-    for name, entry in _readable(entries, table):
-        count: dict[str, int] = {}
-        for group in entry["agents"]:
-            count[group["role"]] = count.get(group["role"], 0) + group["count"]
-        agents = ", ".join(f"{n} {role}" for role, n in count.items())
-        tags = f"tags: {', '.join(entry['tags'])}"
-        table.add_row(name, _described(entry, tags), agents, str(entry["max_cycles"]))
+def _table(entries: Mapping[str, Entry], kind: Kind) -> Table:
+    """Return the table of a kind; an entry that cannot be read has the reason."""
+    _, title, columns, row = _KINDS[kind]
+    if any("measured" in entry for entry in entries.values()):
+        columns = ("score", "honest", "measured", "holds")
+    table = plain_table(title)
+    table.show_lines = True
+    table.add_column("name", style="cyan", no_wrap=True)
+    for column in columns:
+        table.add_column(column, justify="right" if column in _NUMBERS else "left", overflow="fold")
+    for name, entry in entries.items():
+        table.add_row(escape(name), *([escape(entry["error"])] if "error" in entry else row(entry)))
     return table
 
 
-def _model_table(entries: Mapping[str, Entry]) -> Table:
-    table = _table("Trust models", "description", "parameters = defaults, allowed values")
-    for name, entry in _readable(entries, table):
-        origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
-        lacks = [f"unfit: {'; '.join(unfit(entry))}"] if unfit(entry) else []
-        lines = [
-            f"{_given(key, parameter)}  [dim]{escape(parameter['allowed'])}[/]"
-            for key, parameter in entry["parameters"].items()
-        ]
-        table.add_row(name, _described(entry, origin, *lacks), "\n".join(lines))
-    return table
+def _scenario(entry: Entry) -> tuple[str, ...]:
+    count: dict[str, int] = {}
+    for group in entry["agents"]:
+        count[group["role"]] = count.get(group["role"], 0) + group["count"]
+    agents = ", ".join(f"{n} {role}" for role, n in count.items())
+    return _described(entry, f"tags: {', '.join(entry['tags'])}"), agents, str(entry["max_cycles"])
 
 
-def _attacker_table(entries: Mapping[str, Entry]) -> Table:
-    table = _table("Attackers", "description", "parameters = defaults, where searched")
-    for name, entry in _readable(entries, table):
-        channels = [f"by {' and '.join(entry['channels'])}"] if entry["channels"] else []
-        where = {key: where_searched(parameter) for key, parameter in entry["parameters"].items()}
-        given = {key: _given(key, parameter) for key, parameter in entry["parameters"].items()}
-        lines = [f"{given[key]}  [dim]{escape(range)}[/]" for key, range in where.items() if range]
-        lines.append(", ".join(given[key] for key, range in where.items() if not range))
-        table.add_row(name, _described(entry, *channels), "\n".join(line for line in lines if line))
-    return table
+def _model(entry: Entry) -> tuple[str, ...]:
+    origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
+    lacks = [f"unfit: {'; '.join(unfit(entry))}"] if unfit(entry) else []
+    lines = [f"{_given(key, one)}  [dim]{escape(one['allowed'])}[/]" for key, one in entry["parameters"].items()]
+    return _described(entry, origin, *lacks), "\n".join(lines)
 
 
-def _learner_table(entries: Mapping[str, Entry]) -> Table:
-    table = _table("Learners", "description", "parameters = defaults")
-    for name, entry in _readable(entries, table):
-        lines = [_given(key, parameter) for key, parameter in entry["parameters"].items()]
-        table.add_row(name, _described(entry), "\n".join(lines))
-    return table
+def _attacker(entry: Entry) -> tuple[str, ...]:
+    channels = [f"by {' and '.join(entry['channels'])}"] if entry["channels"] else []
+    where = {_given(key, one): where_searched(one) for key, one in entry["parameters"].items()}
+    lines = [f"{given}  [dim]{escape(range)}[/]" for given, range in where.items() if range]
+    lines.append(", ".join(given for given, range in where.items() if not range))
+    return _described(entry, *channels), "\n".join(line for line in lines if line)
 
 
-def _zoo_table(entries: Mapping[str, Entry]) -> Table:
-    again = any("measured" in entry for entry in entries.values())
-    table = _table("Trained attackers", *(("score", "honest", "measured", "holds") if again else _SAVED_SCORE))
-    for name, entry in _readable(entries, table):
-        texts = [_score(entry["score"]), short(f"{entry['score']['honest']:.4f}")]
-        if measured := entry.get("measured"):
-            table.add_row(name, *texts, _score(measured), "yes" if measured["holds"] else "[red]no[/]")
-        else:
-            table.add_row(name, _described(entry), *texts)
-    return table
+def _learner(entry: Entry) -> tuple[str, ...]:
+    return _described(entry), "\n".join(_given(key, one) for key, one in entry["parameters"].items())
+
+
+def _trained_attacker(entry: Entry) -> tuple[str, ...]:
+    texts = _score(entry["score"]), short(f"{entry['score']['honest']:.4f}")
+    if measured := entry.get("measured"):
+        return *texts, _score(measured), "yes" if measured["holds"] else "[red]no[/]"
+    return _described(entry), *texts
 
 
 def _score(score: Mapping[str, float]) -> str:
     return short(f"{score['mean']:.4f} ± {score['half_95']:.4f}")
-
-
-def _readable(entries: Mapping[str, Entry], table: Table) -> Iterator[tuple[str, Entry]]:
-    """Yield the entries that can be read; add a row with the reason for each other entry."""
-    for name, entry in entries.items():
-        if "error" in entry:
-            table.add_row(escape(name), escape(entry["error"]))
-        else:
-            yield escape(name), entry
 
 
 def _described(entry: Entry, *more: str) -> str:
@@ -241,22 +224,12 @@ def _given(name: str, parameter: Mapping[str, Any]) -> str:
     return escape(name if parameter["required"] else f"{name}={parameter['default']}")
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = plain_table(title)
-    table.show_lines = True
-    table.add_column("name", style="cyan", no_wrap=True)
-    for column in columns:
-        table.add_column(column, justify="right" if column in _NUMBERS else "left", overflow="fold")
-    return table
-
-
-_SAVED_SCORE = ("description", "score", "honest")
 _NUMBERS = ("rounds", "honest", "score", "measured")
-
-_KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], Callable[[Mapping[str, Entry]], Table]]] = {
-    Kind.SCENARIOS: (all_scenarios, _scenario_table),
-    Kind.MODELS: (all_models, _model_table),
-    Kind.ATTACKERS: (all_attackers, _attacker_table),
-    Kind.LEARNERS: (all_learners, _learner_table),
-    Kind.ZOO: (all_trained, _zoo_table),
+_KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], str, tuple[str, ...], Callable[[Entry], tuple[str, ...]]]] = {
+    Kind.SCENARIOS: (all_scenarios, "Scenarios", ("description", "agents", "rounds"), _scenario),
+    Kind.MODELS: (all_models, "Trust models", ("description", "parameters = defaults, allowed values"), _model),
+    Kind.ATTACKERS: (all_attackers, "Attackers", ("description", "parameters = defaults, where searched"), _attacker),
+    Kind.LEARNERS: (all_learners, "Learners", ("description", "parameters = defaults"), _learner),
+    Kind.ZOO: (all_trained, "Trained attackers", ("description", "score", "honest"), _trained_attacker),
 }
+"""Of each kind its entries, the title and the columns of its table, and the row of an entry."""
