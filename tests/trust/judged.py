@@ -1,17 +1,15 @@
-"""How the personal models are tested: random games, played by a model and by a slow reference of it."""
+"""How the personal models are tested: slow references, judge by judge, and states after a few rounds."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-import pytest
 import torch
+from model_cases import Reference, Rounds, varied_rounds
 
 from roletrust_env.trust import Ratings
 
 Matrix = list[list[Any]]
-
-SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 4), (5, 1), (4, 6), (1, 1)], ids=str)
 
 
 class Published(NamedTuple):
@@ -31,42 +29,31 @@ class Published(NamedTuple):
         return cls(raters, providers)
 
 
-class Reference(Protocol):
-    """A model of one game, loop by loop, in plain Python."""
+def round_by_round(kind: Callable[..., Any], **parameters: Any) -> Reference:
+    """The reference of a class of so many raters and providers, whose method `round` returns what is published."""
 
-    def round(self, f: Matrix, m: Matrix) -> Published:
-        """What is published after one more round of ratings f inside the mask m."""
-        ...
+    def reference(rounds: Rounds, peers: Any) -> Iterator[Published]:
+        slow = kind(len(peers), len(peers[0]), **parameters)
+        return (slow.round(*each) for each in rounds)
 
-
-def random_game(shape: tuple[int, int], seed: int, rounds: int = 15) -> tuple[np.ndarray, np.ndarray]:
-    """Ratings and masks of shape (rounds, S, P), with late comers, a round without ratings, and NaN outside."""
-    rng = np.random.default_rng(seed)
-    f, m = rng.random((rounds, *shape)), rng.random((rounds, *shape)) < rng.choice([0.4, 0.9])
-    m[: rounds // 3, -1:, :] &= shape[0] == 1
-    m[: rounds // 2, :, -1:] &= shape[1] == 1
-    m[2] = m[-2] = False
-    return np.where(m, f, np.nan), m
+    return reference
 
 
-def assert_follows(model: Any, reference: Callable[[int, int], Reference], shape: tuple[int, int]) -> None:
-    """NumPy to 1e-9 and torch in float32 to 1e-4, game by game of a batch."""
-    games = [random_game(shape, seed) for seed in range(6)]
-    f, m = (np.stack(parts, axis=-1) for parts in zip(*games, strict=True))
-    slow = [reference(*shape) for _ in games]
-    state = model.start(f[0])
-    single = model.start(torch.asarray(f[0], dtype=torch.float32))
-    for now in range(len(f)):
-        state = model.update(state, Ratings(f[now], m[now]))
-        single = model.update(single, Ratings(torch.asarray(f[now], dtype=torch.float32), torch.asarray(m[now])))
-        wanted = [one.round(f[now, ..., e].tolist(), m[now, ..., e].tolist()) for e, one in enumerate(slow)]
-        for read, expected in (
-            (model.rater_trust, [each.raters for each in wanted]),
-            (model.provider_trust, [each.providers for each in wanted]),
-        ):
-            assert (read(state).dtype, read(single).dtype) == (np.float64, torch.float32)
-            np.testing.assert_allclose(read(state), np.transpose(expected), rtol=0, atol=1e-9)
-            np.testing.assert_allclose(read(single).numpy(), np.transpose(expected), rtol=0, atol=1e-4)
+History = list[list[list[float | None]]]
+"""Ratings by round, rater and provider; None where there is none."""
+
+Trusts = list[tuple[list[float], list[float]]]
+"""By round, the trust of the raters and that of the providers."""
+
+
+def by_history(slow: Callable[..., Trusts], **parameters: float) -> Reference:
+    """The reference of a function of a history."""
+    return lambda rounds, peers: slow([np.where(m, f, None).tolist() for f, m in rounds], **parameters)
+
+
+def mean(values: Sequence[float], otherwise: float) -> float:
+    """The mean of some values, or something else if there are none."""
+    return sum(values) / len(values) if values else otherwise
 
 
 def play(model: Any, *rounds: Sequence[Sequence[float | None]]) -> Any:
@@ -81,7 +68,7 @@ def play(model: Any, *rounds: Sequence[Sequence[float | None]]) -> Any:
 
 def assert_gradients_are_finite(model: Any) -> None:
     """Of all that is published, by all ratings, among them equal, extreme and masked ones."""
-    f, m = random_game((3, 4), seed=1)
+    f, m = (np.array(parts) for parts in zip(*varied_rounds((3, 4), 15, seed=1), strict=True))
     f[5], f[6] = 0.5, np.arange(12).reshape(3, 4) % 2
     ratings = torch.asarray(f).requires_grad_()
     state = model.start(ratings[0].detach())

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from histories import played, random_history
+from model_cases import play, random_rounds, read
 
 from roletrust_env.trust import make_trust_model, personal
 from roletrust_env.trust.personal import product, published_raters, weighted_advice, with_self
@@ -38,7 +38,8 @@ def test_nobody_publishes_what_it_thinks_of_itself() -> None:
 @pytest.mark.parametrize("name", ["peer-trust", "clustering", "zhang-cohen", "regression-aligned"])
 @pytest.mark.parametrize("block", [1, 60])  # one judge at a time; two, and one in the end
 def test_judge_by_judge_is_all_at_once(name: str, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    history = random_history(7, 4, seed=0)
-    together = played(make_trust_model(name), [history], np.zeros(()))
+    model, rounds, like = make_trust_model(name), random_rounds((7, 4), 15), np.zeros((7, 4))
+    together = read(model, play(model, rounds, like))
     monkeypatch.setattr(personal, "_BLOCK", block)
-    assert played(make_trust_model(name), [history], np.zeros(())) == together
+    for one, other in zip(read(model, play(model, rounds, like)), together, strict=True):
+        assert np.array_equal(one, other)

@@ -1,16 +1,18 @@
 """Beta reputation against a slow reference and by hand."""
 
+from functools import partial
+
 import numpy as np
 import pytest
-from models.played import KINDS, SHAPES, compare
+from model_cases import assert_matches
 
 from roletrust_env.trust import Ratings, make_trust_model
 
 
-def slow(game, keep=0.9, initial=0.5):
-    raters, providers = range(len(game[0][0])), range(len(game[0][0][0]))
+def slow(rounds, peers, keep=0.9, initial=0.5):
+    raters, providers = range(len(peers)), range(len(peers[0]))
     good, bad, found = [0.0 for _ in providers], [0.0 for _ in providers], []
-    for ratings, mask in game:
+    for ratings, mask in rounds:
         for j in providers:
             notes = [ratings[i][j] for i in raters if mask[i][j]]
             if notes:
@@ -20,11 +22,9 @@ def slow(game, keep=0.9, initial=0.5):
     return found
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_it_is_the_formula(shape, kind) -> None:
-    compare(make_trust_model("beta"), slow, shape, kind)
-    compare(make_trust_model("beta", keep=0.5, initial=0.2), lambda game: slow(game, 0.5, 0.2), shape, kind)
+@pytest.mark.parametrize("parameters", [{}, {"keep": 0.5, "initial": 0.2}])
+def test_it_is_the_formula(parameters) -> None:
+    assert_matches(make_trust_model("beta", **parameters), partial(slow, **parameters))
 
 
 def test_two_rounds_by_hand() -> None:

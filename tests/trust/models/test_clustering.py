@@ -4,7 +4,8 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from histories import History, Trusts, check_against, mean, played
+from judged import History, Trusts, by_history, mean, play
+from model_cases import assert_matches, read
 
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.models.personal.similarity import _connected
@@ -48,12 +49,13 @@ def slow(history: History, lam: float, initial: float, threshold: float) -> Trus
     [{"lam": 0.5, "initial": 0.5, "threshold": 0.3}, {"lam": 0.7, "initial": 0.2, "threshold": 0.12}],
 )
 def test_it_is_the_rule(parameters: dict[str, float]) -> None:
-    check_against(lambda history: slow(history, **parameters), make_trust_model("clustering", **parameters))
+    assert_matches(make_trust_model("clustering", **parameters), by_history(slow, **parameters))
 
 
 def test_liars_are_a_cluster_of_their_own_by_hand() -> None:
     """Three rate 1 and two 0: an honest judge hears 1, a liar 0, and the liars are two of five judges."""
-    [[(tor, top)]] = played(make_trust_model("clustering", lam=0.5), [[[[1], [1], [1], [0], [0]]]], np.zeros(()))
+    model = make_trust_model("clustering", lam=0.5)
+    tor, top = read(model, play(model, [[1], [1], [1], [0], [0]]))
     assert tor == pytest.approx([2 / 4, 2 / 4, 2 / 4, 1 / 4, 1 / 4])
     assert top == pytest.approx([0.5 * 3 / 5 + 0.5 * 0.5])
 

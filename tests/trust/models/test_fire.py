@@ -3,7 +3,8 @@
 from math import exp, log
 
 import pytest
-from judged import SHAPES, Matrix, Published, assert_follows, play
+from judged import Matrix, Published, play, round_by_round
+from model_cases import assert_matches
 
 from roletrust_env.trust import make_trust_model
 
@@ -71,14 +72,9 @@ class Slow:
             self.trust[i][j] = (weighted_mean(parts) + 1) / 2
 
 
-@SHAPES
-def test_it_is_the_formula(shape: tuple[int, int]) -> None:
-    assert_follows(make_trust_model("fire"), Slow, shape)
-
-
-def test_it_is_the_formula_with_other_parameters() -> None:
-    model = make_trust_model("fire", tolerance=1.2, credibility=0.1, initial=0.9)
-    assert_follows(model, lambda s, p: Slow(s, p, 1.2, 0.1, 0.9), (4, 3))
+@pytest.mark.parametrize("parameters", [{}, {"tolerance": 1.2, "credibility": 0.1, "initial": 0.9}])
+def test_it_is_the_formula(parameters: dict[str, float]) -> None:
+    assert_matches(make_trust_model("fire", **parameters), round_by_round(Slow, **parameters))
 
 
 def test_by_hand() -> None:

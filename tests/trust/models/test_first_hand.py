@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from judged import SHAPES, Matrix, Published, assert_follows, assert_gradients_are_finite, play
+from judged import Matrix, Published, assert_gradients_are_finite, play, round_by_round
+from model_cases import assert_matches
 
 from roletrust_env.trust import make_trust_model
 
@@ -71,14 +72,9 @@ class Slow:
         )
 
 
-@SHAPES
-def test_it_is_the_formula(shape: tuple[int, int]) -> None:
-    assert_follows(make_trust_model("first-hand"), Slow, shape)
-
-
-def test_it_is_the_formula_with_other_parameters() -> None:
-    model = make_trust_model("first-hand", keep=0.7, own=1, limit=1, repeats=3, patience=2)
-    assert_follows(model, lambda s, p: Slow(s, p, 0.7, 1, 1, 3, 2), (4, 3))
+@pytest.mark.parametrize("parameters", [{}, {"keep": 0.7, "own": 1, "limit": 1, "repeats": 3, "patience": 2}])
+def test_it_is_the_formula(parameters: dict[str, float]) -> None:
+    assert_matches(make_trust_model("first-hand", **parameters), round_by_round(Slow, **parameters))
 
 
 @pytest.mark.parametrize("extra", [0.0, 2.0])

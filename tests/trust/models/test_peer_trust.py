@@ -3,8 +3,8 @@
 from math import sqrt
 
 import pytest
-from histories import History, Trusts, check_against, mean, played
-from numpy import zeros
+from judged import History, Trusts, by_history, mean, play
+from model_cases import assert_matches, read
 
 from roletrust_env.trust import make_trust_model
 
@@ -38,7 +38,7 @@ def slow(history: History, initial: float) -> Trusts:
 
 @pytest.mark.parametrize("initial", [0.5, 0.2])
 def test_it_is_the_formula(initial: float) -> None:
-    check_against(lambda history: slow(history, initial), make_trust_model("peer-trust", initial=initial))
+    assert_matches(make_trust_model("peer-trust", initial=initial), by_history(slow, initial=initial))
 
 
 def test_two_honest_and_a_liar_by_hand() -> None:
@@ -46,7 +46,8 @@ def test_two_honest_and_a_liar_by_hand() -> None:
 
     An honest judge has T[0] = (1 + 1 + 0) / (2 + 0.2929) = 0.8723, the liar 2 * 0.2929 / (1 + 2 * 0.2929) = 0.3694.
     """
-    [[(tor, top)]] = played(make_trust_model("peer-trust"), [[[[1, 1], [1, 1], [0, 1]]]], zeros(()))
+    model = make_trust_model("peer-trust")
+    tor, top = read(model, play(model, [[1, 1], [1, 1], [0, 1]]))
     alike = 1 - sqrt(1 / 2)
     assert tor == pytest.approx([(1 + alike) / 2, (1 + alike) / 2, alike])
     assert top == pytest.approx([(2 * 0.8723 + 0.3694) / 3, 1], abs=1e-4)

@@ -1,7 +1,8 @@
 """Quality of recommendation, against its formulas and by hand."""
 
 import pytest
-from judged import SHAPES, Matrix, Published, assert_follows, assert_gradients_are_finite, play
+from judged import Matrix, Published, assert_gradients_are_finite, play, round_by_round
+from model_cases import assert_matches
 
 from roletrust_env.trust import make_trust_model
 
@@ -50,13 +51,9 @@ class Slow:
         return above / below
 
 
-@SHAPES
-def test_it_is_the_formula(shape: tuple[int, int]) -> None:
-    assert_follows(make_trust_model("qor"), Slow, shape)
-
-
-def test_it_is_the_formula_with_other_parameters() -> None:
-    assert_follows(make_trust_model("qor", theta=1, initial=0.1), lambda s, p: Slow(s, p, 1, 0.1), (4, 3))
+@pytest.mark.parametrize("parameters", [{}, {"theta": 1, "initial": 0.1}])
+def test_it_is_the_formula(parameters: dict[str, float]) -> None:
+    assert_matches(make_trust_model("qor", **parameters), round_by_round(Slow, **parameters))
 
 
 def test_by_hand() -> None:

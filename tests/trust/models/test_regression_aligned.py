@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from histories import History, Trusts, check_against, mean, played
+from judged import History, Trusts, by_history, mean, play
+from model_cases import assert_matches
 
-from roletrust_env.trust import Ratings, make_trust_model
+from roletrust_env.trust import make_trust_model
 
 
 def slow(history: History, lam: float, initial: float, ridge: float) -> Trusts:
@@ -38,7 +39,7 @@ def slow(history: History, lam: float, initial: float, ridge: float) -> Trusts:
     "parameters", [{"lam": 0.5, "initial": 0.5, "ridge": 1.0}, {"lam": 0.8, "initial": 0.3, "ridge": 0.05}]
 )
 def test_it_is_a_ridge_regression_for_each_pair(parameters: dict[str, float]) -> None:
-    check_against(lambda history: slow(history, **parameters), make_trust_model("regression-aligned", **parameters))
+    assert_matches(make_trust_model("regression-aligned", **parameters), by_history(slow, **parameters))
 
 
 def test_a_constant_difference_is_unlearnt_by_hand() -> None:
@@ -50,11 +51,7 @@ def test_a_constant_difference_is_unlearnt_by_hand() -> None:
     model = make_trust_model("regression-aligned", lam=0.999)  # so that the newest round is all but alone
     apart = []
     for rounds in (1, 2, 4):
-        history = [[[1.0], [0.5]]] * rounds
-        state = model.start(np.zeros((2, 1)))
-        for notes in history:
-            state = model.update(state, Ratings(np.array(notes), np.ones((2, 1), bool)))
-        apart.append(state.trust[:, 0].tolist())
+        apart.append(play(model, *[[[1.0], [0.5]]] * rounds).trust[:, 0].tolist())
     assert apart[0] == pytest.approx([0.75, 0.75], abs=1e-3)
     assert apart[1] == pytest.approx([0.875, 0.625], abs=1e-3)
     assert apart[2] == pytest.approx([0.9375, 0.5625], abs=1e-3)
@@ -63,12 +60,8 @@ def test_a_constant_difference_is_unlearnt_by_hand() -> None:
 def test_ratings_turned_round_are_turned_back() -> None:
     """Who always says 1 - v is heard as saying v, once the judge has seen enough of it."""
     rng = np.random.default_rng(0)
-    history = [[(v := rng.random(4)).tolist(), (1 - v).tolist()] for _ in range(200)]
     model = make_trust_model("regression-aligned", ridge=0.1)
-    state = model.start(np.zeros((2, 4)))
-    for notes in history:
-        state = model.update(state, Ratings(np.array(notes), np.ones((2, 4), bool)))
+    state = play(model, *([(v := rng.random(4)).tolist(), (1 - v).tolist()] for _ in range(200)))
     slope, base = model._lines(state.moments)
     assert base[0, 1] + (1 + slope[0, 1]) * 0.9 == pytest.approx(0.1, abs=0.01)
-    [trusts] = played(make_trust_model("regression-aligned"), [history[:3]], np.zeros(()))
-    assert trusts[-1][0] == [1, 1]
+    assert model.rater_trust(state).tolist() == [1, 1]

@@ -1,7 +1,8 @@
 """Trust networks in subjective logic, against the formulas and by hand."""
 
 import pytest
-from judged import SHAPES, Matrix, Published, assert_follows, assert_gradients_are_finite, play
+from judged import Matrix, Published, assert_gradients_are_finite, play, round_by_round
+from model_cases import assert_matches
 
 from roletrust_env.trust import make_trust_model
 
@@ -26,11 +27,11 @@ def fuse(one: Three, two: Three) -> Three:
 class Slow:
     """The formulas, judge by judge, advisers fused one after the other."""
 
-    def __init__(self, raters: int, providers: int, base_rate: float = 0.5) -> None:
-        self.judges, self.providers, self.base_rate = range(raters), range(providers), base_rate
+    def __init__(self, raters: int, providers: int, initial: float = 0.5) -> None:
+        self.judges, self.providers, self.base_rate = range(raters), range(providers), initial
         self.seen: Matrix = [[[] for _ in self.providers] for _ in self.judges]
         self.alike: Matrix = [[[] for _ in self.judges] for _ in self.judges]
-        self.trust = [[base_rate] * providers for _ in self.judges]
+        self.trust = [[initial] * providers for _ in self.judges]
 
     def round(self, f: Matrix, m: Matrix) -> Published:
         for j in self.providers:
@@ -61,13 +62,9 @@ class Slow:
         return held
 
 
-@SHAPES
-def test_it_is_the_formula(shape: tuple[int, int]) -> None:
-    assert_follows(make_trust_model("subjective-logic"), Slow, shape)
-
-
-def test_it_is_the_formula_with_another_base_rate() -> None:
-    assert_follows(make_trust_model("subjective-logic", initial=0.9), lambda s, p: Slow(s, p, 0.9), (4, 3))
+@pytest.mark.parametrize("parameters", [{}, {"initial": 0.9}])
+def test_it_is_the_formula(parameters: dict[str, float]) -> None:
+    assert_matches(make_trust_model("subjective-logic", **parameters), round_by_round(Slow, **parameters))
 
 
 def test_by_hand() -> None:

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from judged import SHAPES, Matrix, Published, assert_follows, assert_gradients_are_finite, play
+from judged import Matrix, Published, assert_gradients_are_finite, play, round_by_round
+from model_cases import assert_matches
 
 from roletrust_env.trust import Ratings, make_trust_model
 
@@ -44,14 +45,9 @@ class Slow:
             self.trust[i][j] = sum(own) / len(own)
 
 
-@SHAPES
-def test_it_is_the_formula(shape: tuple[int, int]) -> None:
-    assert_follows(make_trust_model("yu-singh"), Slow, shape)
-
-
-def test_it_is_the_formula_with_other_parameters() -> None:
-    model = make_trust_model("yu-singh", beta=0.9, memory=3, initial=0.2)
-    assert_follows(model, lambda s, p: Slow(s, p, 0.9, 3, 0.2), (4, 3))
+@pytest.mark.parametrize("parameters", [{}, {"beta": 0.9, "memory": 3, "initial": 0.2}])
+def test_it_is_the_formula(parameters: dict[str, float]) -> None:
+    assert_matches(make_trust_model("yu-singh", **parameters), round_by_round(Slow, **parameters))
 
 
 def test_by_hand() -> None:

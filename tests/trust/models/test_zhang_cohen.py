@@ -3,8 +3,8 @@
 from math import log
 
 import pytest
-from histories import History, Trusts, check_against, mean, played
-from numpy import zeros
+from judged import History, Trusts, by_history, mean, play
+from model_cases import assert_matches, read
 
 from roletrust_env.trust import make_trust_model
 
@@ -55,7 +55,7 @@ def slow(history: History, lam: float, initial: float, tolerance: float, confide
     ],
 )
 def test_it_is_the_formula(parameters: dict[str, float]) -> None:
-    check_against(lambda history: slow(history, **parameters), make_trust_model("zhang-cohen", **parameters))
+    assert_matches(make_trust_model("zhang-cohen", **parameters), by_history(slow, **parameters))
 
 
 def test_n_min_is_that_of_the_paper() -> None:
@@ -69,12 +69,13 @@ def test_one_round_with_a_liar_by_hand() -> None:
     1/3 with the liar. C(honest, honest) = 0.0543 * 2/3 + 0.9457 * 1/3 = 0.3514, and every other is 1/3.
     An honest judge hears (1 + 0.3514) / (1 + 0.3514 + 1/3) = 0.8021, the liar (2/3) / (1 + 2/3) = 0.4.
     """
-    [[(tor, top)]] = played(make_trust_model("zhang-cohen", lam=0.5), [[[[1], [1], [0]]]], zeros(()))
+    model = make_trust_model("zhang-cohen", lam=0.5)
+    tor, top = read(model, play(model, [[1], [1], [0]]))
     assert tor == pytest.approx([(0.3514 + 1 / 3) / 2, (0.3514 + 1 / 3) / 2, 1 / 3], abs=1e-4)
     assert top == pytest.approx([0.5 * (2 * 0.8021 + 0.4) / 3 + 0.25], abs=1e-4)
 
 
 def test_at_the_edge_of_the_tolerance_a_rating_is_consistent() -> None:
     model = make_trust_model("zhang-cohen", tolerance=0.0)
-    [[(tor, _)]] = played(model, [[[[1], [1]]]], zeros(()))
+    tor, _ = read(model, play(model, [[1], [1]]))
     assert tor == pytest.approx([2 / 3, 2 / 3])  # private and public alike: (1 + 1) / (1 + 2)
