@@ -1,6 +1,7 @@
 """Search methods over the parameters of attacks: default parameters, grid search, random search, and CMA-ES."""
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -117,75 +118,78 @@ class PaperAttacks:
         return SearchResult(Scripted(attack), 0, describe_attack(attack))
 
 
-@refuse_unknown
 @dataclass(frozen=True)
-class GridSearch:
-    """Grid search over a small grid of the parameters of scripted attackers, see `Scripts.grid`.
+class ScriptSearch(ABC):
+    """Search for the best scripted attack within a budget.
 
     Attributes:
         name: Name in tables.
         attacks: Kinds of attack, see `Scripts.of`.
     """
+
+    name: str
+    attacks: Attacks = None
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
+        trial = ScriptTrial(arguments, budget, seed)
+        return trial.best(*self._tried(trial, generator(seed)))
+
+    @abstractmethod
+    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+        """Return the attacks that are tried, and their scores."""
+
+    def _scripts(self, trial: ScriptTrial) -> Scripts:
+        """Return the attacks, which must have parameters."""
+        scripts = Scripts.of(trial.task, self.attacks)
+        if not scripts.size:
+            raise UnsuitableError(f"{describe_attack(scripts.default)} has no parameters to search")
+        return scripts
+
+
+@refuse_unknown
+@dataclass(frozen=True)
+class GridSearch(ScriptSearch):
+    """Grid search over a small grid of the parameters of scripted attackers, see `Scripts.grid`."""
 
     name: str = "scripted, best of grid"
-    attacks: Attacks = None
 
-    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
-        """See `SearchMethod.search`."""
-        trial = ScriptTrial(arguments, budget, seed)
-        attacks = Scripts.of(trial.task, self.attacks).grid
+    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+        attacks: list[Attack] = list(Scripts.of(trial.task, self.attacks).grid)
         if len(attacks) > trial.left:
-            attacks = [attacks[k] for k in generator(seed).permutation(len(attacks))[: trial.left]]
-        return trial.best(attacks, trial.scores(attacks))
+            attacks = [attacks[k] for k in random.permutation(len(attacks))[: trial.left]]
+        return attacks, trial.scores(attacks)
 
 
 @refuse_unknown
 @dataclass(frozen=True)
-class RandomSearch:
-    """Random search: the best of points drawn uniformly from the unit cube of the parameters of scripted attackers.
-
-    Attributes:
-        name: Name in tables.
-        attacks: Kinds of attack, see `Scripts.of`.
-    """
+class RandomSearch(ScriptSearch):
+    """Random search: the best of points drawn uniformly from the unit cube of the parameters of scripted attackers."""
 
     name: str = "random search"
-    attacks: Attacks = None
 
-    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
-        """See `SearchMethod.search`."""
-        trial = ScriptTrial(arguments, budget, seed)
-        scripts = Scripts.of(trial.task, self.attacks)
-        check_parameters(scripts)
-        points = generator(seed).random((trial.left, scripts.size))
-        attacks = [scripts.decode(point) for point in points]
-        return trial.best(attacks, trial.scores(attacks))
+    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+        scripts = self._scripts(trial)
+        attacks: list[Attack] = [scripts.decode(point) for point in random.random((trial.left, scripts.size))]
+        return attacks, trial.scores(attacks)
 
 
 @refuse_unknown
 @dataclass(frozen=True)
-class CmaEs:
+class CmaEs(ScriptSearch):
     """CMA-ES (Hansen and Ostermeier, 2001) in the same cube as the random search, restarted at random on convergence.
 
     The implementation is the package `cma` (Hansen, Akimoto and Baudis).
 
     Attributes:
         spread: Standard deviation of the first generation.
-        name: Name in tables.
-        attacks: Kinds of attack, see `Scripts.of`.
     """
 
-    spread: float = 0.3
     name: str = "CMA-ES"
-    attacks: Attacks = None
+    spread: float = 0.3
 
-    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
-        """See `SearchMethod.search`."""
-        trial = ScriptTrial(arguments, budget, seed)
-        scripts = Scripts.of(trial.task, self.attacks)
-        check_parameters(scripts)
-        attacks, scores = cma_es(trial, scripts, trial.left, self.spread, generator(seed))
-        return trial.best(attacks, scores)
+    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+        return cma_es(trial, self._scripts(trial), trial.left, self.spread, random)
 
 
 def cma_es(
@@ -213,16 +217,6 @@ def cma_es(
     return attacks, np.concatenate(scores)
 
 
-def check_parameters(scripts: Scripts) -> None:
-    """Check that there is something to search.
-
-    Raises:
-        UnsuitableError: The attacks have no parameters.
-    """
-    if not scripts.size:
-        raise UnsuitableError(f"{describe_attack(scripts.default)} has no parameters to search")
-
-
 def _begin(size: int, spread: float, random: np.random.Generator) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns about missing plots
@@ -239,7 +233,7 @@ _LEADERS = 3  # groups that are searched
 
 @refuse_unknown
 @dataclass(frozen=True)
-class AgreedCmaEs:
+class AgreedCmaEs(ScriptSearch):
     """Search over scripted attacks that all agents of a role play alike.
 
     Every kind is tried at its defaults, while a role that it leaves out plays the attack of the paper. CMA-ES then
@@ -248,17 +242,12 @@ class AgreedCmaEs:
 
     Attributes:
         spread: Standard deviation of the first generation of CMA-ES.
-        name: Name in tables.
-        attacks: Kinds of attack, see `Scripts.of`.
     """
 
-    spread: float = 0.3
     name: str = "agreed CMA-ES"
-    attacks: Attacks = None
+    spread: float = 0.3
 
-    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
-        """See `roletrust_env.evaluation.search.SearchMethod`."""
-        trial, random = ScriptTrial(arguments, budget, seed), generator(seed)
+    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
         kinds = self.attacks or _paper(trial.task)
         groups = [with_paper(trial.task, kind) for kind in kinds[: trial.left]]
         attacks: list[Attack] = [_alike(trial.task, group).default for group in groups]
@@ -269,7 +258,7 @@ class AgreedCmaEs:
             if scripts.size and tries >= GENERATION:
                 found = cma_es(trial, scripts, tries, self.spread, random)
                 attacks, scores = attacks + found[0], [*scores, found[1]]
-        return trial.best(attacks, np.concatenate(scores))
+        return attacks, np.concatenate(scores)
 
 
 def _alike(task: AttackTask, kinds: Sequence[AttackKind]) -> Scripts:
