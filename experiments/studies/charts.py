@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from roletrust_env.metrics.confidence import Interval
-from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
+from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET, quiet
 
 _COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[1], ATTACKERS[2], HONEST[2], HONEST[3], QUIET)
 _MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -75,7 +75,8 @@ def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int =
         else:
             _lines(axes, panel, looks)
         axes.set_title(panel.title, loc="left", fontsize=10.5, color=INK)
-        _quiet(axes, "x" if names else "y")
+        quiet(axes, "x" if names else "y")
+        axes.spines[["left", "bottom"]].set_color("#9CA3AF")
     for axes in figure.axes[len(panels) :]:
         axes.set_visible(False)
     figure.suptitle(fill(title, _LONGEST), x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
@@ -167,16 +168,6 @@ def _bars(value: Any, low: Any, high: Any) -> Any:
 def _names(panel: Panel) -> list[str]:
     """Return the names of the rows; none for an axis of numbers."""
     return list(dict.fromkeys(at for one in panel.series for at in one.at if isinstance(at, str)))
-
-
-def _quiet(axes: Axes, grid: Literal["x", "y"]) -> None:
-    axes.grid(axis=grid, color="#E5E7EB", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#9CA3AF")
 
 
 def _short(x: float) -> str:

@@ -18,8 +18,7 @@ def quiet(axes: Axes, along: Literal["x", "y", "both"]) -> None:
     axes.grid(axis=along, color="#E5E7EB", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def tidy(axes: Axes, label: str) -> None:
@@ -29,8 +28,7 @@ def tidy(axes: Axes, label: str) -> None:
     axes.set_ylabel(label, color=INK)
     quiet(axes, "y")
     axes.margins(x=0)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#9CA3AF")
+    axes.spines[["left", "bottom"]].set_color("#9CA3AF")
 
 
 def shade(axes: Axes, windows: Iterable[tuple[float, float]], colour: str, label: str | None = None) -> None:

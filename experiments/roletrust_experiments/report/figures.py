@@ -126,8 +126,7 @@ def _heatmap(robustness: Robustness) -> Figure:
     axes.set_xticks(range(len(where)), where, fontsize="small", rotation=45, ha="right", rotation_mode="anchor")
     axes.set_yticks(range(len(models)), models, fontsize="small")
     axes.tick_params(length=0, labelcolor=INK)
-    for side in axes.spines.values():
-        side.set_visible(False)
+    axes.spines[:].set_visible(False)
     for (row, column), value in np.ndenumerate(values):
         if not np.isnan(value):
             ink = "white" if value - lowest < 0.5 * (1 - lowest) else "black"
