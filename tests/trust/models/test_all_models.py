@@ -183,3 +183,30 @@ def test_parameters_out_of_range_unknown_or_not_taken_are_refused(name: str) -> 
         assert not taken or (str(value) in str(error.value) and allowed in str(error.value))
     with pytest.raises(ValueError, match="lambda"):
         make_trust_model(name, **{"lambda": 0.5})
+
+
+REFUSED = {
+    "beta": {"keep": [1.1]},
+    "beta-filtered": {"q": [0.5]},
+    "blade": {"levels": [1], "keep": [0.0, 1.1]},
+    "fire": {"tolerance": [0], "credibility": [-0.1], "initial": [1.1]},
+    "first-hand": {name: [-1, 1001, np.inf, np.nan] for name in ("repeats", "patience")},
+    "habit": {"levels": [1], "alpha": [0.0]},
+    "huber-mean": {"width": [0]},
+    "qor": {"theta": [0, 1.1], "initial": [-1]},
+    "subjective-logic": {"initial": [-0.5]},
+    "travos": {"error": [-0.1], "threshold": [1.5], "bins": [0]},
+    "trimmed-mean": {"share": [0.5, -0.1]},
+    "wary-role-trust": {"rise": [0, 1.1], "power": [-1, 9], "keep": [1.1], "shock": [-0.1]},
+    "yu-singh": {"beta": [0], "memory": [0], "initial": [2]},
+}
+"""Values out of range, by model and parameter."""
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "value"),
+    [(name, field, one) for name, fields in REFUSED.items() for field, values in fields.items() for one in values],
+)
+def test_parameters_out_of_range_are_refused(name: str, field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"\b{field} is {value}: "):
+        make_trust_model(name, **{field: value})

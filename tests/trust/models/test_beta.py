@@ -47,8 +47,3 @@ def test_it_is_the_point_estimate_of_dirichlet_reputation_of_ratings_on_levels(l
         evidence = keep * evidence + (places[None] == np.arange(levels)[:, None, None]).sum(axis=1)
         scores = (evidence + 2 / levels) / (2 + evidence.sum(axis=0))
         np.testing.assert_allclose(model.provider_trust(state), values @ scores, rtol=0, atol=1e-12)
-
-
-def test_what_is_kept_must_be_a_share() -> None:
-    with pytest.raises(ValueError, match=r"keep.*\[0, 1\]"):
-        make_trust_model("beta", keep=1.1)

@@ -107,8 +107,3 @@ def test_twelve_passes_are_enough_for_thirty_raters(monkeypatch: pytest.MonkeyPa
     for passes, same in ((29, True), (5, False)):
         monkeypatch.setattr(beta_reputation, "_PASSES", passes)
         assert np.array_equal(model._filter(pairs, rates * evidence, (1 - rates) * evidence)[0], kept) == same
-
-
-def test_the_tail_must_be_one() -> None:
-    with pytest.raises(ValueError, match=r"q.*\[1e-6, 0.5\)"):
-        make_trust_model("beta-filtered", q=0.5)

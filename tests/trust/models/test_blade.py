@@ -166,9 +166,3 @@ def test_a_liar_that_is_always_wrong_tells_as_much_as_who_is_right() -> None:
     assert trusts[0] > 0.75
     assert math.isclose(trusts[0], trusts[1], abs_tol=1e-12)
     assert state.credence[0, 1] < 0.1
-
-
-@pytest.mark.parametrize(("field", "value"), [("levels", 1), ("keep", 0.0), ("keep", 1.1)])
-def test_parameters_out_of_range_are_refused(field: str, value: float) -> None:
-    with pytest.raises(ValueError, match=field):
-        make_trust_model("blade", **{field: value})

@@ -113,9 +113,3 @@ def test_evidence_that_faded_beyond_all_numbers_leaves_trust_as_it_was() -> None
     later = [[None, 1.0], [None, 0.0]]
     state = play(model, first, *[later] * 600, [[None, 1.0], [0.1, 0.0]])
     assert state.trust[:, 0] == pytest.approx([0.9, 0.1])
-
-
-@pytest.mark.parametrize(("name", "value"), [("tolerance", 0), ("credibility", -0.1), ("initial", 1.1)])
-def test_parameters_out_of_range_are_refused(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=name):
-        make_trust_model("fire", **{name: value})

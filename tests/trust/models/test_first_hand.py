@@ -117,10 +117,3 @@ def test_judges_that_were_cheated_warn_one_that_was_not_yet() -> None:
     assert plain[3] > 0.65
     assert wary[3] < 0.2
     assert (wary[:3] < plain[:3]).all()
-
-
-@pytest.mark.parametrize("name", ["repeats", "patience"])
-@pytest.mark.parametrize("value", [-1, 1001, float("inf"), float("nan")])
-def test_weights_that_rounding_would_decide_are_refused(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=name):
-        make_trust_model("first-hand", **{name: value})

@@ -118,9 +118,3 @@ def test_a_judge_learns_of_a_provider_that_it_never_met_unless_an_adviser_lies_o
     seen, honest = [1, 1, 0, 0, np.nan], [[1, 1, 0, 0, 1]] * 3
     assert state_after(*[[seen, *honest, [0, 0, 1, 1, 0]]] * 10).trust[0, 4] > 0.85
     assert state_after(*[[seen, *honest, [1, 1, 0, 0, 0]]] * 10).trust[0, 4] == pytest.approx(0.5, abs=0.01)
-
-
-@pytest.mark.parametrize(("field", "value"), [("levels", 1), ("alpha", 0.0)])
-def test_parameters_out_of_range_are_refused(field: str, value: float) -> None:
-    with pytest.raises(ValueError, match=field):
-        make_trust_model("habit", **{field: value})

@@ -84,9 +84,3 @@ def test_bad_notes_fade_twice_as_fast() -> None:
 
 def test_gradients_are_finite() -> None:
     assert_gradients_are_finite(make_trust_model("qor"))
-
-
-@pytest.mark.parametrize(("name", "value"), [("theta", 0), ("theta", 1.1), ("initial", -1)])
-def test_parameters_out_of_range_are_refused(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=name):
-        make_trust_model("qor", **{name: value})

@@ -134,12 +134,3 @@ def test_the_huber_mean_gives_way_a_little() -> None:
     assert providers == pytest.approx([1 - 0.2 / 3])
     assert raters == pytest.approx([0.2 / 3] * 2 + [1 - 0.2 / 3] * 3)
     assert steady("huber-mean", 2, width=1)[1] == pytest.approx([3 / 5])  # the mean
-
-
-@pytest.mark.parametrize(
-    ("name", "field", "value"),
-    [("trimmed-mean", "share", 0.5), ("trimmed-mean", "share", -0.1), ("huber-mean", "width", 0)],
-)
-def test_parameters_out_of_range_are_refused(name: str, field: str, value: float) -> None:
-    with pytest.raises(ValueError, match=rf"{field} is {value}"):
-        make_trust_model(name, **{field: value})

@@ -87,8 +87,3 @@ def test_an_adviser_that_was_always_wrong_is_not_heard() -> None:
 
 def test_gradients_are_finite() -> None:
     assert_gradients_are_finite(make_trust_model("subjective-logic"))
-
-
-def test_a_base_rate_out_of_range_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"initial.*\[0, 1\]"):
-        make_trust_model("subjective-logic", initial=-0.5)

@@ -174,12 +174,3 @@ def test_one_rater_more_decides() -> None:
 def test_a_rater_in_the_middle_of_a_tie_is_right() -> None:
     raters, _ = after([np.array([[0.0], [0.5], [1.0]])] * 60)
     assert raters == pytest.approx([1 - sqrt(0.5), 1, 1 - sqrt(0.5)])
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("rise", 0), ("rise", 1.1), ("power", -1), ("power", 9), ("keep", 1.1), ("shock", -0.1)],
-)
-def test_parameters_out_of_range_are_refused(field: str, value: float) -> None:
-    with pytest.raises(ValueError, match=rf"{field} is {value}"):
-        make_trust_model("wary-role-trust", **{field: value})

@@ -94,11 +94,3 @@ def test_credences_that_fell_beyond_all_numbers_still_weigh() -> None:
 
 def test_gradients_are_finite() -> None:
     assert_gradients_are_finite(make_trust_model("yu-singh"))
-
-
-@pytest.mark.parametrize(
-    ("parameters", "allowed"), [({"beta": 0}, r"\(0, 1\]"), ({"memory": 0}, "greater than 0"), ({"initial": 2}, "0, 1")]
-)
-def test_parameters_out_of_range_are_refused(parameters: dict, allowed: str) -> None:
-    with pytest.raises(ValueError, match=rf"{next(iter(parameters))}.*{allowed}"):
-        make_trust_model("yu-singh", **parameters)
