@@ -77,10 +77,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parts = [
             "# What the trust models cost",
             "![Nanoseconds per rating of each trust model, on NumPy and on compiled torch](model-costs.png)",
-            "One update in float32 in which all raters rate all providers, the median of the repeats. S^ and P^ are "
-            "the powers of the numbers of raters and of providers that its time grows by on NumPy, from "
-            f"{sides[-2]:,} to {sides[-1]:,} of one with {sides[-1]:,} of the other; fixed costs make them less than "
-            "the model's own.",
+            "Each line of the grid is ten times the one before. One update in float32 in which all raters rate all "
+            "providers, the median of the repeats. S^ and P^ are the powers of the numbers of raters and of providers "
+            f"that its time grows by on NumPy, from {sides[-2]:,} to {sides[-1]:,} of one with {sides[-1]:,} of the "
+            "other; fixed costs make them less than the model's own.",
         ]
         for library in asked.library:
             headings, *lines = _lines(models, found, sides, library)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from pydantic import TypeAdapter, ValidationError
 
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
@@ -20,7 +21,7 @@ from roletrust_experiments.commands.catalogue import Entry
 from roletrust_experiments.commands.console import errors, progress_bar
 from roletrust_experiments.playing.games import attacks_in_words
 from roletrust_experiments.plots.figure_files import write_figure
-from roletrust_experiments.plots.style import INK
+from roletrust_experiments.plots.style import ATTACKED, INK
 from roletrust_experiments.plots.video import write_video
 from studies.models import ATTACKS, ROUNDS, SCENARIO, WORDS, Panel, draw_panel, legend_keys, play_panel
 
@@ -222,9 +223,8 @@ def _panel_figure(panel: Panel, title: str) -> Figure:
     axes.set_title(title, color=INK, fontsize=10)
     axes.set_xlabel("time (s)", color=INK, fontsize=9)
     axes.set_ylabel("trust", color=INK, fontsize=9)
-    figure.legend(
-        handles=legend_keys([panel]), loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK
-    )
+    keys = [*legend_keys([panel]), Patch(facecolor=ATTACKED, label="during the attack")]
+    figure.legend(handles=keys, loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK)
     return figure
 
 
