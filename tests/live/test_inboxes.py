@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from fake_wire import FakeWire
+from manager_cases import TEAM, manager
 
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.nodes import inboxes, run_loop
@@ -228,6 +229,39 @@ def test_a_signal_ends_a_node_and_its_sleep(number):
 )
 def test_a_topic_has_the_owner_that_it_names(topic, ending, name):
     assert owner(topic, ending) == name
+
+
+@pytest.mark.parametrize("pause", [1, 4, 12, 50])
+def test_what_waited_in_a_pause_of_the_manager_counts(pause, tmp_path, monkeypatch):
+    """It was once refused as from the past; a message of before the pause is still refused."""
+    wire, now = FakeWire(), [100 * PERIOD]
+    monkeypatch.setattr(inboxes.clock, "now", lambda: now[0])
+    keeper = manager(tmp_path / "journal")
+    inbox = rating_inbox(wire, RoundTiming(PERIOD), keeper.validator, keeper.known_raters, strangers=True)
+    inbox.update(wire.announce(RATINGS, messages.RATINGS, *TEAM.raters))
+    entries = []
+
+    def send(*rounds):
+        for name in TEAM.raters:
+            sent = [messages.ratings_message(name, r * PERIOD, {"sp_0": 0.5}) for r in rounds]
+            wire.waiting[f"/{name}/ratings"] += map(messages.encode, sent)
+
+    def turn():
+        for message in inbox.read():
+            entries.extend(keeper.receive(message, inbox.arrival(message.envelope, now[0])))
+        entries.extend(keeper.tick(now[0]))
+
+    for r in range(100, 104):
+        now[0] = r * PERIOD + PERIOD // 10
+        send(r)
+        turn()
+    now[0] += pause * PERIOD
+    send(103, *range(104, 104 + pause))
+    keeper.add_provider("sp_0", now[0])
+    turn()
+    last = 104 + pause
+    assert [(entry.stamp // PERIOD, len(entry.ratings)) for entry in entries] == [(r, 3) for r in range(100, last)]
+    assert keeper.validator.refusals == {(name, RefusalReason.REPLAYED): 1 for name in TEAM.raters}
 
 
 def test_a_flood_is_counted_once():

@@ -36,6 +36,7 @@ A message that is sent again within the tolerance has an old stamp.
 _MAX_PER_SECOND = 100  # messages of a node on a topic of all, such as `/diagnostics`
 _GONE_S = 5.0  # a topic without a writer for that long has no reader
 _CHECK_S = 1.0
+_LONGEST_PAUSE = 30_000_000_000  # of this process, nanoseconds: what has waited longer counts as late
 _COUNTED = 20  # participants that are counted by their identifier
 
 
@@ -296,7 +297,8 @@ class AgentInbox(Generic[M]):
         timing: RoundTiming,
         depth: int = 10,
     ) -> None:
-        self._node, self._ending, self._kind, self._read = node, ending, kind, read
+        self._node, self._ending, self._kind, self._read, self._period = node, ending, kind, read, timing.period
+        self._since = self._began = clock.now()  # of the last two reads
         self.validator, self.known, self._strangers = validator, known, strangers
         self._readers = TopicReaders(node, depth, timing.quota)
         self.turned_away: Counter[str] = Counter()
@@ -315,6 +317,7 @@ class AgentInbox(Generic[M]):
 
     def read(self) -> Iterator[M]:
         """Iterate over the messages since the last call that can be read, valid or not; known agents come first."""
+        self._since, self._began = self._began, clock.now()
         for name, reader in self.readers():
             yield from _read_all(reader, name, partial(self._read, name), self.validator)
 
@@ -325,8 +328,21 @@ class AgentInbox(Generic[M]):
             now: Time, nanoseconds.
         """
         for message in self.read():
-            if self.validator.accepts(message.envelope, now):
+            if self.validator.accepts(message.envelope, self.arrival(message.envelope, now)):
                 yield message
+
+    def arrival(self, envelope: Envelope, now: int) -> int:
+        """Return the time of arrival of a message that was just read.
+
+        After a pause of this process, messages have waited. Each of them then counts as prompt, as far as it can have
+        arrived in the pause.
+
+        Args:
+            envelope: Origin of the message.
+            now: Time, nanoseconds.
+        """
+        since = max(self._since, now - _LONGEST_PAUSE)
+        return now if now - since <= self._period else max(since, min(envelope.stamp, now))
 
     @property
     def refusals(self) -> Counter[tuple[str, RefusalReason]]:

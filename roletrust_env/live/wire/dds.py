@@ -44,6 +44,7 @@ _LOOPBACK = '<General><Interfaces><NetworkInterface address="127.0.0.1" multicas
 _COMPATIBLE = "<Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>"
 
 _MILLISECOND = 1_000_000
+_LONGEST_PAUSE_S = 30.0  # of this process, after which it still takes all that has waited
 _ANY = ViewState.Any | InstanceState.Any | SampleState.NotRead
 _AT_ONCE = 1000  # messages in one read
 _LAST_DOMAIN = 232  # DDS has no ports for higher numbers
@@ -94,14 +95,15 @@ class Reader:
 
     def __init__(self, reader: Any, quota: "Quota | None" = None) -> None:
         self._reader, self._quota = reader, quota
-        self.excess = 0
+        self._taken_s, self.excess = time.monotonic(), 0
 
     def take(self) -> list[bytes]:
         """Return the messages since the last call as CDR, in order of arrival."""
         samples = [sample for sample in self._reader.take(_AT_ONCE) if not isinstance(sample, InvalidSample)]
         if self._quota is not None:
             now = time.monotonic()
-            within = [one for one in samples if self._quota.allows(one.sample_info.publication_handle, now)]
+            pause, self._taken_s = now - self._taken_s, now
+            within = [one for one in samples if self._quota.allows(one.sample_info.publication_handle, now, pause)]
             self.excess += len(samples) - len(within)
             samples = within
         return [sample.raw for sample in samples]
@@ -125,17 +127,24 @@ class Quota:
     """
 
     def __init__(self, limit: int) -> None:
-        self._limit, self._second = limit, 0
+        self._limit, self._second, self._allowed = limit, 0, limit
         self._counts: Counter[int] = Counter()
         self._blocked: frozenset[int] = frozenset()
 
-    def allows(self, writer: int, now: float) -> bool:
-        """Return whether a writer's message at a time, in seconds, is within the limit."""
+    def allows(self, writer: int, now: float, pause: float = 0.0) -> bool:
+        """Return whether a writer's message is within the limit.
+
+        Args:
+            writer: Handle of the writer.
+            now: Time, seconds.
+            pause: Time since messages were taken before, seconds. What has waited meanwhile came in as much time.
+        """
         if int(now) != self._second:
-            self._blocked = frozenset(one for one, count in self._counts.items() if count > self._limit)
+            self._blocked = frozenset(one for one, count in self._counts.items() if count > self._allowed)
             self._second, self._counts = int(now), Counter()
+            self._allowed = int(self._limit * max(1.0, min(pause, _LONGEST_PAUSE_S)))
         self._counts[writer] += 1
-        return writer not in self._blocked and self._counts[writer] <= self._limit
+        return writer not in self._blocked and self._counts[writer] <= self._allowed
 
 
 class Publication(NamedTuple):

@@ -168,6 +168,14 @@ def test_a_writer_over_its_quota_is_blocked_until_it_sends_fewer():
     assert quota.allows(1, 5.0)
 
 
+def test_a_pause_of_the_reader_is_no_flood_of_the_writer():
+    quota = Quota(3)
+    assert [quota.allows(1, 9.0, 4.0) for _ in range(13)] == [True] * 12 + [False]
+    assert [quota.allows(2, 9.5, 0.5) for _ in range(12)] == [True] * 12
+    assert not quota.allows(1, 10.0, 0.5)
+    assert [quota.allows(2, 10.0, 0.5) for _ in range(4)] == [True] * 3 + [False]
+
+
 def test_messages_over_the_quota_are_counted():
     samples = [
         SimpleNamespace(raw=bytes([k]), sample_info=SimpleNamespace(publication_handle=k % 2)) for k in range(10)
