@@ -19,6 +19,7 @@ from roletrust_env.live.nodes import agent_nodes
 from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
 from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.topics import IMAGES
 from roletrust_experiments.cli import app
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide" / "ros2"
@@ -142,6 +143,41 @@ def test_a_policy_plays_in_all_rounds(machine, frames):
     machine.after = [(10, end)]
     machine.runs(run_camera_node, "sp_0", frames=frames, loop=True, policy=Later())
     assert qualities[:10] == list(range(10))
+
+
+class Detector:
+    """Sees the same in every picture."""
+
+    def __init__(self, *_):
+        pass
+
+    def probability(self, jpeg):
+        return 0.5
+
+
+@pytest.mark.parametrize("back", [1, 4, 40])
+@pytest.mark.parametrize("late", [0.0, 0.3])
+def test_the_first_picture_of_a_camera_that_is_back_is_rated(late, back, machine, monkeypatch):
+    """It is the last one of its round; the rater has no ratings of the camera before its first one, either."""
+    monkeypatch.setattr(agent_nodes, "PersonDetector", Detector)
+    machine.wire.announce(IMAGES, messages.IMAGE, "sp_0", "sp_1", "sp_2")
+    sent, rounds = dict.fromkeys(("sp_0", "sp_1", "sp_2"), 0), 10 + back
+
+    def wait(seconds):
+        machine.pass_time(seconds)
+        for name, last in sent.items():
+            due = (machine.now - int((late if name == "sp_2" else 0) * PERIOD)) // PERIOD
+            if due > last:
+                sent[name] = due
+                if name != "sp_2" or not 3 < due <= 3 + back:
+                    picture = messages.encode(messages.picture_message(due * PERIOD, name, b"jpeg"))
+                    machine.wire.waiting[f"/{name}{IMAGES}"].append(picture)
+
+    machine.wire.wait = wait
+    machine.runs(run_rater_node, "sr_0", rounds=rounds)
+    ratings = [message for message in machine.wire.sent if message.__msgtype__ == messages.RATINGS]
+    rated = {messages.stamp_of(message) // PERIOD: len(message.providers) for message in ratings}
+    assert rated == {r: 2 if 3 < r <= 3 + back else 3 for r in range(1, rounds + 1)}
 
 
 @pytest.mark.parametrize("name", ["sp_0", "sr_0"])

@@ -23,7 +23,7 @@ from roletrust_env.world.roster import Roster
 pytestmark = pytest.mark.live
 __all__ = ["keys", "own_domain"]
 
-ROBOTS = make_scenario("paper-3x3").change(max_cycles=2000, perturbations=())
+ROBOTS = make_scenario("paper-3x3").change(perturbations=())
 PERIOD = 500_000_000
 
 

@@ -21,7 +21,7 @@ from roletrust_experiments.commands.live.processes import NodeProcesses
 pytestmark = pytest.mark.live
 
 PERIOD, ROUNDS, PATIENCE_S = 500_000_000, 12, 120
-RULES = make_scenario("paper-3x3").change(perturbations=(), max_cycles=2000)
+RULES = make_scenario("paper-3x3").change(perturbations=())
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 ATTACKS = ["sr_2=learned:path=universal-raters", "sp_2=learned:path=universal-providers,accomplices=[sp_2]"]
 

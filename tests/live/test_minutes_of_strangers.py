@@ -17,7 +17,7 @@ from roletrust_env.world.roster import Roster
 pytestmark = pytest.mark.soak
 __all__ = ["own_domain"]
 
-SCENARIO = make_scenario("paper-3x3").change(max_cycles=2000, perturbations=())
+SCENARIO = make_scenario("paper-3x3").change(perturbations=())
 TEAM = Team(Roster.of(SCENARIO).rater_names, Roster.of(SCENARIO).provider_names)
 PERIOD, MINUTE = 500_000_000, 120  # nanoseconds, and rounds
 

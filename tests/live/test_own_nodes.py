@@ -26,7 +26,7 @@ pytestmark = pytest.mark.ros2
 NODES = HOUSE / "docs" / "guide" / "ros2"
 PERIOD, ROUNDS = 500_000_000, 20
 PATIENCE_S = 120
-RULES = make_scenario("paper-3x3").change(perturbations=(), max_cycles=2000)
+RULES = make_scenario("paper-3x3").change(perturbations=())
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 
 

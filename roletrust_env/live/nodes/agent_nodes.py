@@ -157,8 +157,8 @@ def run_rater_node(
                 elif camera != name:
                     strangers.add(camera, stamp, jpeg)
             closed += assembler.close_due(clock.now())
-            for newest in closed[-1:]:  # a rater that is behind catches up: late ratings do not count
-                publish(newest)
+            if closed and active:  # a rater that is behind catches up: late ratings do not count
+                publish(closed[-1])
             if diagnostics.is_due:
                 diagnostics.publish({}, cameras.refusals + trust.inbox.validator.refusals)
 

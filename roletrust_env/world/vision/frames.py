@@ -23,6 +23,7 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 _MIN_ASPECT = 0.45  # width over height; in a narrower frame the detector's window does not fit
 _ROUNDING_S = 1e-6
+_ENDLESS = "has no end; loop it, or give the run an end"
 
 
 class FramesError(ValueError):
@@ -102,6 +103,8 @@ class VideoFile(CapturedFrames):
             raise FramesError(f"{self._name} has no frame rate; a constant frame rate is needed")
         self._count = round(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))  # 0 or less if the format does not say
         length_s = self._count / self._fps
+        if self._count <= 0 and math.isinf(duration_s) and not loop:
+            raise FramesError(f"{self._name} does not say how long it lasts, and the run {_ENDLESS}")
         if 0 < length_s < duration_s - _ROUNDING_S:
             if not loop:
                 raise FramesError(
@@ -264,7 +267,7 @@ def open_frames(
 def _ways_out(duration_s: float, length: str, more: str) -> str:
     """Return the end of the message about frames that end before the run."""
     if math.isinf(duration_s):
-        return "which has no end; loop it, or give the run an end"
+        return f"which {_ENDLESS}"
     return f"which {length}; use {more} or a shorter run, or loop it"
 
 

@@ -1,6 +1,8 @@
 import subprocess
 import sys
 import time
+from math import inf
+from types import SimpleNamespace
 
 import cv2
 import imageio.v2 as imageio
@@ -110,6 +112,16 @@ def test_a_video_that_is_looped_begins_again(tmp_path):
     liar._count = 1000
     assert liar.frame(0, 1.2, 0.0).mean() == pytest.approx(10, abs=4)
     assert liar.loop_length_s == 1.0
+
+
+@pytest.mark.parametrize("count", [0, -1, 30])
+def test_a_run_without_an_end_needs_frames_without_one(count, monkeypatch, tmp_path):
+    (tmp_path / "walk.avi").write_bytes(b"")
+    capture = SimpleNamespace(isOpened=lambda: True, get={cv2.CAP_PROP_FPS: 10.0, cv2.CAP_PROP_FRAME_COUNT: count}.get)
+    monkeypatch.setattr(cv2, "VideoCapture", lambda _: capture)
+    with pytest.raises(FramesError, match=r"walk.avi .* has no end; loop it, or give the run an end"):
+        opened(tmp_path / "walk.avi", duration_s=inf)
+    opened(tmp_path / "walk.avi", duration_s=inf, loop=True)
 
 
 def test_a_frame_that_is_due_twice_is_not_looked_for_from_the_start(tmp_path, monkeypatch):
