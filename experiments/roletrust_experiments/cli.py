@@ -22,20 +22,20 @@ _HERE = "roletrust_experiments.commands"
 
 @command_group(
     {
-        "figures": f"{_HERE}.figures:figures",
         "play": f"{_HERE}.play:play",
         "list": f"{_HERE}.listing:list_command",
         "train": f"{_HERE}.train:train",
         "benchmark": f"{_HERE}.benchmark:benchmark",
         "report": f"{_HERE}.report:report",
         "replay": f"{_HERE}.replay:replay",
-        "serve": f"{_HERE}.serve:serve",
-        "mcp": f"{_HERE}.mcp:mcp",
         "submit": f"{_HERE}.submit:submit",
         "verify": f"{_HERE}.submit:verify",
         "rate": f"{_HERE}.rate:rate",
         "audit": f"{_HERE}.audit:audit",
         "panel": f"{_HERE}.panel:panel",
+        "serve": f"{_HERE}.serve:serve",
+        "mcp": f"{_HERE}.mcp:mcp",
+        "figures": f"{_HERE}.figures:figures",
         "live": f"{_HERE}.live.app:live",
     }
 )
@@ -48,14 +48,17 @@ def app(
 
     [bold]Examples[/]
 
-    [dim]# the paper's two figures, from camera frames[/]
-    [cyan]roletrust figures[/]
-
-    [dim]# an attack in the paper's scenario[/]
-    [cyan]roletrust play --attack sp_2=on-off:start=100[/]
+    [dim]# one of three raters begins to lie: seconds[/]
+    [cyan]roletrust play --attack sr_2=bad-mouthing:start=40[/]
 
     [dim]# what can be played[/]
     [cyan]roletrust list[/]
+
+    [dim]# whom to trust, from a file of ratings[/]
+    [cyan]roletrust rate ratings.csv --scale 1 5[/]
+
+    [dim]# every trust model under every attack: minutes[/]
+    [cyan]roletrust benchmark[/]
 
     [dim]# the options of a command[/]
     [cyan]roletrust play --help[/]

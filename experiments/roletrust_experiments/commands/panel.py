@@ -37,6 +37,7 @@ from roletrust_experiments.commands.console import (
     tell,
     tell_left_out,
 )
+from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
 
 _FEW = 5  # judges at each end of a longer table
@@ -116,6 +117,7 @@ def panel(
     ):
         if wrong:
             raise ValueError(words)
+    require("roletrust panel", "data", "pyarrow")
     if synthetic:
         votes.parent.mkdir(parents=True, exist_ok=True)
         write_votes(votes, seed)
@@ -171,6 +173,8 @@ def _verdicts(votes: Votes, name: str, out: Path) -> None:
     _print(title, ["judge", "trust", "items", "right on labels"], [cells(line) for line in ends])
     told = f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv"
     tell(told)
+    if (votes.truth < 0).all():
+        console.print("Without labels, trust is agreement with the majority. --truth FILE (item, truth) adds yours.")
 
 
 def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None:

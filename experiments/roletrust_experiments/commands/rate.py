@@ -181,6 +181,7 @@ def rate(
             groups = find_suspects(chosen, log, numbers_of(log, every, count), seed=seed, advance=advance)
             console.print(suspects_table(groups, log))
             rows = [(n, log.rater_names[at], *one[2:]) for n, one in enumerate(groups.groups, 1) for at in one.raters]
+            written += ", suspects.csv"
             write_csv(folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows)
     console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
     told = f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to {written}"

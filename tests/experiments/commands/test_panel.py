@@ -130,6 +130,13 @@ def test_what_is_missing_is_said(votes: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
+def test_without_the_extra_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("roletrust_experiments.commands.extras.find_spec", lambda name: None)
+    result = run("panel", str(tmp_path / "votes.csv"), "--synthetic", "--out", str(tmp_path / "out"))
+    assert "roletrust panel needs pyarrow: pip install 'roletrust-env[data]'" in " ".join(result.output.split())
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_models_that_do_not_fit_are_left_out(votes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roletrust_env.trust.run.MEMORY", 1000.0)
     more = ["--truth", "truth", "--measure", "--method", "majority", "--method", "first-hand", "--out", str(tmp_path)]

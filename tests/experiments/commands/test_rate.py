@@ -95,6 +95,7 @@ def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path
     assert result.exit_code == 0, result.output
     assert "Trust in the ratee s7: 0." in result.output
     assert "In 19 shuffled logs: 0 groups" in " ".join(result.output.split())
+    assert "raters.csv, suspects.csv" in " ".join(result.output.split())
     found = rows(tmp_path / "out" / "suspects.csv")
     assert [row["rater"] for row in found if row["group"] == "1"] == [f"ring{n}" for n in range(5)]
     assert "no agent 'x' has ratings" in run("rate", str(log), *options, "--explain", "x").output
