@@ -3,7 +3,6 @@
 The package is installed as Python sees it: a folder, and beside it what a wheel leaves of its entry points.
 """
 
-import csv
 import json
 import sys
 from collections.abc import Callable, Iterator
@@ -12,6 +11,7 @@ from typing import Any
 
 import gymnasium
 import pytest
+from csv_files import csv_rows
 from typer.testing import CliRunner
 
 from roletrust_env import make_attacker, make_trust_model, parallel_env
@@ -142,8 +142,7 @@ def test_they_play(command: Callable) -> None:
 def test_the_attack_is_searched_under_the_model(tmp_path: Path) -> None:
     task = ["task", "--task", "RaterAttack", "--model", "grudge", "--attack", "gossip"]
     ladder.main([*task, *CERTAIN, "--budget", "1000", "--games", "2", "--out", str(tmp_path)])
-    with (tmp_path / "ladder.csv").open() as file:
-        rows = {row["rung"]: row for row in csv.DictReader(file)}
+    rows = {row["rung"]: row for row in csv_rows(tmp_path / "ladder.csv")}
     scores = {rung: float(row["score"]) for rung, row in rows.items()}
     assert scores["scripted, best of grid"] > scores["scripted, default"] > scores["honest play"]
     assert rows["scripted, best of grid"]["attack"] == "sr_2: gossip:harm=1,since=0"

@@ -1,6 +1,5 @@
 """A small run, the report on it, and the numbers of both."""
 
-import csv
 import json
 import sqlite3
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import large_run
 import numpy as np
 from command_line import run
+from csv_files import csv_rows
 from small_suites import small
 
 from roletrust_env.benchmarking.cells import play_cell
@@ -44,4 +44,4 @@ def mean(folder: Path, model: str, attack: str, track: str, share: float, name: 
 
 
 def lines(folder: Path, name: str) -> list[dict[str, str]]:
-    return list(csv.DictReader((folder / "out" / f"{name}.csv").open(encoding="utf-8")))
+    return csv_rows(folder / "out" / f"{name}.csv")

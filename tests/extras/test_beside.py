@@ -1,12 +1,12 @@
 """The installed wheel beside what others have: folders named like those of the repository, and a plug-in package."""
 
-import csv
 import re
 from collections.abc import Callable
 from pathlib import Path
 from textwrap import indent
 
 import pytest
+from csv_files import csv_rows
 from fresh_environments import HELPS, HOUSE, Environment
 from test_outside import ATTACK, MODEL
 
@@ -78,11 +78,6 @@ def beside_packages_of_the_same_name(environment: Environment) -> None:
         put(environment.folder / name, __init__=f"OWNER = 'the user: {name}'\n", cli="raise SystemExit('not ours')\n")
 
 
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
 def test_folders_named_like_those_of_the_repository_are_the_users_own(fresh: Callable[..., Environment]) -> None:
     user = fresh("cli")
     beside_packages_of_the_same_name(user)
@@ -114,10 +109,10 @@ def test_a_package_of_plug_ins_is_listed_plays_and_enters_the_benchmark(
     for name, text in (("models", MODELS), ("learners", LEARNERS)):
         (user.folder / f"{name}.toml").write_text(text, encoding="utf-8")
         user.roletrust("benchmark", "--suite", f"{name}.toml", "--workers", 1, "--out", name)
-    board = {row["model"]: row for row in rows(user.folder / "models" / "leaderboard.csv")}
+    board = {row["model"]: row for row in csv_rows(user.folder / "models" / "leaderboard.csv")}
     assert board.keys() == {"mean", "grudge"}
     assert {row["worst_attack"] for row in board.values()} == {"gossip"}
-    shares = {row["learner"]: row for row in rows(user.folder / "learners" / "learners.csv")}
+    shares = {row["learner"]: row for row in csv_rows(user.folder / "learners" / "learners.csv")}
     assert float(shares["steady"]["share"]) > 0
     called = """
 from roletrust_env.benchmarking import benchmark

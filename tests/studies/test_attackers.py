@@ -1,10 +1,10 @@
 """Budgets and transfer of attackers in a tiny suite."""
 
-import csv
 import json
 
 import pytest
 from attackers_suite import condition
+from csv_files import csv_rows
 
 from studies import budget, transfer
 from studies.budget import Level, Point, left_out, levels
@@ -13,16 +13,11 @@ from studies.transfer import Coalition
 pytestmark = pytest.mark.slow
 
 
-def rows(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
-
-
 def test_budgets_of_scripts_and_of_a_search(tmp_path):
     methods = ["--method", "scripts", "--method", "random search", "--budget", "500", "--budget", "5000"]
     models = ["--model", "mean", "--model", "beta:keep=0.5"]
     budget.main([*condition(tmp_path), *methods, *models, "--runs", "2", "--out", str(tmp_path)])
-    found = rows(tmp_path / "budget.csv")
+    found = csv_rows(tmp_path / "budget.csv")
     assert len(found) == 2 * (1 + 2) * 2
     rounds = 2 * 40 * 6  # scripts x games x rounds of a game
     assert {row["rounds"] for row in found if row["method"] == "scripts"} == {str(rounds)}
@@ -50,7 +45,7 @@ def test_levels_are_means_over_seeds():
 def test_coalitions_play_on_all_columns(tmp_path):
     models = ["--model", "mean", "--on", "median", "--budget", "20000", "--runs", "1"]
     transfer.main([*condition(tmp_path), *models, "--out", str(tmp_path)])
-    found = rows(tmp_path / "transfer.csv")
+    found = csv_rows(tmp_path / "transfer.csv")
     assert [row["played_on"] for row in found[:2]] == ["mean", "median"]
     assert [row["seen"] for row in found[:2]] == ["True", "False"]
     assert {row["universal"] for row in found} == {"True", "False"}

@@ -1,10 +1,10 @@
 """The page on learned defence says what its tables say, and `make study NAME=defend` makes them."""
 
-import csv
 import re
 from pathlib import Path
 
 import pytest
+from csv_files import csv_rows
 
 pytestmark = pytest.mark.slow
 
@@ -18,8 +18,7 @@ JUDGES = ("travos", "own-experience", "first-hand")
 
 
 def rows(name):
-    with (FOLDER / name).open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    return csv_rows(FOLDER / name)
 
 
 MODELS = {re.sub(r", trained.*", ", trained", row["model"]): row for row in rows("comparison.csv")}

@@ -1,10 +1,10 @@
 """The study of learned defence in its smallest form: its files, its saved models, and what it refuses."""
 
-import csv
 import json
 
 import pytest
 from attackers_suite import SUITE
+from csv_files import csv_rows
 
 from roletrust_agents.learned.saved_defence import SavedTrust, load_defence
 from studies.defend import main
@@ -23,8 +23,7 @@ def run(folder, *arguments):
 
 
 def rows(folder, name):
-    with (folder / "out" / name).open() as file:
-        return list(csv.DictReader(file))
+    return csv_rows(folder / "out" / name)
 
 
 def by_name(table):

@@ -1,10 +1,10 @@
 """The page on wary role-trust agrees with its leaderboard of the development suite."""
 
-import csv
 import re
 from pathlib import Path
 
 import pytest
+from csv_files import csv_rows
 
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from studies import SUITES
@@ -15,8 +15,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 def test_the_table_is_the_leaderboard_of_the_development_suite() -> None:
-    with (DOCS / "better-model.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(DOCS / "better-model.csv")
     assert sorted(row["model"] for row in rows) == sorted(load_suite(SUITES / "development.toml").model_names)
     expected = [
         f"| {row['model']} | {float(row['worst']):.3f} ± {float(row['worst_half_95']):.3f} "
@@ -35,8 +34,7 @@ def test_no_other_suite_has_its_seeds() -> None:
 def test_the_page_agrees_with_the_leaderboard() -> None:
     page = (DOCS / "better-model.md").read_text(encoding="utf-8")
     section = page.partition("## In the suite standard")[2].partition("\n\nSome variants")[0]
-    with (DOCS / "leaderboards" / "standard" / "leaderboard.csv").open(encoding="utf-8") as file:
-        rows = {row["model"]: row for row in csv.DictReader(file)}
+    rows = {row["model"]: row for row in csv_rows(DOCS / "leaderboards" / "standard" / "leaderboard.csv")}
     numbers = re.findall(r"-?0\.\d{3} ± 0\.\d{3}", " ".join(section.split()))
     selected = [rows[model] for model in ("wary-role-trust", "role-trust", "qor")]
     assert numbers == [

@@ -1,10 +1,10 @@
 """The equilibrium of models and attackers: games whose solution is known, duality, and what counts as a strategy."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_files import csv_rows
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -123,8 +123,7 @@ def test_the_page_says_what_the_table_has() -> None:
     assert gain == [0, 0, 0]
     assert informed[0] > mixture[0]
     assert abs(mixed[0] - informed[0]) < 0.01
-    with (DOCS / "equilibrium" / "equilibrium.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(DOCS / "equilibrium" / "equilibrium.csv")
     assert [row["model"] for row in rows if float(row["weight"]) > 0.01] == ["first-hand"]
     assert all(
         line.endswith("100% |") for line in lines[lines.index("| condition | the attacker's mixture |") + 2 :][:16]
@@ -136,8 +135,7 @@ def test_the_study_of_a_played_suite(tmp_path):
     benchmark(suite=suite, out=tmp_path / "played", workers=0, progress=False)
     results = ["--results", str(tmp_path / "played/results.sqlite"), "--resamples", "20"]
     main([*results, "--out", str(tmp_path / "out")])
-    with (tmp_path / "out/equilibrium.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(tmp_path / "out/equilibrium.csv")
     assert {row["model"] for row in rows} == {"mean", "median", "constant"}
     assert sum(float(row["weight"]) for row in rows) == pytest.approx(1, abs=1e-5)
     assert [float(row["alone"]) for row in rows] == sorted((float(row["alone"]) for row in rows), reverse=True)

@@ -1,13 +1,21 @@
-"""The study of findings answers all questions in their smallest form."""
+"""The study of findings answers all questions in their smallest form, and the documentation has its answers."""
 
-import csv
 import json
+import re
+from pathlib import Path
 
 import pytest
+from csv_files import csv_rows
 
+from roletrust_env import attackers
 from studies.findings import QUESTIONS, main
+from studies.questions import breaking, roles
+from studies.questions.answers import Effort
 
 pytestmark = pytest.mark.slow
+
+HOUSE = Path(__file__).parents[2]
+PAGE = (HOUSE / "docs/findings.md").read_text(encoding="utf-8")
 
 
 def test_every_question_has_a_sentence_a_figure_a_table_and_a_command(tmp_path, capsys):
@@ -19,8 +27,7 @@ def test_every_question_has_a_sentence_a_figure_a_table_and_a_command(tmp_path, 
         command = f"python -m studies.findings --question {name} --games 3 --seed 0 --quick"
         assert f"](findings/{name}.png)\n\n{one['sentence']}\n\n    {command}\n" in text
         assert (tmp_path / "findings" / f"{name}.png").stat().st_size > 10_000
-        with (tmp_path / "findings" / f"{name}.csv").open() as file:
-            rows = list(csv.DictReader(file))
+        rows = csv_rows(tmp_path / "findings" / f"{name}.csv")
         assert rows
         assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in rows)
     main(["--quick", "--games", "3", "--question", "noise", "--out", str(tmp_path / "again")])
@@ -29,3 +36,24 @@ def test_every_question_has_a_sentence_a_figure_a_table_and_a_command(tmp_path, 
     with pytest.raises(SystemExit):
         main(["--question", "nose", "--out", str(tmp_path / "none")])
     assert "questions are roles, dilution" in capsys.readouterr().err
+
+
+def test_the_page_is_that_of_one_default_run():
+    asked = re.findall(
+        r"^    python -m studies.findings --question (\S+) --games 48 --seed 0$", PAGE, flags=re.MULTILINE
+    )
+    assert len(asked) == PAGE.count("\n## ")
+    assert set(asked) == set(QUESTIONS)
+
+
+def test_every_answer_has_its_picture():
+    pictures = re.findall(r"\]\((findings/.*)\)", PAGE)
+    assert len(pictures) == PAGE.count("\n## ")
+    assert all((HOUSE / "docs" / picture).exists() for picture in pictures)
+
+
+@pytest.mark.parametrize("question", [breaking, roles])
+def test_attacks_that_came_after_the_answers_are_not_played(question):
+    suite = question._suite(Effort(48, 0, quick=False))
+    treating = {"personal-milking", "personal-milking-ring", "personal-sybil-ring", "quiet-discrimination", "rotation"}
+    assert set(attackers()) - set(suite.attacks) == {"swap-ends", "learned"} | treating

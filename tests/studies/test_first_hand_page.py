@@ -1,9 +1,9 @@
 """The page on first-hand trust agrees with its tables, and its suite has seeds of its own."""
 
-import csv
 from pathlib import Path
 
 import pytest
+from csv_files import csv_rows
 
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from studies import SUITES
@@ -15,8 +15,7 @@ PAGE = (DOCS / "first-hand.md").read_text(encoding="utf-8")
 
 
 def rows(name: str) -> list[dict[str, str]]:
-    with (DOCS / "first-hand" / name).open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    return csv_rows(DOCS / "first-hand" / name)
 
 
 BOARD = {row["model"]: row for row in rows("leaderboard.csv")}
@@ -60,8 +59,7 @@ def test_what_the_page_says_of_the_parts_is_in_the_tables() -> None:
 
 
 def test_its_number_in_the_leaderboard_stands_beside_those_of_others() -> None:
-    with (DOCS / "leaderboards" / "standard" / "leaderboard.csv").open(encoding="utf-8") as file:
-        board = {row["model"]: row for row in csv.DictReader(file)}
+    board = {row["model"]: row for row in csv_rows(DOCS / "leaderboards" / "standard" / "leaderboard.csv")}
     section = " ".join(PAGE.partition("## In the leaderboard")[2].partition("## ")[0].split())
     for name in ("first-hand", "travos", "own-experience", "leave-one-out", "wary-role-trust"):
         assert f"{float(board[name]['worst']):.3f} ± {float(board[name]['worst_half_95']):.3f}" in section

@@ -1,16 +1,14 @@
 """The page on trust in judges has the numbers of its files."""
 
-import csv
 import re
 from pathlib import Path
 
 import pytest
+from csv_files import csv_rows
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "judges.md").read_text(encoding="utf-8")
-ROWS = {
-    path.stem: list(csv.DictReader(path.open(encoding="utf-8"))) for path in sorted((DOCS / "judges").glob("*.csv"))
-}
+ROWS = {path.stem: csv_rows(path) for path in sorted((DOCS / "judges").glob("*.csv"))}
 
 
 def triples(text: str) -> set[tuple[str, ...]]:

@@ -1,9 +1,9 @@
 """Ladders of attacks on small tasks."""
 
-import csv
 from dataclasses import replace
 
 import pytest
+from csv_files import csv_rows
 
 from roletrust_agents.learned.methods import Learned
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
@@ -21,8 +21,7 @@ CERTAIN = ["--set", "noise=0", "--set", "perturbations=[]", "--set", "max_cycles
 def climb(out, task, *arguments, budget=6000):
     """The scores of each rung by run, and the page."""
     main(["task", "--task", task, *arguments, "--budget", str(budget), "--games", "4", "--out", str(out)])
-    with (out / "ladder.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(out / "ladder.csv")
     rungs = {}
     for row in rows:
         rungs.setdefault(row["rung"], []).append(float(row["score"]))

@@ -1,9 +1,9 @@
 """The page on leave-one-out trust agrees with its tables, and its suite has a seed of its own."""
 
-import csv
 from pathlib import Path
 
 import pytest
+from csv_files import csv_rows
 
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from studies import SUITES
@@ -22,8 +22,7 @@ MEASURES = [
 
 
 def rows(name: str) -> list[dict[str, str]]:
-    with (DOCS / name).open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    return csv_rows(DOCS / name)
 
 
 def real(days: int) -> dict[str, list[str]]:

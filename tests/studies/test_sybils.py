@@ -1,10 +1,10 @@
 """The study of what Sybils gain: its numbers in a small community, and what is published."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_files import csv_rows
 
 from roletrust_baselines.logs.sybil_graphs import SybilGraph
 from roletrust_env.metrics.confidence import Estimate
@@ -55,8 +55,7 @@ def test_the_worst_topology_is_the_one_with_the_highest_mean() -> None:
 @pytest.mark.slow
 def test_the_study_writes_the_means_of_its_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["--members", "30", "--runs", "2", "--seeds", "2", "--workers", "1", "--out", str(tmp_path)])
-    with (tmp_path / "gains.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(tmp_path / "gains.csv")
     assert len(rows) == (len(MODELS) + 1) * len(TOPOLOGIES) * (len(CASES) + 1)
     options = Options(members=30, runs=2, seeds=2)
     runs = [measured(options, 0, k) for k in range(2)]
@@ -68,8 +67,7 @@ def test_the_study_writes_the_means_of_its_runs(tmp_path: Path, capsys: pytest.C
 
 @pytest.mark.parametrize("folder", ["sybils", "sybils/log"])
 def test_published_tables_are_of_this_study(folder: str) -> None:
-    with (DOCS / folder / "gains.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(DOCS / folder / "gains.csv")
     assert {row["model"] for row in rows} == {*MODELS, *([] if "log" in folder else [PERSONAL])}
     assert {int(row["sybils"]) for row in rows} == set(SYBILS)
     assert {row["bridges"] for row in rows} == {*map(str, BRIDGES), "bought"}

@@ -1,12 +1,12 @@
 """Timing of models, lists and games: what is measured and left out."""
 
-import csv
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from csv_files import csv_rows
 
 from roletrust_agents.smooth import one_thread
 from roletrust_env.trust import Mean, Ratings, RoleTrust, make_trust_model
@@ -24,15 +24,10 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "_SLICE_S", 1e-9)
 
 
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open() as file:
-        return list(csv.DictReader(file))
-
-
 def test_costs_have_a_row_for_each_model_and_size(tmp_path: Path) -> None:
     sides = ["--side", "3", "--side", "2", "--library", "NumPy"]
     costs.main(["--model", "mean", "--model", "beta:keep=0.5", *sides, "--out", str(tmp_path)])
-    found = rows(tmp_path / "model-costs.csv")
+    found = csv_rows(tmp_path / "model-costs.csv")
     assert [(row["model"], row["raters"], row["providers"]) for row in found[-2:]] == [
         ("mean", "3", "3"),
         ("beta:keep=0.5", "3", "3"),
@@ -45,7 +40,7 @@ def test_lists_have_a_row_for_each_model(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(edge_costs, "_RUNS", 1)
     sizes = ["--ratings", "2000", "--ratings", "1000", "--agents", "100", "--rows", "50"]
     edge_costs.main(["--model", "mean", *sizes, "--out", str(tmp_path)])
-    found = rows(tmp_path / "edge-costs.csv")
+    found = csv_rows(tmp_path / "edge-costs.csv")
     assert [(row["model"], row["ratings_asked"]) for row in found] == [
         (name, size) for size in ("1000", "2000") for name in (PLAIN, "mean")
     ]
@@ -166,7 +161,7 @@ def test_every_contestant_gets_its_turns():
 def test_speed_in_its_smallest_form(tmp_path: Path) -> None:
     pytest.importorskip("mpe2")
     speed.main(["--games", "2", "--out", str(tmp_path)])
-    found = rows(tmp_path / "speed.csv")
+    found = csv_rows(tmp_path / "speed.csv")
     assert {"paper-3x3, parallel", "paper-3x3, in turn", "NumPy batch", "attack task batch"} <= {
         row["contestant"] for row in found
     }

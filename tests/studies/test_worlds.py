@@ -1,10 +1,10 @@
 """The study of the worlds that decide: its page on games that take seconds, its words, and what is published."""
 
-import csv
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from csv_files import csv_rows
 
 from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.suite_files import load_suite, suites
@@ -29,11 +29,6 @@ long = { preset = "market", set = { max_cycles = 9 } }
 """
 
 
-def rows(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
-
-
 def boards(**tiers):
     """Return leaderboards of the centre and of longer games, from the tier and the skill of each model."""
     found = {}
@@ -48,7 +43,7 @@ def boards(**tiers):
 def test_the_numbers_of_a_world_are_those_of_its_own_benchmark(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL)
     main(["--suite", str(tmp_path / "small.toml"), "--workers", "1", "--out", str(tmp_path)])
-    found = rows(tmp_path / "worlds.csv")
+    found = csv_rows(tmp_path / "worlds.csv")
     assert len(found) == 3 * 2
     suite = load_suite(tmp_path / "small.toml")
     alone = suite.model_copy(update={"scenarios": {"long": suite.scenarios["long"]}})
@@ -83,7 +78,7 @@ def test_each_world_of_the_suite_differs_from_its_centre_in_one_thing_and_no_oth
 
 def test_the_page_has_the_numbers_of_the_table():
     page = (DOCS / "worlds.md").read_text(encoding="utf-8")
-    found = rows(DOCS / "worlds.csv")
+    found = csv_rows(DOCS / "worlds.csv")
     assert {row["model"] for row in found} == set(load_suite(SUITES / "worlds.toml").model_names)
     for row in found:
         assert f"{float(row['skill']):.3f} ± {float(row['skill_half']):.3f}" in page

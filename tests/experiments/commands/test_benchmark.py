@@ -1,6 +1,5 @@
 """`roletrust benchmark`: what goes wrong in a run is one clear line each, and the rest of it is unharmed."""
 
-import csv
 import os
 import shlex
 import signal
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 from children import children
 from command_line import run
+from csv_files import csv_rows
 
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.benchmarking.suite_files import load_suite
@@ -51,8 +51,7 @@ def benchmark(*options: str) -> tuple[int, list[str]]:
 
 
 def board(here: Path) -> dict[str, dict[str, str]]:
-    with (here / "out" / "leaderboard.csv").open() as file:
-        return {row["model"]: row for row in csv.DictReader(file)}
+    return {row["model"]: row for row in csv_rows(here / "out" / "leaderboard.csv")}
 
 
 def test_a_dry_run_shows_the_worlds_of_a_seed(here: Path) -> None:

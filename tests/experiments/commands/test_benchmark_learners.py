@@ -1,8 +1,7 @@
 """`roletrust benchmark` with suites for learners."""
 
-import csv
-
 import pytest
+from csv_files import csv_rows
 from typer.testing import CliRunner
 
 from roletrust_experiments.cli import app
@@ -53,8 +52,7 @@ def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
     told = " ".join(result.output.split())
     assert "provider: 1 is the exact optimum" in told
     assert "my_learners:Greedy|4000|0: 0 of 4000 rounds are left, and a step of 32 games needs more" in told
-    with (here / "out" / "learners.csv").open() as file:
-        rows = {(row["task"], row["learner"], row["budget"]): row for row in csv.DictReader(file)}
+    rows = {(row["task"], row["learner"], row["budget"]): row for row in csv_rows(here / "out" / "learners.csv")}
     assert {learner for _, learner, _ in rows} == {"CMA-ES", "my_learners:Always:quality=0.4"}
     cma = rows["provider", "CMA-ES", "4000"]
     assert cma["runs"] == "2"

@@ -1,10 +1,10 @@
 """`roletrust panel`: its files and messages, of votes on items and of agents that judge one another."""
 
-import csv
 from pathlib import Path
 
 import pytest
 from command_line import run
+from csv_files import csv_rows
 
 
 @pytest.fixture(scope="module")
@@ -15,12 +15,8 @@ def votes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def table(path: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(path.open()))
-
-
 def test_a_few_labels_decide_whom_to_trust_and_the_verdicts(votes: Path, tmp_path: Path) -> None:
-    truth = {row["item"]: row["truth"] for row in table(votes)}
+    truth = {row["item"]: row["truth"] for row in csv_rows(votes)}
     some = dict(list(truth.items())[:20])
     (tmp_path / "labels.csv").write_text("item,truth\n" + "".join(f"{item},{one}\n" for item, one in some.items()))
     right = {}
@@ -28,8 +24,8 @@ def test_a_few_labels_decide_whom_to_trust_and_the_verdicts(votes: Path, tmp_pat
         result = run("panel", str(votes), *more, "--out", str(tmp_path / name))
         assert result.exit_code == 0, result.output
         assert max(map(len, result.output.splitlines()[1:-1])) <= 80
-        verdicts = table(tmp_path / name / "verdicts.csv")
-        judges = table(tmp_path / name / "judges.csv")
+        verdicts = csv_rows(tmp_path / name / "verdicts.csv")
+        judges = csv_rows(tmp_path / name / "judges.csv")
         right[name] = sum(row["verdict"] == truth[row["item"]] for row in verdicts if row["item"] not in some)
         assert sum(row["truth"] != "" for row in verdicts) == (20 if more else 0)
         trust = [float(row["trust"]) for row in judges]
@@ -43,7 +39,7 @@ def test_methods_are_measured_and_attacked(votes: Path, tmp_path: Path) -> None:
     result = run("panel", str(votes), *more, "--method", "majority", "--method", "first-hand", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert "With 5 own labels, first-hand is right in" in result.output
-    rows = table(tmp_path / "measures.csv")
+    rows = csv_rows(tmp_path / "measures.csv")
     assert {row["scored"] for row in rows} == {"all", "easy", "hard"}
     attacked = {(row["method"], row["labels"], row["bought"]): float(row["value"]) for row in rows if row["bribe"]}
     assert attacked["majority", "0", "10"] < attacked["first-hand", "5", "10"]
@@ -80,8 +76,8 @@ def test_agents_that_judge_one_another(tmp_path: Path) -> None:
         *("--method", "win-rate", "--method", "role-trust", "--method", "first-hand", "--out", str(tmp_path / "out")),
     )
     assert result.exit_code == 0, result.output
-    assert [row["agent"] for row in table(tmp_path / "out" / "agents.csv")] == ["a", "b", "c"]
-    measures = table(tmp_path / "out" / "measures.csv")
+    assert [row["agent"] for row in csv_rows(tmp_path / "out" / "agents.csv")] == ["a", "b", "c"]
+    measures = csv_rows(tmp_path / "out" / "measures.csv")
     assert {row["value"] for row in measures if row["measure"] == "agreement" and row["own"] == "0"} == {"1.000000"}
     win = {
         row["agent"]: float(row["value"])
@@ -102,7 +98,7 @@ def test_judges_without_answers_have_a_tor_and_names_stand_as_they_are(tmp_path:
     assert "method       [b]a|   c" in result.output
     assert "| method | [b]a&#124; | c |" in (tmp_path / "out" / "panel.md").read_text()
     assert "left out: 4 labels, since there are 4 votes of people" in result.output
-    found = table(tmp_path / "out" / "agents.csv")
+    found = csv_rows(tmp_path / "out" / "agents.csv")
     assert [row["agent"] for row in found[:2]] == ["[b]a|", "c"]
     assert {row["agent"]: row["ToP"] for row in found[2:]} == dict.fromkeys(names, "")
     assert all(row["ToR"] for row in found)
@@ -143,4 +139,4 @@ def test_models_that_do_not_fit_are_left_out(votes: Path, tmp_path: Path, monkey
     result = run("panel", str(votes), *more)
     assert result.exit_code == 0, result.output
     assert result.output.count("left out: first-hand: trust model") == 1
-    assert {row["method"] for row in table(tmp_path / "measures.csv")} == {"majority"}
+    assert {row["method"] for row in csv_rows(tmp_path / "measures.csv")} == {"majority"}

@@ -1,9 +1,9 @@
-import csv
 import json
 
 import numpy as np
 import pytest
 from command_line import TINY, play, run
+from csv_files import csv_rows
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, __version__, make_scenario
@@ -25,8 +25,7 @@ def test_one_game_with_two_attackers(tmp_path, drawn):
     assert measured["damage"]["all 4 honest"]["mean"] > 0.05
     assert "sp_2, on-off" in printed
     assert "damage, 2 sp" in printed
-    with (tmp_path / "curves.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(tmp_path / "curves.csv")
     assert len(rows) == 12 * 6
     assert ",".join(rows[0].values()) == "role-trust,0.500000,sr_0,ToR,0.500000,,,1"
     assert (tmp_path / "curves.png").stat().st_size > 1000
@@ -66,8 +65,7 @@ def test_models_are_compared_under_one_attack(tmp_path):
     assert printed.count("damage, 3 sp") == 2
     assert (tmp_path / "curves-role-trust.png").exists()
     assert (tmp_path / "curves-mean.png").exists()
-    with (tmp_path / "curves.csv").open() as file:
-        assert {row["trust_model"] for row in csv.DictReader(file)} == {"role-trust", "mean"}
+    assert {row["trust_model"] for row in csv_rows(tmp_path / "curves.csv")} == {"role-trust", "mean"}
 
 
 def test_who_is_cut_off_is_counted(tmp_path):

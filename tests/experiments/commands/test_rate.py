@@ -1,6 +1,5 @@
 """`roletrust rate`: its tables, its files, and what it refuses; with `--compare`, on logs of either kind."""
 
-import csv
 import gzip
 import re
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import run
+from csv_files import csv_rows
 from log_cases import BAD, GOOD
 
 from roletrust_baselines.logs.folders import KNOWN, write_log
@@ -18,11 +18,6 @@ from roletrust_env.trust.models.central.beta_reputation import Beta
 
 SHARED = Path(__file__).parents[3].parent / "shared" / "data"
 REAL = SHARED / "bitcoin-otc" / "otc_network.csv.gz"
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open() as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.fixture
@@ -45,7 +40,7 @@ def test_it_writes_and_prints_the_trust_of_both_roles(log: Path, tmp_path: Path,
     result = run("rate", str(log), *COLUMNS, "--model", model, "--every", "30", "--out", str(tmp_path / "out"))
     assert result.exit_code == 0, result.output
     assert "300 ratings in 10 rounds" in result.output
-    ratees, raters = rows(tmp_path / "out" / "ratees.csv"), rows(tmp_path / "out" / "raters.csv")
+    ratees, raters = csv_rows(tmp_path / "out" / "ratees.csv"), csv_rows(tmp_path / "out" / "raters.csv")
     assert (len(ratees), len(raters)) == (10, 40)
     assert all(sum(int(row["ratings"]) for row in found) == 300 for found in (ratees, raters))
     lows = [float(row["low"]) for row in ratees]
@@ -59,7 +54,7 @@ def test_it_writes_and_prints_the_trust_of_both_roles(log: Path, tmp_path: Path,
 def test_it_computes_what_a_stream_does(log: Path, tmp_path: Path) -> None:
     assert run("rate", str(log), *COLUMNS, "--every", "30", "--out", str(tmp_path / "out")).exit_code == 0
     stream = TrustStream(make_trust_model("leave-one-out"), scale=(1, 5), every=30)
-    table = rows(log)
+    table = csv_rows(log)
     stream.update(
         [row["who"] for row in table],
         [row["shop"] for row in table],
@@ -68,7 +63,7 @@ def test_it_computes_what_a_stream_does(log: Path, tmp_path: Path) -> None:
     )
     stream.finish()
     for found, wanted in (("ratees", stream.provider_trust()), ("raters", stream.rater_trust())):
-        trusts = {row["name"]: float(row["trust"]) for row in rows(tmp_path / "out" / f"{found}.csv")}
+        trusts = {row["name"]: float(row["trust"]) for row in csv_rows(tmp_path / "out" / f"{found}.csv")}
         assert trusts == pytest.approx(wanted, abs=1e-6)
 
 
@@ -96,7 +91,7 @@ def test_an_agent_is_explained_and_a_ring_is_suspected(log: Path, tmp_path: Path
     assert "Trust in the ratee s7: 0." in result.output
     assert "In 19 shuffled logs: 0 groups" in " ".join(result.output.split())
     assert "raters.csv, suspects.csv" in " ".join(result.output.split())
-    found = rows(tmp_path / "out" / "suspects.csv")
+    found = csv_rows(tmp_path / "out" / "suspects.csv")
     assert [row["rater"] for row in found if row["group"] == "1"] == [f"ring{n}" for n in range(5)]
     assert "no agent 'x' has ratings" in run("rate", str(log), *options, "--explain", "x").output
     assert "need a whole log" in run("rate", str(log), "--suspects", "--lead", "3", "--every", "9").output
@@ -119,7 +114,7 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
         assert words in result.output
         assert ("had ended" in result.output) == bool(words)
     for name in ("ratees.csv", "raters.csv"):
-        whole, nightly = ({row["name"]: row for row in rows(tmp_path / out / name)} for out in ("whole", "nightly"))
+        whole, nightly = ({row["name"]: row for row in csv_rows(tmp_path / out / name)} for out in ("whole", "nightly"))
         assert nightly == whole
     part.write_text(lines[0] + "p1,s1,5,9999\np1,s2,5,3\np1,s3,5,301\n")
     result = run("rate", str(part), *options, "--state", state, "--lead", "50", "--late", "count")
@@ -144,10 +139,10 @@ def test_a_night_without_new_ratings_changes_no_trust_and_another_clock_is_refus
     dates = [line.rpartition(",")[0] + ",2026-01-02T05:00:00" for line in (first.strip(),)]
     options = [*COLUMNS, "--every", "30", "--state", str(tmp_path / "state.npz"), "--out", str(tmp_path / "out")]
     assert run("rate", str(log), *options).exit_code == 0
-    before = rows(tmp_path / "out" / "ratees.csv")
+    before = csv_rows(tmp_path / "out" / "ratees.csv")
     log.write_text(head + first)
     assert "1 ratings of rounds that had ended" in run("rate", str(log), *options).output
-    assert rows(tmp_path / "out" / "ratees.csv") == before
+    assert csv_rows(tmp_path / "out" / "ratees.csv") == before
     for text, words in (
         (head, "has no ratings"),
         (head + dates[0], "times numbers; given now: times dates without a time zone"),
@@ -179,7 +174,7 @@ def test_names_give_no_orders_to_the_terminal_and_no_log_or_state_is_replaced(tm
     assert result.exit_code == 0
     assert "[/]" in result.output
     assert not re.search("[\x1b\x07\u202e]", result.output)
-    assert {row["name"] for row in rows(tmp_path / "[/]" / "ratees.csv")} == {"\x1b]0;ann\x07", "=1+1"}
+    assert {row["name"] for row in csv_rows(tmp_path / "[/]" / "ratees.csv")} == {"\x1b]0;ann\x07", "=1+1"}
     assert "would replace" in run("rate", str(path), *out).output
     table = ["--out", str(tmp_path / "x.parquet")]
     assert (
@@ -217,7 +212,7 @@ def test_real_ratings(tmp_path: Path) -> None:
     result = run("rate", str(REAL), *columns, "--every", "2592000", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert "35,592 ratings in 64 rounds" in result.output
-    assert (len(rows(tmp_path / "raters.csv")), len(rows(tmp_path / "ratees.csv"))) == (4814, 5858)
+    assert (len(csv_rows(tmp_path / "raters.csv")), len(csv_rows(tmp_path / "ratees.csv"))) == (4814, 5858)
 
 
 @pytest.mark.parametrize(
@@ -251,7 +246,7 @@ def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
     models = ["--model", "role-trust", "--model", "own-experience"]
     result = compare(str(tmp_path / "log"), "--synthetic", *models, "--out", str(tmp_path / "out"))
     assert result.exit_code == 0, result.output
-    table = rows(tmp_path / "out" / "comparison.csv")
+    table = csv_rows(tmp_path / "out" / "comparison.csv")
     protocols = ["rated before", "next rating", "rater forward", "attack"]
     assert list(dict.fromkeys(row["protocol"] for row in table)) == protocols
     assert re.search(
@@ -268,7 +263,7 @@ def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
     assert [first["model"], f"{float(first['value']):.3f}"] in [line[:2] for line in shown]
     again = compare(str(tmp_path / "log"), *models, "--out", str(tmp_path / "again"))
     assert again.exit_code == 0
-    assert rows(tmp_path / "again" / "comparison.csv") == table
+    assert csv_rows(tmp_path / "again" / "comparison.csv") == table
 
 
 def test_models_that_do_not_fit_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -277,7 +272,7 @@ def test_models_that_do_not_fit_are_left_out(tmp_path: Path, monkeypatch: pytest
     result = compare(str(tmp_path / "log"), "--synthetic", *options)
     assert result.exit_code == 0, result.output
     assert result.output.count("left out:") == 1
-    assert {row["model"] for row in rows(tmp_path / "out" / "comparison.csv")} == {"mean"}
+    assert {row["model"] for row in csv_rows(tmp_path / "out" / "comparison.csv")} == {"mean"}
 
 
 def written(folder: Path, name: str, lines: list[str]) -> None:
@@ -297,7 +292,10 @@ def test_a_log_that_is_too_small_for_a_protocol_has_the_others(tmp_path: Path) -
     page = (tmp_path / "out" / "comparison.md").read_text()
     assert "- Left out: attacks on one-each/ratings.csv: an attack needs 20 providers" in page
     assert page.count("- Left out: forecasts on one-round/ratings.csv: with rounds of 2.592e+06") == 1
-    assert {row["protocol"] for row in rows(tmp_path / "out" / "comparison.csv")} == {"next rating", "rater forward"}
+    assert {row["protocol"] for row in csv_rows(tmp_path / "out" / "comparison.csv")} == {
+        "next rating",
+        "rater forward",
+    }
     assert "nan" not in page
 
 
@@ -311,7 +309,7 @@ def test_a_file_with_columns_of_its_own_is_compared(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "separator semicolon" in result.output.replace("\n", " ")
     assert compare(str(tmp_path / "plain.csv.gz"), *options[:-1], str(tmp_path / "again")).exit_code == 0
-    own, plain = (rows(tmp_path / name / "comparison.csv") for name in ("out", "again"))
+    own, plain = (csv_rows(tmp_path / name / "comparison.csv") for name in ("out", "again"))
     assert [row["value"] for row in own] == [row["value"] for row in plain]
 
 
@@ -328,7 +326,7 @@ def test_what_is_measured_is_kept_and_all_logs_are_read_before_any_is_measured(
     (tmp_path / "b" / "ratings.csv").unlink()
     monkeypatch.setattr(Beta, "update", lambda *given: 1 / 0)
     assert isinstance(compare(str(tmp_path), *options).exception, ZeroDivisionError)
-    assert {row["model"] for row in rows(tmp_path / "out" / "comparison.csv")} == {"mean"}
+    assert {row["model"] for row in csv_rows(tmp_path / "out" / "comparison.csv")} == {"mean"}
 
 
 def test_a_log_that_is_too_small_for_all_is_one_line(tmp_path: Path) -> None:
@@ -352,7 +350,7 @@ def test_real_logs(tmp_path: Path) -> None:
         pytest.skip(f"there are no real logs in {SHARED}")
     result = compare(str(SHARED), "--model", "role-trust", "--model", "mean", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
-    table = rows(tmp_path / "comparison.csv")
+    table = csv_rows(tmp_path / "comparison.csv")
     assert {row["log"] for row in table} == set(KNOWN.values())
     found = {(row["model"], row["protocol"], row["measure"]): float(row["value"] or "nan") for row in table}
     assert found["role-trust", "next rating", "auc"] == pytest.approx(0.642, abs=5e-4)
@@ -378,7 +376,7 @@ def test_raters_that_are_trusted_beforehand_are_seeds_by_name(tmp_path: Path) ->
     (tmp_path / "log.csv").write_text("rater,ratee,rating\nann,bob,1\nbob,cy,1\nmal,eve,1\neve,mal,1\n")
     options = ["--same-agents", "--model", "merit-rank", "--trusted", "ann ", "--out", str(tmp_path / "out")]
     assert run("rate", str(tmp_path / "log.csv"), *options).exit_code == 0
-    trust = {row["name"]: float(row["trust"]) for row in rows(tmp_path / "out" / "ratees.csv")}
+    trust = {row["name"]: float(row["trust"]) for row in csv_rows(tmp_path / "out" / "ratees.csv")}
     assert trust["bob"] > trust["cy"] > trust["mal"] == trust["eve"] == 0
     for more, words in (
         (["--model", "merit-rank", "--trusted", "annn"], "did you mean 'ann'"),

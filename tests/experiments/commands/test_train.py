@@ -1,4 +1,3 @@
-import csv
 import json
 import os
 import platform
@@ -14,6 +13,7 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
+from csv_files import csv_rows
 from typer.testing import CliRunner
 
 from roletrust_agents.learned.methods import learned_methods
@@ -55,8 +55,7 @@ def test_a_run_and_what_it_leaves_behind(tmp_path, drawn):
     assert config["run"]["seed"] == 3
     assert config["run"]["settings"]["gamma"] == 0.95
     assert config["learner_packages"]["stable-baselines3"]
-    with (tmp_path / "curve.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(tmp_path / "curve.csv")
     assert len(rows) == 20
     assert rows[-1]["steps"] == "1600"
     assert (tmp_path / "curve.png").stat().st_size > 10_000
@@ -222,8 +221,7 @@ def test_a_killed_run_goes_on(tmp_path):
     (tmp_path / "checkpoints" / f".000000000001.{platform.node()}-{process.pid}").mkdir()  # it might have been at it
     attacker, _ = train(tmp_path, "--resume")
     assert not list(tmp_path.rglob(".*"))
-    with (tmp_path / "curve.csv").open() as file:
-        steps = [int(row["steps"]) for row in csv.DictReader(file)]
+    steps = [int(row["steps"]) for row in csv_rows(tmp_path / "curve.csv")]
     assert steps == sorted(set(steps))
     assert steps[: len(killed_at.notes["curve"])] == [row[0] for row in killed_at.notes["curve"]]
     assert steps[-1] >= 16000

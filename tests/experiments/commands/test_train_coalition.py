@@ -1,6 +1,5 @@
 """`roletrust train` of coalitions, by evolution, a strategy or gradients: saved, continued, and played by others."""
 
-import csv
 import json
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 pytest.importorskip("sb3_contrib")
 pytest.importorskip("cma")
 
+from csv_files import csv_rows
 from typer.testing import CliRunner
 
 from roletrust_agents.learned import learned, load_attacker
@@ -59,8 +59,7 @@ def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
     card = attacker.card
     assert (card.training.algorithm, card.trust_model.name, card.observation) == (name, "beta", None)
     assert f"score {card.score.mean:.4f}" in printed
-    with (tmp_path / "one" / "curve.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(tmp_path / "one" / "curve.csv")
     assert int(rows[-1]["steps"]) == card.training.rounds >= 2000
     elsewhere = {"scenario": "paper-3x3", "compromised": ("sr_2",), "objective": "damage", "max_cycles": 5}
     result = Learned(tmp_path / "one").search(elsewhere, Budget(0), 0)
