@@ -171,10 +171,10 @@ def _verdicts(votes: Votes, name: str, out: Path) -> None:
     ends = [*judges[:_FEW], *judges[-_FEW:]] if long else judges
     title = f"Judges by {name}, with {int((votes.truth >= 0).sum()):,} labels" + f": first and last {_FEW}" * long
     _print(title, ["judge", "trust", "items", "right on labels"], [cells(line) for line in ends])
-    told = f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv"
-    tell(told)
     if (votes.truth < 0).all():
         console.print("Without labels, trust is agreement with the majority. --truth FILE (item, truth) adds yours.")
+    told = f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv"
+    tell(told)
 
 
 def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None:
