@@ -82,11 +82,11 @@ def _pairs(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 
 def _ranks(values: Floats) -> Floats:
-    """Return the ranks along the first axis, from 0 on. Ties have their mean rank, and NaN stays NaN."""
+    """Return the ranks along the first axis, from 1/2 on. Ties have their mean rank, and NaN stays NaN."""
     known = ~np.isnan(values)
     below = (values[:, None] > values[None]).sum(axis=1)
     tied = (values[:, None] == values[None]).sum(axis=1)
-    return np.where(known, below + (tied - 1) / 2, np.nan)
+    return np.where(known, below + tied / 2, np.nan)
 
 
 def _centred(values: Floats) -> Floats:

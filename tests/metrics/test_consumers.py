@@ -40,7 +40,8 @@ def test_skill_is_1_for_the_best_choice_and_0_for_a_blind_one() -> None:
     assert np.nanmean(skill(blind, blind)) == 0
     assert np.nanmean(skill(0 * blind + 1, blind)) == pytest.approx(1)
     assert skill(blind - 0.1, blind).max() < 0
-    assert np.isnan(skill(np.ones(2), np.ones(2))).all()
+    for best in (1.0, 1 - 1e-12):  # but for rounding
+        assert np.isnan(skill(np.ones(2), np.full(2, best))).all()
 
 
 def test_the_interval_of_skill_is_that_of_the_quotient_of_means() -> None:
