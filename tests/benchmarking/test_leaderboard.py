@@ -7,7 +7,7 @@ from small_suites import small
 from roletrust_env.benchmarking import verdict
 from roletrust_env.benchmarking.caveats import caveats, late_gain
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.leaderboard import Leaderboard, leaderboard_rows, moved_rows, score_table
+from roletrust_env.benchmarking.leaderboard import Leaderboard, _places, leaderboard_rows, moved_rows, score_table
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Cell
@@ -101,6 +101,11 @@ def test_the_leaderboard_by_hand() -> None:
     assert (first.tier, second.tier) == (1, None)  # an incomplete model is not judged
     assert second.worst.mean == pytest.approx(0.5)  # 0.4 by trust, but 0.5 by a blind choice
     assert second.missing == 1  # the planner has not attacked it
+
+
+def test_models_that_lack_cells_are_last_whichever_number_they_lack() -> None:
+    places = _places(np.zeros((4, 1, 2)), (0.1, 0.5, 0.9, 0.5), (1, 1, 1, 1), (0, 1, 2, 3))
+    assert (places.ranks, list(places.tiers)) == ({0: 1, 2: 2, 1: 3, 3: 3}, [0])
 
 
 def test_attacks_that_serve_all_raters_alike_have_a_column_of_their_own() -> None:

@@ -9,7 +9,7 @@ import pyarrow as arrow
 import pytest
 
 from roletrust_env.data import TrustStream
-from roletrust_env.data.evidence import Role, as_dates, evidence, wilson_interval
+from roletrust_env.data.evidence import Role, as_dates, effective_number, evidence, wilson_interval
 from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.storage.tables import write_table
 from roletrust_env.trust import make_trust_model
@@ -28,6 +28,11 @@ def test_it_counts_ratings_and_agents_as_a_slow_copy_does(tmp_path: Path) -> Non
             assert (found.ratings[place], found.agents[place]) == (len(some), len(counts))
             assert found.independent[place] == pytest.approx(sum(counts) ** 2 / sum(count**2 for count in counts))
             assert found.last[place] == some[-1][2]
+
+
+def test_without_ratings_nobody_stands_behind_trust() -> None:
+    none = np.zeros(0, np.int64)
+    assert effective_number(np.array([0, 3]), none, none).tolist() == [0, 3]
 
 
 def test_repeats_of_one_rater_never_lower_the_interval_of_an_agent() -> None:

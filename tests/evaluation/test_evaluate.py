@@ -21,6 +21,7 @@ def test_a_spec_a_policy_and_a_name_of_an_agent_mean_the_same() -> None:
     assert by_share == result("mean", "sr_2=bad-mouthing:level=0")
     assert by_share == result(Mean(), {"sr_2": BadMouthing(level=0.0)})
     assert by_share == result("mean", {"sr_2": "bad-mouthing:level=0"})
+    assert by_share == repr(evaluate("mean", "bad-mouthing:level=0", SHORT, games=2, share=0.01))  # one at least
     assert by_share != result("mean", "bad-mouthing:level=0", seed=1)
     assert "auc: undefined" in by_share
 

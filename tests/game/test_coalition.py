@@ -261,7 +261,10 @@ def test_identities_are_seen_and_called():
     scenario = make_scenario("market").change(max_cycles=6, agents=groups)
     task = make_task(scenario, ("sr_3",), objective="mislead", like=np.zeros(()))
     coalition = Coalition(task.game, task.identities)
-    assert coalition.has_reserve
+    one = [groups[0], groups[1] | {"reserve": 1}, groups[2]]
+    for agents, has in ((groups, True), (one, True), ([*groups[:1], groups[1] | {"reserve": 0}, groups[2]], False)):
+        other = make_task(scenario.change(agents=agents), ("sr_3",), objective="mislead", like=np.zeros(()))
+        assert Coalition(other.game, other.identities).has_reserve is has
     random = task.game.random(0)
     state = task.start(task.game.draw(random, (2,), start=True), random)
     chosen = np.asarray([[True, True], [True, False], [False, False]])

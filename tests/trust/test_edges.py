@@ -164,6 +164,10 @@ def test_a_local_model_takes_those_who_are_rated_or_all_where_these_are_nearly_a
         run.play(np.arange(ratings), np.arange(ratings), np.full(ratings, 0.5))
     run.play(np.zeros(3, np.int64), np.zeros(3, np.int64), np.full(3, 0.5))
     assert SIZES == [(1, 1), (5, 5), (6, 24), (9, 24), (40, 24), (40, 24), (1, 1)]
+    run.play(
+        np.array([80]), np.array([0]), np.array([0.5])
+    )  # the first place for which the room of before is too small
+    assert SIZES[-1] == (1, 1)
 
 
 @EVERY_CENTRAL

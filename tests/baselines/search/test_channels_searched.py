@@ -55,6 +55,15 @@ def test_the_number_of_identities_is_a_coordinate() -> None:
     assert {attack["sp_2"].reserve for attack in space.grid} == {1, 3}
 
 
+def test_the_agent_with_the_fewest_identities_decides_what_fits() -> None:
+    agents = [{"role": "SR", "count": 3}, {"role": "SP"}, {"role": "SP", "reserve": 3}, {"role": "SP", "reserve": 1}]
+    task = exact_task(SELLER | {"agents": agents, "compromised": ("sp_1", "sp_2")})
+    space = Scripts.of(task, (Whitewashing,))
+    assert {policy.reserve for policy in space.decode([1.0] * space.size).values()} == {1}
+    with pytest.raises(ValueError, match="needs a reserve of 2, and of sp_1, sp_2 one has 1"):
+        Scripts.of(task, (partial(Whitewashing, reserve=2),))
+
+
 @pytest.mark.parametrize(("arguments", "attacks"), ATTACKS.values(), ids=ATTACKS)
 def test_side_by_side_they_score_as_alone(arguments: Any, attacks: Any) -> None:
     task = exact_task(arguments)
