@@ -1,5 +1,6 @@
 """Error messages in one line: what pydantic refuses, and which names are known."""
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import Any
@@ -19,6 +20,9 @@ _PLAIN = {
     "finite_number": "it must be a finite number",
 }
 """Words for what pydantic says of types in those of Python."""
+
+_KIND = re.compile(r"bool|int|float|str|constrained-(int|float|str)|.+\[.*")
+"""Kinds of a union as pydantic names them among the fields that lead to a value."""
 
 _MAX_FIELDS, _MAX_LENGTH = 10, 300  # limits on the wrong fields listed and on the characters shown of a value
 
@@ -44,21 +48,26 @@ def suggest(name: object, known: Iterable[str], label: str = "Known:", hint: str
 
 def explain(error: ValidationError) -> str:
     """Return one line with each wrong field, its value and the values allowed; of many fields, the first ones."""
-    details = error.errors(include_url=False)
-    more = f"; and {len(details) - _MAX_FIELDS} more" if len(details) > _MAX_FIELDS else ""
-    return "; ".join(map(_explain, details[:_MAX_FIELDS])) + more
+    reasons: dict[str, list[str]] = {}
+    for detail in error.errors(include_url=False):
+        what, reason = _explain(detail)
+        reasons.setdefault(what, []).append(reason)  # several where each kind of a union refuses the value
+    lines = [what + ", or ".join(dict.fromkeys(every)) for what, every in reasons.items()]
+    more = f"; and {len(lines) - _MAX_FIELDS} more" if len(lines) > _MAX_FIELDS else ""
+    return "; ".join(lines[:_MAX_FIELDS]) + more
 
 
-def _explain(detail: Any) -> str:
-    field = short(".".join(str(part) for part in detail["loc"]))
+def _explain(detail: Any) -> tuple[str, str]:
+    """Return the field with its value, and what is wrong with it."""
+    field = short(".".join(str(part) for part in detail["loc"] if not _KIND.fullmatch(str(part))))
     if detail["type"] == "union_tag_not_found":
-        return f"field {field}.{detail['ctx']['discriminator'].strip(chr(39))} is missing"
+        return f"field {field}.{detail['ctx']['discriminator'].strip(chr(39))} is missing", ""
     if detail["type"] == "missing":
-        return f"field {field} is missing"
+        return f"field {field} is missing", ""
     reason: str = _PLAIN.get(detail["type"], detail["msg"].removeprefix("Value error, "))
     if detail["type"] == "value_error":
-        return f"{field}: {reason}" if field else reason
-    return f"{field} is {short(repr(detail['input']))}: {reason}" if field else reason
+        return f"{field}: " if field else "", printable(reason)
+    return f"{field} is {short(repr(detail['input']))}: " if field else "", short(reason)
 
 
 def check_unicode(what: str, text: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from pydantic import ValidationError
 
-from roletrust_env.errors import explain, suggest
+from roletrust_env.errors import explain, short, suggest
 from roletrust_env.parameters import UnknownParameterError, unknown_parameter
 
 T = TypeVar("T")
@@ -86,7 +86,7 @@ class Registry(Generic[T]):
             return registered
         plugins = self._plugins()
         if name not in plugins:
-            raise ValueError(f"unknown {self.kind} {name!r}{suggest(name, self.names())}")
+            raise ValueError(f"unknown {self.kind} {short(repr(name))}{suggest(name, self.names())}")
         try:
             factory = plugins[name].load()
         except (Exception, SystemExit) as error:  # a foreign package can raise anything on import

@@ -1,9 +1,9 @@
 """One-line messages of validation errors."""
 
-from typing import Any
+from typing import Any, Literal
 
 import pytest
-from pydantic import BaseModel, ValidationError, model_validator
+from pydantic import BaseModel, TypeAdapter, ValidationError, model_validator
 
 from roletrust_env.errors import explain
 
@@ -35,6 +35,19 @@ def test_a_missing_field_a_wrong_value_and_a_rule_of_the_whole() -> None:
     assert message(name="bad") == "bad is not a name"
     assert message(name=3, parts=3) == "name is 3: it must be a text; parts is 3: it must be a list"
     assert message(name="a", parts=[3]) == "parts.0 is 3: it must be a table of names and values"
+
+
+class Kinds(BaseModel):
+    value: int | float
+
+
+def test_a_union_is_one_field_and_a_message_of_pydantic_is_printable() -> None:
+    with pytest.raises(ValidationError) as raised:
+        Kinds(value="x")  # type: ignore[arg-type]
+    assert explain(raised.value) == "value is 'x': it must be an integer, or it must be a number"
+    with pytest.raises(ValidationError) as raised:
+        TypeAdapter(Literal["a"]).validate_python("b\nc")
+    assert explain(raised.value) == "Input should be 'a'"
 
 
 def test_ten_wrong_fields_are_listed_and_the_others_counted() -> None:

@@ -5,7 +5,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import FailFast, Field, model_validator
 
 from roletrust_env.benchmarking.schema import Label, Name
 from roletrust_env.evaluation.attackers import MAX_RECORD, read_record
@@ -47,7 +47,7 @@ class KnownAttacks(UntrustedModel):
 
     format: Literal["roletrust-attacks"] = "roletrust-attacks"
     format_version: Literal[1] = 1
-    attacks: Annotated[tuple[KnownAttack, ...], Field(min_length=1)]
+    attacks: Annotated[tuple[KnownAttack, ...], Field(min_length=1), FailFast()]
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -37,6 +37,10 @@ class SuiteSchema(FrozenModel):
 
     cell_type: ClassVar[Callable[..., Any]]
     """Constructor of a cell, with the fields of the cell as keyword arguments."""
+    chosen_scores: ClassVar[tuple[str, ...]] = ()
+    """Names of the scores in the games for choosing the worst case, see `AttackResult`."""
+    measured_scores: ClassVar[tuple[str, ...]]
+    """Names of the scores in the games for measuring."""
     kind: str
     """Type of the suite."""
     name: str = "custom"
@@ -82,8 +86,14 @@ def check_unique(**fields: tuple[object, ...]) -> None:
             raise ValueError(f"{name} must not contain a value twice: {values}")
 
 
-Numbers = list[FiniteFloat | None]
+Number = Annotated[float, Field(ge=-1e9, le=1e9)]
+"""Number of a result. With a larger one, rounding would decide."""
+
+Numbers = list[Number | None]
 """Numbers of a result; None is undefined."""
+
+Amount = Annotated[int, Field(ge=0, le=10**15)]
+"""Number of rounds that were played."""
 
 
 class AttackResult(NamedTuple):
@@ -106,12 +116,12 @@ class AttackResult(NamedTuple):
 
     attack: str
     words: str
-    rounds: int
+    rounds: Amount
     chosen: dict[str, Numbers]
     measured: dict[str, Numbers]
-    by_round: Sequence[FiniteFloat | None] = ()
+    by_round: Sequence[Number | None] = ()
     record: Annotated[str, Field(max_length=MAX_RECORD)] = ""
-    progress: tuple[tuple[int, FiniteFloat], ...] = ()
+    progress: tuple[tuple[Amount, Number], ...] = ()
     treats: bool = False
     common: tuple[Numbers, ...] = ()
 
@@ -128,10 +138,10 @@ class CellResult(NamedTuple):
     """
 
     rows: tuple[AttackResult, ...]
-    seconds: float
+    seconds: Annotated[FiniteFloat, Field(ge=0)]
     unsuitable: str = ""
     failed: str = ""
-    env_steps: int = 0
+    env_steps: Amount = 0
 
 
 def reason(error: BaseException) -> str:

@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from filelock import FileLock, Timeout
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from roletrust_env.benchmarking.schema import AnyCell, AttackResult, CellResult, SuiteSchema
 from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.benchmarking.suite_files import AnySuite, read_suite
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, short
 from roletrust_env.storage.provenance import software
-from roletrust_env.storage.untrusted import check_file
+from roletrust_env.storage.untrusted import UntrustedModel, check_file
 
 FORMAT = 5
 """Version of the file format."""
@@ -42,6 +42,15 @@ _JOURNALS = "-wal", "-shm"
 
 _ATTACK = TypeAdapter(AttackResult)
 _RESULT = TypeAdapter(CellResult)
+
+
+class _Facts(UntrustedModel):
+    """What a file says of its run: the fields of its suite, and what the results depend on."""
+
+    format: int
+    suite: dict[str, Any]
+    software: dict[str, Any]
+    sources: dict[str, str] = Field(default_factory=dict)
 
 
 class StoredCell(NamedTuple):
@@ -92,9 +101,8 @@ class Store:
                 if suite is not None and not self._tables():
                     _prepare(self._file, suite)
                 facts = self._facts()
-            self.suite = read_suite(facts["suite"], str(path))
-            self.software: dict[str, Any] = facts["software"]
-            self._sources: dict[str, str] = facts.get("sources", {})
+            self.suite = read_suite(facts.suite, str(path))
+            self.software, self._sources = facts.software, facts.sources
             if suite is not None:
                 self._check(suite)
                 with _readable_errors(path):
@@ -167,29 +175,41 @@ class Store:
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
-            read, found_cells = TypeAdapter[Any](self.suite.cell_type), list[StoredCell]()
+            cells, found_cells = {cell.key: cell for cell in self.suite.cells()}, list[StoredCell]()
             for key, cell, *columns in rows:
-                result = _RESULT.validate_python(((), *columns))._replace(rows=tuple(attacks.get(key, ())))
-                found_cells.append(StoredCell(read.validate_json(cell), result))
+                result = _RESULT.validate_python(((), *columns))._replace(rows=tuple(attacks.pop(key, ())))
+                if key not in cells or json.loads(cell) != cells[key]._asdict():
+                    raise sqlite3.DatabaseError(f"cell {short(key)} is none of the suite")
+                if any(not self._has_scores(row) for row in result.rows):
+                    raise sqlite3.DatabaseError(f"cell {short(key)} has other scores than those of the suite")
+                found_cells.append(StoredCell(cells[key], result))
+            if attacks:
+                raise sqlite3.DatabaseError(f"attacks are of cell {short(min(attacks))}, which is missing")
         return found_cells
+
+    def _has_scores(self, row: AttackResult) -> bool:
+        """Return whether an attack has the scores of the suite, each for the same games."""
+        parts = (row.chosen, self.suite.chosen_scores), (row.measured, self.suite.measured_scores)
+        sizes = [{len(part.get(name, ())) for name in names} for part, names in parts]
+        return all(len(found) <= 1 and 0 not in found for found in sizes)
 
     def _tables(self) -> int:
         """Return the number of tables, which is 0 in a new file."""
         with self._reading() as file:
             return int(file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0])
 
-    def _facts(self) -> dict[str, Any]:
+    def _facts(self) -> "_Facts":
         """Return the metadata of the file after a check of its integrity and its format."""
         with self._reading() as file:
             facts = {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
             if facts.get("format") != FORMAT:
-                raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version reads {FORMAT}")
-            if not {"suite", "software"} <= facts.keys():
-                raise sqlite3.DatabaseError("the suite or the software is missing")
+                raise ValueError(
+                    f"{self.path} has the format {short(repr(facts.get('format')))}; this version reads {FORMAT}"
+                )
             for (message,) in file.execute("PRAGMA quick_check"):
                 if message != "ok":
                     raise sqlite3.DatabaseError(" ".join(str(message).split()))
-        return facts
+            return _Facts.model_validate(facts)
 
     def _check(self, suite: AnySuite) -> None:
         """Check that the run to continue has the same software and sources, and go on with the suite."""

@@ -8,12 +8,12 @@ from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import FailFast, Field, ValidationError, model_validator
 
 from roletrust_env.benchmarking.cells import find_attack
 from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, merge_attacks
 from roletrust_env.benchmarking.leaderboard import leaderboard_rows
-from roletrust_env.benchmarking.schema import FORBIDDEN, AttackResult, CellResult, Name, check_unique
+from roletrust_env.benchmarking.schema import FORBIDDEN, Amount, AttackResult, CellResult, Name, Number, check_unique
 from roletrust_env.benchmarking.sources import Sha256, Source, Word, model_source, source_of
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Cell, Suite
@@ -31,9 +31,6 @@ from roletrust_env.trust.model import registry as trust_models
 
 BASE_PRESET = "paper-3x3"
 """Preset of the scenarios. A submission sets all their fields, so that its suite needs no other file."""
-
-Number = Annotated[float, Field(ge=-1e9, le=1e9)]
-Count = Annotated[int, Field(ge=0, le=10**15)]
 
 
 class ClaimedScore(UntrustedModel):
@@ -87,7 +84,7 @@ class Claim(UntrustedModel):
     """Claimed result of one attack."""
 
     attack: Name
-    rounds: Count
+    rounds: Amount
     """Number of game rounds that were played to find the attack."""
     chosen: Number
     """Mean utility in the games for choosing the worst case."""
@@ -115,8 +112,8 @@ class CellClaim(UntrustedModel):
     track: Name
     share: Annotated[float, Field(ge=0, lt=1)]
     method: Name
-    seed: Count
-    attacks: tuple[Claim, ...]
+    seed: Amount
+    attacks: Annotated[tuple[Claim, ...], FailFast()]
     """Results of the attacks. Empty if the method does not apply."""
 
     @property
@@ -193,7 +190,7 @@ class Submission(UntrustedModel):
     methods: dict[Name, Source]
     """Sources of the search methods."""
     standings: dict[Name, ModelScores]
-    cells: tuple[CellClaim, ...]
+    cells: Annotated[tuple[CellClaim, ...], FailFast()]
 
 
 def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool = False) -> Submission:

@@ -11,6 +11,7 @@ from pydantic import Field, PositiveInt, model_validator
 
 from roletrust_env.benchmarking.known_attacks import KnownAttack, check_names, merge_attacks
 from roletrust_env.benchmarking.schema import Label, SuiteSchema, check_unique
+from roletrust_env.evaluation.measurement import MEASURED
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.game.attack_task import Consumers
@@ -151,6 +152,8 @@ class Suite(SuiteSchema):
         **dict.fromkeys(Scenario.model_fields, "it is of a scenario; give its file as 'preset' of one in 'scenarios'."),
         **dict.fromkeys(("preset", "set", "scenario"), "did you mean 'preset' and 'set' of one in 'scenarios'?"),
     }
+    chosen_scores: ClassVar = MEASURED
+    measured_scores: ClassVar = MEASURED
     kind: Literal["robustness"] = "robustness"
     """Type of the suite."""
     models: tuple[Label, ...] | Literal["all"] = "all"

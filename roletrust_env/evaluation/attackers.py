@@ -305,7 +305,10 @@ def read_record(text: str) -> Attacker:
     """
     if len(text) > MAX_RECORD:
         raise ValueError(f"the record of an attacker has {len(text)} characters; the limit is {MAX_RECORD}")
-    data = parse_json(text.encode())
+    try:
+        data = parse_json(text.encode())
+    except ValueError as error:
+        raise ValueError(f"the record of an attacker: {error}") from None
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
         raise ValueError(f"the record of an attacker must be an object with a kind, not {text[:100]!r}")
     kind = data.pop("kind")

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from roletrust_env.errors import check_unicode, explain
 
 _MAX_GROUP_ROUNDS = 10_000_000
+_MAX_VALUES, _MAX_FIELDS = 3_000_000, 10_000  # of a file and of an object in it: an error may be told of each
 _SURROGATE = re.compile(rb"\\u[dD][89a-fA-F]")  # as JSON writes half a character
 
 
@@ -72,6 +73,8 @@ def parse_json(text: bytes) -> Any:
         data = json.loads(text.decode(), object_pairs_hook=_unique_fields, parse_constant=_refuse_constant)
     except RecursionError:
         raise ValueError("the JSON is nested too deeply") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"there is no JSON: {error}") from None
     if _SURROGATE.search(text):
         check_unicode("the JSON", json.dumps(data, ensure_ascii=False))
     return data
@@ -106,6 +109,8 @@ def read_untrusted(kind: type[Kind], path: Path, limit: int, *, what: str, comma
     check_file(path, f"`{command}` creates one")
     text = read_limited(path, limit)
     try:
+        if sum(text.count(mark) for mark in (b",", b"[", b"{")) > _MAX_VALUES:
+            raise ValueError(f"it has more than {_MAX_VALUES:,} values")
         parse_json(text)
         return parse_untrusted(kind, text)
     except ValueError as error:
@@ -129,6 +134,8 @@ def check_scenario_size(scenario: Any) -> None:
 
 
 def _unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    if len(pairs) > _MAX_FIELDS:
+        raise ValueError(f"the JSON has an object of more than {_MAX_FIELDS:,} fields")
     fields = dict(pairs)
     if len(fields) < len(pairs):
         raise ValueError("the JSON has two fields of one name")

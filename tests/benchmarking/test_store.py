@@ -12,9 +12,10 @@ from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.benchmarking.suite import Cell
+from roletrust_env.evaluation.measurement import MEASURED
 
 SUITE = tiny()
-SCORES = {"utility": [0.25, None, 1.0]}
+SCORES = {name: [0.25, None, 1.0] for name in MEASURED}
 RESULT = CellResult(
     (
         AttackResult(
@@ -245,6 +246,15 @@ def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
         "UPDATE cells SET env_steps = 'many'",
         f"UPDATE facts SET value = '{'[' * 100_000}' WHERE name = 'suite'",
         "UPDATE facts SET value = '[1]' WHERE name = 'suite'",
+        "UPDATE facts SET value = '[]' WHERE name = 'sources'",
+        "UPDATE attacks SET chosen = '{}'",
+        "UPDATE attacks SET measured = json_remove(measured, '$.auc')",
+        "UPDATE attacks SET measured = json_remove(measured, '$.utility[0]')",
+        "UPDATE attacks SET measured = json_set(measured, '$.utility[0]', 1e300)",
+        "UPDATE attacks SET rounds = -1",
+        "UPDATE cells SET seconds = -1",
+        "UPDATE cells SET cell = json_set(cell, '$.track', 'nowhere')",
+        "DELETE FROM cells WHERE key = (SELECT min(key) FROM cells)",
     ],
 )
 def test_a_file_with_invalid_values_is_refused(path, statement):

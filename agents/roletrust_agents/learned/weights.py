@@ -6,6 +6,7 @@ from safetensors import numpy as safetensors
 
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.learned.network import Floats, Network
+from roletrust_env.errors import short
 
 
 def weights_bytes(network: Network | DeepSet) -> bytes:
@@ -22,4 +23,4 @@ def read_weights(data: bytes) -> dict[str, Floats]:
     try:
         return safetensors.load(data)
     except (SafetensorError, KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"the weights are not a safetensors file: {error}") from None
+        raise ValueError(f"the weights are not a safetensors file: {short(str(error))}") from None

@@ -93,10 +93,10 @@ def _save(training: CoalitionTraining[Any], curve: list[CurvePoint], folder: Run
 
 def _take_up(training: CoalitionTraining[Any], folder: RunFolder) -> list[CurvePoint]:
     """Continue from the last checkpoint, if there is one, and return the learning curve so far."""
-    last = folder.last()
-    if last is None:
-        return []
-    training.restore(last.files["state"])
-    training.best = Validated(np.frombuffer(last.files["best"]), last.notes["best"])
-    training.rounds = last.steps
-    return [CurvePoint(*row) for row in last.notes["curve"]]
+    with folder.restoring() as last:
+        if last is None:
+            return []
+        training.restore(last.files["state"])
+        training.best = Validated(np.frombuffer(last.files["best"]), last.notes["best"])
+        training.rounds = last.steps
+        return [CurvePoint(*row) for row in last.notes["curve"]]

@@ -62,9 +62,9 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
     env = StaggeredGames(task, settings.games)
     model = make_model(run.algo, settings, env, run.seed)
     watch = _Watch(run, task, folder, on_report)
-    last = folder.last()
-    if last is not None:
-        watch.take_up(last, model)
+    with folder.restoring() as last:
+        if last is not None:
+            watch.take_up(last, model)
     model.set_random_seed(int(np.random.SeedSequence([run.seed, 0, model.num_timesteps]).generate_state(1)[0]))
     model.set_logger(configure(str(folder.path / "tensorboard"), ["tensorboard"]))
     if model.num_timesteps < run.steps:

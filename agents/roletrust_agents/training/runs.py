@@ -4,18 +4,21 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import Field, ValidationError
 
 from roletrust_agents.learned.cards import (
     Card,
+    Count,
     InputCard,
     ModelCard,
+    Name,
     ScoreCard,
     TaskCard,
     TrainingCard,
@@ -28,10 +31,11 @@ from roletrust_agents.learned.saved import SavedAttacker, digest
 from roletrust_agents.learned.weights import weights_bytes
 from roletrust_agents.training.settings import Algo
 from roletrust_env import Scenario, __version__
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, short
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import GameMean, over_games
 from roletrust_env.storage.files import clear_unfinished, prepare_folder, replacing, unfinished_path, write_json
+from roletrust_env.storage.untrusted import UntrustedModel, parse_json
 
 _KEPT = 2
 """Number of checkpoints on disk: the last one, and one to fall back on if the last is damaged."""
@@ -49,6 +53,14 @@ class Checkpoint(NamedTuple):
     steps: int
     files: Mapping[str, bytes]
     notes: Mapping[str, Any]
+
+
+class _About(UntrustedModel):
+    """What a checkpoint has beside its files: their digests by name, and its notes."""
+
+    steps: Count
+    sha256: dict[Name, str]
+    notes: dict[str, Any]
 
 
 class RunFolder:
@@ -72,7 +84,7 @@ class RunFolder:
         if not file.exists():
             return None
         try:
-            config = json.loads(file.read_text(encoding="utf-8"))
+            config = parse_json(file.read_bytes())
         except ValueError as error:
             raise ValueError(f"{file} is broken ({error}); start again with another --out") from None
         if not isinstance(config, dict):
@@ -140,6 +152,21 @@ class RunFolder:
         """Return the newest undamaged checkpoint; None if there is none."""
         return next((found for path in self._found() if (found := _read(path)) is not None), None)
 
+    @contextmanager
+    def restoring(self) -> Iterator[Checkpoint | None]:
+        """Yield the last checkpoint, from which the run is restored in the context; None if there is none.
+
+        Raises:
+            ValueError: It cannot be. Its checksums are right, so it is of another run.
+        """
+        try:
+            yield self.last()
+        except Exception as error:  # torch raises many kinds
+            raise ValueError(
+                f"the checkpoints in {self.path} are not of this run ({type(error).__name__}: "
+                f"{short(str(error).partition(chr(10))[0])}); start again with another --out"
+            ) from None
+
     def _found(self) -> list[Path]:
         """Return the folders of checkpoints, the newest first."""
         return sorted((path for path in self._checkpoints.glob("[0-9]*") if path.is_dir()), reverse=True)
@@ -154,14 +181,12 @@ def write_bytes(path: Path, data: bytes) -> None:
 def _read(path: Path) -> Checkpoint | None:
     """Return a checkpoint; None if a file is missing or has changed since it was written."""
     try:
-        about = json.loads((path / "about.json").read_bytes())
-        files = {name: (path / name).read_bytes() for name in about["sha256"]}
-        for name, expected in about["sha256"].items():
-            if hashlib.sha256(files[name]).hexdigest() != expected:
-                return None
-        return Checkpoint(about["steps"], files, about["notes"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        about = _About.model_validate_json((path / "about.json").read_bytes())
+        files = {name: (path / name).read_bytes() for name in about.sha256}
+    except (OSError, ValueError):
         return None
+    same = all(hashlib.sha256(files[name]).hexdigest() == expected for name, expected in about.sha256.items())
+    return Checkpoint(about.steps, files, about.notes) if same and f"{about.steps:012d}" == path.name else None
 
 
 GAMES = 16
@@ -170,14 +195,12 @@ GAMES = 16
 _LAST_GAMES = 256  # for the last score
 
 
-class Run(BaseModel):
+class Run(UntrustedModel):
     """Everything that determines the result of a training run, except the software."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     algo: Algo
-    steps: int
-    seed: int
+    steps: Annotated[int, Field(ge=1, le=10**12)]
+    seed: Count
     settings: dict[str, Any]
     task: TaskCard
     trust_model: ModelCard

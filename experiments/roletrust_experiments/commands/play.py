@@ -20,6 +20,7 @@ from roletrust_env.memory import check_memory
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
+from roletrust_env.storage.untrusted import parse_json
 from roletrust_experiments.commands.console import console, errors, number_table, print_json, progress_bar, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, Seed, SettingsOption
@@ -191,7 +192,7 @@ def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
     if not file.is_file():
         return
     try:
-        old = json.loads(file.read_text(encoding="utf-8"))
+        old = parse_json(file.read_bytes())
     except ValueError:
         old = {}
     new = json.loads(json.dumps(config))

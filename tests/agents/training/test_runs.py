@@ -1,10 +1,13 @@
 """The folder of a training run."""
 
+import io
+import json
 import platform
 import subprocess
 import sys
 
 import pytest
+import torch
 
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_env.storage.files import unfinished_path
@@ -35,3 +38,31 @@ def test_a_checkpoint_can_be_saved_where_the_last_attempt_failed(tmp_path):
     unfinished_path(tmp_path / "checkpoints" / "000000000007").mkdir(exist_ok=True)
     run.save(Checkpoint(7, {"a": b"whole"}, {}))
     assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["000000000007"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"steps": 8}, {"steps": -7}, {"steps": "7"}, {"sha256": {"../a": "0"}}, {"sha256": []}, {"notes": None}, {"x": 1}],
+)
+def test_a_checkpoint_with_other_data_than_it_can_have_is_passed_over(tmp_path, change):
+    run = RunFolder(tmp_path)
+    run.save(Checkpoint(7, {"a": b"whole"}, {}))
+    file = tmp_path / "checkpoints" / "000000000007" / "about.json"
+    about = json.loads(file.read_text())
+    assert run.last() is not None
+    file.write_text(json.dumps({**about, **change}))
+    assert run.last() is None
+
+
+def test_a_checkpoint_of_another_run_is_one_error(tmp_path):
+    run = RunFolder(tmp_path)
+    run.save(Checkpoint(7, {"state": b"no state"}, {"curve": []}))
+    with (
+        pytest.raises(
+            ValueError, match=r"are not of this run \(UnpicklingError: .*\); start again with another --out$"
+        ),
+        run.restoring() as last,
+    ):
+        torch.load(io.BytesIO(last.files["state"]), weights_only=True)
+    with pytest.raises(ValueError, match=r"are not of this run \(IndexError"), run.restoring() as last:
+        last.notes["curve"][-1]

@@ -362,6 +362,10 @@ def test_a_hostile_file_is_one_line(
         (lambda text: "", "Expecting value"),
         (lambda text: "\udcff", "utf-8"),
         (lambda text: "1" * 10_000, "Exceeds the limit"),
+        (lambda text: text.replace("market", "\\ud800"), r"has \\ud800, which is no character of Unicode"),
+        (lambda text: f"[{'{},' * 1_500_000}{{}}]", "more than 3,000,000 values"),
+        (lambda text: json.dumps({f"{k}": 0 for k in range(10_001)}), "an object of more than 10,000 fields"),
+        (lambda text: '{"cells": [' + "{}," * 1_000 + "{}]}", r"cells\.0\.model is missing.*; and \d more$"),
     ],
 )
 def test_a_file_that_is_no_json_is_one_line(tmp_path: Path, text: str, spoil: Callable, words: str) -> None:
