@@ -1,13 +1,16 @@
-"""Processes of the live system and of its tests end when the process that started them is killed."""
+"""Processes of the live system: they end with the process that started them, and say what they wait for."""
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+from domains import own_dds_domain
 
 pytestmark = pytest.mark.live
 
@@ -73,3 +76,28 @@ def is_running(process):
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except (ProcessLookupError, FileNotFoundError):
         return False
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["manager", "journal"], "manager: begins journal, and waits for ratings"),
+        (["agent", "sr_0"], "sr_0: runs until Ctrl-C"),
+        (["agent", "sp_0"], "sp_0: runs until Ctrl-C"),
+        (["record", "bag"], "record: records into bag, until Ctrl-C"),
+        (["view", "--no-browser", "--port", "0"], "until Ctrl-C"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_no_command_waits_without_a_word(arguments, line, tmp_path):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        arguments = [str(free.getsockname()[1]) if one == "0" else one for one in arguments]
+    command = [sys.executable, "-c", "from roletrust_experiments import main; main()", "live", *arguments]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    with own_dds_domain(), subprocess.Popen(command, cwd=tmp_path, **pipes) as process:
+        patience = threading.Timer(PATIENCE_S, process.kill)
+        patience.start()
+        assert any(line in shown for shown in process.stdout)
+        patience.cancel()
+        process.terminate()

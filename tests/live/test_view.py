@@ -24,6 +24,7 @@ from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
 from roletrust_experiments.view.page import run_view_server
+from roletrust_experiments.view.waiting import WaitingPage
 
 pytestmark = pytest.mark.live
 
@@ -54,7 +55,9 @@ class Stage:
         self.manager = started(run_manager_node, make_trust_model("role-trust"), self.journal, **settings)
         self.robots = started(run_robots, (0, 1), TEAM.providers, self.keys, PERIOD)
         self.start_third()
-        self.view = started(run_view_server, self.port, PERIOD / 1e9, team=TEAM, keys=self.keys, attackers=("sr_2",))
+        settings = {"team": TEAM, "keys": self.keys, "attackers": ("sr_2",)}
+        with WaitingPage(self.port) as page:
+            self.view = started(run_view_server, page.listening, PERIOD / 1e9, **settings)
 
     def start_third(self):
         """Start the robot that a test kills."""

@@ -101,7 +101,7 @@ class Dashboard:
 def _state(last: Sequence[PublishedTrust], silent: bool) -> tuple[str, str, str]:
     """Return the state of the last round: a class of the style sheet, a title and words."""
     if not last:
-        return "none", "No round yet.", "Waiting for a manager."
+        return "none", "No round yet.", "Waiting for the first round."
     title = f"Round {last[0].round}"
     if silent:
         return "bad", title, "The manager has been silent since."

@@ -2,19 +2,23 @@
 
 import os
 import socket
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
+from bokeh.core.validation import silence
+from bokeh.core.validation.warnings import MISSING_RENDERERS
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, FactorRange, InlineStyleSheet, Range1d
 from bokeh.models.widgets.markups import Div
 from bokeh.plotting import figure
-from bokeh.server.server import Server
-from tornado.ioloop import PeriodicCallback
+from bokeh.server.server import BaseServer
+from bokeh.server.tornado import BokehTornado
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop, PeriodicCallback
 
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
 from roletrust_env.live.nodes.team_listener import TeamListener
@@ -25,7 +29,6 @@ from roletrust_env.live.wire.keys import PublicKeys
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST
 from roletrust_experiments.view.dashboard import TEMPLATES, Dashboard, PageParts
 
-_HERE = "127.0.0.1"
 _POLL_MS = 100  # time between two checks for a signal
 _NICENESS = 10  # the server gives way to the robots
 _TEMPLATE = Path(__file__).parent / "template"
@@ -154,42 +157,22 @@ def _figure(name: str, height: int, **options: Any) -> Any:
     return plain
 
 
-def serve(dashboard: Dashboard, port: int) -> Server:
-    """Return a started server of the page, for this machine only. The caller runs its loop.
-
-    Raises:
-        ValueError: The port is not available.
-    """
-    application = Application(FunctionHandler(partial(make_page, dashboard)))
-    origins = [f"localhost:{port}", f"{_HERE}:{port}"]
-    try:
-        server = Server({"/": application}, port=port, address=_HERE, allow_websocket_origin=origins)
-    except OSError as error:
-        raise _port_error(port, error) from None
+def serve(dashboard: Dashboard, listening: socket.socket) -> BaseServer:
+    """Return a started server of the page on a listening socket. The caller runs its loop."""
+    silence(MISSING_RENDERERS)  # there are no curves before the first round
+    host, port = listening.getsockname()
+    pages = {"/": Application(FunctionHandler(partial(make_page, dashboard)))}
+    tornado = BokehTornado(pages, extra_websocket_origins=[f"localhost:{port}", f"{host}:{port}"])
+    http = HTTPServer(tornado)
+    listening.setblocking(False)
+    http.add_socket(listening)
+    server = BaseServer(IOLoop.current(), tornado, http)
     server.start()
     return server
 
 
-def check_port(port: int) -> None:
-    """Check before the work that a port is available.
-
-    Raises:
-        ValueError: The port is not available.
-    """
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
-        try:
-            probe.bind((_HERE, port))
-        except OSError as error:
-            raise _port_error(port, error) from None
-
-
-def _port_error(port: int, error: OSError) -> ValueError:
-    return ValueError(f"port {port} is not available: {error}; choose another with --port")
-
-
 def run_view_server(
-    port: int,
+    listening: socket.socket,
     period_s: float,
     *,
     team: Team,
@@ -197,35 +180,32 @@ def run_view_server(
     speed: float = 1.0,
     attackers: Collection[str] = (),
     network: bool = False,
-    ready: Callable[[Server], None] = lambda server: None,
 ) -> None:
     """Serve the page of a team until a signal ends the process. The process has a lower priority than the robots.
 
     Args:
-        port: Port of the page.
+        listening: Listening socket, see `WaitingPage`.
         period_s: Time between rounds, seconds.
         team: Agents of the scenario.
         keys: Folder with the public keys of the team and the manager; None shows unsigned messages.
         speed: Speed relative to the scenario's clock.
         attackers: Names to mark as attackers.
         network: See `Node`.
-        ready: Function that is called once the page is available.
 
     Raises:
-        ValueError: The port is not available, or a key does not exist.
+        ValueError: A key does not exist.
     """
     os.nice(_NICENESS)
     keyring = None if keys is None else PublicKeys(keys, [MANAGER])
     listener = TeamListener(team, RoundTiming(round(period_s * SECOND)), keyring=keyring, network=network)
-    serve_until_signal(Dashboard(listener, period_s, speed, attackers), port, ready)
+    serve_until_signal(Dashboard(listener, period_s, speed, attackers), listening)
 
 
-def serve_until_signal(dashboard: Dashboard, port: int, ready: Callable[[Server], None] = lambda server: None) -> None:
+def serve_until_signal(dashboard: Dashboard, listening: socket.socket) -> None:
     """Serve a page until a signal ends the process, see `run_view_server`."""
     try:
-        server = serve(dashboard, port)
+        server = serve(dashboard, listening)
         with run_until_signal() as active:
-            ready(server)
             PeriodicCallback(lambda: None if active else server.io_loop.stop(), _POLL_MS).start()
             server.io_loop.start()
         server.stop()

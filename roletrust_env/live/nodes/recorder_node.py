@@ -1,10 +1,11 @@
 """The recorder: records all messages of a team."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from roletrust_env.live import clock
 from roletrust_env.live.nodes.inboxes import TopicReaders
-from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
+from roletrust_env.live.nodes.run_loop import SECOND, print_line, run_until_signal
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.messages import typestore
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
@@ -13,13 +14,16 @@ _FLUSH_INTERVAL = SECOND // 2
 _DEPTH = 1000
 
 
-def run_recorder_node(folder: Path, *, images: bool = True, network: bool = False) -> int:
+def run_recorder_node(
+    folder: Path, *, images: bool = True, network: bool = False, report: Callable[[str], object] = print_line
+) -> int:
     """Record every published topic until a signal ends the process, and return the number of messages.
 
     Args:
         folder: New folder.
         images: Whether to record pictures as well.
         network: See `Node`.
+        report: Function that shows a line to the user.
 
     Raises:
         ValueError: The folder exists already.
@@ -27,6 +31,7 @@ def run_recorder_node(folder: Path, *, images: bool = True, network: bool = Fals
     node = Node("record", network=network)
     readers, kinds = TopicReaders(node, _DEPTH), dict[str, str]()
     with run_until_signal() as active, Recorder(folder) as recorder:
+        report(f"record: records into {folder}, until Ctrl-C")
         flushed = clock.now()
         while active:
             node.wait(0.1)

@@ -1,5 +1,6 @@
 """`roletrust live`, as far as it goes without processes of its own."""
 
+import itertools
 import socket
 import stat
 
@@ -7,10 +8,14 @@ import pytest
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 from typer.testing import CliRunner
 
+from roletrust_env.live import clock
 from roletrust_env.live.journal import read_journal
+from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_experiments.cli import app
+from roletrust_experiments.commands.console import progress_bar
+from roletrust_experiments.commands.live import demo, pace
 from roletrust_experiments.commands.live.demo import _latencies_ms, curves_from_rounds
 
 
@@ -79,6 +84,74 @@ def test_a_demo_without_its_port_leaves_the_last_ones_results(tmp_path):
     assert done.exit_code == 2
     assert f"port {port} is not available" in done.stderr
     assert (tmp_path / "journal.jsonl").read_text() == "of the last"
+
+
+@pytest.mark.parametrize(
+    ("work_s", "speed", "line"),
+    [
+        (0.19, 1.0, ""),
+        (
+            0.32,
+            0.62,
+            "take 0.32 s for its pictures, and have 0.2 s. A round takes 0.81 s instead (--speed 0.62)",
+        ),
+        (2.1, None, "raters take 2.1 s for the pictures of a round, and have 2 s even with --speed 0.1"),
+    ],
+)
+def test_a_demo_measures_first_how_fast_rounds_can_be(work_s, speed, line, monkeypatch, capsys):
+    monkeypatch.setattr(pace, "work_s", lambda raters, providers: work_s * raters * providers / 9)
+    plan = demo._Plan("bad-mouthing", 120.0, 1.0, signed=True, seed=0)
+    if speed is None:
+        with pytest.raises(ValueError, match=line):
+            demo._paced(plan)
+        return
+    assert demo._paced(plan).speed == speed
+    printed = capsys.readouterr().out
+    assert line in printed
+    assert printed.count("\n") == bool(line)
+
+
+def test_work_is_measured_in_a_moment():
+    assert 0 < pace.work_s(2, 3) < 60
+
+
+def test_rounds_without_a_rater_or_without_an_end_are_counted(tmp_path):
+    keeper = manager(tmp_path / "journal")
+    for r in range(1, 50):
+        for name in TEAM.raters[r % 5 == 0 :]:
+            if r % 3:
+                keeper.receive(rating_message(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
+        keeper.tick(int(PERIOD * (r + 0.9)))
+    entries, timeline = list(read_journal(tmp_path / "journal")), Timeline(PERIOD, PERIOD)
+    assert pace.incomplete(entries, timeline, 22 * PERIOD) == 0
+    lacking = {r for r in range(1, 50) if not r % 3 or not r % 5}
+    for last in range(30, 50):  # round r of the manager is round r - 1 of the timeline
+        assert pace.incomplete(entries, timeline, (last + 3) * PERIOD) == len(lacking & set(range(last - 20, last)))
+
+
+def test_a_demo_stops_when_most_rounds_lack_a_rater(monkeypatch, tmp_path):
+    class Nodes:
+        """Processes of which none ever closes a round."""
+
+        names = ("sp_0",)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *failure):
+            """Stop."""
+
+        def __getattr__(self, name):
+            return lambda *names, **arguments: True
+
+    plan = demo._Plan("bad-mouthing", 120.0, 1.0, signed=True, seed=0)
+    monkeypatch.setattr(demo, "NodeProcesses", Nodes)
+    monkeypatch.setattr(pace, "work_s", lambda raters, providers: 0.7)
+    moments = itertools.count(clock.now(), PERIOD)
+    monkeypatch.setattr(clock, "now", lambda: next(moments))
+    monkeypatch.setattr(demo.time, "sleep", lambda seconds: None)
+    with pytest.raises(ValueError, match=r"20 of the last 20 rounds lack a rater. Raters take 0.7 s .* 0.5 s"):
+        demo._run_team(plan, tmp_path, None, progress_bar())
 
 
 def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):

@@ -2,6 +2,7 @@
 
 import socket
 import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
@@ -16,6 +17,7 @@ from roletrust_experiments.plots.style import ATTACKER, HONEST
 from roletrust_experiments.view import dashboard as dashboards
 from roletrust_experiments.view.dashboard import Dashboard
 from roletrust_experiments.view.page import Page, make_page, serve
+from roletrust_experiments.view.waiting import WaitingPage
 
 PERIOD_S = 0.5
 NOW_S = 1_000_000.0
@@ -138,27 +140,32 @@ def test_all_viewers_share_the_same_parts(team, dashboard):
     assert texts[0] == texts[1] == texts[2] == list(shared)
 
 
-def test_the_page_is_served_to_this_machine_only(team, dashboard):
-    team.say(0, {"sr_0": 0.5})
+def test_a_page_answers_before_the_live_page_and_no_request_is_refused_between_them(team, dashboard, caplog):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    server = serve(dashboard, port)
-    try:
-        (listening,) = server._http._sockets.values()
-        assert listening.getsockname()[0] == "127.0.0.1"
-        loop = IOLoop.current()
-        body = loop.run_sync(lambda: loop.run_in_executor(None, fetch, f"http://127.0.0.1:{port}/"))
-        assert "RoleTrust, live" in body
-        assert "cdn." not in body  # the browser needs no other server
-        session = loop.run_sync(
-            lambda: loop.run_in_executor(None, lambda: pull_session(url=f"http://localhost:{port}/"))
-        )
-        assert session.document.title == "RoleTrust, live"
+    url, loop = f"http://127.0.0.1:{port}/", IOLoop.current()
+    with WaitingPage(port) as waiting, ThreadPoolExecutor(1) as aside:
         with pytest.raises(ValueError, match=f"port {port} is not available"):
-            serve(dashboard, port)
-    finally:
-        server.stop()
+            WaitingPage(port)
+        waiting.text = "Starting <8> nodes."
+        for path in ("", "any/other"):
+            assert "No round yet.</b> Starting &lt;8&gt; nodes." in fetch(url + path)
+        waiting.leave()
+        early = aside.submit(fetch, url)  # it waits for the live page
+        server = serve(dashboard, waiting.listening)
+        try:
+            assert waiting.listening.getsockname()[0] == "127.0.0.1"
+            body = loop.run_sync(lambda: loop.run_in_executor(None, early.result))
+            assert "RoleTrust, live" in body
+            assert "cdn." not in body  # the browser needs no other server
+            session = loop.run_sync(
+                lambda: loop.run_in_executor(None, lambda: pull_session(url=f"http://localhost:{port}/"))
+            )
+            assert session.document.title == "RoleTrust, live"
+        finally:
+            server.stop()
+    assert caplog.records == []  # the figures are empty, of which Bokeh warns
 
 
 def fetch(url):

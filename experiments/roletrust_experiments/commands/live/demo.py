@@ -1,5 +1,6 @@
 """`roletrust live demo`: the paper's three robots as processes on this machine."""
 
+import math
 import multiprocessing
 import os
 import shutil
@@ -7,7 +8,8 @@ import statistics
 import time
 import webbrowser
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,19 +20,21 @@ from rich.progress import Progress
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.interrupts import without_interrupts
+from roletrust_env.live import clock
 from roletrust_env.live.journal import JournalEntry, read_journal
 from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_env.trust import TrustModel, make_trust_model
-from roletrust_experiments.commands.console import console, progress_bar
+from roletrust_experiments.commands.console import console, progress_bar, stage
 from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.figures import claims_table
-from roletrust_experiments.commands.live.options import Browser, Port, Speed, period_ns
+from roletrust_experiments.commands.live.options import SLOWEST, Browser, Port, Speed, period_ns
 from roletrust_experiments.commands.live.processes import NodeProcesses
 from roletrust_experiments.commands.live.view import address, require_view
 from roletrust_experiments.paper.figures import Attack, Paper, papers
 from roletrust_experiments.playing.games import track_curves
+from roletrust_experiments.view.waiting import WaitingPage
 
 _NICENESS = 19  # the simulation gives way to the robots
 _PAPER = make_scenario("paper-3x3-hog")
@@ -38,6 +42,8 @@ _DISCOVERY_S = 4.0  # nodes find each other within that time
 _POLL_S = 0.25
 _STEADY_S = 20.0  # trust is steady that long after an attack's start, by the scenario's clock
 _LAST_PERIODS = 4  # the last rounds close within them
+_ASIDE_S = 10.0  # after the rounds, the simulation has so long before it is played without giving way
+_HEADROOM = 2.5  # least ratio of a round to the time that its pictures take: other processes need some, too
 
 
 @dataclass(frozen=True)
@@ -86,6 +92,25 @@ class _Plan:
         """Time between rounds, nanoseconds."""
         return period_ns(self.scenario.period_s, self.speed)
 
+    def slowed(self, work_s: float) -> "_Plan":
+        """Return the plan with rounds that leave time for their work; itself if they do.
+
+        Args:
+            work_s: Time that the raters take for the pictures of a round, seconds.
+
+        Raises:
+            ValueError: This machine is too slow for the slowest rounds.
+        """
+        speed = _PAPER.period_s / (_HEADROOM * work_s)
+        if speed >= self.speed:
+            return self
+        if speed < SLOWEST:
+            raise ValueError(
+                f"this machine is too slow, or too busy: raters take {work_s:.2g} s for the pictures of a round, and "
+                f"have {_PAPER.period_s / SLOWEST / _HEADROOM:.2g} s even with --speed {SLOWEST:g}"
+            )
+        return replace(self, speed=math.floor(100 * speed) / 100)
+
 
 def demo(
     attack: Annotated[Attack, typer.Option(help="Attack of the paper's Figure 3 or Figure 4.")] = "bad-mouthing",
@@ -105,10 +130,10 @@ def demo(
 ) -> None:
     """Run the paper's [bold]three robots[/] as seven processes on DDS: three cameras, three raters and the manager.
 
-    The run takes two minutes, or less with --speed. Meanwhile, a page in the browser shows the curves, the pictures of
-    the cameras and the missing raters, and ROS 2 on this machine sees the nodes, topics and types. At the end, the
-    command draws the paper's figure from the measured trust beside a simulation of the same run, and checks the
-    claims of the paper.
+    The run takes two minutes, or less with --speed; on a slow machine, rounds are longer. Meanwhile, a page in the
+    browser shows the curves, the pictures of the cameras and the missing raters, and ROS 2 on this machine sees the
+    nodes, topics and types. At the end, the command draws the paper's figure from the measured trust beside a
+    simulation of the same run, and checks the claims of the paper.
 
     Written: [green]figure.png figure.csv figure-simulated.csv results.json[/]; [green]journal.jsonl[/], the journal of
     the manager; [green]recording[/], all messages except pictures; and [green]keys[/].
@@ -123,34 +148,53 @@ def demo(
     """
     (require_view if view else require_live)()
     plan = _Plan(attack, seconds, speed, signed, seed)
-    if view:
-        from roletrust_experiments.view.page import check_port
-
-        check_port(port)
-    prepare_folder(out)
-    with without_interrupts():
-        simulations = multiprocessing.get_context("spawn").Pool(1, os.nice, (_NICENESS,))
-    with simulations as aside, progress_bar() as progress:
-        simulation = aside.apply_async(_simulated, (plan,))
-        if view:
+    with WaitingPage(port) if view else nullcontext() as page:
+        prepare_folder(out)
+        if page is not None:
             console.print(f"Watch it on {address(port)}", soft_wrap=True)
-        if view and browser:
+        if page is not None and browser:
             webbrowser.open(address(port))
-        entries, start = _run_team(plan, out, port if view else None, progress)
-        progress.add_task("Waiting for the simulation", total=None)
-        simulated = simulation.get()
+        plan = _paced(plan)
+        with without_interrupts():
+            simulations = multiprocessing.get_context("spawn").Pool(1, os.nice, (_NICENESS,))
+        with simulations as aside, progress_bar() as progress:
+            simulation = aside.apply_async(_simulated, (plan,))
+            entries, start = _run_team(plan, out, page, progress)
+            try:
+                stage(progress, "Waiting for the simulation")
+                simulated = simulation.get(_ASIDE_S)
+            except multiprocessing.TimeoutError:  # it gave way to all else on this machine
+                aside.terminate()
+                simulated = _simulated(plan, progress)
     _report(plan, entries, start, simulated, out)
+
+
+def _paced(plan: _Plan) -> _Plan:
+    """Return the plan with rounds for which this machine is fast enough, and say if they are longer."""
+    from roletrust_experiments.commands.live.pace import work_s
+
+    team = Team.of(plan.scenario)
+    work, period_s = work_s(len(team.raters), len(team.providers)), plan.period / 1e9
+    slowed = plan.slowed(work)
+    if slowed is not plan:
+        longer_s = slowed.period / 1e9
+        console.print(
+            f"This machine is too slow, or too busy, for a round in {period_s:.2g} s: raters take {work:.2g} s for its "
+            f"pictures, and have {period_s / _HEADROOM:.2g} s. A round takes {longer_s:.2g} s instead (--speed "
+            f"{slowed.speed:g}), and the run {slowed.scenario.max_cycles * longer_s / 60:.1f} minutes.",
+            soft_wrap=True,
+        )
+    return slowed
 
 
 def _silent(line: str) -> None:
     """Show nothing of what a node reports: the bar shows the rounds."""
 
 
-def _simulated(plan: _Plan) -> Curves:
-    """Simulate the same run without robots."""
-    with progress_bar() as progress:
-        progress.disable = True
-        return track_curves(JointPolicy(Game(plan.scenario), plan.paper.policies), plan.seed, progress, "")
+def _simulated(plan: _Plan, progress: Progress | None = None) -> Curves:
+    """Simulate the same run without robots, with a progress bar or without a word."""
+    progress = progress or Progress(disable=True)
+    return track_curves(JointPolicy(Game(plan.scenario), plan.paper.policies), plan.seed, progress, "Simulating")
 
 
 def _report(plan: _Plan, entries: list[JournalEntry], start: int, simulated: Curves, out: Path) -> None:
@@ -207,20 +251,20 @@ def _latencies_ms(entries: Sequence[JournalEntry]) -> list[float]:
     return [(entry.closed - entry.stamp) / 1e6 for entry in entries if not entry.missing]
 
 
-def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> tuple[list[JournalEntry], int]:
+def _run_team(plan: _Plan, out: Path, page: WaitingPage | None, progress: Progress) -> tuple[list[JournalEntry], int]:
     """Run the team.
 
     Args:
         plan: Settings of the run.
         out: Folder for the journal, the recording and the keys; those of an earlier run are replaced.
-        port: Port of the page that shows the run; None for no page.
+        page: Page that answers until the one that shows the run; None for no page.
         progress: Progress bar.
 
     Returns:
         The rounds in the manager's journal, and the start of round 0 in nanoseconds since 1970.
 
     Raises:
-        ValueError: A process has failed, or the machine is too slow for a single round.
+        ValueError: A process has failed, or most of the last rounds lack a rater.
     """
     from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
     from roletrust_env.live.nodes.manager_node import run_manager_node
@@ -228,7 +272,7 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> t
     from roletrust_env.live.nodes.run_loop import SECOND, Timeline
     from roletrust_env.live.validation import MANAGER
     from roletrust_env.live.wire.keys import make_keys
-    from roletrust_experiments.view.page import run_view_server
+    from roletrust_experiments.commands.live.pace import WINDOW, incomplete, work_s
 
     scenario, policies, period = plan.scenario, plan.paper.policies, plan.period
     team, journal, keys = Team.of(scenario), out / "journal.jsonl", out / "keys" if plan.signed else None
@@ -237,36 +281,51 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> t
     out.mkdir(parents=True, exist_ok=True)
     if keys is not None:
         make_keys(keys, [MANAGER, *team.raters, *team.providers])
-    task = progress.add_task("Starting the nodes", total=None)
     with NodeProcesses() as nodes:
-        nodes.start("manager", run_manager_node, model=plan.model, journal=journal, period=period, team=team, keys=keys)
-        nodes.start("recorder", run_recorder_node, folder=out / "recording", images=False)
+        manager = {"model": plan.model, "journal": journal, "period": period, "team": team, "keys": keys}
+        nodes.start("manager", run_manager_node, report=_silent, **manager)
+        nodes.start("recorder", run_recorder_node, folder=out / "recording", images=False, report=_silent)
         shared = {"scenario": scenario, "keys": keys, "seed": plan.seed, "report": _silent}
         for name in team.raters:
             nodes.start(name, run_rater_node, name=name, policy=policies.get(name), **shared)
         shared["rounds"] = scenario.max_cycles
         for name in team.providers:
             nodes.start(name, run_camera_node, name=name, policy=policies.get(name), **shared)
-        if port is not None:
-            clock = {"period_s": period / SECOND, "speed": plan.speed}
-            nodes.start("view", run_view_server, port=port, team=team, keys=keys, attackers=tuple(policies), **clock)
         started = time.monotonic()
-        nodes.ready()
+        if page is not None:
+            from roletrust_experiments.view.page import run_view_server
+
+            page.text = "Starting the nodes."
+            settings = {"team": team, "keys": keys, "attackers": tuple(policies), "speed": plan.speed}
+            nodes.start("view", run_view_server, listening=page.listening, period_s=period / SECOND, **settings)
+        done = stage(progress, "Starting the nodes", len(nodes.names))
+        for number, name in enumerate(nodes.names):
+            nodes.ready(name)
+            done(number + 1)
+        if page is not None:
+            page.close()
+            nodes.begin("view")
         discovery_s = max(_DISCOVERY_S, (time.monotonic() - started) / 2)  # it is slow on a busy machine, too
-        nodes.begin("manager", "recorder", *(["view"] if port is not None else []))
-        start = time.time_ns() + round(discovery_s * SECOND)
-        nodes.begin(*team.raters, *team.providers, timeline=Timeline(start, period))
-        progress.update(task, description="Rounds", total=scenario.max_cycles)
-        while nodes.running(*team.providers):
+        nodes.begin("manager", "recorder")
+        timeline = Timeline(time.time_ns() + round(discovery_s * SECOND), period)
+        nodes.begin(*team.raters, *team.providers, timeline=timeline)
+        done, entries, gaps = stage(progress, "Rounds", scenario.max_cycles), list[JournalEntry](), 0
+        while nodes.running(*team.providers) and gaps <= WINDOW // 2:
             nodes.check()
             if journal.exists() and journal.stat().st_size:
-                progress.update(task, completed=sum(1 for _ in read_journal(journal)))
+                entries = list(read_journal(journal))
+            done(len(entries))
+            gaps = incomplete(entries, timeline, clock.now())
             time.sleep(_POLL_S)
-        time.sleep(_LAST_PERIODS * period / SECOND)
-        nodes.check()
-    entries = list(read_journal(journal))
-    if not entries:
+        if gaps <= WINDOW // 2:
+            time.sleep(_LAST_PERIODS * period / SECOND)
+            nodes.check()
+    if gaps > WINDOW // 2:
+        work = work_s(len(team.raters), len(team.providers))
         raise ValueError(
-            f"no round was completed: this machine is too slow for --speed {plan.speed:g}; use a lower speed"
+            f"this machine has become too slow, or too busy: {gaps} of the last {WINDOW} rounds lack a rater. Raters "
+            f"take {work:.2g} s for the pictures of a round now, and a round has {period / SECOND:.2g} s; a lower "
+            f"--speed than {plan.speed:.2g} gives them longer"
         )
-    return entries, start
+    entries = list(read_journal(journal))
+    return entries, timeline.start

@@ -10,7 +10,8 @@ from roletrust_env.live.nodes.run_loop import SECOND
 Scenario = Annotated[
     str, typer.Option(help="Name or file of a scenario, which sets the agents, the rounds and the disturbances.")
 ]
-Speed = Annotated[float, typer.Option(min=0.1, max=20, help="Speed relative to the scenario's clock.")]
+SLOWEST = 0.1
+Speed = Annotated[float, typer.Option(min=SLOWEST, max=20, help="Speed relative to the scenario's clock.")]
 Keys = Annotated[Path | None, typer.Option(help="Folder with keys, made by `roletrust live keys`.")]
 Network = Annotated[
     bool, typer.Option("--network", help="Communicate with other machines, too; by default with this machine only.")

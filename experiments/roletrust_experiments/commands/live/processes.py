@@ -55,13 +55,19 @@ class NodeProcesses:
         there.close()
         self._processes[name] = _Process(process, here)
 
-    def ready(self) -> None:
-        """Wait until all processes are ready.
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the processes."""
+        return tuple(self._processes)
+
+    def ready(self, *names: str) -> None:
+        """Wait until some processes are ready; all if none is named.
 
         Raises:
             ValueError: A process did not start.
         """
-        for name, (_, pipe) in self._processes.items():
+        for name in names or self._processes:
+            pipe = self._processes[name].pipe
             try:
                 ready = name in self._ready or (pipe.poll(_READY_S) and pipe.recv())
             except EOFError:
@@ -71,8 +77,8 @@ class NodeProcesses:
             self._ready.add(name)
 
     def begin(self, *names: str, **arguments: Any) -> None:
-        """Let some processes begin with further arguments, once all are ready."""
-        self.ready()
+        """Let some processes begin with further arguments, once they are ready."""
+        self.ready(*names)
         for name in names:
             self._processes[name].pipe.send(arguments)
 

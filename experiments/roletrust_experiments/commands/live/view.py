@@ -1,6 +1,7 @@
 """`roletrust live view`: a page that shows a running team in the browser."""
 
-from typing import TYPE_CHECKING, Annotated
+import webbrowser
+from typing import Annotated, Any
 
 import typer
 
@@ -8,9 +9,6 @@ from roletrust_env import make_scenario
 from roletrust_experiments.commands.console import console, errors
 from roletrust_experiments.commands.extras import require, require_live
 from roletrust_experiments.commands.live.options import Browser, Keys, Network, Port, Scenario, Speed
-
-if TYPE_CHECKING:
-    from bokeh.server.server import Server
 
 
 def view(
@@ -39,28 +37,32 @@ def view(
     [cyan]roletrust live view --url http://127.0.0.1:8000[/]
     """
     require_view()
-    from roletrust_env.live.team import Team
-    from roletrust_experiments.view.page import run_view_server, serve_until_signal
-
-    def ready(server: "Server") -> None:
-        console.print(f"{address(port)}, until Ctrl-C", soft_wrap=True)
-        if browser:
-            server.io_loop.add_callback(server.show, "/")
-
     if url is not None:
         require("roletrust live view --url", "mcp", "httpx2", "jwt")
+    elif keys is None:
+        errors.print("view: WITHOUT KEYS: everybody on this network can forge what the page shows", soft_wrap=True)
+    rules = make_scenario(scenario)
+    from roletrust_experiments.view.waiting import WaitingPage
+
+    with WaitingPage(port) as page:
+        console.print(f"{address(port)}, until Ctrl-C", soft_wrap=True)
+        if browser:
+            webbrowser.open(address(port))
+        from roletrust_env.live.team import Team
+        from roletrust_experiments.view.page import run_view_server, serve_until_signal
+
+        if url is None:
+            settings: Any = {"team": Team.of(rules), "keys": keys, "speed": speed, "network": network}
+            page.leave()
+            run_view_server(page.listening, rules.period_s / speed, **settings)
+            return
         from roletrust_env.service.manager_listener import ManagerListener
         from roletrust_experiments.view.dashboard import Dashboard
 
+        page.text = f"Waiting for {url}."
         listener = ManagerListener(url)
-        serve_until_signal(Dashboard(listener, listener.period_s), port, ready)
-        return
-    rules = make_scenario(scenario)
-    if keys is None:
-        errors.print("view: WITHOUT KEYS: everybody on this network can forge what the page shows", soft_wrap=True)
-    run_view_server(
-        port, rules.period_s / speed, team=Team.of(rules), keys=keys, speed=speed, network=network, ready=ready
-    )
+        page.leave()
+        serve_until_signal(Dashboard(listener, listener.period_s), page.listening)
 
 
 def require_view() -> None:
