@@ -6,13 +6,34 @@ from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.sources import Source
 from roletrust_env.benchmarking.submission import CellClaim, ClaimedScore, make_claim
 from roletrust_env.benchmarking.suite import Cell
-from roletrust_env.benchmarking.verification import _check_sources, check_bias, check_cell, within
+from roletrust_env.benchmarking.verification import _check_sources, check_bias, check_cell, check_fresh, within
 
 
 def test_two_means_may_differ_by_the_noise_of_two_samples() -> None:
     own = ClaimedScore(mean=0.5, half_95=0.01)
     for difference, agrees in ((0.0141, True), (0.0143, False), (0.04, False), (-0.0143, False)):
         assert within(ClaimedScore(mean=0.5 + difference, half_95=None), own) is agrees
+    exact = ClaimedScore(mean=0.5, half_95=0.0)  # another processor rounds otherwise
+    assert within(ClaimedScore(mean=0.5 + 1e-12, half_95=0.0), exact)
+
+
+def test_games_that_are_all_alike_may_be_rounded_otherwise() -> None:
+    other = {name: [0.5] * 40 for name in ("published", "blind", "damage", "false_alarms", "auc")}
+    alike, rounded = (
+        [CellResult((AttackResult("a", "", 0, *[{"utility": [mean] * 40, **other}] * 2),), 0.0)] * 10
+        for mean in (0.75, 0.75 + 1e-9)
+    )
+    for claims, here in ((alike, alike), (rounded, alike)):
+        assert all(check.ok for check in check_bias(claimed(claims), here))
+
+
+def test_a_wide_interval_of_a_claim_allows_no_more_than_the_own_one() -> None:
+    claims = claimed(run(0, cells=2, raised=0.2))
+    assert not all(check.ok for check in check_fresh(claims, run(1, cells=2)))
+    for claim in claims:
+        for one in claim.attacks:
+            object.__setattr__(one.measured.utility, "half_95", 9.0)
+    assert not all(check.ok for check in check_fresh(claims, run(1, cells=2)))
 
 
 def test_a_source_may_differ_only_in_another_version_of_the_same_package() -> None:

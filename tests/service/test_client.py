@@ -34,6 +34,14 @@ def test_an_agent_registers_rates_asks_and_leaves(ann, url, tmp_path, clock):
         ann.rate("bob", 4.6)
 
 
+def test_ratings_of_one_microsecond_all_count(ann, monkeypatch):
+    now = time.time_ns()
+    monkeypatch.setattr(time, "time_ns", lambda: now)
+    for _ in range(3):
+        ann.rate("bob", 4.6)
+    assert ann.about().ratings == 3
+
+
 def test_a_rating_whose_acknowledgement_is_lost_counts_once(ann, between):
     between.before, between.after = [503], [502]
     ann.rate("bob", 4.6)

@@ -16,6 +16,7 @@ from sqlalchemy import text
 from roletrust_env.data import Columns, TrustStream, read_ratings
 from roletrust_env.data.evidence import evidence
 from roletrust_env.data.log_rounds import log_rounds, played
+from roletrust_env.data.rounds import MOST
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.service.manager import RefusedError, Request, TrustManager
 from roletrust_env.service.store import Store, StoreError
@@ -60,6 +61,23 @@ def as_rated(manager: OneByOne, path: Path, model: str) -> None:
         assert found.names == list(wanted.names)
         for name, one, other in zip(wanted._fields[1:], wanted[1:], found._columns, strict=True):
             np.testing.assert_allclose(other, one, rtol=0, atol=1e-12, err_msg=name)
+
+
+def test_a_rating_after_more_silence_than_a_stream_takes_is_not_acknowledged(tmp_path: Path):
+    """And the store is played again as it stands."""
+    clock = Clock()
+    with managed(str(tmp_path / "s"), clock, QUICK._replace(every=1.0, tolerance=1e6)) as manager:
+        ann, _ = joined(manager, clock, "ann", "bob")
+        manager.rate([ann.rating("bob", 1)])
+        clock.now += MOST - 3
+        manager.rate([ann.rating("bob", 0)])
+        clock.now += MOST + 3
+        with pytest.raises(StoreError, match="too many rounds without a rating"):
+            manager.rate([ann.rating("bob", 1)])
+        before = standings(manager)
+    with managed(str(tmp_path / "s"), clock, QUICK._replace(every=1.0, tolerance=1e6)) as manager:
+        assert standings(manager) == before
+        assert before["bob"][0].ratings == 2
 
 
 @pytest.mark.parametrize(

@@ -62,14 +62,17 @@ def test_an_explanation_is_what_the_log_without_the_ratings_says(log: RatingLog)
         found = explain(MODEL, log, numbers, role, agent, most=4)
         mine, others = (log.ratees, log.raters) if role == "ratee" else (log.raters, log.ratees)
         assert (found.name, found.role, found.n_ratings, len(found.reasons)) == (name, role, (mine == agent).sum(), 4)
-        if role == "ratee":  # the raters that are trusted and far away
-            whole = TrustStream(MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), every=1)
-            whole.update(log.raters, log.ratees, log.values, numbers)
-            whole.finish()
-            raters = {rater: log.values[(mine == agent) & (others == rater)] for rater in set(others[mine == agent])}
-            trusts = whole.rater_trust()
-            far = {rater: trusts[rater] * abs(values.mean() - found.trust) for rater, values in raters.items()}
-            assert {reason.other for reason in found.reasons} == set(sorted(far, key=far.get)[-4:])
+        whole = TrustStream(MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), every=1)
+        whole.update(log.raters, log.ratees, log.values, numbers)
+        whole.finish()
+        trusts, other = whole.provider_trust(), whole.rater_trust()
+        trusts, other = (trusts, other) if role == "ratee" else (other, trusts)
+        assert found.rank == 1 + sum(trusts[one] > found.trust for one in set(mine.tolist()))
+        means = {one: log.values[(mine == agent) & (others == one)].mean() for one in set(others[mine == agent])}
+        near = {one: abs(mean - (found.trust if role == "ratee" else other[one])) for one, mean in means.items()}
+        ordered = sorted(near, key=lambda one: near[one] * (other[one] if role == "ratee" else 1))
+        taken = ordered[-4:] if role == "ratee" else [*ordered[:2], *ordered[-2:]]
+        assert {reason.other for reason in found.reasons} == set(taken)
         changes = [abs(reason.without - found.trust) for reason in found.reasons]
         assert changes == sorted(changes, reverse=True)
         reason = found.reasons[0]
