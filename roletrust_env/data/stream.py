@@ -124,7 +124,8 @@ class TrustStream:
 
         Raises:
             ValueError: The model does not run on edges, and agents of a role are missing; the scale is empty; a round
-                has no length; or a policy is none of those allowed.
+                has no length; a policy is none of those allowed; or a further setting has numbers that are not finite.
+            TypeError: A further setting is no plain data.
             MemoryError: The model does not fit, see `make_run`.
         """
         check_scale(scale)
@@ -132,7 +133,7 @@ class TrustStream:
         check_lateness(late, lead, every)
         self.model, self.scale, self.count, self.same_agents = model, scale, count, same_agents
         self.late, self.lead, self.repeats = late, lead, repeats
-        self.source = dict(source or {})
+        self.source: dict[str, Any] = parse_json(json.dumps(dict(source or {})).encode())
         self._pairs = PairCounts() if keep_evidence else None
         self.n_late = self.n_ahead = self.n_repeated = 0
         self.every = None if every is None else float(every)

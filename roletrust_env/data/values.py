@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from roletrust_env.data.dates import dates_in_form, find_form, formatted_dates
 from roletrust_env.data.units import UNITS, find_unit, has_zone, is_date, iso_dates, lost_digits
-from roletrust_env.errors import check_unicode
 from roletrust_env.trust.key_index import Floats, Ints
 
 _MISSING = ("na", "n/a", "nan", "nat", "null", "none", "-")
@@ -31,14 +30,8 @@ def trimmed(name: str) -> str:
     """Return a name as it counts: composed (NFC) and without white space at its ends.
 
     So `ann` and `ann ` are one agent, and so are the two ways to write `é`, as one letter and with an accent.
-
-    Raises:
-        ValueError: The name is no Unicode.
     """
-    name = unicodedata.normalize("NFC", name.strip())
-    if not name.isascii():
-        check_unicode("a name", name)
-    return name
+    return unicodedata.normalize("NFC", name.strip())
 
 
 def _file(row: Row) -> str:

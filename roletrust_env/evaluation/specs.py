@@ -43,7 +43,7 @@ def parse_value(text: str) -> Any:
     """
     try:
         data = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError):
         return text
     return _frozen(data["value"]) if len(data) == 1 else text
 

@@ -5,9 +5,18 @@ from difflib import get_close_matches
 from inspect import cleandoc
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
 
-from roletrust_env.errors import suggest
+from roletrust_env.errors import check_unicode, suggest
 from roletrust_env.parameters import BiasOrRange, ScaleOrRange, Share, ShareOrRange
 
 _NEAR = 0.75  # likeness of a name and one that has a hint
@@ -27,6 +36,14 @@ class FrozenModel(BaseModel):
         texts = {name: " ".join((info.description or "").split()) for name, info in cls.model_fields.items()}
         fields = [f"    {name}: {text}" for name, text in texts.items()]
         cls.__doc__ = "\n".join([cleandoc(cls.__doc__ or ""), "", "Attributes:", *fields])
+
+    @field_validator("*")
+    @classmethod
+    def _check_texts(cls, value: Any) -> Any:
+        for text in value if isinstance(value, tuple) else (value,):
+            if isinstance(text, str):
+                check_unicode("it", text)
+        return value
 
     @model_validator(mode="before")
     @classmethod

@@ -87,6 +87,12 @@ def test_names_keep_a_nul_at_their_end() -> None:
     assert list(one.rater_trust()) == ["a\0", "a"]
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "\ud800"])
+def test_further_settings_are_such_as_a_file_keeps(value: Any) -> None:
+    with pytest.raises(ValueError, match="the JSON has "):
+        TrustStream(make_trust_model("mean"), source={"unit": [value]})
+
+
 MASKED = np.ma.masked_array([0.5, 1.0], mask=[False, True])
 NAMES = np.ma.masked_array([1, 2], mask=[False, True])
 

@@ -26,6 +26,7 @@ def test_values():
     assert parse_value("[0, [1]]") == (0, (1,))
     assert parse_value("true") is True
     assert parse_value("random") == "random"
+    assert parse_value("[" * 50_000) == "[" * 50_000
     assert parse_value("1\nother = 2") == "1\nother = 2"
     assert parse_settings(['access={kind = "choice", providers = 2}'])["access"]["providers"] == 2
 

@@ -239,6 +239,8 @@ def test_files(tmp_path: Path, name: str, text: str) -> None:
         ("a.yaml", b"just words", ["holds a str", "fields"]),
         ("a.yaml", b"", ["fields"]),
         ("a.yaml", b"1: 2", ["1"]),
+        ("a.yaml", b'name: "\\uD800"\nagents: []\n', ["name: it has \\ud800, which is no character of Unicode"]),
+        ("a.yaml", b'tags: ["\\uD800"]\nagents: []\n', ["tags: it has \\ud800, which is no character of Unicode"]),
         ("a.toml", b"", ["agents", "missing"]),
         ("a.toml", b"lam = 3", ["lam is 3", "[0.5, 1)", "agents", "missing"]),
         ("a.json", b"{}", ["must end in", ".toml", ".yaml", ".yml"]),
