@@ -55,6 +55,7 @@ class Served(NamedTuple):
 def _call(function: Callable[[], object], arguments: list[str], errors: Connection) -> None:
     """Call a function as a command, whose standard error goes to a pipe."""
     os.dup2(errors.fileno(), 2)
+    sys.stderr = os.fdopen(2, "w", 1, closefd=False)  # the one so far takes it for a file, in which one can seek
     sys.argv = ["roletrust", *arguments]
     function()
 
