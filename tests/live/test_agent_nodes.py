@@ -1,7 +1,6 @@
 """Cameras and raters as nodes that do not end by themselves, by a clock that a test moves, without middleware."""
 
 import importlib.util
-import signal
 import sys
 import time
 from pathlib import Path
@@ -11,49 +10,16 @@ import cv2
 import numpy as np
 import pytest
 from fake_wire import FakeWire
+from machine import PERIOD, Machine, end, send_pictures
 from typer.testing import CliRunner
 
-from roletrust_env import Policy, make_scenario
-from roletrust_env.live import clock
+from roletrust_env import Policy
 from roletrust_env.live.nodes import agent_nodes
 from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
-from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.topics import IMAGES
 from roletrust_experiments.cli import app
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide" / "ros2"
-PERIOD = 500_000_000
-SHORT = make_scenario("paper-3x3").change(
-    max_cycles=3, perturbations=[{"start": 2, "stop": 4}, {"start": 9, "stop": 11, "strength": 0.5}]
-)
-
-
-class Machine:
-    """A machine whose time passes in sleep and in waits for messages only."""
-
-    def __init__(self, monkeypatch):
-        self.now, self.wire, self.lines, self.after = 0, FakeWire(), [], []
-        monkeypatch.setattr(clock, "now", lambda: self.now)
-        monkeypatch.setattr("roletrust_env.live.nodes.run_loop.time.sleep", self.pass_time)
-        monkeypatch.setattr(agent_nodes, "Node", lambda *_, **__: self.wire)
-        self.wire.wait = self.pass_time
-        self.wire.writer = lambda *_: self
-
-    def pass_time(self, seconds):
-        self.now += max(1, round(seconds * 1e9))
-
-    def write(self, message):
-        """Publish a message, after which something may happen."""
-        self.wire.sent.append(message)
-        for act in [act for count, act in self.after if count == len(self.wire.sent)]:
-            act()
-
-    def runs(self, run, name, **arguments):
-        """Run a node and return the rounds of its messages."""
-        given = {"timeline": Timeline(PERIOD, PERIOD), "report": self.lines.append, **arguments}
-        run(name, SHORT, **given)
-        return [messages.stamp_of(message) // PERIOD - 1 for message in self.wire.sent]
 
 
 @pytest.fixture
@@ -66,10 +32,6 @@ def frames(tmp_path):
     for k in range(4):
         cv2.imwrite(str(tmp_path / f"{k}.png"), np.full((240, 320, 3), 60 * k, np.uint8))
     return tmp_path
-
-
-def end():
-    signal.raise_signal(signal.SIGTERM)
 
 
 def test_a_camera_goes_on_after_the_rounds_of_its_scenario(machine, frames):
@@ -160,20 +122,12 @@ class Detector:
 def test_the_first_picture_of_a_camera_that_is_back_is_rated(late, back, machine, monkeypatch):
     """It is the last one of its round; the rater has no ratings of the camera before its first one, either."""
     monkeypatch.setattr(agent_nodes, "PersonDetector", Detector)
-    machine.wire.announce(IMAGES, messages.IMAGE, "sp_0", "sp_1", "sp_2")
-    sent, rounds = dict.fromkeys(("sp_0", "sp_1", "sp_2"), 0), 10 + back
+    rounds = 10 + back
 
-    def wait(seconds):
-        machine.pass_time(seconds)
-        for name, last in sent.items():
-            due = (machine.now - int((late if name == "sp_2" else 0) * PERIOD)) // PERIOD
-            if due > last:
-                sent[name] = due
-                if name != "sp_2" or not 3 < due <= 3 + back:
-                    picture = messages.encode(messages.picture_message(due * PERIOD, name, b"jpeg"))
-                    machine.wire.waiting[f"/{name}{IMAGES}"].append(picture)
+    def sends(name, r):
+        return name != "sp_2" or not 3 < r <= 3 + back
 
-    machine.wire.wait = wait
+    send_pictures(machine, {"sp_0": 0.0, "sp_1": 0.0, "sp_2": late}, sends)
     machine.runs(run_rater_node, "sr_0", rounds=rounds)
     ratings = [message for message in machine.wire.sent if message.__msgtype__ == messages.RATINGS]
     rated = {messages.stamp_of(message) // PERIOD: len(message.providers) for message in ratings}
