@@ -2,7 +2,7 @@
 
 import os
 import socket
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -180,6 +180,7 @@ def run_view_server(
     speed: float = 1.0,
     attackers: Collection[str] = (),
     network: bool = False,
+    take: Callable[[], object] = lambda: None,
 ) -> None:
     """Serve the page of a team until a signal ends the process. The process has a lower priority than the robots.
 
@@ -191,6 +192,7 @@ def run_view_server(
         speed: Speed relative to the scenario's clock.
         attackers: Names to mark as attackers.
         network: See `Node`.
+        take: Function that ends the answers of another server on the socket; it is called when the page is ready.
 
     Raises:
         ValueError: A key does not exist.
@@ -198,12 +200,14 @@ def run_view_server(
     os.nice(_NICENESS)
     keyring = None if keys is None else PublicKeys(keys, [MANAGER])
     listener = TeamListener(team, RoundTiming(round(period_s * SECOND)), keyring=keyring, network=network)
-    serve_until_signal(Dashboard(listener, period_s, speed, attackers), listening)
+    serve_until_signal(Dashboard(listener, period_s, speed, attackers), listening, take)
 
 
-def serve_until_signal(dashboard: Dashboard, listening: socket.socket) -> None:
+def serve_until_signal(dashboard: Dashboard, listening: socket.socket, take: Callable[[], object]) -> None:
     """Serve a page until a signal ends the process, see `run_view_server`."""
     try:
+        make_page(dashboard, Document())  # what takes long the first time
+        take()
         server = serve(dashboard, listening)
         with run_until_signal() as active:
             PeriodicCallback(lambda: None if active else server.io_loop.stop(), _POLL_MS).start()

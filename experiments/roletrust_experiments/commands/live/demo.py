@@ -10,6 +10,8 @@ import webbrowser
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
+from functools import partial
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -191,6 +193,12 @@ def _silent(line: str) -> None:
     """Show nothing of what a node reports: the bar shows the rounds."""
 
 
+def _ask(pipe: Connection) -> None:
+    """Wait until the page at the other end of a pipe has left its socket."""
+    pipe.send(None)
+    pipe.recv()
+
+
 def _simulated(plan: _Plan, progress: Progress | None = None) -> Curves:
     """Simulate the same run without robots, with a progress bar or without a word."""
     progress = progress or Progress(disable=True)
@@ -296,15 +304,20 @@ def _run_team(plan: _Plan, out: Path, page: WaitingPage | None, progress: Progre
             from roletrust_experiments.view.page import run_view_server
 
             page.text = "Starting the nodes."
-            settings = {"team": team, "keys": keys, "attackers": tuple(policies), "speed": plan.speed}
-            nodes.start("view", run_view_server, listening=page.listening, period_s=period / SECOND, **settings)
+            here, there = multiprocessing.Pipe()
+            settings: Any = {"team": team, "keys": keys, "attackers": tuple(policies), "speed": plan.speed}
+            settings |= {"listening": page.listening, "take": partial(_ask, there), "period_s": period / SECOND}
+            nodes.start("view", run_view_server, **settings)
         done = stage(progress, "Starting the nodes", len(nodes.names))
         for number, name in enumerate(nodes.names):
             nodes.ready(name)
             done(number + 1)
         if page is not None:
-            page.close()
             nodes.begin("view")
+            while not here.poll(_POLL_S):
+                nodes.check()
+            page.close()
+            here.send(here.recv())
         discovery_s = max(_DISCOVERY_S, (time.monotonic() - started) / 2)  # it is slow on a busy machine, too
         nodes.begin("manager", "recorder")
         timeline = Timeline(time.time_ns() + round(discovery_s * SECOND), period)

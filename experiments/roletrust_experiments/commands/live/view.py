@@ -53,16 +53,14 @@ def view(
 
         if url is None:
             settings: Any = {"team": Team.of(rules), "keys": keys, "speed": speed, "network": network}
-            page.leave()
-            run_view_server(page.listening, rules.period_s / speed, **settings)
+            run_view_server(page.listening, rules.period_s / speed, take=page.leave, **settings)
             return
         from roletrust_env.service.manager_listener import ManagerListener
         from roletrust_experiments.view.dashboard import Dashboard
 
         page.text = f"Waiting for {url}."
         listener = ManagerListener(url)
-        page.leave()
-        serve_until_signal(Dashboard(listener, listener.period_s), page.listening)
+        serve_until_signal(Dashboard(listener, listener.period_s), page.listening, page.leave)
 
 
 def require_view() -> None:
