@@ -6,8 +6,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from rosbags.rosbag2 import Reader, ReaderError, StoragePlugin, Writer
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
+from roletrust_env.errors import short
 from roletrust_env.live.wire.messages import typestore
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -105,7 +106,8 @@ def read_recording(folder: Path) -> Iterator[RecordedMessage]:
                 one = RecordedMessage(time, connection.topic, connection.msgtype, bytes(raw))
             yield one
     finally:
-        reader.close()
+        with _one_line_errors(folder):
+            reader.close()
 
 
 @contextmanager
@@ -113,17 +115,8 @@ def _one_line_errors(folder: Path) -> Iterator[None]:
     """Turn every error of rosbags on a damaged file into a message of one line."""
     try:
         yield
-    except (
-        ReaderError,
-        OSError,
-        ValueError,
-        OverflowError,
-        MemoryError,
-        struct.error,
-        LookupError,
-        TypeError,
-    ) as error:
-        why = " ".join(str(error).split()) or "out of memory"
+    except Exception as error:  # of many kinds
+        why = short(" ".join(str(error).split())) or "out of memory"
         raise ValueError(f"{folder} cannot be read: {why}; `roletrust live record --recover` may help") from None
 
 

@@ -54,6 +54,16 @@ def test_all_flushed_messages_of_a_killed_recorder_are_recovered(cut, tmp_path):
     assert count >= 50 - cut / 50 - 7
 
 
+@pytest.mark.parametrize(("old", "new"), [("files: []", "files: 7"), ("version: 9", "version: x"), ("relative", "re")])
+def test_another_index_of_a_recording_is_one_error(tmp_path, old, new):
+    write(tmp_path / "bag", SOME)
+    index = tmp_path / "bag" / "metadata.yaml"
+    assert old in index.read_text()
+    index.write_text(index.read_text().replace(old, new))
+    with pytest.raises(ValueError, match=r"cannot be read: .*live record --recover"):
+        list(read_recording(tmp_path / "bag"))
+
+
 def test_other_files_and_existing_folders_are_refused(tmp_path):
     (tmp_path / "no.mcap").write_text("no")
     with pytest.raises(ValueError, match="is no recording"):
