@@ -7,11 +7,20 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 
 from roletrust_baselines.agent_indices import AgentIndices, index_mask, provider_mask
 from roletrust_baselines.rater import LyingRater, praise
-from roletrust_baselines.treatment import approval, no_accounts, shares
+from roletrust_baselines.treatment import no_accounts, shares
 from roletrust_env.arrays import Array, cast, largest, mean_places, namespace
+from roletrust_env.game.accounts import Accounts
 from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView, RaterView
-from roletrust_env.parameters import Accomplices, GridValues, SearchRange, Share, checked_dataclass
+from roletrust_env.parameters import (
+    Accomplices,
+    GridValues,
+    NotSearched,
+    SearchRange,
+    Share,
+    Weighting,
+    checked_dataclass,
+)
 from roletrust_env.randomness import Random
 
 STEPS = 1e6
@@ -431,12 +440,15 @@ class PersonalMilkingRing(MilkingRing):
         threshold: Mean rating of a provider by a rater from which on it is cheated, in [0, 1].
         bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
         lift: Share of the distance to 1 that is added to the ratings of the rest, in [0, 1].
+        prior: Number of further ratings of 0.5 in the mean of each rater, in [0, 1000]. The threshold is a share of the
+            mean of a perfect provider with as many ratings by a rater as this one has on average.
     """
 
     patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1)] = 1
     threshold: Annotated[Share, GridValues(0.5, 0.6, 0.8)] = 0.6
     cut: Annotated[Share, GridValues(0.1, 0.4)] = 0.4
     lift: Annotated[Share, GridValues(0.0, 1.0)] = 1.0
+    prior: Annotated[Weighting, NotSearched()] = 0.0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment", "ratings"})
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
@@ -455,7 +467,8 @@ class PersonalMilkingRing(MilkingRing):
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """Return bad shares for the raters that think well of it while active, and 1 else. See `Policy.treats`."""
         accounts = memory[1].hear(view.ratings, view.rated)
-        means = accounts.mean
-        best = means == largest(means, axis=1)[:, None]
-        cheated = best & approval(accounts, self.threshold, self.patience) & self.active(view.round)
+        means, usual = accounts.with_prior(self.prior).mean, accounts.count.mean(axis=0)
+        rival = Accounts(usual, usual, usual).with_prior(self.prior).mean
+        trusting = (accounts.count >= self.patience) & (means >= self.threshold * rival)
+        cheated = trusting & (means == largest(means, axis=1)[:, None]) & self.active(view.round)
         return shares(view, cheated, self.bad), (memory[0], accounts)

@@ -9,7 +9,7 @@ from roletrust_env.arrays import Array, device_of, namespace
 from roletrust_env.game.accounts import Accounts
 from roletrust_env.game.policy import Channel, WindowedAttack
 from roletrust_env.game.views import ProviderView
-from roletrust_env.parameters import GridValues, SearchRange, Share, checked_dataclass
+from roletrust_env.parameters import GridValues, NotSearched, SearchRange, Share, checked_dataclass
 from roletrust_env.randomness import Random
 
 
@@ -51,15 +51,18 @@ class Conflicting(UnequalProvider):
     Attributes:
         raters: Indices of the raters that it serves badly; None is the first half of all raters, rounded up.
         bad: Quality for these raters as a share of the quality for the others, in [0, 1].
+        threshold: Own ToP from which on it serves them badly, in [0, 1]. A high one wins them first.
     """
 
     raters: AgentIndices | None = None
     bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
+    threshold: Annotated[Share, NotSearched()] = 0.0
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return whether each rater is one of the chosen ones. See `UnequalProvider.cheats`."""
+        """Return whether each rater is one of the chosen ones, while it is trusted. See `UnequalProvider.cheats`."""
         half = tuple(range((len(view.ratings) + 1) // 2))
-        return index_mask(half if self.raters is None else self.raters, view.ratings, "raters", axis="rater"), memory
+        chosen = index_mask(half if self.raters is None else self.raters, view.ratings, "raters", axis="rater")
+        return chosen & (view.trust >= self.threshold), memory
 
 
 @checked_dataclass
@@ -161,7 +164,7 @@ class PersonalMilking(UnequalProvider):
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether each rater thinks well of it. See `UnequalProvider.cheats`."""
         accounts = memory.hear(view.ratings, view.rated)
-        return approval(accounts, self.threshold, self.patience), accounts
+        return (accounts.count >= self.patience) & (accounts.mean >= self.threshold), accounts
 
 
 def no_accounts(random: Random, shape: tuple[int, ...]) -> Accounts:
@@ -171,14 +174,3 @@ def no_accounts(random: Random, shape: tuple[int, ...]) -> Accounts:
     """
     like = random.like
     return Accounts.begin(namespace(like).zeros((1, *shape), dtype=like.dtype, device=device_of(like)))
-
-
-def approval(accounts: Accounts, threshold: float, patience: int) -> Array:
-    """Return whether each rater thinks well of a provider, boolean, shape (S, ...).
-
-    Args:
-        accounts: Accounts of the provider.
-        threshold: Mean rating from which on a rater does, in [0, 1].
-        patience: Number of ratings before which a rater does not.
-    """
-    return (accounts.count >= patience) & (accounts.mean >= threshold)

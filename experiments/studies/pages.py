@@ -102,6 +102,10 @@ COMMANDS = {
         "benchmark --suite {suites}/first-hand.toml --out {out}",
         "report {out}/results.sqlite --out {out}/report",
     ],
+    "by-hand": [
+        "benchmark --suite {suites}/by-hand.toml --out {out}",
+        "report {out}/results.sqlite --out {out}/report",
+    ],
     "attackers": [
         "benchmark --suite {suites}/attackers.toml --out {out}",
         "report {out}/results.sqlite --out {out}/report",
@@ -163,6 +167,7 @@ FILES = {
         "leaderboard.csv": "first-hand/leaderboard.csv",
         "report/worst_cases.csv": "first-hand/worst_cases.csv",
     },
+    "by-hand": {"report/worst_cases.csv": "leaderboards/by-hand.csv"},
     "attackers": {"report/games.csv.gz": "attackers/games.csv.gz"},
     "learners": {f"learners.{kind}": f"attackers/learners.{kind}" for kind in ("png", "md", "csv")},
     "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},

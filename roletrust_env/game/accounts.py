@@ -56,6 +56,10 @@ class Accounts(NamedTuple):
         where, met = namespace(ratings).where, cast(rated, ratings.dtype)
         return type(self)(self.total + met * ratings, self.count + met, where(rated, ratings, self.last))
 
+    def with_prior(self, ratings: float) -> Self:
+        """Return the accounts with so many further ratings of 0.5 by each rater."""
+        return self._replace(total=self.total + 0.5 * ratings, count=self.count + ratings)
+
     @property
     def mean(self) -> Array:
         """Mean rating of each rater, shape (S, n, ...); 0 where there is none."""

@@ -71,6 +71,27 @@ def test_raters_of_the_ring_sink_the_best_of_the_others_and_lift_the_rest() -> N
     assert ring.lies(np.array([0.8, 0.6, 0.2]), np.array([0.0, 0.5, 1.0])) == pytest.approx([0.4, 0.7, 0.4])
 
 
+def test_with_a_prior_the_threshold_rises_with_ratings_and_more_of_them_are_better() -> None:
+    """By hand, at 0.8 of a perfect rival, which has 3/4 after one rating, and 5/6 after two: 0.6, and 2/3, is enough.
+
+    The means of rater 1 are 0.62 and 0.66. Of two providers with ratings 0.85 and 0.85, and 0.9, the first is better.
+    """
+    ring, plain = (PersonalMilkingRing(threshold=0.8, prior=prior, accomplices=(0, 1)) for prior in (1.0, 0.0))
+    rounds = [[1.0, 0.74], [1.0, 0.74]]
+    assert treated(ring, rounds) == [[0, 0], [0, 1]]
+    assert treated(plain, rounds) == [[0, 1], [0, 1]]
+    zero, random = np.zeros(2), Random(np.random.default_rng(0))
+    for policy, cheats in ((ring, [0, 1]), (plain, [1, 0])):
+        memory = policy.begin(random, (2,))
+        for ratings in ([[0.85, 0.9]], [[0.85, NAN]]):
+            given = np.array(ratings)
+            treatment, memory = policy.treats(
+                ProviderView(*[zero] * 4, np.nan_to_num(given), given >= 0), memory, random
+            )
+        assert treatment is not None
+        assert treatment.tolist() == [cheats]
+
+
 def test_patience_counts_ratings_and_the_window_rounds() -> None:
     rounds = [[1.0, NAN], [1.0, NAN], [NAN, 1.0], [NAN, NAN]]
     assert treated(PersonalMilking(patience=2), rounds) == [[1, 1], [0, 1], [0, 1], [0, 1]]

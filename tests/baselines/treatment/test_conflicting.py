@@ -11,9 +11,9 @@ from roletrust_env.game.views import ProviderView
 PAPER = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=40)
 
 
-def treated(attack: Conflicting | Discrimination, raters: int, round: int = 0) -> list[float]:
+def treated(attack: Conflicting | Discrimination, raters: int, round: int = 0, trust: float = 0.0) -> list[float]:
     zero = np.zeros(raters)
-    view = ProviderView(np.array(round), *[np.array(0.0)] * 3, zero, zero > 0)
+    view = ProviderView(np.array(round), np.array(trust), *[np.array(0.0)] * 2, zero, zero > 0)
     treatment = attack.treats(view, None, None)[0]  # type: ignore[arg-type]
     return treatment.tolist()
 
@@ -23,6 +23,12 @@ def test_half_of_the_raters_or_those_that_are_named() -> None:
     assert treated(Conflicting(bad=0.2), 3) == [0.2, 0.2, 1]
     assert treated(Conflicting(raters=(1, 3)), 4) == [1, 0, 1, 0]
     assert treated(Conflicting(start=3, stop=5), 2, round=2) == treated(Conflicting(start=3, stop=5), 2, 5) == [1, 1]
+
+
+def test_all_but_one_from_a_trust_on() -> None:
+    attack = Conflicting(raters=(1, 2), threshold=0.8)
+    assert treated(attack, 3, trust=0.79) == [1, 1, 1]
+    assert treated(attack, 3, trust=0.8) == [1, 0, 0]
 
 
 def test_a_few_raters() -> None:
