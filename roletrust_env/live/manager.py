@@ -85,15 +85,16 @@ class Manager:
         """
         self._providers.admits(provider, now)
 
-    def receive(self, message: RatingMessage, now: int) -> list[JournalEntry]:
+    def receive(self, message: RatingMessage, now: int, arrival: int | None = None) -> list[JournalEntry]:
         """Take a message and return the rounds that it closes. They are in the journal by then.
 
         Args:
             message: Message.
-            now: Time of arrival, nanoseconds, by the clock of the stamps.
+            now: Time, nanoseconds, by the clock of the stamps.
+            arrival: Time of arrival, nanoseconds, if the message has waited since then.
         """
         rater, stamp = message.envelope.sender, message.envelope.stamp
-        accepted = self.validator.accepted_ratings(message, self._providers, now)
+        accepted = self.validator.accepted_ratings(message, self._providers, now if arrival is None else arrival)
         if self._trust.newcomers_wait:
             accepted = self._of_members(rater, accepted)
         if not accepted:

@@ -241,14 +241,14 @@ def test_what_waited_in_a_pause_of_the_manager_counts(pause, tmp_path, monkeypat
     inbox.update(wire.announce(RATINGS, messages.RATINGS, *TEAM.raters))
     entries = []
 
-    def send(*rounds):
-        for name in TEAM.raters:
+    def send(*rounds, names=TEAM.raters):
+        for name in names:
             sent = [messages.ratings_message(name, r * PERIOD, {"sp_0": 0.5}) for r in rounds]
             wire.waiting[f"/{name}/ratings"] += map(messages.encode, sent)
 
     def turn():
         for message in inbox.read():
-            entries.extend(keeper.receive(message, inbox.arrival(message.envelope, now[0])))
+            entries.extend(keeper.receive(message, now[0], inbox.arrival(message.envelope, now[0])))
         entries.extend(keeper.tick(now[0]))
 
     for r in range(100, 104):
@@ -256,10 +256,14 @@ def test_what_waited_in_a_pause_of_the_manager_counts(pause, tmp_path, monkeypat
         send(r)
         turn()
     now[0] += pause * PERIOD
-    send(103, *range(104, 104 + pause))
-    keeper.add_provider("sp_0", now[0])
-    turn()
     last = 104 + pause
+    send(*range(103, last - 1))
+    send(last - 1, names=TEAM.raters[:2])
+    turn()
+    now[0] += PERIOD * 2 // 3  # the last rater is slow: the newest round stays open for it
+    turn()
+    send(last - 1, names=TEAM.raters[2:])
+    turn()
     assert [(entry.stamp // PERIOD, len(entry.ratings)) for entry in entries] == [(r, 3) for r in range(100, last)]
     assert keeper.validator.refusals == {(name, RefusalReason.REPLAYED): 1 for name in TEAM.raters}
 

@@ -80,7 +80,8 @@ def run_manager_node(
             if precedence.is_second(publications):
                 raise ValueError(_SECOND_MANAGER)
             for message in raters.read():
-                publisher.publish(manager.receive(message, raters.arrival(message.envelope, clock.now())))
+                now = clock.now()
+                publisher.publish(manager.receive(message, now, raters.arrival(message.envelope, now)))
             publisher.publish(manager.tick(clock.now()))
             publisher.publish_diagnostics(manager, raters.refusals + precedence.validator.refusals)
             node.wait(period / SECOND / 20)
