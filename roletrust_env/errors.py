@@ -21,7 +21,7 @@ _PLAIN = {
 }
 """Words for what pydantic says of types in those of Python."""
 
-_KIND = re.compile(r"bool|int|float|str|constrained-(int|float|str)|.+\[.*")
+_KIND = re.compile(r"bool|int|float|str|constrained-(int|float|str)|[a-z-]+\[.*")
 """Kinds of a union as pydantic names them among the fields that lead to a value."""
 
 _MAX_FIELDS, _MAX_LENGTH = 10, 300  # limits on the wrong fields listed and on the characters shown of a value
@@ -59,7 +59,8 @@ def explain(error: ValidationError) -> str:
 
 def _explain(detail: Any) -> tuple[str, str]:
     """Return the field with its value, and what is wrong with it."""
-    field = short(".".join(str(part) for part in detail["loc"] if not _KIND.fullmatch(str(part))))
+    places = [str(part) for part in detail["loc"]]
+    field = short(".".join([part for part in places if not _KIND.fullmatch(part)] or places))
     if detail["type"] == "union_tag_not_found":
         return f"field {field}.{detail['ctx']['discriminator'].strip(chr(39))} is missing", ""
     if detail["type"] == "missing":

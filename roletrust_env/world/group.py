@@ -51,7 +51,8 @@ class FrozenModel(BaseModel):
         for name, value in data.items() if isinstance(data, dict) else ():
             if name not in cls.model_fields:
                 key = str(name).casefold().replace("-", "_")
-                near = get_close_matches(key, [*cls.model_fields, *cls.field_hints], 1, _NEAR)
+                near = [] if key in cls.field_hints else get_close_matches(key, cls.model_fields, 1, _NEAR)
+                near = near or get_close_matches(key, cls.field_hints, 1, _NEAR)
                 hint = cls.field_hints.get(near[0]) if near else None
                 raise ValueError(f"there is no field {name!r}{suggest(name, cls.model_fields, hint=hint)}")
             if isinstance(value, bool):  # would pass for 0 or 1
