@@ -115,11 +115,13 @@ def check_ranges(state: Any, rounds: int) -> None:
     Raises:
         ValueError: A value is outside its range. The message names the field.
     """
+    if not hasattr(state, "_fields"):
+        return
     try:
-        marks = _marks(cast(Any, type(state))) if hasattr(state, "_fields") else ()
+        marks = _marks(cast(Any, type(state)))
     except NameError:  # an annotation that is known to type checkers alone
         return
-    for name, (kind, allowed), part in zip(getattr(state, "_fields", ()), marks, state, strict=True):
+    for name, (kind, allowed), part in zip(state._fields, marks, state, strict=True):
         if kind == "age":
             allowed = ValueRange(0, rounds + 1, whole=True)
         if allowed is not None:
@@ -128,7 +130,7 @@ def check_ranges(state: Any, rounds: int) -> None:
             wrong = ~((values >= allowed.low) & (values <= high) & (not allowed.whole or np.rint(values) == values))
             if wrong.any():
                 raise ValueError(f"{name} of {type(state).__name__} is {values[wrong][0]}; it must {allowed}")
-        elif hasattr(part, "_fields"):
+        else:
             check_ranges(part, rounds)
 
 

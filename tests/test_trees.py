@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from roletrust_env.trees import arrays, kinds, leaves, map_kinds, map_leaves
+from roletrust_env.trees import arrays, check_ranges, kinds, leaves, map_kinds, map_leaves
 from roletrust_env.trust.ratings import PairAge, PerRater
 
 
@@ -45,3 +45,10 @@ def test_kinds_are_those_of_the_annotations():
     assert [(kind, len(leaf)) for kind, leaf in kinds(ONE)] == [("rater", 2), ("age", 3)]
     mapped = map_kinds(lambda kind, leaf, same: (kind, len(leaf) + len(same)), ONE, ONE)
     assert mapped == Outer(("rater", 4), True, Inner(("age", 6)), (4.0, None))
+
+
+def test_ranges_are_those_of_the_annotations_and_states_without_any_have_none():
+    for state in (ONE, ONE._replace(inner=Inner(np.array([0, 3]))), (np.array([-1.0]),), np.array([-1.0]), ()):
+        check_ranges(state, 2)
+    with pytest.raises(ValueError, match=r"age of Inner is 4\.0; it must be whole and lie in \[0, 3\]"):
+        check_ranges(ONE._replace(inner=Inner(np.array([0.0, 4.0]))), 2)

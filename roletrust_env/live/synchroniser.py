@@ -1,6 +1,5 @@
 """ROS's approximate time synchronisation without ROS: which messages of several streams belong together."""
 
-from collections import deque
 from collections.abc import Iterable
 from typing import Generic, NamedTuple, TypeVar
 
@@ -65,7 +64,7 @@ class ApproximateTimeSynchroniser(Generic[Item]):
     ) -> None:
         self._max_interval, self._lower_bound, self._queue_size = max_interval, lower_bound, queue_size
         self._lateness = 1 + age_penalty
-        self._queues: list[deque[Message[Item]]] = [deque() for _ in range(streams)]
+        self._queues: list[list[Message[Item]]] = [[] for _ in range(streams)]
         self._aside: list[list[Message[Item]]] = [[] for _ in range(streams)]
         self._dropped = [False] * streams
         self._candidate: _Candidate[Item] | None = None
@@ -112,12 +111,12 @@ class ApproximateTimeSynchroniser(Generic[Item]):
             best = self._candidate
             if best is None:
                 if end - start > self._max_interval or self._dropped[last]:
-                    self._discard([first], [self._queues[first].popleft()])
+                    self._discard([first], [self._queues[first].pop(0)])
                     continue
                 self._pivot, self._pivot_stamp = last, end
             if best is None or (end - best.end) * self._lateness < start - best.start:
                 best = self._nominate(start, end)
-            self._aside[first].append(self._queues[first].popleft())
+            self._aside[first].append(self._queues[first].pop(0))
             if first == self._pivot or self._is_best(best, end) or (not all(self._queues) and self._proven(best)):
                 self._publish(best)
 
@@ -157,19 +156,19 @@ class ApproximateTimeSynchroniser(Generic[Item]):
         self._decisions.append(Decision(tuple(range(len(self._queues))), best.messages, True))
         self._restore()
         for queue in self._queues:
-            queue.popleft()  # older ones were discarded when this one was nominated
+            queue.pop(0)  # older ones were discarded when this one was nominated
 
     def _restore(self) -> None:
         """Put back the messages that were set aside, and drop the candidate."""
         for queue, aside in zip(self._queues, self._aside, strict=True):
-            queue.extendleft(reversed(aside))
+            queue[:0] = aside
             aside.clear()
         self._candidate = None
 
     def _overflow(self, stream: int) -> None:
         had_candidate = self._candidate is not None
         self._restore()
-        self._discard([stream], [self._queues[stream].popleft()])
+        self._discard([stream], [self._queues[stream].pop(0)])
         self._dropped[stream] = True
         if had_candidate:
             self._search()
