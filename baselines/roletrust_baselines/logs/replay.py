@@ -226,14 +226,15 @@ def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: in
         seed: Random seed of the draws and of the resamples.
     """
     found, rng, nobody = {}, generator(seed), np.zeros(0, np.int64)
+    aims = {"sink": (replay.best, 0.0), "lift": (replay.newcomers, 1.0)}
+    honest = {goal: replay.percentiles(targets, nobody, rating) for goal, (targets, rating) in aims.items()}
     for goal, count, origin in attacks:
-        targets, rating = (replay.best, 0.0) if goal == "sink" else (replay.newcomers, 1.0)
+        targets, rating = aims[goal]
         teams = [replay.fresh[:count]]
         if origin == "hijacked":
             teams = [rng.choice(replay.active, count, replace=False) for _ in range(_DRAWS)]
-        before = replay.percentiles(targets, nobody, rating)
         after = np.mean([replay.percentiles(targets, team, rating) for team in teams], axis=0)
-        shift = Shift(*(interval(mean(x), np.arange(len(x)), seed) for x in (before, after)))
+        shift = Shift(*(interval(mean(x), np.arange(len(x)), seed) for x in (honest[goal], after)))
         found[Attack(goal, count, origin)] = shift
     return found
 
