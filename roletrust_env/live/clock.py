@@ -2,16 +2,31 @@
 
 import time
 
-_lead = 0  # greatest lead of the machine's clock over monotonic time so far, nanoseconds
+_last = 0, 0  # monotonic time of the last reading, and the reading, nanoseconds
 
 
 def now() -> int:
     """Return the time in nanoseconds since 1970, never less than before in this process.
 
-    It follows the clock of the machine, also forwards. When that clock is set back, it goes on as if it were not, so
-    that rounds neither stop nor seem to be of the past.
+    It follows the clock of the machine, also forwards, see `steady`. When that clock is set back, rounds neither stop
+    nor seem to be of the past.
     """
-    global _lead
-    monotonic = time.monotonic_ns()
-    _lead = max(_lead, time.time_ns() - monotonic)
-    return monotonic + _lead
+    global _last
+    monotonic, (before, reading) = time.monotonic_ns(), _last
+    reading = steady(time.time_ns(), reading, monotonic - before)
+    _last = monotonic, reading
+    return reading
+
+
+def steady(clock: int, reading: int, elapsed: int) -> int:
+    """Return the next reading of a clock that may be set back.
+
+    A reading that is ahead of the clock goes on at half the speed until the clock has caught up, so that an error of an
+    hour that was set right is gone after two hours.
+
+    Args:
+        clock: Time by the clock.
+        reading: Last reading.
+        elapsed: Time since then by a clock that nobody sets, in the same unit.
+    """
+    return max(clock, reading + elapsed // 2)

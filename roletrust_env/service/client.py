@@ -241,6 +241,7 @@ class TrustClient:
         with self._turn:
             asked, signatures = (kind, contents), 0
             while True:
+                before = self._last_us
                 if self._letter is None or self._letter.asked != asked:
                     self._letter, signatures = _Letter(asked, self._body(kind, contents)), signatures + 1
                 letter = self._letter
@@ -248,6 +249,8 @@ class TrustClient:
                     found = self._answer(answer, method, path, letter)
                 except RefusalError as error:
                     self._letter = None
+                    if error.reason == RefusalReason.FUTURE:  # it was no time, so the next need not be above it
+                        self._last_us = before
                     harmless = RefusalReason.PAST if letter.deliveries > 1 else RefusalReason.REPLAYED
                     if error.reason != harmless or signatures == _SIGNATURES:
                         raise

@@ -13,6 +13,7 @@ from sqlalchemy import func, select
 from roletrust_env.data.evidence import Role
 from roletrust_env.data.explanation import Explanation
 from roletrust_env.evaluation.specs import parse_named
+from roletrust_env.live.clock import steady
 from roletrust_env.live.validation import (
     Envelope,
     MessageValidator,
@@ -167,6 +168,7 @@ class TrustManager:
         model: Name of the trust model, such as `roletrust list models` has it.
         settings: Settings.
         clock: Function that returns the time, seconds since 1970. Rounds never go back, even if it does.
+        monotonic: Function that returns the time by a clock that nobody sets, seconds.
         make: Function that makes the trust model of a name.
 
     Attributes:
@@ -186,11 +188,13 @@ class TrustManager:
         settings: Settings = Settings(),  # noqa: B008 - immutable
         clock: Callable[[], float] = time.time,
         make: Callable[[str], TrustModel[Any]] = partial(parse_named, registry),  # noqa: B008 - immutable
+        monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         for length in ("every", "tolerance"):
             if not 0 <= (value := getattr(settings, length)) <= _LONGEST:
                 raise ValueError(f"{length} is {value:g} s; it must be from 0 to {_LONGEST:,} s")
-        self._store, self._model, self.settings, self._clock = store, model, settings, clock
+        self._store, self._model, self.settings = store, model, settings
+        self._clock, self._monotonic, self._read_at = clock, monotonic, monotonic()
         self._made = make(model)
         self._keys: dict[str, Ed25519PublicKey] = {}
         self._new: list[Event] = []  # of the requests that are being taken
@@ -281,7 +285,9 @@ class TrustManager:
         Raises:
             StoreError: The store cannot be read, or the model fails, now or before. Trust stays as it is then.
         """
-        self._time = max(self._time, round(self._clock() * SECOND))
+        before, self._read_at = self._read_at, self._monotonic()
+        elapsed = round((self._read_at - before) * SECOND)
+        self._time = steady(round(self._clock() * SECOND), self._time, elapsed)
         if self._failure:
             raise StoreError(self._failure)
         try:

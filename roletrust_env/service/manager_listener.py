@@ -29,7 +29,7 @@ class ManagerListener:
     Attributes:
         period_s: Time after which a manager that is there has said something, seconds.
         rounds: Last rounds, the newest last.
-        last_heard: Time of the last news of the manager, and of its agents, seconds since 1970.
+        last_heard: Time of the last news of the manager, and of its agents, monotonic seconds.
         reports: Refusals by the manager.
         pictures: None.
         refusals: None.
@@ -71,7 +71,7 @@ class ManagerListener:
                 if line.startswith("data:"):
                     end = json.loads(line.removeprefix("data:"))
                     self._publish(int(end["round"]), float(end["time"]))
-                self.last_heard |= dict.fromkeys([MANAGER, *self.last_heard], time.time())
+                self.last_heard |= dict.fromkeys([MANAGER, *self.last_heard], time.monotonic())
                 if not self._active:
                     return
 
@@ -86,5 +86,5 @@ class ManagerListener:
         self._given = given
         refused = self._client.refusals().refusals
         self.reports = {MANAGER: {f"agents: {reason}": str(count) for reason, count in refused.items()}}
-        self.last_heard = dict.fromkeys([MANAGER, *tor], time.time())
+        self.last_heard = dict.fromkeys([MANAGER, *tor], time.monotonic())
         self.rounds.append(PublishedTrust(number, round(ended * 1e9), tor, top, missing))

@@ -129,12 +129,26 @@ def test_when_the_clock_has_gone_back_a_sender_with_a_key_waits():
         assert sum(newcomers.admits(f"sr_{k}", now) for k in range(30) if f"sr_{k}" not in newcomers) == 10
 
 
-def test_the_clock_of_nodes_follows_the_machine_and_never_goes_back(monkeypatch):
-    wall = clock.now()
-    for step, expected in ((0, 0), (hour := 3600 * 10**9, hour), (0, hour), (-hour, hour), (2 * hour, 2 * hour)):
-        monkeypatch.setattr(clock.time, "monotonic_ns", lambda: 5)
-        monkeypatch.setattr(clock.time, "time_ns", lambda step=step: wall + step)
-        assert clock.now() == wall + expected
+def test_the_clock_of_nodes_never_goes_back_and_comes_back_to_that_of_the_machine(monkeypatch):
+    """Each step: its end by real time, how far the machine's clock is ahead then, and by how much that of nodes is."""
+    start, second, hour = clock.now(), 10**9, 3600 * 10**9
+    before = start
+    for passed, ahead, expected in (
+        (0, 0, 0),
+        (1, hour, hour),  # set forward: nodes follow
+        (11, 0, hour - 5 * second),  # set back: half as fast for ten seconds
+        (11, -hour, hour - 5 * second),
+        (7200, 0, hour - 7200 * second // 2 + second // 2),
+        (7210, 0, 0),  # and for no longer than the error needs
+        (7211, 2 * hour, 2 * hour),
+    ):
+        monkeypatch.setattr(clock.time, "monotonic_ns", lambda passed=passed: passed * second)
+        monkeypatch.setattr(clock.time, "time_ns", lambda passed=passed, ahead=ahead: start + passed * second + ahead)
+        if not passed:
+            monkeypatch.setattr(clock, "_last", (0, start))
+        assert clock.now() == start + passed * second + expected
+        assert clock.now() >= before
+        before = clock.now()
 
 
 def test_unknown_names_take_no_memory():

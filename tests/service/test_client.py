@@ -2,12 +2,14 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import pytest
 from fastapi import FastAPI
 from running import manager, running
 
 from roletrust_env.live.validation import RefusalReason
+from roletrust_env.service import client
 from roletrust_env.service.client import RefusalError, TrustClient, UnreachableError
 from roletrust_env.service.http import make_app
 from roletrust_env.service.tokens import Rating
@@ -40,6 +42,16 @@ def test_ratings_of_one_microsecond_all_count(ann, monkeypatch):
     for _ in range(3):
         ann.rate("bob", 4.6)
     assert ann.about().ratings == 3
+
+
+def test_a_client_whose_clock_was_ahead_goes_on_when_it_is_right(ann, monkeypatch):
+    ahead = SimpleNamespace(**vars(time) | {"time_ns": lambda: time.time_ns() + 3600 * 10**9})
+    with monkeypatch.context() as wrong:
+        wrong.setattr(client, "time", ahead)
+        with pytest.raises(RefusalError, match="was signed in the future"):
+            ann.rate("bob", 4.6)
+    ann.rate("bob", 4.6)
+    assert ann.about().ratings == 1
 
 
 def test_a_rating_whose_acknowledgement_is_lost_counts_once(ann, between):

@@ -217,6 +217,34 @@ def test_limits_of_a_round_go_on_after_a_restart(tmp_path: Path):
         manager.rate([bob.rating("ann", 1)])
 
 
+@pytest.mark.parametrize("restarts", [False, True], ids=["running", "restarted"])
+def test_rounds_go_on_at_half_the_speed_when_the_clock_was_ahead(tmp_path: Path, restarts: bool):
+    clock, settings = Clock(), QUICK._replace(every=10.0, quota=1)
+    with managed(tmp_path / "s", clock, settings) as manager:
+        ann, _ = joined(manager, clock, "ann", "bob")
+        clock.now += 3600
+        _, cec = joined(manager, clock, "dan", "cec")
+        if not restarts:
+            clock.now -= 3600
+            rounds_by_half_the_time(manager, clock, ann)
+    if restarts:
+        clock.now -= 3600
+        with managed(tmp_path / "s", clock, settings) as manager:
+            rounds_by_half_the_time(manager, clock, ann)
+            refused(manager, RefusalReason.FUTURE, "rate", [cec.rating("bob", 1)])
+
+
+def rounds_by_half_the_time(manager: OneByOne, clock: Clock, rater: Agent) -> None:
+    """Rate once in each of three rounds, which take twenty seconds in place of ten."""
+    manager.rate([rater.rating("bob", 1)])
+    for number in (1, 2, 3):
+        clock.now, clock.passed = clock.now + 19, clock.passed + 19
+        refused(manager, RefusalReason.FLOOD, "rate", [rater.rating("bob", 1)])
+        clock.now, clock.passed = clock.now + 1, clock.passed + 1
+        manager.rate([rater.rating("bob", 1)])
+        assert manager.rounds == number
+
+
 @pytest.mark.parametrize(
     "point",
     [

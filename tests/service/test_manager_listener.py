@@ -42,4 +42,5 @@ def test_the_page_shows_rounds_as_they_end(ann, url, clock, tmp_path):
     assert "missing: bob" in parts.state
     assert "<td>unknown provider</td><td>1</td><td>manager</td>" in parts.refused
     assert ">ann</th>" in parts.raters
+    assert "silent since" in dashboard._make_parts(time.monotonic() + 2 * listener.period_s).state
     dashboard.close()

@@ -320,7 +320,7 @@ def _run_team(plan: _Plan, out: Path, page: WaitingPage | None, progress: Progre
             here.send(here.recv())
         discovery_s = max(_DISCOVERY_S, (time.monotonic() - started) / 2)  # it is slow on a busy machine, too
         nodes.begin("manager", "recorder")
-        timeline = Timeline(time.time_ns() + round(discovery_s * SECOND), period)
+        timeline = Timeline(clock.now() + round(discovery_s * SECOND), period)
         nodes.begin(*team.raters, *team.providers, timeline=timeline)
         done, entries, gaps = stage(progress, "Rounds", scenario.max_cycles), list[JournalEntry](), 0
         while nodes.running(*team.providers) and gaps <= WINDOW // 2:
