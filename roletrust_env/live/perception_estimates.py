@@ -66,11 +66,12 @@ def estimate_perception(ratings: Floats, calm: Mask) -> PerceptionEstimates:
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.where(counts > 0, noise[:, None] / np.sqrt(counts), np.nan)
     rated = ~np.isnan(levels).all(axis=0)
-    quality = np.full(levels.shape[1], np.nan)
+    quality, quality_error = np.full((2, levels.shape[1]), np.nan)
     quality[rated] = np.clip(np.nanmedian(levels[:, rated], axis=0), 0, 1)
-    raters = np.maximum((~np.isnan(levels)).sum(axis=0), 1)
+    known, raters = ~np.isnan(error).all(axis=0), (~np.isnan(levels)).sum(axis=0)
     # The standard error of a median of S levels is sqrt(pi / 2) times that of their mean.
-    quality_error = math.sqrt(math.pi / 2) * np.sqrt(np.nanmean(error**2, axis=0) / raters) if rated.any() else quality
+    mean_error = np.sqrt(np.nanmean(error[:, known] ** 2, axis=0) / raters[known])
+    quality_error[known] = math.sqrt(math.pi / 2) * mean_error
     return PerceptionEstimates(
         [_interval(q, e, 0.0, 1.0) for q, e in zip(quality, quality_error, strict=True)],
         [_bias(levels[i] - quality, error[i], quality_error) for i in range(len(fits))],

@@ -3,7 +3,7 @@
 import math
 import statistics
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -61,12 +61,17 @@ class _Ratings(NamedTuple):
     providers: tuple[str, ...]
 
 
-def observe_team(recording: Iterable[RecordedMessage], keyring: Keyring | None = None) -> TeamObservation:
+def observe_team(
+    recording: Iterable[RecordedMessage],
+    keyring: Keyring | None = None,
+    again: Callable[[Sequence[RecordedMessage]], Iterable[RecordedMessage]] = iter,
+) -> TeamObservation:
     """Observe a team in a recording. The manager decides which ratings counted.
 
     Args:
         recording: Messages in order of arrival.
         keyring: Agents that may take part; None accepts every agent.
+        again: Function that iterates over the messages of the team for the manager, and may show how far it is.
 
     Raises:
         ValueError: The recording has less than two rounds of ratings.
@@ -102,7 +107,7 @@ def observe_team(recording: Iterable[RecordedMessage], keyring: Keyring | None =
         return min(max(0, round((moment - start) / period)), count - 1)
 
     ratings = np.full((count, len(team.raters), len(team.providers)), np.nan)
-    for stamp, rater, provider, value in _counted(of_team, team, period, keyring):
+    for stamp, rater, provider, value in _counted(again(of_team), team, period, keyring):
         ratings[round_of(stamp), i[rater], j[provider]] = value
     sent = ~np.isnan(ratings)
     for one in timely:

@@ -37,10 +37,10 @@ class Machine:
         for act in [act for count, act in self.after if count == len(self.wire.sent)]:
             act()
 
-    def runs(self, run, name, **arguments):
+    def runs(self, run, name, scenario=SHORT, **arguments):
         """Run a node and return the rounds of its messages."""
         given = {"timeline": Timeline(PERIOD, PERIOD), "report": self.lines.append, **arguments}
-        run(name, SHORT, **given)
+        run(name, scenario, **given)
         return [messages.stamp_of(message) // PERIOD - 1 for message in self.wire.sent]
 
 

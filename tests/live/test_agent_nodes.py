@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from fake_wire import FakeWire
-from machine import PERIOD, Machine, end, send_pictures
+from machine import PERIOD, SHORT, Machine, end, send_pictures
 from typer.testing import CliRunner
 
 from roletrust_env import Policy
@@ -34,9 +34,12 @@ def frames(tmp_path):
     return tmp_path
 
 
-def test_a_camera_goes_on_after_the_rounds_of_its_scenario(machine, frames):
+@pytest.mark.parametrize("own", [True, False], ids=["of the scenario", "of the node"])
+def test_a_camera_goes_on_after_the_rounds_of_its_scenario(own, machine, frames):
     machine.after = [(40, end)]
-    assert machine.runs(run_camera_node, "sp_0", frames=frames, loop=True) == list(range(40))
+    theirs = SHORT.change(service="hog", frames=str(frames), playback="loop")
+    given = {"scenario": theirs} if own else {"frames": frames, "loop": True}
+    assert machine.runs(run_camera_node, "sp_0", **given) == list(range(40))
     assert machine.lines == ["sp_0: runs until Ctrl-C"]
     pictures = [bytes(message.data) for message in machine.wire.sent]
     assert pictures[12] == pictures[16] != pictures[13]

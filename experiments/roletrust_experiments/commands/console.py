@@ -3,9 +3,9 @@
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from time import monotonic
-from typing import Any
+from typing import Any, TypeVar
 
 from rich import progress
 from rich.box import SIMPLE_HEAD
@@ -17,6 +17,8 @@ ALLOW_CODE = "Accept files that name classes that are not installed, as package.
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
 
 _PERIOD = 10.0  # seconds
+
+Item = TypeVar("Item")
 
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
@@ -63,6 +65,14 @@ def stage(bar: progress.Progress, description: str, total: float | None = None) 
         bar.remove_task(earlier)
     task = bar.add_task(description, total=total)
     return lambda done, total=total: bar.update(task, completed=done, total=total)
+
+
+def tracked(bar: progress.Progress, description: str, items: Sequence[Item]) -> Iterator[Item]:
+    """Iterate over some items, as a `stage` of the work."""
+    advance = stage(bar, description, len(items))
+    for done, item in enumerate(items, 1):
+        yield item
+        advance(done)
 
 
 def print_json(data: Mapping[str, Any]) -> None:

@@ -51,12 +51,12 @@ def run_camera_node(
 
     Args:
         name: Name of a provider of the scenario.
-        scenario: Scenario, which sets the disturbances; its length does not matter.
+        scenario: Scenario, which sets the disturbances and the frames; its length does not matter.
         timeline: Start times of the rounds. A round that is over by half a period is left out.
         policy: Policy that chooses the quality; None serves honestly. It sees its trust, and the ratings of it since
             its last service.
-        frames: See `open_frames`.
-        loop: See `open_frames`.
+        frames: See `open_frames`; None for those of the scenario.
+        loop: See `open_frames`; frames of the scenario are also looped if it says so.
         keys: Folder with the camera's private key and all public keys; None neither signs nor checks signatures.
         seed: Random seed of the sensor noise of bad service and of the policy.
         network: See `Node`.
@@ -71,6 +71,8 @@ def run_camera_node(
     index = _index("provider", name, team.providers)
     keyring, signer = _keys(keys, name, team.raters)
     length = math.inf if rounds is None else rounds
+    if frames is None:
+        frames, loop = scenario.frames, loop or scenario.playback == "loop"
     source = open_frames(frames, duration_s=length * period_s, period_s=period_s, loop=loop, paced=False)
     selector = QualitySelector(policy or Policy(), own_seeds(seed, len(team.raters) + index + 1)[-1])
     cv2.setNumThreads(1)

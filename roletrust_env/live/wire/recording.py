@@ -1,8 +1,9 @@
 """Recordings of all messages with their times of arrival, as MCAP files in the folders of rosbag2."""
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -80,11 +81,14 @@ class Recorder:
         self.close()
 
 
-def read_recording(folder: Path) -> Iterator[RecordedMessage]:
+def read_recording(
+    folder: Path, advance: Callable[[int, int], object] = lambda done, total: None
+) -> Iterator[RecordedMessage]:
     """Iterate over the messages of a recording, in order of arrival.
 
     Args:
         folder: Folder of the recording.
+        advance: Function that is called with the number of messages so far, and with that of all.
 
     Raises:
         ValueError: The folder is not a recording, or it was not closed. `recover_recording` repairs the latter.
@@ -98,13 +102,14 @@ def read_recording(folder: Path) -> Iterator[RecordedMessage]:
         reader.open()
     messages = iter(reader.messages())
     try:
-        while True:
+        for done in count(1):
             with _one_line_errors(folder):
                 connection, time, raw = next(messages, (None, 0, b""))
                 if connection is None:
                     return
                 one = RecordedMessage(time, connection.topic, connection.msgtype, bytes(raw))
             yield one
+            advance(done, reader.message_count)
     finally:
         with _one_line_errors(folder):
             reader.close()

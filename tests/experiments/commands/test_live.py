@@ -55,7 +55,7 @@ def test_a_public_key_is_replaced_on_demand_only(tmp_path):
         (["agent", "sp_0", "--role", "rater"], "there is no rater 'sp_0'; the scenario has sr_0, sr_1, sr_2"),
         (["agent", "srsp_0", "--scenario", "robots-that-move"], "srsp_0 has both roles"),
         (["agent", "sp_0", "--frames", "no.mp4"], "frames 'no.mp4' do not exist"),
-        (["agent", "sr_0", "--frames", "no.mp4"], "--frames are the pictures of a provider, and sr_0 plays a rater"),
+        (["agent", "sr_0", "--frames", "no.mp4"], "--frames and --loop are for the pictures of a provider"),
         (["agent", "sp_0", "--attack", "bad-mouthing"], "cannot play bad-mouthing: that attacks by ratings"),
         (["agent", "sp_0", "--attack", "conflicting"], "cannot play conflicting: that attacks by treatment"),
         (["agent", "sr_0", "--keys", "nowhere"], "there is no public key in nowhere"),

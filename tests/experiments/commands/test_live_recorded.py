@@ -18,6 +18,7 @@ from roletrust_env.live.wire.keys import Signer, make_keys
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_env.storage.scenario_files import write_scenario
 from roletrust_env.world.presets import scenarios
+from roletrust_experiments import commands
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +53,19 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     settings += ["--scenario", str(tmp_path / "team.toml"), "--steps", "160", "--out", str(tmp_path / "train")]
     trained = run("train", "RaterAttack", *settings)
     assert trained.exit_code == 0, trained.output
+
+
+def test_what_reads_a_recording_says_how_far_it_is(bag, tmp_path, monkeypatch):
+    monkeypatch.setattr(commands.console, "_PERIOD", 0.0)
+    for arguments, stages in (
+        (["scenario", str(bag), "--out", str(tmp_path / "team.toml")], ("Reading bag", "Matching ratings")),
+        (["manager", str(tmp_path / "journal"), "--recording", str(bag)], ("Playing bag",)),
+    ):
+        lines = run("live", *arguments).output.splitlines()
+        for stage in stages:
+            shares = [line.removeprefix(stage).split()[0] for line in lines if line.startswith(stage)]
+            assert len(shares) > 100, lines
+            assert shares[-1] == "100%"
 
 
 @pytest.mark.parametrize(

@@ -308,7 +308,8 @@ def _run_team(plan: _Plan, out: Path, page: WaitingPage | None, progress: Progre
             settings: Any = {"team": team, "keys": keys, "attackers": tuple(policies), "speed": plan.speed}
             settings |= {"listening": page.listening, "take": partial(_ask, there), "period_s": period / SECOND}
             nodes.start("view", run_view_server, **settings)
-        done = stage(progress, "Starting the nodes", len(nodes.names))
+        console.print(f"Starts {len(nodes.names)} processes", soft_wrap=True)  # at once, where no bar can move
+        done = stage(progress, "Starting", len(nodes.names))
         for number, name in enumerate(nodes.names):
             nodes.ready(name)
             done(number + 1)

@@ -14,7 +14,7 @@ from roletrust_env.live.team import Team
 from roletrust_env.storage.files import replacing
 from roletrust_env.storage.scenario_files import printable
 from roletrust_env.trust import TrustModel
-from roletrust_experiments.commands.console import console, errors
+from roletrust_experiments.commands.console import console, errors, progress_bar, stage
 from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns
 from roletrust_experiments.commands.options import NAMED
@@ -34,9 +34,9 @@ def agent(
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option(metavar="PATH_OR_NUMBER", help="Video, image folder or camera number in place of the scene."),
+        typer.Option(metavar="PATH_OR_NUMBER", help="Video, image folder or camera number in place of the scenario's."),
     ] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="Start --frames again at their end.")] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="Start a video or image folder again at its end.")] = False,
     keys: Keys = None,
     speed: Speed = 1.0,
     start: Annotated[
@@ -94,8 +94,8 @@ def agent(
         policy = _policy(rules, name, attack, "quality")
         run_camera_node(name, rules, policy=policy, frames=frames, loop=loop, **shared)
     else:
-        if frames is not None:
-            raise ValueError(f"--frames are the pictures of a provider, and {name} plays a rater")
+        if frames is not None or loop:
+            raise ValueError(f"--frames and --loop are for the pictures of a provider, and {name} plays a rater")
         policy = _policy(rules, name, attack, "ratings", "silence")
         run_rater_node(name, rules, policy=policy, **shared)
 
@@ -156,10 +156,11 @@ def _replay(recording: Path, journal: Path, model: TrustModel[Any], period: int,
 
     if journal.exists():
         raise ValueError(f"{journal} exists already; a recording needs a new journal")
-    with replacing(journal) as path:
+    with progress_bar(errors) as progress, replacing(journal) as path:
         keyring = None if keys is None else PublicKeys(keys)
         manager = Manager(model, path, timing=RoundTiming(period), team=team, keyring=keyring)
-        rounds = sum(1 for _ in replay_recording(read_recording(recording), manager, period))
+        messages = read_recording(recording, stage(progress, f"Playing {recording.name}"))
+        rounds = sum(1 for _ in replay_recording(messages, manager, period))
         manager.close()
     counts = manager.validator.refusals.items()
     refusals = ", ".join(f"{printable(rater) or 'unknown'} {reason}: {n}" for (rater, reason), n in counts)

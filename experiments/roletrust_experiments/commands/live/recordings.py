@@ -1,14 +1,15 @@
 """`roletrust live record` and `scenario`: recordings of a team and their use."""
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.scenario_files import printable, write_scenario
-from roletrust_experiments.commands.console import console, number_table, tell
+from roletrust_experiments.commands.console import console, errors, number_table, progress_bar, stage, tell, tracked
 from roletrust_experiments.commands.extras import require, require_live
 from roletrust_experiments.commands.live.options import Keys, Network
 
@@ -82,17 +83,21 @@ def scenario(
         raise ValueError(f"{out}: the name of the scenario must end in .toml")
     if out.exists():
         raise ValueError(f"{out} exists already; a scenario needs a new file")
-    if recording.is_file():
-        require("roletrust live scenario of a log", "data", "pyarrow")
-        from roletrust_env.data.columns import Columns
-        from roletrust_env.data.log import read_ratings
-        from roletrust_env.service.log_team import observe_log
+    with progress_bar(errors) as progress:
+        advance = stage(progress, f"Reading {recording.name}")
+        if recording.is_file():
+            require("roletrust live scenario of a log", "data", "pyarrow")
+            from roletrust_env.data.columns import Columns
+            from roletrust_env.data.log import read_ratings
+            from roletrust_env.service.log_team import observe_log
 
-        log = read_ratings(recording, Columns(time="time"), scale=scale, same_agents=True, every=every, tell=tell)
-        observation = observe_log(log, every)
-    else:
-        observation = observe_team(read_recording(recording), None if keys is None else PublicKeys(keys))
-    inferred = infer_scenario(observation, out.stem)
+            settings: Any = {"scale": scale, "same_agents": True, "every": every, "advance": advance, "tell": tell}
+            observation = observe_log(read_ratings(recording, Columns(time="time"), **settings), every)
+        else:
+            keyring = None if keys is None else PublicKeys(keys)
+            again = partial(tracked, progress, "Matching ratings")
+            observation = observe_team(read_recording(recording, advance), keyring, again)
+        inferred = infer_scenario(observation, out.stem)
     write_scenario(out, inferred.scenario, inferred.names)
     table = number_table(
         escape(f"{recording.name}, {inferred.scenario.max_cycles} rounds"), "with 95% intervals", "value", "from", "to"
