@@ -109,6 +109,9 @@ benchmark: setup
 report: setup
 	$(BIN)/python docs/_ext/article.py docs build/report
 
+# The files of a commit, whatever the settings of git are.
+COMMIT := git -c tar.umask=0002 -c core.autocrlf=false archive
+
 # The assets of a release, with checksums: the source and the tables of the last commit, the same bytes for the same commit,
 # and the raw results beside the tables, as `make benchmark` and the study `pages attackers` have written them.
 ARCHIVE := build/archive
@@ -116,7 +119,7 @@ RESULTS := docs/leaderboards/standard docs/attackers
 archive:
 	rm -rf $(ARCHIVE)
 	mkdir -p $(ARCHIVE)
-	git archive --format=tar --prefix=roletrust/ HEAD > $(ARCHIVE)/roletrust.tar
+	$(COMMIT) --format=tar --prefix=roletrust/ HEAD > $(ARCHIVE)/roletrust.tar
 	tar -x -f $(ARCHIVE)/roletrust.tar -C $(ARCHIVE)
 	cd $(ARCHIVE) && find roletrust -type f -print0 | LC_ALL=C sort -z | xargs -0 sha256sum > SHA256SUMS
 	gzip -n -9 $(ARCHIVE)/roletrust.tar
@@ -132,14 +135,15 @@ DIST := build/dist
 dist: $(VENV)/.ready-release
 	rm -rf $(DIST)
 	mkdir -p $(DIST)/source
-	git archive HEAD | tar -x -C $(DIST)/source
+	$(COMMIT) HEAD | tar -x -C $(DIST)/source
 	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m build --no-isolation --outdir $(DIST) $(DIST)/source
 	rm -rf $(DIST)/source
 	$(BIN)/python -m twine check --strict $(DIST)/*
 	cd $(DIST) && sha256sum * | tee SHA256SUMS
 
-# What the published results and the attackers of the zoo are, for those who use them elsewhere: in build/cards/.
+# The published tables, and what they and the attackers of the zoo are, for those who use them elsewhere: in build/cards/.
 cards: setup
+	rm -rf build/cards
 	mkdir -p build/cards
 	$(BIN)/python docs/_ext/croissant.py build/cards
 	$(BIN)/python docs/_ext/model_cards.py build/cards

@@ -11,8 +11,9 @@ _PAGE = """\
 
 Attackers that come with RoleTrust, from the files beside their weights. All are MIT-licensed, were trained on synthetic
 games only, and are for tests of trust models: they see and change ratings and services in these games, and nothing
-else. The score is the mean reward in games that were not used for training; in other worlds and against other models it
-is another. `roletrust list zoo NAME --games 256` measures it again.
+else. The score is the mean reward in games that were not used for training, ± half of its 95% interval, which is 0
+where no chance is in a game. In other worlds and against other models it is another. `roletrust list zoo NAME --games
+256` measures it again.
 """
 _CARD = """
 ## {name}

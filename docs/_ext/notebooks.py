@@ -22,14 +22,14 @@ _INSTALL = """\
 
 
 def notebook(name: str) -> nbformat.NotebookNode:
-    """Return a notebook: a cell that installs the package, then the tutorial, without links that lead nowhere.
+    """Return a notebook: the tutorial without links that lead nowhere, with a cell that installs the package.
 
     Args:
         name: Name of the notebook, one of `NOTEBOOKS`.
     """
     page, extras = NOTEBOOKS[name]
     book = read_myst_markdown_notebook((_TUTORIALS / f"{page}.md").read_text(encoding="utf-8"), MdParserConfig())
-    book.cells.insert(0, nbformat.v4.new_code_cell(_INSTALL.format(extras=extras)))
+    book.cells.insert(1, nbformat.v4.new_code_cell(_INSTALL.format(extras=extras)))
     for number, cell in enumerate(book.cells):
         cell.id = f"cell-{number}"  # the same bytes each time
         cell.metadata = {}  # of the site
