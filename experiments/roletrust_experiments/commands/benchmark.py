@@ -37,7 +37,12 @@ from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.console import ALLOW_CODE, console, errors, number_table, progress_bar, tell
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table, replay_command
+from roletrust_experiments.commands.leaderboard import (
+    leaderboard_markdown,
+    leaderboard_table,
+    replay_command,
+    report_command,
+)
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Workers
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -141,6 +146,7 @@ def benchmark(
         _show_learners(asked, stored, out)
     else:
         _show(asked, stored, out)
+    tell(f"Next: {report_command(asked, out)}")
     if any(done.failed for _, done in stored):
         raise typer.Exit(1)
 

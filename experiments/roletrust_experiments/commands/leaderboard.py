@@ -9,6 +9,7 @@ from rich.table import Table
 from roletrust_env.benchmarking.leaderboard import Leaderboard, row_texts
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import AnySuite
 from roletrust_env.benchmarking.verification import check_installed_names
 from roletrust_experiments.commands.console import number_table, short
 
@@ -51,12 +52,23 @@ def replay_command(leaderboard: Leaderboard, results: Path) -> str | None:
     model = next((name for name in suite.model_names if name in attacked), None)
     if model is None:
         return None
-    try:
-        check_installed_names(suite)
-        code = []
-    except ValueError:
-        code = ["--allow-code"]
-    return shlex.join(["roletrust", "replay", str(results), "--model", model, *code])
+    return shlex.join(["roletrust", "replay", str(results), "--model", model, *_allow_code(suite)])
+
+
+def report_command(suite: AnySuite, out: Path) -> str:
+    """Return the command that makes the page of a run, in the folder of its results."""
+    results, page = str(out / "results.sqlite"), str(out / "report")
+    return shlex.join(["roletrust", "report", results, *_allow_code(suite), "--out", page])
+
+
+def _allow_code(suite: AnySuite) -> list[str]:
+    """Return the option that a command on results needs if a suite names models or attacks that are not installed."""
+    if isinstance(suite, Suite):
+        try:
+            check_installed_names(suite)
+        except ValueError:
+            return ["--allow-code"]
+    return []
 
 
 def leaderboard_markdown(leaderboard: Leaderboard, command: str) -> str:

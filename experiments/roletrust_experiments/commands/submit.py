@@ -14,7 +14,7 @@ from rich.table import Table
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.schema import AnyCell
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.submission import CellClaim, make_entries, make_submission
+from roletrust_env.benchmarking.submission import CellClaim, Submission, make_entries, make_submission
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.verification import (
     LONGEST_S,
@@ -138,13 +138,34 @@ def verify(
         check_installed_names(suite)
     checks = check_claims(found, suite, own_suite=own_suite)
     seed = secrets.randbelow(2**32) if seed is None else seed
-    if not all(check.ok for check in checks):  # games take minutes, and change none of these verdicts
-        console.print(_table(file, checks))
+    claims = None
+    if all(check.ok for check in checks):  # otherwise games take minutes, and change no verdict
+        claims = sample_claims(found, len(found.cells) if number is None else number, seed)
+        checks += _check_games(found, suite, claims, seed if fresh else None, workers)
+    console.print(_table(file, checks))
+    if claims is None:
         console.print("No cell was played again: what is not ok above needs no game.")
+    else:
+        console.print(f"{len(claims)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
+        if len(claims) < len(found.cells):
+            console.print("[yellow]An entry is ranked only once all its cells have been played: leave out --cells.[/]")
+    if not all(check.ok for check in checks):
         raise typer.Exit(1)
-    claims = sample_claims(found, len(found.cells) if number is None else number, seed)
-    same = is_same_platform(found)
-    replayed, asked = [], []
+
+
+def _check_games(
+    found: Submission, suite: Suite, claims: Sequence[CellClaim], fresh: int | None, workers: int | None
+) -> list[Check]:
+    """Play the claims again, and return the verdict on each.
+
+    Args:
+        found: Submission.
+        suite: Suite of the submission.
+        claims: Cells to play.
+        fresh: Random seed of the choice of new games, which the claims are played in, too; None for none.
+        workers: Number of processes.
+    """
+    checks, asked, replayed, same = [], [], [], is_same_platform(found)
     # Rounding decides what a search finds, so elsewhere the attackers of the claims play.
     records: dict[AnyCell, str] = {} if same else {claim.cell: claim.record for claim in claims}
     for claim, again in _played(suite, claims, workers, records=records):
@@ -153,18 +174,13 @@ def verify(
         checks.append(check_cell(claim, again.result, same))
     if replayed:
         checks += check_bias(asked, [again.result for again in replayed])
-    if fresh and claims:
-        above = max(suite.seeds) + 1 + Random(seed).getrandbits(31)  # seeds that are none of the suite
+    if fresh is not None and claims:
+        above = max(suite.seeds) + 1 + Random(fresh).getrandbits(31)  # seeds that are none of the suite
         done = list(_played(suite, claims, workers, above))
         checks += check_fresh([claim for claim, _ in done], [again.result for _, again in done])
     if len(replayed) == len(found.cells) and not any(again.result.failed for again in replayed):
         checks += check_scores(found, suite, replayed, same)
-    console.print(_table(file, checks))
-    console.print(f"{len(replayed)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
-    if len(replayed) < len(found.cells):
-        console.print("[yellow]An entry is ranked only once all its cells have been played: leave out --cells.[/]")
-    if not all(check.ok for check in checks):
-        raise typer.Exit(1)
+    return checks
 
 
 def _table(file: Path, checks: Sequence[Check]) -> Table:

@@ -101,7 +101,7 @@ def test_attackers_that_misbehave_are_told_and_the_others_count(here: Path, in_p
     assert float(board(here)["mean"]["worst"]) > 0
 
 
-def test_the_line_that_shows_the_worst_attack_works_as_printed(here: Path, in_process: None) -> None:
+def test_the_lines_that_say_what_comes_next_work_as_printed(here: Path, in_process: None) -> None:
     """Also for a class that is not installed, and a folder with a space."""
     code, lines = benchmark("--model=benchmark_cases:FirstRaters", "--model=mean", "--out=my run")
     assert code == 0, lines
@@ -110,6 +110,9 @@ def test_the_line_that_shows_the_worst_attack_works_as_printed(here: Path, in_pr
     shown = run(*shlex.split(told)[1:], "--out", "replay")
     assert shown.exit_code == 0, shown.output
     assert shown.output.startswith("benchmark_cases:FirstRaters, market, raters 30%: bad-mouthing")
+    (told,) = (line.partition(": ")[2] for line in lines if line.startswith("Next: "))
+    assert run(*shlex.split(told)[1:]).exit_code == 0
+    assert "benchmark_cases:FirstRaters" in (here / "my run" / "report" / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
