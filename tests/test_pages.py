@@ -1,11 +1,12 @@
 """What people wrote: Python blocks run, commands are there, TOML and YAML are valid, links lead somewhere."""
 
 import re
+import subprocess
 import tomllib
 
 import pytest
 import yaml
-from pages import TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, refused, run
+from pages import HOUSE, TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, refused, run
 
 pytestmark = pytest.mark.slow
 
@@ -53,6 +54,14 @@ def test_links_lead_somewhere_and_pictures_are_described():
             if not file.exists() or (anchor and anchor not in anchors(file)):
                 wrong.append((page.name, target))
     assert wrong == []
+
+
+@pytest.mark.skipif(not (HOUSE / ".git").exists(), reason="this is no clone")
+def test_no_file_names_a_folder_of_the_machine_that_made_it():
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=HOUSE, check=True, capture_output=True, text=True).stdout
+    private = re.compile(rb"(?<![\w.])(?:[A-Z]:\\Users\\|/(?:home|Users|root|work|tmp(?=/pytest))/)(\w+)")
+    found = {(name, path) for name in listed.split("\0")[:-1] for path in private.findall((HOUSE / name).read_bytes())}
+    assert found == {("docs/guide/mcp.md", b"ann")}  # an example
 
 
 def test_tutorials_write_what_can_be_read():
