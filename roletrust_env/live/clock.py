@@ -13,7 +13,7 @@ def now() -> int:
     """
     global _last
     monotonic, (before, reading) = time.monotonic_ns(), _last
-    reading = steady(time.time_ns(), reading, monotonic - before)
+    reading = steady(time.time_ns(), reading, max(0, monotonic - before))  # another thread may have read since
     _last = monotonic, reading
     return reading
 
