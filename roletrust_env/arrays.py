@@ -7,6 +7,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from array_api_compat import array_namespace
 
+from roletrust_env.errors import printable
+
 Array: TypeAlias = Any
 """A NumPy array or a torch tensor. Axis 0 is the rater, axis 1 the provider, every further axis is batch."""
 
@@ -37,6 +39,26 @@ def namespace(array: Array) -> ModuleType:
     if array_type not in _NAMESPACES:
         _NAMESPACES[array_type] = array_namespace(array)
     return _NAMESPACES[array_type]
+
+
+def numpy_array(what: str, values: Any, needed: str) -> np.ndarray[Any, Any]:
+    """Return what a user gave as an array of NumPy.
+
+    Args:
+        what: What it is, for the error message.
+        values: Array of any library, or lists.
+        needed: What it must be.
+
+    Raises:
+        ValueError: It has rows of unequal lengths, is a tensor that NumPy cannot have, or hides entries behind a mask.
+    """
+    try:
+        array = np.asarray(values)
+    except (ValueError, TypeError, RuntimeError) as error:
+        raise ValueError(f"{what} is no array: {printable(str(error))}; it must be {needed}") from None
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise ValueError(f"{what} is masked in some places; it must be {needed}, all there")
+    return array
 
 
 def device_of(array: Array) -> Any:

@@ -16,7 +16,7 @@ import pydantic.dataclasses
 from pydantic import AfterValidator, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 from pydantic_core import PydanticCustomError
 
-from roletrust_env.errors import suggest
+from roletrust_env.errors import short, suggest
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def whole_number(name: str, value: Any, least: int = 0) -> int:
     except (TypeError, ValueError):  # no number, or a tensor of many
         number = least - 1
     if number < least:
-        raise ValueError(f"{name} is {value!r}; it must be a whole number, {least} or more")
+        raise ValueError(f"{name} is {short(repr(value))}; it must be a whole number, {least} or more")
     return number
 
 

@@ -6,7 +6,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.arrays import numpy_array
 from roletrust_env.data.values import LONGEST, is_text, to_numpy, trimmed
+from roletrust_env.errors import short
 from roletrust_env.trust.key_index import Ints, KeyIndex
 
 _WHOLE = r"^-?(0|[1-9]\d*)(\.0)?$"  # a whole number, also as pandas writes it if its column misses a value
@@ -156,11 +158,11 @@ class NameIndex:
         Raises:
             ValueError: Something else is there, or texts where numbers were and the reverse.
         """
-        array = np.asarray(names)
+        if isinstance(names, str | bytes):
+            raise ValueError(f"{self.role} are {short(repr(names))}; they must be a column of names, also for one name")
+        array = numpy_array(f"the column of {self.role}", names, "whole numbers or texts")
         if array.dtype.kind == "U" and not isinstance(names, np.ndarray):
             array = np.array(list(names), object)  # NumPy's own texts lose a NUL at the end
-        if np.ma.is_masked(names):
-            raise ValueError(f"{self.role} are masked in some places; all must be there")
         if array.ndim != 1:
             raise ValueError(f"{self.role} have shape {array.shape}; they must be one column")
         if not len(array):

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, FiniteFloat, NonNegativeInt
 
+from roletrust_env.arrays import numpy_array
 from roletrust_env.data.evidence import Evidence, PairCounts, Role
 from roletrust_env.data.names import NameIndex, Names
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
@@ -131,7 +132,8 @@ class TrustStream:
         check_scale(scale)
         check_rounds(every, count)
         check_lateness(late, lead, every)
-        self.model, self.scale, self.count, self.same_agents = model, scale, count, same_agents
+        self.model, self.scale, self.same_agents = model, scale, bool(same_agents)
+        self.count = None if count is None else int(count)
         self.late, self.lead, self.repeats = late, lead, repeats
         self.source: dict[str, Any] = parse_json(json.dumps(dict(source or {})).encode())
         self._pairs = PairCounts() if keep_evidence else None
@@ -141,6 +143,8 @@ class TrustStream:
         self._providers = self._raters if same_agents else NameIndex("providers")
         shape = 0, 0
         if agents is not None:
+            if len(agents) != 2:
+                raise ValueError(f"agents are {short(repr(agents))}; they must be the raters and the providers")
             for index, names in zip((self._raters, self._providers), agents, strict=True):
                 index.places(index.check(names))
             shape = len(self._raters), len(self._providers)
@@ -334,7 +338,7 @@ class TrustStream:
         Raises:
             OSError: The file cannot be written. It is as it was.
         """
-        path = Path(path).resolve()
+        path = Path(os.path.realpath(path))
         waiting = self._together(self._waiting)
         self._waiting = [waiting] if len(waiting[0]) else []
         people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
@@ -411,7 +415,7 @@ class TrustStream:
             ValueError: See `load`.
             OSError: The file cannot be read or written, or the system has no locks.
         """
-        path = Path(path).resolve()  # a link stays one, and whoever opens its file has the same lock
+        path = Path(os.path.realpath(path))  # a link stays one, and whoever opens its file has the same lock
         with locked(path.parent):
             if not os.access(path.parent, os.W_OK):
                 raise PermissionError(f"{path} cannot be written: its folder cannot")
@@ -493,7 +497,7 @@ def _seconds(times: Any, length: int) -> tuple[Floats, Floats | float]:
     Raises:
         ValueError: A time is none, or some dates have a time zone and others none.
     """
-    array = np.asarray(times)
+    array = numpy_array("the column of times", times, "numbers or dates")
     if array.dtype.kind in "OUT" and array.size:
         texts = [one.isoformat() if isinstance(one, date) else one for one in array.ravel().tolist()]
         if all(isinstance(text, str) for text in texts):
@@ -517,9 +521,9 @@ def _seconds(times: Any, length: int) -> tuple[Floats, Floats | float]:
 
 def _numbers(column: str, values: Any, length: int) -> Floats:
     """Return a column as finite numbers."""
+    array = numpy_array(f"the column of {column}", values, "numbers")
     try:
-        array = np.asarray(values)
-        if array.dtype.kind not in "biufO" or np.ma.is_masked(values):
+        if array.dtype.kind not in "biufO":
             raise TypeError
         array = array.astype(np.float64, copy=False)
     except (ValueError, TypeError, OverflowError):

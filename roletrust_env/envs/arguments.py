@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import gymnasium
 import numpy as np
 
+from roletrust_env.errors import short
 from roletrust_env.memory import check_memory
 from roletrust_env.randomness import own_seeds
 from roletrust_env.trees import arrays
@@ -16,6 +17,9 @@ from roletrust_env.world import Scenario
 from roletrust_env.world.roster import shown
 
 Space = TypeVar("Space")
+
+NUMBERS = "fiub"
+"""Kinds of dtype that an action may have: floats, integers and booleans."""
 
 
 def refuse_unknown(environment: type[Any], arguments: Iterable[str], *takers: Callable[..., Any]) -> None:
@@ -94,6 +98,17 @@ def seed_spaces(spaces: Mapping[str, gymnasium.Space[Any]], seed: int | None) ->
     if seed is not None:
         for own, space in zip(own_seeds(int(seed), len(spaces)), spaces.values(), strict=True):
             space.seed(own)
+
+
+def option(options: Any, name: str) -> Any:
+    """Return one of the options of `reset`; None if it is not there.
+
+    Raises:
+        ValueError: The options are no dict.
+    """
+    if not isinstance(options, Mapping | None):
+        raise ValueError(f"options are {short(repr(options))}; they must be a dict from name to value, or None")
+    return (options or {}).get(name)
 
 
 def space_of(agent: str, spaces: Mapping[str, Space]) -> Space:

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
-from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.arguments import all_within, check_games, refuse_unknown
+from roletrust_env.arrays import Array, namespace, numpy_array
+from roletrust_env.envs.arguments import NUMBERS, all_within, check_games, refuse_unknown
 from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import suggest
@@ -312,12 +312,11 @@ def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vecto
     Raises:
         ValueError: The action has the wrong shape, or holds NaN or a value outside [low, 1].
     """
-    try:
-        action = np.asarray(action)
-    except (ValueError, TypeError, RuntimeError) as error:  # rows of many lengths, or a tensor that NumPy cannot have
-        raise ValueError(f"the action is no array: {error}; it must be numbers, of shape {shape}") from None
-    if action.shape != shape or action.dtype.kind not in "fiu":
-        raise ValueError(f"the action has shape {action.shape} and dtype {action.dtype}; it must have shape {shape}")
+    action = numpy_array("the action", action, f"numbers, of shape {shape}")
+    if action.shape != shape or action.dtype.kind not in NUMBERS:
+        raise ValueError(
+            f"the action has shape {action.shape} and dtype {action.dtype}; it must be numbers, of shape {shape}"
+        )
     few = action.ndim == 1 and action.size <= _FEW
     if not (all_within(action.tolist(), low) if few else action.min() >= low and action.max() <= 1):
         wrong = action[~((action >= low) & (action <= 1))]

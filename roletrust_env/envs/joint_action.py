@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.arrays import Array
-from roletrust_env.envs.arguments import singles_within
+from roletrust_env.arrays import Array, numpy_array
+from roletrust_env.envs.arguments import NUMBERS, singles_within
+from roletrust_env.errors import short
 from roletrust_env.game.state import Actions
 from roletrust_env.world.roster import Roster, shown
-
-_NUMBERS = "fiub"
-"""Kinds of dtype that an action may have: floats, integers and booleans."""
 
 _least, _greatest = np.minimum.reduce, np.maximum.reduce  # the methods take longer
 
@@ -107,7 +105,7 @@ class JointAction:
         joint = np.zeros(self._size)
         for agent, action in actions.items():
             shape, place = self._slots[agent]
-            if action.shape != shape or action.dtype.kind not in _NUMBERS:
+            if action.shape != shape or action.dtype.kind not in NUMBERS:
                 raise ValueError
             joint[place] = action
         return joint
@@ -134,11 +132,12 @@ class JointAction:
             return None
         shape = self._slots[agent][0]
         try:
-            action = np.asarray(action)
-        except (ValueError, TypeError, RuntimeError) as error:  # rows of unequal lengths, or a tensor on a device
-            return f"the action of {agent!r} is no array: {error}; it must be numbers, of shape {shape}"
-        if action.dtype.kind not in _NUMBERS:
-            return f"the action of {agent!r} is no array of numbers but {action!r}; it must be one, of shape {shape}"
+            action = numpy_array(f"the action of {agent!r}", action, f"numbers, of shape {shape}")
+        except ValueError as error:
+            return str(error)
+        if action.dtype.kind not in NUMBERS:
+            shown_action = short(repr(action))
+            return f"the action of {agent!r} is no array of numbers but {shown_action}; it must be one, of shape {shape}"
         if action.size != shape[0]:
             return f"the action of {agent!r} is of shape {action.shape}; it must have the size of shape {shape}"
         wrong = action[~((action >= 0) & (action <= 1))]

@@ -1,6 +1,6 @@
 """The PettingZoo environment in which all agents act at once (parallel)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,11 @@ from gymnasium.spaces import Box
 from pettingzoo import ParallelEnv
 
 from roletrust_env.arrays import Array
-from roletrust_env.envs.arguments import refuse_empty_start, refuse_unknown, seed_spaces, space_of
+from roletrust_env.envs.arguments import option, refuse_empty_start, refuse_unknown, seed_spaces, space_of
 from roletrust_env.envs.joint_action import JointAction
 from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
+from roletrust_env.errors import short
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import Noise, State
@@ -192,17 +193,19 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         Raises:
             ValueError: A name in `attackers` is no agent of the scenario, or the seed is no whole number, 0 or more.
         """
-        attackers = (options or {}).get("attackers", ())
-        if isinstance(attackers, str):
-            raise ValueError(f"attackers is {attackers!r}; it must be a sequence of agents' names")
+        attackers = option(options, "attackers")
+        attackers = () if attackers is None else attackers
+        if isinstance(attackers, str) or not isinstance(attackers, Iterable):
+            raise ValueError(f"attackers is {short(repr(attackers))}; it must be a sequence of agents' names")
+        attackers = tuple(attackers)
         for name in attackers:
-            if name not in self.action_spaces:
-                raise ValueError(f"there is no agent {name!r} to mark; there are {', '.join(self.action_spaces)}")
+            if name not in self.possible_agents:
+                raise ValueError(f"there is no agent {short(repr(name))} to mark; there are {', '.join(self.action_spaces)}")
         if seed is not None or self._random is None:
             self.np_random = generator(seed)
             self._random = Random(self.np_random)
         seed_spaces(self.action_spaces, seed)
-        self.attackers = self._spectator.attackers = tuple(attackers)
+        self.attackers = self._spectator.attackers = attackers
         state = self.game.start(self.game.draw(self._random, start=True))
         self._end = int(self.game.random_end(self._random))
         self._length = min(self._end, self.game.scenario.max_cycles)

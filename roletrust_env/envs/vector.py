@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.arguments import refuse_unknown
+from roletrust_env.envs.arguments import option, refuse_unknown
 from roletrust_env.envs.attack_env import TASKS, TaskBatch, check_action, task_by_id, task_spaces
 from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RenderMode, Spectator
@@ -118,7 +118,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         """
         if isinstance(seed, list):
             raise ValueError(f"seed is {seed!r}; the games share one generator, so give one number")
-        mask = (options or {}).get("reset_mask")
+        mask = option(options, "reset_mask")
         if mask is not None:
             mask = self._checked_mask(mask)
         if seed is not None:

@@ -12,7 +12,9 @@ from gymnasium.wrappers import TransformAction
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
-from roletrust_env.envs.arguments import seed_spaces, space_of
+from roletrust_env.arrays import numpy_array
+from roletrust_env.envs.arguments import NUMBERS, seed_spaces, space_of
+from roletrust_env.errors import short
 from roletrust_env.parameters import whole_number
 
 ByName = dict[str, Any]
@@ -36,11 +38,8 @@ class RescaleClipAction(TransformAction[Any, Any, Any], RecordConstructorArgs):
         TransformAction.__init__(self, env, self._unscale, Box(-1.0, 1.0, _shape(env), np.float32))
 
     def _unscale(self, action: Any) -> Any:
-        try:
-            numbers = np.asarray(action)
-        except (ValueError, TypeError, RuntimeError):  # rows of unequal lengths, or a tensor on a device
-            return action  # the environment refuses it, with the name of the agent
-        return np.clip(numbers, -1.0, 1.0) * 0.5 + 0.5 if numbers.dtype.kind in "fiub" else action
+        numbers = numpy_array("the action", action, f"in {self.action_space}")
+        return np.clip(numbers, -1.0, 1.0) * 0.5 + 0.5 if numbers.dtype.kind in NUMBERS else action
 
 
 class DiscretizeLevels(TransformAction[Any, Any, Any], RecordConstructorArgs):
@@ -76,11 +75,12 @@ class DiscretizeLevels(TransformAction[Any, Any, Any], RecordConstructorArgs):
         self._grid = (levels,) * entries
 
     def _value(self, action: Any) -> npt.NDArray[np.float32]:
-        number, shape = np.asarray(action), self.action_space.shape or ()
+        number = numpy_array("the action", action, f"in {self.action_space}")
+        shape = self.action_space.shape or ()
         if number.size == np.prod(shape):
             number = number.reshape(shape)
         if number not in self.action_space:
-            raise ValueError(f"the action is {action!r}; it must be in {self.action_space}")
+            raise ValueError(f"the action is {short(repr(action))}; it must be in {self.action_space}")
         each = number if number.ndim else np.asarray(np.unravel_index(int(number), self._grid))
         return (each / (self._grid[0] - 1)).astype(np.float32)
 
@@ -135,7 +135,7 @@ class ParallelTransformAction(BaseParallelWrapper[str, Any, Any]):
         try:
             return self._each[agent].step(action)[0]
         except ValueError as error:
-            raise ValueError(f"{agent!r}: {error}") from None
+            raise ValueError(f"the action of {agent!r}: {error}") from None
 
 
 class _OneAgent(gymnasium.Env[Any, Any]):

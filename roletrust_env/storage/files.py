@@ -1,6 +1,7 @@
 """Atomic writing: a file is written completely or not at all."""
 
 import csv
+import errno
 import json
 import os
 import platform
@@ -19,16 +20,26 @@ _holders = set[tuple[int, int, Path]]()  # thread, process and folder of each lo
 def replacing(path: Path) -> Iterator[Path]:
     """Replace a file at the end of the context, or remove the temporary file if an error occurs.
 
+    Where the path is a link, its file is replaced. The new file has the permissions of the old one.
+
     Args:
         path: Path of the file; its folder is created if it does not exist.
 
     Yields:
         The path of the temporary file, with the same suffix.
+
+    Raises:
+        OSError: The path is that of a folder or of a device, which is as it was.
     """
+    path = Path(os.path.realpath(path))
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no file that can be replaced", str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = unfinished_path(path)
     try:
         yield temporary
+        if path.exists():
+            shutil.copymode(path, temporary)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

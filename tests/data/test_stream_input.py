@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
+import torch
 
 from roletrust_env import make_trust_model
 from roletrust_env.data.stream import TrustStream
@@ -94,6 +95,7 @@ def test_further_settings_are_such_as_a_file_keeps(value: Any) -> None:
 
 
 MASKED = np.ma.masked_array([0.5, 1.0], mask=[False, True])
+DATES = np.ma.masked_array(np.array(["2020-01-01", "2020-01-02"], "datetime64[s]"), mask=[False, True])
 NAMES = np.ma.masked_array([1, 2], mask=[False, True])
 
 
@@ -103,21 +105,24 @@ NAMES = np.ma.masked_array([1, 2], mask=[False, True])
         ("times", np.array(["2020-01-01", "NaT"], "datetime64[s]"), "times hold nan at position 2"),
         ("times", np.array([1, 2], "timedelta64[s]"), "times must be numbers"),
         ("times", [1, 2**2000], "times must be numbers"),
-        ("times", MASKED, "times must be numbers"),
+        ("times", MASKED, "the column of times is masked in some places; it must be"),
+        ("times", DATES, "the column of times is masked in some places; it must be"),
+        ("times", torch.ones(2, requires_grad=True), "the column of times is no array: Can't call numpy"),
         ("times", ["2020-01-01", "soon"], "times, position 2: the time is 'soon'"),
         ("times", ["2020-01-01", "2020-01-01T00:00Z"], "'2020-01-01T00:00Z' has a time zone"),
         ("times", pd.Series(pd.to_datetime(["2020-01-01", None], utc=True)), "position 2: the time is 'NaT'"),
         ("times", [date(2020, 1, 1), 7], "times must be numbers"),
         ("times", ["7", "8"], "the time is '7'; it must be a date of ISO 8601"),
-        ("ratings", MASKED, "ratings must be numbers"),
+        ("ratings", MASKED, "the column of ratings is masked in some places; it must be"),
         ("ratings", np.array([0.5, 0.5j]), "ratings must be numbers"),
         ("ratings", np.array([0, 1], "datetime64[s]"), "ratings must be numbers"),
         ("times", [True, False], "times must be numbers"),
         ("raters", ["ann", " \t"], "raters have '' at position 2; a name has 1 to 10,000 bytes"),
         ("providers", ["é" * 5_001, "s"], "providers have 'é+' at position 1; a name has 1 to 10,000 bytes"),
         ("raters", ["ann", "\ud800"], "raters have .* at position 2"),
-        ("raters", NAMES, "raters are masked"),
-        ("providers", NAMES, "providers are masked"),
+        ("raters", NAMES, "the column of raters is masked in some places; it must be"),
+        ("raters", "ab", "raters are 'ab'; they must be a column of names"),
+        ("providers", NAMES, "the column of providers is masked in some places"),
     ],
 )
 def test_what_is_no_number_or_not_there_is_refused(column: str, values: Any, words: str) -> None:
@@ -142,12 +147,13 @@ def test_a_scale_is_a_pair_of_numbers(scale: Any) -> None:
         stream(scale=scale)
 
 
-@pytest.mark.parametrize("every", [np.int64(7), np.float32(7)])
-def test_a_length_of_numpy_can_be_saved(every: Any, tmp_path: Path) -> None:
-    one = stream(every=every)
-    one.update(["r"], ["s"], [1.0], [0])
+@pytest.mark.parametrize("length", [{"every": np.int64(7)}, {"every": np.float32(7)}, {"count": np.int64(7)}], ids=str)
+def test_settings_of_numpy_can_be_saved(length: dict[str, Any], tmp_path: Path) -> None:
+    one = stream(**length, same_agents=np.True_)
+    one.update(["r"], ["s"], [1.0], [0] if one.every else None)
     one.save(str(tmp_path / "stream.npz"))
-    again = TrustStream.load(str(tmp_path / "stream.npz"), one.model, every=7)
+    plain = dict.fromkeys(length, 7)
+    again = TrustStream.load(str(tmp_path / "stream.npz"), one.model, **plain, same_agents=True)
     again.finish()
     assert again.rounds == 1
 

@@ -151,14 +151,23 @@ def test_bad_arguments_are_refused(face: str, arguments: dict, words: list[str])
     assert all(word in str(error.value) for word in words), str(error.value)
 
 
-def test_an_unknown_attacker_is_not_marked() -> None:
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"attackers": ["sr_9"]}, "'sr_9'.*sr_0"),
+        ({"attackers": [["sr_0"]]}, r"\['sr_0'\] to mark"),
+        ({"attackers": 5}, "attackers is 5; it must be a sequence"),
+        ("attackers", "options are 'attackers'; they must be a dict"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(options: Any, words: str) -> None:
     env, twin = started(), started()
-    with pytest.raises(ValueError, match=r"'sr_9'.*sr_0"):
-        env.reset(seed=1, options={"attackers": ["sr_9"]})
+    with pytest.raises(ValueError, match=words):
+        env.reset(seed=1, options=options)
     assert data_equivalence(env.step(valid(env)), twin.step(valid(twin)))
     env.reset(options={"attackers": ["sr_1", "sp_0"], "whatever": 3})
     assert env.attackers == ("sr_1", "sp_0")
-    env.reset()
+    env.reset(options={"attackers": None})
     assert env.attackers == ()
 
 

@@ -69,6 +69,7 @@ def started(**arguments: Any) -> AttackEnv:
         pytest.param(["0.1", "0.2", "0.3"], ["(3,)"], id="strings"),
         pytest.param(np.zeros(3, complex), ["complex"], id="complex"),
         pytest.param([None] * 3, ["object"], id="an array of None"),
+        pytest.param(np.ma.masked_equal([0.5, 0.5, 0.0], 0.0), ["masked"], id="a masked entry"),
     ],
 )
 @pytest.mark.filterwarnings("error")

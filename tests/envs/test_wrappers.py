@@ -202,6 +202,7 @@ def test_each_agent_acts_through_its_own_wrapper() -> None:
         ({"sp_0": 9}, "'sp_0'.*Discrete"),
         ({"sp_0": None}, "'sp_0'.*Discrete"),
         ({"sr_0": [0, 1]}, "'sr_0'.*Discrete"),
+        ({"sr_0": torch.zeros(3, requires_grad=True)}, "'sr_0'.*no array"),
         ({"robin": 0}, "'robin'.*sr_0"),
     ],
     ids=str,

@@ -39,6 +39,26 @@ def test_interrupted_writing_leaves_the_old_file_and_nothing_else(tmp_path, erro
     assert [file.name for file in tmp_path.iterdir()] == ["table.csv"]
 
 
+def test_a_file_keeps_its_permissions_and_a_link_stays_one(tmp_path):
+    path, link = tmp_path / "private.csv", tmp_path / "link.csv"
+    path.touch(0o600)
+    link.symlink_to(path)
+    files.write_csv(link, ["a"], [])
+    assert link.readlink() == path
+    assert path.read_text() == "a\n"
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
+def test_what_is_no_file_stays(tmp_path, make):
+    make(tmp_path / "there")
+    before = (tmp_path / "there").stat()
+    with pytest.raises(OSError, match="it is no file that can be replaced"):
+        files.write_text(tmp_path / "there", "lost")
+    assert (tmp_path / "there").stat().st_ino == before.st_ino
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
 def test_files_of_a_killed_run_are_removed_and_those_of_a_living_one_stay(tmp_path):
     for name in ("killed.csv", "living.csv"):
         writer = subprocess.Popen(
