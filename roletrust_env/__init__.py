@@ -13,14 +13,18 @@ from typing import Any
 import gymnasium
 import pettingzoo
 
+from roletrust_env.envs.spec import TaskSpec
+
 pettingzoo.register("parallel", "RoleTrust-v0", "roletrust_env.envs.parallel:parallel_env")
 pettingzoo.register("aec", "RoleTrust-v0", "roletrust_env.envs.aec:env")
 for _task in ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack"):
+    _id = f"RoleTrust/{_task}-v0"
     gymnasium.register(
-        f"RoleTrust/{_task}-v0",
+        _id,
         entry_point=f"roletrust_env.envs.attack_env:{_task}Env",
         vector_entry_point=f"roletrust_env.envs.vector:{_task}VectorEnv",
     )
+    gymnasium.registry[_id] = TaskSpec.of(gymnasium.registry[_id])  # vector environments of Gymnasium copy it
 
 _MODULES: dict[str, str] = {
     alias.name: node.module or ""

@@ -107,7 +107,7 @@ Lam = Annotated[float, _within("[0.5, 1)", lambda x: 0.5 <= x < 1)]
 Inside = Annotated[float, _within("[0.001, 0.999]", lambda x: 0.001 <= x <= 0.999)]
 """Share strictly between 0 and 1, far enough from both that rounding does not matter."""
 
-Ridge = Annotated[float, _within("[0.001, inf)", lambda x: 0.001 <= x < float("inf"))]
+Ridge = Annotated[float, _within("[0.001, 1e6]", lambda x: 0.001 <= x <= 1e6)]
 """Strength with which a regression is drawn to its prior. With a smaller one, rounding would decide."""
 
 Factor = Annotated[float, _within("(0, 1]", lambda x: 0 < x <= 1)]
@@ -125,13 +125,22 @@ Tail = Annotated[float, _within("[1e-6, 0.5)", lambda x: 1e-6 <= x < 0.5)]
 Power = Annotated[float, _within("[0, 8]", lambda x: 0 <= x <= 8)]
 """Exponent of a share, for example of trust in a weight. With 0 all weights are equal."""
 
+Amount = Annotated[float, _within("[0, 1e6]", lambda x: 0 <= x <= 1e6)]
+"""Number without a natural bound. With a larger one, float32 would overflow."""
+
+PositiveAmount = Annotated[float, _within("[1e-6, 1e6]", lambda x: 1e-6 <= x <= 1e6)]
+"""Number above 0 without a natural bound. With a smaller one, float32 would divide by 0."""
+
+ZeroOrAmount = Annotated[float, _within("{0} or [1e-6, 1e6]", lambda x: x == 0 or 1e-6 <= x <= 1e6)]
+"""`PositiveAmount`, or 0 for the limit."""
+
 ShareOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, 1]", lambda x: 0 <= x <= 1)]
 """Share, or a range from which it is drawn."""
 
 BiasOrRange = Annotated[float | tuple[float, float], _number_or_range("[-1, 1]", lambda x: -1 <= x <= 1)]
 """Number added to a quality, or a range from which it is drawn."""
 
-ScaleOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, inf)", lambda x: 0 <= x < inf)]
+ScaleOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, 1e6]", lambda x: 0 <= x <= 1e6)]
 """Factor of a quality, or a range from which it is drawn."""
 
 

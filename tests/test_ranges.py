@@ -37,14 +37,17 @@ LIMITS = [
     (parameters.Share, [0, 1], [-1e-9, 1 + 1e-9]),
     (parameters.Lam, [0.5, 1 - 1e-9], [0.5 - 1e-9, 1]),
     (parameters.Inside, [0.001, 0.999], [0.000999, 0.999001]),
-    (parameters.Ridge, [0.001, 1e300], [0.000999, float("inf")]),
+    (parameters.Ridge, [0.001, 1e6], [0.000999, 1.1e6, float("inf")]),
     (parameters.Factor, [1e-300, 1], [0, 1 + 1e-9]),
     (parameters.LessThanHalf, [0, 0.5 - 1e-9], [-1e-9, 0.5]),
     (parameters.Tail, [1e-6, 0.5 - 1e-9], [0.999e-6, 0.5]),
     (parameters.Power, [0, 8], [-1e-9, 8 + 1e-9]),
     (parameters.ShareOrRange, [0, 1, (0, 1), (0.5, 0.5)], [-1e-9, 1 + 1e-9, (0.6, 0.5), (0, 1.1), (False, 1)]),
     (parameters.BiasOrRange, [-1, 1, (-1, 1)], [-1 - 1e-9, 1 + 1e-9, (1, -1)]),
-    (parameters.ScaleOrRange, [0, 1e300, (0, 2)], [-1e-9, float("inf"), (2, 1)]),
+    (parameters.ScaleOrRange, [0, 1e6, (0, 2)], [-1e-9, 1.1e6, float("inf"), (2, 1)]),
+    (parameters.Amount, [0, 1e-30, 1e6], [-1e-30, 1.1e6, float("nan")]),
+    (parameters.PositiveAmount, [1e-6, 1e6], [0, 9e-7, 1.1e6, float("nan")]),
+    (parameters.ZeroOrAmount, [0, 1e-6, 1e6], [-1, 9e-7, 1.1e6, float("nan")]),
 ]
 
 

@@ -3,10 +3,11 @@
 from collections.abc import Callable, Hashable, Sequence
 from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, Self
 
-from pydantic import Field, FiniteFloat, PositiveFloat, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
 from roletrust_env.errors import printable
 from roletrust_env.evaluation.attackers import MAX_RECORD
+from roletrust_env.parameters import PositiveAmount
 from roletrust_env.world.group import FrozenModel
 
 Label = Annotated[str, Field(min_length=1, pattern=r"^[^|\x00-\x1f\x7f]+$")]
@@ -51,7 +52,7 @@ class SuiteSchema(FrozenModel):
     """Number of games that are measured. Equal seeds give equal games."""
     seeds: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0,)
     """Random seeds. Each seed searches, chooses and measures independently."""
-    limit_s: PositiveFloat = 600.0
+    limit_s: PositiveAmount = 600.0
     """Time limit of a cell in seconds."""
 
     @model_validator(mode="after")

@@ -136,8 +136,8 @@ class JointAction:
         except ValueError as error:
             return str(error)
         if action.dtype.kind not in NUMBERS:
-            shown_action = short(repr(action))
-            return f"the action of {agent!r} is no array of numbers but {shown_action}; it must be one, of shape {shape}"
+            what = short(repr(action))
+            return f"the action of {agent!r} is no array of numbers but {what}; it must be one, of shape {shape}"
         if action.size != shape[0]:
             return f"the action of {agent!r} is of shape {action.shape}; it must have the size of shape {shape}"
         wrong = action[~((action >= 0) & (action <= 1))]

@@ -200,7 +200,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         attackers = tuple(attackers)
         for name in attackers:
             if name not in self.possible_agents:
-                raise ValueError(f"there is no agent {short(repr(name))} to mark; there are {', '.join(self.action_spaces)}")
+                raise ValueError(
+                    f"there is no agent {short(repr(name))} to mark; there are {', '.join(self.possible_agents)}"
+                )
         if seed is not None or self._random is None:
             self.np_random = generator(seed)
             self._random = Random(self.np_random)

@@ -1,17 +1,17 @@
-"""The specification of an environment in Gymnasium, which can be written as JSON and read back."""
+"""The specification of an environment in Gymnasium, which can be written as JSON and read back.
+
+`import roletrust_env` imports this file, so it imports what it needs of others when a specification is written.
+"""
 
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
+from enum import Enum
 from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
-
-from roletrust_env.game.attack_task import Stealth
-from roletrust_env.game.policy import registry as policies
-from roletrust_env.trust.model import registry as trust_models
 
 
 class TaskSpec(EnvSpec):
@@ -45,12 +45,18 @@ def _plain(name: str, value: Any) -> Any:
     Raises:
         ValueError: That is not possible.
     """
+    from roletrust_env.game.attack_task import Stealth
+    from roletrust_env.game.policy import registry as policies
+    from roletrust_env.trust.model import registry as trust_models
+
     if value is None or isinstance(value, str | bool | int | float):
         return value
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, Path):
         return str(value)
+    if isinstance(value, Enum):
+        return value.value
     if isinstance(value, Stealth):
         return asdict(value)
     if isinstance(value, Mapping):

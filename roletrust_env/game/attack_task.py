@@ -6,7 +6,7 @@ from functools import reduce
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-from pydantic import ConfigDict, NonNegativeFloat, ValidationError
+from pydantic import ConfigDict, ValidationError
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, mean_or_zero, namespace
@@ -19,7 +19,7 @@ from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.game.views import AgentView, ProviderView, RaterView, view_of
-from roletrust_env.parameters import Share
+from roletrust_env.parameters import Amount, Share
 from roletrust_env.randomness import Random
 from roletrust_env.trees import arrays
 from roletrust_env.world.presence import PRESENT, WAITING
@@ -35,7 +35,7 @@ class Stealth:
         tolerance: Trust gap of an agent that costs nothing, in [0, 1].
     """
 
-    weight: NonNegativeFloat = 0.0
+    weight: Amount = 0.0
     tolerance: Share = 0.1
 
 

@@ -9,7 +9,6 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    NonNegativeFloat,
     NonNegativeInt,
     PositiveInt,
     field_validator,
@@ -17,7 +16,7 @@ from pydantic import (
 )
 
 from roletrust_env.errors import check_unicode, suggest
-from roletrust_env.parameters import BiasOrRange, ScaleOrRange, Share, ShareOrRange
+from roletrust_env.parameters import Amount, BiasOrRange, ScaleOrRange, Share, ShareOrRange
 
 _NEAR = 0.75  # likeness of a name and one that has a hint
 
@@ -87,7 +86,7 @@ class AgentGroup(FrozenModel):
     """First round in which no agent of the group is present any more."""
     leave_rate: Share = 0.0
     """Probability that a present agent leaves for good, in each round."""
-    noise: NonNegativeFloat = 0.0
+    noise: Amount = 0.0
     """Standard deviation of the noise in a rater's perception of quality (synthetic service only)."""
     ability: ShareOrRange = 1.0
     """Share of the chosen quality that a provider delivers: a number, or a range (low, high) from which it is drawn."""

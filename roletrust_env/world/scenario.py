@@ -9,16 +9,14 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import (
     Field,
-    NonNegativeFloat,
     NonNegativeInt,
-    PositiveFloat,
     PositiveInt,
     ValidationError,
     model_validator,
 )
 
 from roletrust_env.errors import explain
-from roletrust_env.parameters import Factor, Lam, Share
+from roletrust_env.parameters import Amount, Factor, Lam, PositiveAmount, Share, ZeroOrAmount
 from roletrust_env.world.field_hints import give_hints
 from roletrust_env.world.group import AgentGroup, FrozenModel
 
@@ -35,11 +33,11 @@ class InRange(FrozenModel):
 
     kind: Literal["in-range"] = "in-range"
     """`in-range`."""
-    radius: PositiveFloat = 4.0
+    radius: PositiveAmount = 4.0
     """Distance up to which a service reaches, in metres."""
-    arena: PositiveFloat = 10.0
+    arena: PositiveAmount = 10.0
     """Side length of the square arena, in metres."""
-    speed: NonNegativeFloat = 0.25
+    speed: Amount = 0.25
     """Distance that a robot moves in a round, in metres."""
 
 
@@ -50,7 +48,7 @@ class Choice(FrozenModel):
     """`choice`."""
     providers: PositiveInt = 1
     """Number of providers that each rater chooses in a round."""
-    temperature: NonNegativeFloat = 0.0
+    temperature: ZeroOrAmount = 0.0
     """Temperature of the softmax of trust, without replacement. At 0 the choice is greedy, and ties break at random."""
 
 
@@ -103,13 +101,13 @@ class Admission(FrozenModel):
 class Rewards(FrozenModel):
     """Weights in the rewards of honest agents."""
 
-    rater_trust: NonNegativeFloat = 1.0
+    rater_trust: Amount = 1.0
     """Weight of ToR in a rater's reward."""
-    provider_trust: NonNegativeFloat = 1.0
+    provider_trust: Amount = 1.0
     """Weight of ToP in a provider's reward."""
-    agent_trust: NonNegativeFloat = 1.0
+    agent_trust: Amount = 1.0
     """Weight of ToA in the reward of an agent with both roles."""
-    quality_cost: NonNegativeFloat = 0.1
+    quality_cost: Amount = 0.1
     """Cost of a service of delivered quality 1 and value 1."""
 
 
@@ -141,7 +139,7 @@ class Scenario(FrozenModel):
     """Losses and delays of ratings: `lost`, `late`, `delay`."""
     perturbations: tuple[Perturbation, ...] = ()
     """Perturbations of all services: `start`, `stop`, `strength`."""
-    values: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
+    values: Annotated[tuple[PositiveAmount, ...], Field(min_length=1)] = (1.0,)
     """Values of a service, one of which is drawn uniformly each time; the provider knows it before it serves."""
     admission: Admission | None = None
     """Admission control: `threshold`, `rounds`; None cuts no agent off."""
@@ -151,7 +149,7 @@ class Scenario(FrozenModel):
     """Length of the game, in rounds; the longest with a `continuation` below 1."""
     continuation: Factor = 1.0
     """Probability that the game goes on after a round, up to `max_cycles`; no agent knows when it ends."""
-    period_s: PositiveFloat = 0.5
+    period_s: PositiveAmount = 0.5
     """Length of a round, in seconds."""
     lam: Lam = 0.5
     """Weight of the newest round in every trust."""

@@ -134,6 +134,19 @@ def test_a_spec_as_json_makes_an_equal_batch(task_id: str, changes: dict) -> Non
         assert same(again.step(action), env.step(action))
 
 
+def test_gymnasiums_own_batch_has_a_spec_that_makes_an_equal_one() -> None:
+    env = gymnasium.make_vec(
+        RATER,
+        num_envs=2,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": AutoresetMode.SAME_STEP},
+        trust_model=roletrust_env.make_trust_model("role-trust", lam=0.7),
+    )
+    again = gymnasium.make_vec(EnvSpec.from_json(env.spec.to_json()))
+    assert again.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert again.envs[0].unwrapped.task.game.model == roletrust_env.make_trust_model("role-trust", lam=0.7)
+
+
 def test_a_fresh_process_needs_the_module_or_the_spec() -> None:
     """As workers of other libraries are, which have not imported `roletrust_env`."""
     spec = gymnasium.make(RATER, max_cycles=7).spec.to_json()

@@ -7,12 +7,12 @@ models stay as they are.
 from abc import ABC, abstractmethod
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field, NonNegativeFloat
+from pydantic import Field
 
 from roletrust_env.arrays import Array, is_compiling, namespace, total
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_named
-from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.parameters import Amount, Share, checked_dataclass
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.model import Published, registry
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
@@ -177,8 +177,8 @@ class Rev2(ByPairMeans):
         beta: Number of ratings by which a provider is drawn to the mean goodness.
     """
 
-    alpha: NonNegativeFloat = 1.0
-    beta: NonNegativeFloat = 1.0
+    alpha: Amount = 1.0
+    beta: Amount = 1.0
 
     source = "Kumar et al. (2018)"
 

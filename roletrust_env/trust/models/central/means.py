@@ -2,10 +2,8 @@
 
 from abc import ABC, abstractmethod
 
-from pydantic import PositiveFloat
-
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import Lam, LessThanHalf, Share, checked_dataclass
+from roletrust_env.parameters import Lam, LessThanHalf, PositiveAmount, Share, checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import PROVIDER, RATER, Ratings, mean, smooth, weighted_mean
@@ -201,7 +199,7 @@ class HuberMean(ByCentre):
         width: Distance from the centre up to which a rating counts in full, above 0; from 1 on, this is the mean.
     """
 
-    width: PositiveFloat = 0.1
+    width: PositiveAmount = 0.1
     source = "Huber (1964)"
     cost = "S log S P"
 

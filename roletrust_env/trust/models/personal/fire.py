@@ -3,10 +3,8 @@
 import math
 from typing import Annotated, NamedTuple
 
-from pydantic import PositiveFloat
-
 from roletrust_env.arrays import Array, namespace, total
-from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.parameters import PositiveAmount, Share, checked_dataclass
 from roletrust_env.trees import AMOUNTS, SHARES, SIGNED
 from roletrust_env.trust.personal import (
     Personal,
@@ -75,7 +73,7 @@ class Fire(Personal):
     """
 
     initial: Share = 0.5
-    tolerance: PositiveFloat = 0.5
+    tolerance: PositiveAmount = 0.5
     credibility: Share = 0.5
     rates_raters = True
     source = "Huynh, Jennings and Shadbolt (2006)"
