@@ -8,7 +8,7 @@ from importlib.metadata import version
 from typing import Any, NamedTuple
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-from sqlalchemy import func, select
+from sqlalchemy import select
 
 from roletrust_env.data.evidence import Role
 from roletrust_env.data.explanation import Explanation
@@ -218,34 +218,54 @@ class TrustManager:
         self._members: dict[str, Member] = {}
         self._begun: Counter[str] = Counter()  # how often each agent has registered
         self._sent: Counter[str] = Counter()  # ratings of each agent in the running round
-        last, self._time = self._store.last(), 0
-        stamps: dict[str, int] = {}
         self._latest: dict[str, int] = {}  # an event of the last request of each agent
-        whole = select(events.c.sender, func.max(events.c.stamp), func.max(events.c.seq), func.max(events.c.time))
-        for sender, stamp, seq, when in self._store.rows(whole.group_by(events.c.sender)):
-            name = sender.partition(_AGAIN)[0]
-            stamps[name] = max(stamp, stamps.get(name, 0))
-            self._latest[name] = max(seq, self._latest.get(name, 0))
-            self._time = max(self._time, when)
+        self._ratings = self._time = last = 0
+        stamps: dict[str, int] = {}
+        for event in self._store.history():
+            name = event.sender.partition(_AGAIN)[0]
+            if not self._follows(event, name, stamps.get(name, 0)):
+                raise self._store.damaged(event.seq, f"{event.sender!r} cannot have sent this {event.kind} then")
+            stamps[name], self._latest[name] = event.stamp, event.seq
+            self._time, last = event.time, event.seq
+            if event.kind == "rating":
+                if not self._ratings:
+                    self._trust.expect(event.time / SECOND)
+                self._ratings += 1
         self.validator = MessageValidator(limits, KnownKeys(self._keys), stamps)
         self.validator.refusals = self.refusals
-        for row in self._store.rows(select(events).where(events.c.kind != "rating").order_by(events.c.seq)):
-            name = row.sender.partition(_AGAIN)[0]
-            if row.kind == "leave":
-                del self._members[name]
-            else:
-                claims, _ = read_token(row.token, Registration)
-                self._keys[name] = key_of_text(claims.key)
-                self._join(claims, Receipt(row.seq, row.time / SECOND))
-                self._limit.admits(row.time * _NANO)
-        ratings: Any = select(func.count(), func.min(events.c.time)).where(events.c.kind == "rating")
-        ((self._ratings, first),) = self._store.rows(ratings)
-        if first is not None:
-            self._trust.expect(first / SECOND)
         self._seq = last  # now that nothing is missing
         self.advance()
         running = select(events.c.sender).where(events.c.kind == "rating", events.c.seq > self._trust.counted)
         self._sent.update(sender.partition(_AGAIN)[0] for (sender,) in self._store.rows(running))
+
+    def _follows(self, event: Event, name: str, stamp: int) -> bool:
+        """Take an event of the store into account, and return whether a manager can have acknowledged it.
+
+        Args:
+            event: Event.
+            name: Name of its agent.
+            stamp: Stamp of the event of this agent before it.
+        """
+        member = self._members.get(name)
+        if event.stamp <= stamp or (event.kind == "register") != (member is None):
+            return False
+        if event.kind == "register":
+            try:
+                claims, _ = read_token(event.token, Registration)
+            except ValueError:
+                return False
+            key = key_of_text(claims.key)
+            if (claims.iss, claims.stamp, self._keys.setdefault(name, key)) != (name, event.stamp, key):
+                return False
+            member = self._join(claims, Receipt(event.seq, event.time / SECOND))
+            self._limit.admits(event.time * _NANO)
+        elif event.kind == "leave":
+            del self._members[name]
+        else:
+            rated = self._members.get((event.provider or "").partition(_AGAIN)[0])
+            if rated is None or rated == member or rated.identity != event.provider or event.rating is None:
+                return False
+        return member is not None and member.identity == event.sender
 
     # --- requests -----------------------------------------------------------------------------------
 

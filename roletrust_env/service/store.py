@@ -1,13 +1,15 @@
 """The journal of a trust manager in a database: all that it has acknowledged, in order."""
 
+import re
 import secrets
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from filelock import FileLock, Timeout
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 from sqlalchemy import (
     URL,
     BigInteger,
@@ -24,13 +26,15 @@ from sqlalchemy import (
     event,
     func,
     insert,
+    inspect,
     make_url,
     select,
     text,
 )
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
-from roletrust_env.live.wire.keys import check_name
+from roletrust_env.errors import short
+from roletrust_env.live.wire.keys import NAME, check_name
 
 _SCHEMA = 1
 _LOCK = int.from_bytes(b"roletrus")  # the advisory lock of PostgreSQL, one for each database
@@ -72,13 +76,16 @@ class Event(NamedTuple):
     """
 
     seq: int
-    kind: str
-    time: int
+    kind: Literal["register", "rating", "leave"]
+    time: Annotated[int, Field(ge=0, lt=2**53)]
     sender: str
-    stamp: int
+    stamp: Annotated[int, Field(ge=0)]
     provider: str | None
-    rating: float | None
+    rating: FiniteFloat | None
     token: str
+
+
+_events = TypeAdapter(list[Event])
 
 
 class StoreError(OSError):
@@ -140,8 +147,10 @@ class Store:
                 raise StoreError(f"{self._shown} cannot be opened: {error.strerror}") from None
         try:
             with self._writer().begin():
-                _tables.create_all(self._writer())
                 self.name = self._opened(self._writer())
+            if self._file is not None:  # readers and the writer do not wait for one another then
+                self._writer().exec_driver_sql("pragma journal_mode = wal")
+                self._writer().commit()
         except SQLAlchemyError as error:
             self.close()
             raise self._failed("cannot be opened", error) from None
@@ -151,12 +160,22 @@ class Store:
 
     def _opened(self, connection: Connection) -> str:
         """Return the name of the manager, after a check of what the store says of itself; a new one is told."""
+        there = set(inspect(connection).get_table_names())
+        if self._file is not None and (others := there - set(_tables.tables)):
+            raise ValueError(f"{self._shown} is a database of another program, with a table {min(others)!r}")
+        own = {name: table for name, table in _tables.tables.items() if name in there}
+        filled = {name for name, one in own.items() if connection.execute(select(one).limit(1)).first() is not None}
+        if filled == {"events"} or (filled and len(own) < len(_tables.tables)):
+            raise ValueError(f"{self._shown} is damaged: its table meta or its table events is missing or empty")
+        _tables.create_all(connection)
         meta: dict[str, str] = {row.name: row.value for row in connection.execute(select(_meta))}
         if not meta:
             meta = {"schema": str(_SCHEMA), "manager": self._wanted or f"manager-{secrets.token_hex(4)}"}
             connection.execute(insert(_meta), [{"name": one, "value": value} for one, value in meta.items()])
         if (schema := meta.get("schema")) != str(_SCHEMA):
             raise ValueError(f"{self._shown} has schema {schema}; schema {_SCHEMA} is read here")
+        if not re.fullmatch(NAME, str(meta.get("manager", ""))):
+            raise ValueError(f"{self._shown} is damaged: its manager is called {short(repr(meta.get('manager', '')))}")
         if self._wanted not in (None, meta["manager"]):
             raise ValueError(
                 f"{self._shown} is of the manager {meta['manager']}, not of {self._wanted}; tokens name it"
@@ -177,6 +196,30 @@ class Store:
             if self._connection is not None and self._connection.invalidated:
                 self._release()
             raise self._failed("cannot be written", error) from None
+
+    def history(self) -> Iterator[Event]:
+        """Yield all events in order.
+
+        Raises:
+            StoreError: The store cannot be read, or its events are not as a manager writes them.
+        """
+        seq = time = 0
+        for block in self.blocks(select(events).order_by(events.c.seq)):
+            try:
+                rows = _events.validate_python([tuple(row) for row in block], strict=True)
+            except ValidationError as error:
+                wrong = error.errors()[0]
+                at, field = wrong["loc"][:2]
+                raise self.damaged(seq + 1 + int(at), f"{Event._fields[int(field)]} is {wrong['input']!r}") from None
+            for row in rows:
+                if row.seq != seq + 1 or row.time < time:
+                    raise self.damaged(seq + 1, "it is missing" if row.seq != seq + 1 else "it is before the last one")
+                seq, time = row.seq, row.time
+                yield row
+
+    def damaged(self, seq: int, why: str) -> StoreError:
+        """Return the error of an event that no manager has written like that."""
+        return StoreError(f"{self._shown} is damaged at event {seq:,}: {short(why)}")
 
     def last(self) -> int:
         """Return the number of the last event; 0 if there is none.
@@ -246,6 +289,5 @@ class Store:
 
 
 def _durable(connection: Any, record: object) -> None:
-    """Let readers and the writer of SQLite not wait for one another, and each transaction be on the disk at its end."""
-    connection.execute("pragma journal_mode = wal")
+    """Let each transaction of SQLite be on the disk at its end."""
     connection.execute("pragma synchronous = full")

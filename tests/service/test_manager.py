@@ -1,8 +1,9 @@
 """The trust manager without HTTP: what counts, what is refused, and trust as `roletrust rate` has it."""
 
 import random
+import re
 import sqlite3
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
@@ -370,6 +371,47 @@ def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
         manager.rate([other])
         assert "".join(manager.export()).splitlines()[1].startswith("bob,ann,1.0,")
         assert manager.about()["ratings"] == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("update events set time = 'x' where seq = 5", "damaged at event 5: time is 'x'"),
+        ("update events set rating = 9e999 where seq = 4", "damaged at event 4: rating is inf"),
+        ("update events set kind = 'told' where seq = 4", "damaged at event 4: kind is 'told'"),
+        ("update events set time = 0 where seq = 5", "damaged at event 5: it is before the last one"),
+        ("delete from events where seq = 2", "damaged at event 2: it is missing"),
+        ("update events set sender = 'zoe' where seq = 4", "'zoe' cannot have sent this rating then"),
+        ("update events set provider = sender where seq = 4", "'ann' cannot have sent this rating then"),
+        ("update events set provider = 'zoe' where seq = 4", "'ann' cannot have sent this rating then"),
+        ("update events set stamp = 1 where seq = 5", "'ann' cannot have sent this rating then"),
+        ("update events set kind = 'leave' where seq = 1", "'ann' cannot have sent this leave then"),
+        ("update events set sender = 'ann~2' where seq = 1", "'ann~2' cannot have sent this register then"),
+        ("update events set token = '' where seq = 2", "'bob' cannot have sent this register then"),
+        ("update meta set value = 'a b' where name = 'manager'", "its manager is called 'a b'"),
+        ("delete from meta where name = 'manager'", "its manager is called ''"),
+        ("delete from meta", "its table meta or its table events is missing or empty"),
+        ("drop table events", "its table meta or its table events is missing or empty"),
+        ("drop table meta", "its table meta or its table events is missing or empty"),
+        ("update meta set value = '2' where name = 'schema'", "has schema 2; schema 1 is read here"),
+        ("create table t (a)", "is a database of another program, with a table 't'"),
+    ],
+)
+def test_a_store_that_was_changed_is_refused_and_stays_as_it_is(tmp_path: Path, change: str, words: str):
+    path = tmp_path / "s"
+    with managed(path, clock := Clock()) as manager:
+        ann, bob = joined(manager, clock, "ann", "bob")
+        clock.now += 1
+        for agent, other in ((bob, "ann"), (ann, "bob"), (ann, "bob")):
+            manager.rate([agent.rating(other, 0.5)])
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute(change)
+        connection.commit()
+        connection.execute("pragma wal_checkpoint(truncate)")
+    before = path.read_bytes()
+    with pytest.raises((StoreError, ValueError), match=re.escape(words)), managed(path, clock):
+        pass
+    assert path.read_bytes() == before
 
 
 def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
