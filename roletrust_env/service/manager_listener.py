@@ -76,7 +76,9 @@ class ManagerListener:
                     return
 
     def _publish(self, number: int, ended: float) -> None:
-        """Take the trust of now as that after a round."""
+        """Take the trust of now as that after a round, unless it is known: a new connection tells of it again."""
+        if self.rounds and self.rounds[-1].round == number:
+            return
         agents = self._client.agents(limit=_AGENTS).agents
         raters = {one.name: one.rater for one in agents if one.rater and one.rater.ratings}
         given = Counter({name: rater.ratings for name, rater in raters.items()})

@@ -37,6 +37,8 @@ def test_the_page_shows_rounds_as_they_end(ann, url, clock, tmp_path):
         clock.late += 600
         ann.about()
     assert rounds(listener, 2)[1].missing == ("bob",)
+    listener._publish(2, 0.0)  # as when it is connected again
+    assert len(listener.rounds) == 2
     dashboard._parts_at = 0.0
     parts = dashboard.parts()
     assert "missing: bob" in parts.state
