@@ -1,13 +1,12 @@
 """Malformed messages, which nodes ignore. Without middleware."""
 
-import time
-
 import cv2
 import numpy as np
 import pytest
 from fake_wire import FakeWire
 from manager_cases import TEAM
 
+from roletrust_env.live import clock
 from roletrust_env.live.nodes import team_listener
 from roletrust_env.live.nodes.inboxes import TrustSubscription, camera_inbox
 from roletrust_env.live.nodes.person_detector import PersonDetector
@@ -23,6 +22,12 @@ HOUR = 3_600_000_000_000
 CAMERA = "/sp_0/image_raw/compressed"
 
 
+@pytest.fixture(autouse=True)
+def _clock(monkeypatch):
+    """A clock that stands still, so that nothing is too old on a busy machine."""
+    monkeypatch.setattr(clock, "now", lambda: NOW)
+
+
 def jpeg(height, width):
     return cv2.imencode(".jpg", np.full((height, width, 3), 90, np.uint8))[1]
 
@@ -33,7 +38,7 @@ PICTURES = [np.empty(0, np.uint8), np.frombuffer(b"nonsense", np.uint8), jpeg(64
 def trust(tor, raters=("sr_0",)):
     numbers = {"tor": np.array(tor, float), "top": np.empty(0), "toa": np.empty(0)}
     names = {"raters": list(raters), "providers": [], "both": [], "missing": []}
-    header = messages.header(time.time_ns())
+    header = messages.header(NOW)
     message = messages.make(messages.TRUST, header=header, round=0, signature=np.empty(0, np.uint8), **names, **numbers)
     return messages.encode(message)
 
@@ -122,7 +127,7 @@ def listening(monkeypatch):
 
 
 def report(name, values, stamp=None):
-    return messages.encode(messages.diagnostics_message(stamp or time.time_ns(), name, False, values, None))
+    return messages.encode(messages.diagnostics_message(stamp or NOW, name, False, values, None))
 
 
 def test_a_listener_continues_after_malformed_messages(listening):
@@ -130,13 +135,13 @@ def test_a_listener_continues_after_malformed_messages(listening):
     wire.announce(IMAGES, messages.IMAGE, "sp_0")
     wire.waiting[TRUST] += [b"", trust([0.5, 0.5]), trust([0.25])]
     wire.waiting[DIAGNOSTICS] += [b"", report(MANAGER, {"next round": "7"}), b"\0\1\0\0"]
-    wire.waiting[CAMERA] += [image(time.time_ns(), jpeg(480, 640)), b""]
+    wire.waiting[CAMERA] += [image(NOW, jpeg(480, 640)), b""]
     listener = listen()
     assert [one.tor for one in listener.rounds] == [{"sr_0": 0.25}]
     assert listener.reports == {MANAGER: {"next round": "7"}}
     assert listener.refusals == {("", RefusalReason.GARBAGE): 4, ("sp_0", RefusalReason.GARBAGE): 1}
     for k, data in enumerate(PICTURES, 1):
-        wire.waiting[CAMERA] += [image(time.time_ns() + k * PERIOD // 2, data)]
+        wire.waiting[CAMERA] += [image(NOW + k * PERIOD // 2, data)]
         listen(listener)
 
 
@@ -145,8 +150,8 @@ def test_a_listener_ignores_other_nodes_and_other_types(listening):
     wire.announce(IMAGES, messages.NUMBER, "sp_0")
     wire.announce("/ratings", messages.RATINGS, "sr_0")
     wire.waiting[DIAGNOSTICS] += [report("another node", {"next round": "7"})]
-    wire.waiting["/sr_0/ratings"] += [messages.encode(messages.ratings_message("sr_0", time.time_ns(), {"sp_0": 0.5}))]
-    wire.waiting[CAMERA] += [image(time.time_ns(), jpeg(8, 8))]
+    wire.waiting["/sr_0/ratings"] += [messages.encode(messages.ratings_message("sr_0", NOW, {"sp_0": 0.5}))]
+    wire.waiting[CAMERA] += [image(NOW, jpeg(8, 8))]
     listener = listen()
     assert listener.reports == listener.pictures == {}
     assert list(listener.last_heard) == ["sr_0"]

@@ -1,13 +1,12 @@
 """Signed pictures, trust and diagnostics: forged, altered and replayed ones are refused with their reason."""
 
-import time
-
 import cv2
 import numpy as np
 import pytest
 from fake_wire import FakeWire
 from manager_cases import TEAM
 
+from roletrust_env.live import clock
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.nodes import team_listener
 from roletrust_env.live.nodes.inboxes import LIMITS
@@ -19,6 +18,7 @@ from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
 from roletrust_env.live.wire.topics import DIAGNOSTICS, IMAGES, TRUST
 
 PERIOD = 500_000_000
+NOW = 1_000 * PERIOD
 CAMERA = f"/sp_0{IMAGES}"
 JPEG = cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
 
@@ -31,8 +31,9 @@ def keys(tmp_path):
 
 @pytest.fixture
 def page(keys, monkeypatch):
-    """Return a node, and a listener with keys whose loop turns once at each call."""
+    """Return a listener with keys whose loop turns once at each call, while its clock stands still."""
     wire = FakeWire()
+    monkeypatch.setattr(clock, "now", lambda: NOW)
     monkeypatch.setattr(team_listener, "Node", lambda *_, **__: wire)
     monkeypatch.setattr(team_listener.threading.Thread, "start", lambda _: None)
     listener = team_listener.TeamListener(TEAM, RoundTiming(PERIOD), keyring=PublicKeys(keys))
@@ -68,10 +69,9 @@ def altered(message, **changes):
 
 
 def test_what_is_signed_is_shown(page, keys):
-    now = time.time_ns()
-    assert page(TRUST, trust(Signer(keys, MANAGER), now)).rounds[0].tor == dict.fromkeys(TEAM.raters, 0.5)
-    assert list(page(CAMERA, picture(Signer(keys, "sp_0"), now)).pictures) == ["sp_0"]
-    listener = page(DIAGNOSTICS, report(Signer(keys, MANAGER), now))
+    assert page(TRUST, trust(Signer(keys, MANAGER), NOW)).rounds[0].tor == dict.fromkeys(TEAM.raters, 0.5)
+    assert list(page(CAMERA, picture(Signer(keys, "sp_0"), NOW)).pictures) == ["sp_0"]
+    listener = page(DIAGNOSTICS, report(Signer(keys, MANAGER), NOW))
     assert listener.reports == {MANAGER: {"next round": "7"}}
     assert not listener.refusals
 
@@ -79,64 +79,62 @@ def test_what_is_signed_is_shown(page, keys):
 @pytest.mark.parametrize(
     ("forge", "reason"),
     [
-        (lambda keys, now: trust(None, now, 0.01, 10039), RefusalReason.UNSIGNED),
-        (lambda keys, now: trust(Signer(keys, "sr_0"), now, 0.01), RefusalReason.MIS_SIGNED),
-        (lambda keys, now: altered(trust(Signer(keys, MANAGER), now), round=10039), RefusalReason.MIS_SIGNED),
-        (lambda keys, now: trust(Signer(keys, MANAGER), now - LIMITS.tolerance - PERIOD), RefusalReason.PAST),
-        (lambda keys, now: trust(Signer(keys, MANAGER), now + LIMITS.tolerance + PERIOD), RefusalReason.FUTURE),
-        (lambda keys, now: trust(Signer(keys, MANAGER), now - PERIOD), RefusalReason.REPLAYED),
+        (lambda keys: trust(None, NOW, 0.01, 10039), RefusalReason.UNSIGNED),
+        (lambda keys: trust(Signer(keys, "sr_0"), NOW, 0.01), RefusalReason.MIS_SIGNED),
+        (lambda keys: altered(trust(Signer(keys, MANAGER), NOW), round=10039), RefusalReason.MIS_SIGNED),
+        (lambda keys: trust(Signer(keys, MANAGER), NOW - LIMITS.tolerance - PERIOD), RefusalReason.PAST),
+        (lambda keys: trust(Signer(keys, MANAGER), NOW + LIMITS.tolerance + PERIOD), RefusalReason.FUTURE),
+        (lambda keys: trust(Signer(keys, MANAGER), NOW - PERIOD), RefusalReason.REPLAYED),
     ],
 )
 def test_forged_trust_is_counted_and_not_displayed(forge, reason, page, keys):
-    now = time.time_ns()
-    page(TRUST, trust(Signer(keys, MANAGER), now - PERIOD))
-    listener = page(TRUST, forge(keys, now))
+    page(TRUST, trust(Signer(keys, MANAGER), NOW - PERIOD))
+    listener = page(TRUST, forge(keys))
     assert len(listener.rounds) == 1
     assert listener.refusals == {(MANAGER, reason): 1}
-    assert len(page(TRUST, trust(Signer(keys, MANAGER), now, 0.75)).rounds) == 2
+    assert len(page(TRUST, trust(Signer(keys, MANAGER), NOW, 0.75)).rounds) == 2
 
 
 @pytest.mark.parametrize(
     ("forge", "reason"),
     [
-        (lambda keys, now: picture(None, now), RefusalReason.UNSIGNED),
-        (lambda keys, now: picture(Signer(keys, "sp_1"), now), RefusalReason.MIS_SIGNED),
-        (lambda keys, now: picture(Signer(keys, "sp_0"), now, camera="sp_1"), RefusalReason.MIS_SIGNED),
+        (lambda keys: picture(None, NOW), RefusalReason.UNSIGNED),
+        (lambda keys: picture(Signer(keys, "sp_1"), NOW), RefusalReason.MIS_SIGNED),
+        (lambda keys: picture(Signer(keys, "sp_0"), NOW, camera="sp_1"), RefusalReason.MIS_SIGNED),
         (
-            lambda keys, now: altered(picture(Signer(keys, "sp_0"), now), header=messages.header(now + 1)),
+            lambda keys: altered(picture(Signer(keys, "sp_0"), NOW), header=messages.header(NOW + 1)),
             RefusalReason.MIS_SIGNED,
         ),
-        (lambda keys, now: picture(Signer(keys, "sp_0"), now - 10 * PERIOD), RefusalReason.PAST),
-        (lambda keys, now: picture(Signer(keys, "sp_0"), now - PERIOD), RefusalReason.REPLAYED),
-        (lambda keys, now: picture(Signer(keys, "sp_0"), now - PERIOD + 1), RefusalReason.TOO_SOON),
+        (lambda keys: picture(Signer(keys, "sp_0"), NOW - 10 * PERIOD), RefusalReason.PAST),
+        (lambda keys: picture(Signer(keys, "sp_0"), NOW - PERIOD), RefusalReason.REPLAYED),
+        (lambda keys: picture(Signer(keys, "sp_0"), NOW - PERIOD + 1), RefusalReason.TOO_SOON),
     ],
 )
 def test_forged_pictures_are_counted_and_not_displayed(forge, reason, page, keys):
-    now = time.time_ns()
-    page(CAMERA, picture(Signer(keys, "sp_0"), now - PERIOD))
+    page(CAMERA, picture(Signer(keys, "sp_0"), NOW - PERIOD))
     listener = page(CAMERA)
     listener.pictures.clear()
-    page(CAMERA, forge(keys, now))
+    page(CAMERA, forge(keys))
     assert not listener.pictures
     assert listener.refusals == {("sp_0", reason): 1}
-    assert list(page(CAMERA, picture(Signer(keys, "sp_0"), now)).pictures) == ["sp_0"]
+    assert list(page(CAMERA, picture(Signer(keys, "sp_0"), NOW)).pictures) == ["sp_0"]
 
 
 def test_a_camera_without_a_key_is_not_even_received(page, keys):
-    assert not page(f"/z0{IMAGES}", picture(None, time.time_ns(), "z0")).pictures
+    assert not page(f"/z0{IMAGES}", picture(None, NOW, "z0")).pictures
     assert not page(f"/z0{IMAGES}").refusals
 
 
 @pytest.mark.parametrize(
     ("forge", "reason"),
     [
-        (lambda keys, now: report(None, now), RefusalReason.UNSIGNED),
-        (lambda keys, now: report(Signer(keys, "sr_1"), now), RefusalReason.MIS_SIGNED),
-        (lambda keys, now: altered(report(Signer(keys, MANAGER), now), header=messages.header(now + 1)), "mis-signed"),
+        (lambda keys: report(None, NOW), RefusalReason.UNSIGNED),
+        (lambda keys: report(Signer(keys, "sr_1"), NOW), RefusalReason.MIS_SIGNED),
+        (lambda keys: altered(report(Signer(keys, MANAGER), NOW), header=messages.header(NOW + 1)), "mis-signed"),
     ],
 )
 def test_forged_diagnostics_are_counted_and_not_displayed(forge, reason, page, keys):
-    listener = page(DIAGNOSTICS, forge(keys, time.time_ns()))
+    listener = page(DIAGNOSTICS, forge(keys))
     assert not listener.reports
     assert listener.refusals == {(MANAGER, reason): 1}
 

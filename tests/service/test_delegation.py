@@ -2,11 +2,7 @@
 
 import asyncio
 import os
-import re
-import signal
-import subprocess
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 
 import delegation
@@ -14,18 +10,11 @@ import pytest
 from mcp.client import Client
 from mcp.client.stdio import StdioServerParameters
 from pages import HOUSE, blocks
+from served import served
 
 pytestmark = pytest.mark.slow
 
-
-@contextmanager
-def served(store, port=0):
-    """Run `roletrust serve` with rounds of a second, and return its process and its address."""
-    command = ["roletrust", "serve", "mean", "--store", store, "--every", "1", "--work", "4", "--port", str(port)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        (url,) = re.findall(r"http://\S+\d", process.stderr.readline())
-        yield process, url
-        process.terminate()
+ROUNDS = "--every", 1, "--work", 4  # seconds, and bits of the proof of work
 
 
 @pytest.fixture(autouse=True)
@@ -35,16 +24,16 @@ def programs(monkeypatch):
 
 
 def test_the_consumer_finds_the_better_worker(tmp_path):
-    with served(tmp_path / "trust.sqlite") as (_, url):
-        chosen = delegation.main([url, "--keys", str(tmp_path / "keys"), "--tasks", "4", "--pause", "3"])
+    with served("--store", tmp_path / "trust.sqlite", *ROUNDS) as manager:
+        chosen = delegation.main([manager.url, "--keys", str(tmp_path / "keys"), "--tasks", "4", "--pause", "3"])
     assert chosen == ["bob", "eve", "bob", "bob"]
 
 
 def test_the_agents_of_the_guide_register_and_rate(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (block,) = blocks(HOUSE / "docs/guide/manager.md", "python")
-    with served(tmp_path / "trust.sqlite") as (_, url):
-        exec(block.replace("http://127.0.0.1:8000", url), {})
+    with served("--store", tmp_path / "trust.sqlite", *ROUNDS) as manager:
+        exec(block.replace("http://127.0.0.1:8000", manager.url), {})
     assert "trust=0.5" in capsys.readouterr().out
 
 
@@ -52,25 +41,27 @@ def test_tools_outlive_the_manager(tmp_path):
     """It is killed between a rating and its repetition, and nothing that was acknowledged is lost."""
     store, keys = tmp_path / "trust.sqlite", str(tmp_path / "keys")
 
-    async def use(process, url):
+    async def use(manager):
         def tools(name):
-            return Client(StdioServerParameters(command="roletrust", args=["mcp", url, "--name", name, "--keys", keys]))
+            return Client(
+                StdioServerParameters(command="roletrust", args=["mcp", manager.url, "--name", name, "--keys", keys])
+            )
 
         async with tools("ann") as ann, tools("bob") as bob:
             for one in (ann, bob):
                 await delegation.call(one, "register")
             first = await delegation.call(ann, "rate", name="bob", rating=0.9)
-            process.send_signal(signal.SIGKILL)
-            process.wait()
+            manager.process.kill()
+            manager.process.join()
             again = asyncio.create_task(delegation.call(ann, "rate", name="bob", rating=0.8))
             await asyncio.sleep(0.5)
-            with served(store, int(url.rpartition(":")[2])):
+            with served("--store", store, *ROUNDS, "--port", manager.port):
                 second = await again
                 await asyncio.sleep(1.5)
                 found = await delegation.call(bob, "ask", name="bob")
             return first, second, found["provider"]
 
-    with served(store) as (process, url):
-        first, second, trust = asyncio.run(use(process, url))
+    with served("--store", store, *ROUNDS) as manager:
+        first, second, trust = asyncio.run(use(manager))
     assert second["seq"] == first["seq"] + 1
     assert (trust["ratings"], trust["agents"]) == (2, 1)

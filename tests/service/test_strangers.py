@@ -62,7 +62,7 @@ def check_refused(manager: Served, path: str, content: bytes, status: int, reaso
 
 @pytest.fixture(scope="module")
 def manager(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served("--store", tmp_path_factory.mktemp("m") / "trust.sqlite", "--quota", QUOTA) as found:
+    with served("--store", tmp_path_factory.mktemp("m") / "trust.sqlite", "--every", 3600, "--quota", QUOTA) as found:
         resource.prlimit(found.process.pid, resource.RLIMIT_NOFILE, (FILES, FILES))
         for agent in (ANN, BOB, FLO):
             assert post(found, "/agents", body(agent.registration())).status_code == 201

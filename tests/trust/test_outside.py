@@ -176,7 +176,7 @@ def test_a_process_that_stops_to_answer_is_one_line_at_once(tmp_path, monkeypatc
     for _ in range(2):
         with pytest.raises(ValueError, match=message):
             link.ask(["{}"])
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 30
 
 
 def test_a_process_that_does_not_listen_holds_nobody_up(tmp_path):
@@ -290,7 +290,7 @@ def test_the_process_ends_with_the_model(tmp_path):
     process = model._sessions().link._process
     assert process.poll() is None
     del model
-    assert process.wait(5) is not None
+    assert process.wait(60) is not None
 
 
 def test_a_copy_has_a_process_of_its_own(tmp_path):
