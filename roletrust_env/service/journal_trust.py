@@ -172,7 +172,7 @@ class JournalTrust:
         """
         if self._first is None or (running := self._round(now)) <= self._round(self._first):
             return None
-        before, self._first = self.rankings, None
+        before, self._first, number = self.rankings, None, self.n_counted
         for rows in self._store.blocks(self._ratings()):
             times = np.array([row.time for row in rows]) / SECOND
             ended = int(np.searchsorted(self._rounds(times), running))
@@ -180,12 +180,13 @@ class JournalTrust:
                 _, raters, providers, values, _ = zip(*rows[:ended], strict=True)
                 if self._stream is not None:
                     self._stream.update(raters, providers, values, times[:ended])
-                self.counted, self.n_counted = rows[ended - 1].seq, self.n_counted + ended
+                self.counted, number = rows[ended - 1].seq, number + ended
             if ended < len(rows):
                 self._first = float(times[ended])
                 break
-        found = self._played_all() if self._stream is None else self._finished(self._stream)
+        rounds, found = self._played_all() if self._stream is None else self._finished(self._stream)
         self.rankings = {role: Ranking(one) for role, one in found.items()}
+        self.rounds, self.n_counted = rounds, number  # last: they tell other threads that the trust is there
         provider, rater = (
             {
                 name: trust
@@ -196,18 +197,16 @@ class JournalTrust:
         )
         return RoundEnd(self.rounds, now, provider, rater)
 
-    def _finished(self, stream: TrustStream) -> dict[Role, Evidence]:
+    def _finished(self, stream: TrustStream) -> tuple[int, dict[Role, Evidence]]:
         stream.finish()
-        self.rounds = stream.rounds
-        return {role: stream.evidence(role) for role in _ROLES}
+        return stream.rounds, {role: stream.evidence(role) for role in _ROLES}
 
-    def _played_all(self) -> dict[Role, Evidence]:
+    def _played_all(self) -> tuple[int, dict[Role, Evidence]]:
         log = self._log()
         pairs = log.pairs()
         run = played(self._model, log, log_rounds(log, self._every), pairs=pairs)
-        self.rounds = run.rounds
         trusts = run.provider_trust, run.rater_trust
-        return {role: evidence(log, role, trust, pairs) for role, trust in zip(_ROLES, trusts, strict=True)}
+        return run.rounds, {role: evidence(log, role, trust, pairs) for role, trust in zip(_ROLES, trusts, strict=True)}
 
     def standing(self, name: str, role: Role) -> Standing:
         """Return the standing of an agent in a role."""

@@ -79,14 +79,13 @@ class ManagerListener:
         """Take the trust of now as that after a round, unless it is known: a new connection tells of it again."""
         if self.rounds and self.rounds[-1].round == number:
             return
-        agents = self._client.agents(limit=_AGENTS).agents
+        agents, refused = self._client.agents(limit=_AGENTS).agents, self._client.refusals().refusals
         raters = {one.name: one.rater for one in agents if one.rater and one.rater.ratings}
         given = Counter({name: rater.ratings for name, rater in raters.items()})
         tor = {name: rater.trust for name, rater in raters.items()}
         top = {one.name: one.provider.trust for one in agents if one.provider.ratings}
         missing = tuple(name for name in tor if given[name] == self._given[name])
         self._given = given
-        refused = self._client.refusals().refusals
         self.reports = {MANAGER: {f"agents: {reason}": str(count) for reason, count in refused.items()}}
         self.last_heard = dict.fromkeys([MANAGER, *tor], time.monotonic())
         self.rounds.append(PublishedTrust(number, round(ended * 1e9), tor, top, missing))

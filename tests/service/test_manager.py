@@ -5,6 +5,7 @@ import re
 import sqlite3
 from contextlib import closing, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from roletrust_env.data.evidence import evidence
 from roletrust_env.data.log_rounds import log_rounds, played
 from roletrust_env.data.rounds import MOST
 from roletrust_env.live.validation import RefusalReason
+from roletrust_env.service import journal_trust
 from roletrust_env.service.manager import RefusedError, Request, TrustManager
 from roletrust_env.service.store import Store, StoreError
 from roletrust_env.service.tokens import Rating, Registration, key_as_text, sign
@@ -139,6 +141,25 @@ def check_trust(address: str, tmp_path: Path, model: str, *, same_agents: bool =
     clock.now += 50
     with managed(address, clock, other, "beta") as manager:  # another model and length of a round: a replay
         as_rated(manager, tmp_path / "other.csv", "beta")
+
+
+@pytest.mark.parametrize("model", ["role-trust", "travos"])
+def test_a_round_is_told_of_once_its_trust_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, model: str):
+    """Other threads read the state while the round is played."""
+    clock, seen, ranking = Clock(), [], journal_trust.Ranking
+
+    def looked(*evidence: Any) -> Any:
+        seen.append(manager.about())
+        return ranking(*evidence)
+
+    with managed(tmp_path / "s", clock, model=model) as manager:
+        ann, _ = joined(manager, clock, "ann", "bob")
+        manager.rate([ann.rating("bob", 1)])
+        monkeypatch.setattr(journal_trust, "Ranking", looked)
+        clock.now += 2 * QUICK.every
+        manager.advance()
+        states = [(about["rounds"], about["counted"]) for about in (*seen, manager.about())]
+    assert states == [(0, 0), (0, 0), (1, 1)]
 
 
 def test_what_is_not_valid_is_refused_and_counted(tmp_path: Path):
