@@ -19,7 +19,7 @@ from pydantic import Field, NonNegativeInt, TypeAdapter, field_validator
 
 from roletrust_env.live.team import PublishedTrust, RatingRows, Team, Trust
 from roletrust_env.storage.arrays import load_arrays, save_arrays
-from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted
+from roletrust_env.storage.untrusted import UntrustedModel, check_file, parse_json, parse_untrusted
 from roletrust_env.trust.stored import taken
 
 _VERSION = 1
@@ -138,6 +138,8 @@ class Journal:
         self.path, self._team = path, Team()
         self.rounds, self._digest, self._size = 0, hashlib.sha256(), 0
         self.after: JournalPosition | None = None
+        if path.exists():
+            check_file(path, "a journal is a file, or a path where there is nothing yet")
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:

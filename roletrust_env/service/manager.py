@@ -228,8 +228,7 @@ class TrustManager:
             stamps[name], self._latest[name] = event.stamp, event.seq
             self._time, last = event.time, event.seq
             if event.kind == "rating":
-                if not self._ratings:
-                    self._trust.expect(event.time / SECOND)
+                self._trust.expect(event.time / SECOND)
                 self._ratings += 1
         self.validator = MessageValidator(limits, KnownKeys(self._keys), stamps)
         self.validator.refusals = self.refusals
@@ -239,13 +238,7 @@ class TrustManager:
         self._sent.update(sender.partition(_AGAIN)[0] for (sender,) in self._store.rows(running))
 
     def _follows(self, event: Event, name: str, stamp: int) -> bool:
-        """Take an event of the store into account, and return whether a manager can have acknowledged it.
-
-        Args:
-            event: Event.
-            name: Name of its agent.
-            stamp: Stamp of the event of this agent before it.
-        """
+        """Take an event into account; return whether its agent can have sent it after its last one with a stamp."""
         member = self._members.get(name)
         if event.stamp <= stamp or (event.kind == "register") != (member is None):
             return False

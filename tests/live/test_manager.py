@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -202,6 +203,8 @@ def test_another_file_is_no_journal(tmp_path):
     with pytest.raises(ValueError, match="is no journal: 'dear diary'"):
         manager(path)
     assert path.read_text() == "dear diary\n"
+    with pytest.raises(ValueError, match="a journal is a file, or a path where there is nothing yet"):
+        manager(Path("/dev/null"))
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -60,6 +60,8 @@ def test_a_public_key_is_replaced_on_demand_only(tmp_path):
         (["agent", "sp_0", "--attack", "conflicting"], "cannot play conflicting: that attacks by treatment"),
         (["agent", "sr_0", "--keys", "nowhere"], "there is no public key in nowhere"),
         (["agent", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),
+        (["agent", "sp_0", "--start", "1800000000"], "Invalid value for '--start'"),
+        (["agent", "sp_0", "--rounds", "99999999999999999999"], "Invalid value for '--rounds'"),
         (["manager", "j", "--keys", "nowhere"], "there is no public key in nowhere"),
         (["manager", "j", "--model", "nonsense"], "unknown trust model 'nonsense'"),
         (["record", "saved", "--recover", "nowhere"], "nowhere is no recording"),

@@ -40,13 +40,17 @@ def agent(
     keys: Keys = None,
     speed: Speed = 1.0,
     start: Annotated[
-        int | None, typer.Option(help="Start of round 0, ns since 1970; the next whole period if left out.")
+        int | None,
+        typer.Option(
+            min=10**18, max=2**31 * 10**9, help="Start of round 0, ns since 1970; the next whole period if left out."
+        ),
     ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Random seed of the noise of bad service, or of the noise on a rater's links.")
     ] = 0,
     rounds: Annotated[
-        int | None, typer.Option(min=1, help="Rounds until the agent ends; without it, the agent runs until Ctrl-C.")
+        int | None,
+        typer.Option(min=1, max=10**9, help="Rounds until the agent ends; without it, the agent runs until Ctrl-C."),
     ] = None,
     network: Network = False,
 ) -> None:
