@@ -89,7 +89,7 @@ $(VENV)/.ready-%: pyproject.toml constraints.txt
 # What made a page of results: `make study NAME=strategic`, or one of its recipes, `make study NAME="budget ppo"`; each says in
 # its documentation how long it takes, and `make studies` lists all. PUBLISH=1 copies its files to docs/.
 study: setup
-	$(BIN)/python -m studies.$(NAME) $(if $(PUBLISH),--publish)
+	$(BIN)/python -m studies $(NAME) $(if $(PUBLISH),--publish)
 
 studies: setup
 	$(BIN)/python -m studies

@@ -94,9 +94,9 @@ def refused(line: str) -> str:
         extras = {word: re.findall(r"\w+", named) for word in words for named in re.findall(r"\[(.*)\]", word)}
         missing = [word for word, wanted in extras.items() if not known.keys() >= set(wanted)]
         return f"no extras {missing}" if missing else ""
-    if words[:1] == ["-m"] and words[1].startswith("studies."):
-        name = HOUSE / "experiments" / words[1].replace(".", "/")
-        return "" if name.is_dir() or name.with_suffix(".py").is_file() else f"no study {words[1]}"
+    if words[:2] == ["-m", "studies"]:
+        known = [path.stem for path in (HOUSE / "experiments" / "studies").glob("*.py")]
+        return "" if words[2:3] == [] or words[2] in known else f"no study {words[2]}"
     return "" if program in _SHELL else f"unknown program {program}"
 
 

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from roletrust_env import make_attacker, make_trust_model, parallel_env
 from roletrust_env.trust import Traits
 from roletrust_experiments.cli import app
-from studies import ladder
+from studies.study import run
 
 MODEL = '''
 from typing import Any, NamedTuple
@@ -141,7 +141,7 @@ def test_they_play(command: Callable) -> None:
 
 def test_the_attack_is_searched_under_the_model(tmp_path: Path) -> None:
     task = ["task", "--task", "RaterAttack", "--model", "grudge", "--attack", "gossip"]
-    ladder.main([*task, *CERTAIN, "--budget", "1000", "--games", "2", "--out", str(tmp_path)])
+    run("studies.ladder", [*task, *CERTAIN, "--budget", "1000", "--games", "2", "--out", str(tmp_path)])
     rows = {row["rung"]: row for row in csv_rows(tmp_path / "ladder.csv")}
     scores = {rung: float(row["score"]) for rung, row in rows.items()}
     assert scores["scripted, best of grid"] > scores["scripted, default"] > scores["honest play"]

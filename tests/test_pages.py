@@ -86,7 +86,7 @@ def test_a_command_that_is_not_there_is_found():
         ("roletrust train RaterAttack --steps few", "valid integer"),
         ("make tests", "no targets"),
         ("pip install -e '.[everything]'", "no extras"),
-        ("python -m studies.nothing", "no study"),
+        ("python -m studies nothing", "no study"),
         ("rm -rf results", "unknown program"),
     ):
         assert reason in refused(line)

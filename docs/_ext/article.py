@@ -180,7 +180,7 @@ class Results:
         return [(_quote("findings.md", share), _quote("findings.md", models)) for share, models in found]
 
     def answer(self, question: str) -> Markup:
-        """Return the sentence that answers a question of `python -m studies.findings`, by the name of its figure.
+        """Return the sentence that answers a question of `python -m studies findings`, by the name of its figure.
 
         Raises:
             ValueError: There is no such answer.

@@ -134,35 +134,34 @@ class Level(NamedTuple):
         return self.budget or self.rounds
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Play all searches, and write the worst cases that they find."""
-    with Study(__name__, RECIPES, arguments) as study:
-        asked = study.options
-        condition = Condition.of(asked.suite, asked.scenario, asked.track, asked.share)
-        searches = [
-            Point(model, method, budget, study.seed + run)
-            for model in asked.model
-            for method in asked.method
-            for budget in ((0,) if method == SCRIPTS else sorted(asked.budget))
-            for run in range(asked.runs)
-        ]
-        jobs = {one.key: (condition, one, asked.games) for one in searches}
-        kept = study.play(play_point, jobs, {"condition": condition.describe(), "games": asked.games})
-        found, reasons = levels(searches, kept), list(left_out(searches, kept))
-        header = ("model", "method", "budget", "seed", "utility", "rounds", "seconds", "attack", "left_out")
-        rows = [[*one, *(kept[one.key].get(name) for name in header[4:])] for one in searches if one.key in kept]
-        study.csv("budget.csv", header, rows)
-        title = f"Worst case by rounds of the search ({condition})"
-        note = "lower is a better attack; 95% intervals over the runs"
-        study.figure("budget.png", panels_figure(title, _panels(found), note, columns=3))
-        study.page(
-            "budget.md",
-            markdown_table(*_table(found), names=2),
-            f"Utility of the consumer in {asked.games} fresh games, mean ± half the 95% interval over the runs "
-            f"({asked.runs}); in brackets the seconds of a search. Lower is a better attack. Condition: {condition}.",
-            "\n".join(f"- Left out: {line}." for line in reasons),
-            f"Made by `{study.command}`.",
-        )
+    asked = study.options
+    condition = Condition.of(asked.suite, asked.scenario, asked.track, asked.share)
+    searches = [
+        Point(model, method, budget, study.seed + run)
+        for model in asked.model
+        for method in asked.method
+        for budget in ((0,) if method == SCRIPTS else sorted(asked.budget))
+        for run in range(asked.runs)
+    ]
+    jobs = {one.key: (condition, one, asked.games) for one in searches}
+    kept = study.play(play_point, jobs, {"condition": condition.describe(), "games": asked.games})
+    found, reasons = levels(searches, kept), list(left_out(searches, kept))
+    header = ("model", "method", "budget", "seed", "utility", "rounds", "seconds", "attack", "left_out")
+    rows = [[*one, *(kept[one.key].get(name) for name in header[4:])] for one in searches if one.key in kept]
+    study.csv("budget.csv", header, rows)
+    title = f"Worst case by rounds of the search ({condition})"
+    note = "lower is a better attack; 95% intervals over the runs"
+    study.figure("budget.png", panels_figure(title, _panels(found), note, columns=3))
+    study.page(
+        "budget.md",
+        markdown_table(*_table(found), names=2),
+        f"Utility of the consumer in {asked.games} fresh games, mean ± half the 95% interval over the runs "
+        f"({asked.runs}); in brackets the seconds of a search. Lower is a better attack. Condition: {condition}.",
+        "\n".join(f"- Left out: {line}." for line in reasons),
+        f"Made by `{study.command}`.",
+    )
 
 
 def play_point(condition: Condition, point: Point, games: int) -> Run:
@@ -266,7 +265,3 @@ def _panels(found: Sequence[Level]) -> list[Panel]:
             series.append(Series(method, [one.at for one in line], [one.utility.interval for one in line]))
         panels.append(Panel(model, "rounds of the search", "utility of the consumer", series, "log"))
     return panels
-
-
-if __name__ == "__main__":
-    main()

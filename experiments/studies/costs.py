@@ -59,38 +59,37 @@ Found = dict[tuple[str, str, Size], Cell]
 """Cells by the model's name, the library and the size."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Time all models, and write their costs."""
-    with Study(__name__, RECIPES, arguments) as study:
-        asked, sides, scenario = study.options, sorted(study.options.side), make_scenario("paper-3x3")
-        models = {name: parse_trust_model(name, scenario) for name in asked.model or trust_models()}
-        found: Found = {}
-        with one_thread():
-            for library in asked.library:
-                found |= measure_models(models, sides, library, study.seed)
-        cells = [(where, Traits.of(models[where[0]]), cell) for where, cell in found.items()]
-        rows = [
-            (name, traits.family, traits.cost, library, *size, *_spread(cell), cell.left_out or None)
-            for (name, library, size), traits, cell in cells
-        ]
-        study.csv("model-costs.csv", _HEADER, rows)
-        parts = [
-            "# What the trust models cost",
-            "![Nanoseconds per rating of each trust model, on NumPy and on compiled torch](model-costs.png)",
-            "Each line of the grid is ten times the one before. One update in float32 in which all raters rate all "
-            "providers, the median of the repeats. S^ and P^ are the powers of the numbers of raters and of providers "
-            f"that its time grows by on NumPy, from {sides[-2]:,} to {sides[-1]:,} of one with {sides[-1]:,} of the "
-            "other; fixed costs make them less than the model's own.",
-        ]
+    asked, sides, scenario = study.options, sorted(study.options.side), make_scenario("paper-3x3")
+    models = {name: parse_trust_model(name, scenario) for name in asked.model or trust_models()}
+    found: Found = {}
+    with one_thread():
         for library in asked.library:
-            headings, *lines = _lines(models, found, sides, library)
-            parts += [f"## Nanoseconds per rating, {library}", markdown_table(headings, lines, names=2)]
-        reasons = [
-            f"- Left out: {name} on {library}, {size}: {cell.left_out}."
-            for (name, library, size), cell in found.items()
-            if cell.left_out
-        ]
-        study.page("model-costs.md", *parts, "\n".join(reasons), f"Made by `{study.command}` on {machine()}.", _BELOW)
+            found |= measure_models(models, sides, library, study.seed)
+    cells = [(where, Traits.of(models[where[0]]), cell) for where, cell in found.items()]
+    rows = [
+        (name, traits.family, traits.cost, library, *size, *_spread(cell), cell.left_out or None)
+        for (name, library, size), traits, cell in cells
+    ]
+    study.csv("model-costs.csv", _HEADER, rows)
+    parts = [
+        "# What the trust models cost",
+        "![Nanoseconds per rating of each trust model, on NumPy and on compiled torch](model-costs.png)",
+        "Each line of the grid is ten times the one before. One update in float32 in which all raters rate all "
+        "providers, the median of the repeats. S^ and P^ are the powers of the numbers of raters and of providers "
+        f"that its time grows by on NumPy, from {sides[-2]:,} to {sides[-1]:,} of one with {sides[-1]:,} of the "
+        "other; fixed costs make them less than the model's own.",
+    ]
+    for library in asked.library:
+        headings, *lines = _lines(models, found, sides, library)
+        parts += [f"## Nanoseconds per rating, {library}", markdown_table(headings, lines, names=2)]
+    reasons = [
+        f"- Left out: {name} on {library}, {size}: {cell.left_out}."
+        for (name, library, size), cell in found.items()
+        if cell.left_out
+    ]
+    study.page("model-costs.md", *parts, "\n".join(reasons), f"Made by `{study.command}` on {machine()}.", _BELOW)
 
 
 def sizes(sides: Sequence[int], library: str) -> list[Size]:
@@ -193,7 +192,3 @@ def _nanoseconds(cell: Cell) -> str:
 def _spread(cell: Cell) -> Sequence[float | None]:
     """Return nanoseconds per rating: the median, the least and the greatest."""
     return cell.timing.each() if cell.timing else (None, None, None)
-
-
-if __name__ == "__main__":
-    main()

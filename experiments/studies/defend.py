@@ -69,57 +69,50 @@ _SKILLS_LEGEND = (
 _LEADS_LEGEND = "Skill of the learned model less that of the one beside it, in the same games."
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Play all games and comparisons, and write what they come to."""
-    with Study(__name__, RECIPES, arguments) as study:
-        asked = study.options
-        seeds = range(study.seed, study.seed + asked.runs)
-        played = study.play(
-            play_game, {f"seed-{seed}": (asked, seed) for seed in seeds}, {**asked._asdict(), "runs": None}
-        )
-        for key, run in played.items():
-            _save(study, key, run)
-        runs = list(played.values())
-        iterations = over_runs({k: [run["iterations"][k] for run in runs] for k in range(asked.iterations)})
-        models, over = compare(runs, list(dict.fromkeys((*asked.model, *asked.beside))))
-        leads = [(name, other, row) for name, others in over.items() for other, row in others.items()]
-        study.csv(
-            "iterations.csv",
-            ["iteration", *with_ends(_WINS)],
-            [[k, *_cells(row, _WINS)] for k, row in iterations.items()],
-        )
-        study.csv(
-            "comparison.csv",
-            ["model", *with_ends(_SKILLS)],
-            [[name, *_cells(row, _SKILLS)] for name, row in models.items()],
-        )
-        study.csv(
-            "leads.csv",
-            ["model", "beside", *with_ends(_SKILLS)],
-            [[name, other, *_cells(row, _SKILLS)] for name, other, row in leads],
-        )
-        over_what = f"{len(runs)} runs, 95% intervals over runs and games"
-        note = f"{len(asked.front)} conditions of {asked.suite}, {over_what}"
-        title = "What do trust models and attackers reach when both are trained against each other?"
-        study.figure("defence.png", panels_figure(title, _panels(iterations, models), note))
-        skills = list(_SKILLS.values())
-        study.page(
-            "defence.md",
-            markdown_table(
-                ["iteration", *_WINS.values()], [[str(k + 1), *_texts(row, _WINS)] for k, row in iterations.items()], 1
-            ),
-            _WINS_LEGEND,
-            markdown_table(
-                ["model", *skills], [[f"`{name}`", *_texts(row, _SKILLS)] for name, row in models.items()], 1
-            ),
-            _SKILLS_LEGEND,
-            markdown_table(
-                ["model", "beside", *skills], [[f"`{a}`", f"`{b}`", *_texts(row, _SKILLS)] for a, b, row in leads], 2
-            ),
-            _LEADS_LEGEND,
-            _mixture(runs),
-            f"{note}. Made by `{study.command}`.",
-        )
+    asked = study.options
+    seeds = range(study.seed, study.seed + asked.runs)
+    played = study.play(play_game, {f"seed-{seed}": (asked, seed) for seed in seeds}, {**asked._asdict(), "runs": None})
+    for key, run in played.items():
+        _save(study, key, run)
+    runs = list(played.values())
+    iterations = over_runs({k: [run["iterations"][k] for run in runs] for k in range(asked.iterations)})
+    models, over = compare(runs, list(dict.fromkeys((*asked.model, *asked.beside))))
+    leads = [(name, other, row) for name, others in over.items() for other, row in others.items()]
+    study.csv(
+        "iterations.csv", ["iteration", *with_ends(_WINS)], [[k, *_cells(row, _WINS)] for k, row in iterations.items()]
+    )
+    study.csv(
+        "comparison.csv",
+        ["model", *with_ends(_SKILLS)],
+        [[name, *_cells(row, _SKILLS)] for name, row in models.items()],
+    )
+    study.csv(
+        "leads.csv",
+        ["model", "beside", *with_ends(_SKILLS)],
+        [[name, other, *_cells(row, _SKILLS)] for name, other, row in leads],
+    )
+    over_what = f"{len(runs)} runs, 95% intervals over runs and games"
+    note = f"{len(asked.front)} conditions of {asked.suite}, {over_what}"
+    title = "What do trust models and attackers reach when both are trained against each other?"
+    study.figure("defence.png", panels_figure(title, _panels(iterations, models), note))
+    skills = list(_SKILLS.values())
+    study.page(
+        "defence.md",
+        markdown_table(
+            ["iteration", *_WINS.values()], [[str(k + 1), *_texts(row, _WINS)] for k, row in iterations.items()], 1
+        ),
+        _WINS_LEGEND,
+        markdown_table(["model", *skills], [[f"`{name}`", *_texts(row, _SKILLS)] for name, row in models.items()], 1),
+        _SKILLS_LEGEND,
+        markdown_table(
+            ["model", "beside", *skills], [[f"`{a}`", f"`{b}`", *_texts(row, _SKILLS)] for a, b, row in leads], 2
+        ),
+        _LEADS_LEGEND,
+        _mixture(runs),
+        f"{note}. Made by `{study.command}`.",
+    )
 
 
 def over_runs(measured: Mapping[Key, Sequence[Measured]]) -> dict[Key, Row]:
@@ -214,7 +207,3 @@ def _cells(row: Row, columns: Mapping[str, str]) -> list[float]:
 
 def _texts(row: Row, columns: Mapping[str, str]) -> list[str]:
     return [f"{one.value + 0.0:.3f} ± {(one.high - one.low) / 2:.3f}" for one in (row[name] for name in columns)]
-
-
-if __name__ == "__main__":
-    main()

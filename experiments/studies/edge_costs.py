@@ -90,43 +90,37 @@ class Edges(NamedTuple):
         return cls(keys % side, keys // side, rng.random((2, len(keys))), side)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Time all models on all lists, and write their costs."""
-    with Study(__name__, RECIPES, arguments) as study:
-        sizes, scenario = sorted(study.options.ratings), make_scenario("paper-3x3")
-        models = {name: parse_trust_model(name, scenario) for name in study.options.model or trust_models()}
-        chosen = {
-            name: edge_model(model) for name, model in models.items() if study.options.model or runs_on_edges(model)
-        }
-        parts = [
-            "# What the trust models cost on lists of ratings",
-            "![Nanoseconds per rating of each trust model, on lists of one and of ten million ratings](edge-costs.png)",
-            f"One round in float64 in which all pairs rate again, {EACH} ratings for each rater and each provider, the "
-            f"median of the repeats; {PLAIN}: the round of role-trust by hand; memory: peak from nothing to the end of "
-            f"a round, with the ratings.",
-        ]
-        rows = []
-        for size in sizes:
-            found = measure_lists(chosen, Edges.of(size, study.seed))
-            rows += [(name, size, one.contestant.amount, *one.each(), memory) for name, (one, memory) in found.items()]
-            lines = [[name, *_cells(*cell)] for name, cell in found.items()]
-            parts += [
-                f"## {size:,} ratings",
-                markdown_table(["model", "ms a round", "M ratings/s", "memory"], lines, 1),
-            ]
-        lines = [
-            [f"{agents:,}", *(f"{rate:.2f}" for rate in stream_rates(agents, study.seed))]
-            for agents in study.options.agents
-        ]
-        parts += [
-            "## Streams",
-            f"role-trust in a `TrustStream`, by the time of the CPU: {_BATCHES:,} batches of {_BATCH:,} ratings "
-            "between random agents, and then the same pairs again.",
-            markdown_table(["agents of each role", "M ratings/s, lower quartile", "median"], lines, 1),
-            *file_costs(study.options.rows, study.seed),
-        ]
-        study.csv("edge-costs.csv", _HEADER, rows)
-        study.page("edge-costs.md", *parts, f"Made by `{study.command}` on {machine()}.")
+    sizes, scenario = sorted(study.options.ratings), make_scenario("paper-3x3")
+    models = {name: parse_trust_model(name, scenario) for name in study.options.model or trust_models()}
+    chosen = {name: edge_model(model) for name, model in models.items() if study.options.model or runs_on_edges(model)}
+    parts = [
+        "# What the trust models cost on lists of ratings",
+        "![Nanoseconds per rating of each trust model, on lists of one and of ten million ratings](edge-costs.png)",
+        f"One round in float64 in which all pairs rate again, {EACH} ratings for each rater and each provider, the "
+        f"median of the repeats; {PLAIN}: the round of role-trust by hand; memory: peak from nothing to the end of "
+        f"a round, with the ratings.",
+    ]
+    rows = []
+    for size in sizes:
+        found = measure_lists(chosen, Edges.of(size, study.seed))
+        rows += [(name, size, one.contestant.amount, *one.each(), memory) for name, (one, memory) in found.items()]
+        lines = [[name, *_cells(*cell)] for name, cell in found.items()]
+        parts += [f"## {size:,} ratings", markdown_table(["model", "ms a round", "M ratings/s", "memory"], lines, 1)]
+    lines = [
+        [f"{agents:,}", *(f"{rate:.2f}" for rate in stream_rates(agents, study.seed))]
+        for agents in study.options.agents
+    ]
+    parts += [
+        "## Streams",
+        f"role-trust in a `TrustStream`, by the time of the CPU: {_BATCHES:,} batches of {_BATCH:,} ratings "
+        "between random agents, and then the same pairs again.",
+        markdown_table(["agents of each role", "M ratings/s, lower quartile", "median"], lines, 1),
+        *file_costs(study.options.rows, study.seed),
+    ]
+    study.csv("edge-costs.csv", _HEADER, rows)
+    study.page("edge-costs.md", *parts, f"Made by `{study.command}` on {machine()}.")
 
 
 def measure_lists(models: Mapping[str, TrustModel[Any]], edges: Edges) -> dict[str, tuple[Timing, int]]:
@@ -238,7 +232,3 @@ def _cells(timing: Timing, memory: int) -> tuple[str, str, str]:
     rate = timing.rate()
     time = f"{1e3 * Spread.of(timing.seconds).median:,.1f}"
     return time, f"{rate.median:.2f} ({rate.low:.2f} - {rate.high:.2f})", in_bytes(memory)
-
-
-if __name__ == "__main__":
-    main()

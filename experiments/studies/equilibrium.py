@@ -87,46 +87,45 @@ FACTS = {
 """Scores of a defender, by name. One that knows the condition takes the best model, or the mixture, of each."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Solve the game of a results file, and write its equilibrium."""
-    with Study(__name__, RECIPES, arguments) as study:
-        results, resamples = study.options
-        suite, stored = read_run(results)
-        names = suite.model_names
-        games = payoffs(attack_scores(suite, stored), names)
-        found, attacks = equilibrium(games, resamples, study.seed), solve(_means(games, None)[0]).attacks
-        order = sorted(range(len(names)), key=lambda k: -found["alone"][k].value)
-        rows = [(names[k], [found[column][k] for column in _COLUMNS]) for k in order]
-        header = ("model", *with_ends(_COLUMNS))
-        study.csv("equilibrium.csv", header, [[name, *(x for one in parts for x in one)] for name, parts in rows])
-        mixed = [
-            (game.condition, {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST})
-            for game, weights in zip(games, attacks, strict=True)
-        ]
-        lines = [(*where, name, weight) for where, mixture in mixed for name, weight in mixture.items()]
-        study.csv("attacks.csv", ("scenario", "track", "share", "attack", "weight"), lines)
-        mixtures = [
-            [where.description, ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN)]
-            for where, of in mixed
-        ]
-        weights = [[f"`{name}`", *map(_text, parts)] for name, parts in rows]
-        facts = [[words, _text(found[name][0])] for name, words in FACTS.items()]
-        note = f"suite {suite.name}, {len(games)} conditions, 95% intervals over games"
-        study.page(
-            "equilibrium.md",
-            markdown_table(["model", *_COLUMNS], weights, names=1),
-            markdown_table(["defender", suite.score], facts, names=1),
-            markdown_table(["condition", "the attacker's mixture"], mixtures, names=2),
-            f"{note}. Made by `{study.command}`.",
-        )
-        at = [name for name, _ in rows]
-        weight, alone = ([parts[k] for _, parts in rows] for k in (0, 1))
-        panels = [
-            Panel("alone, under its worst attack", "", suite.score, [Series(suite.score, at, alone)]),
-            Panel("in the equilibrium", "", "probability", [Series("probability", at, weight)]),
-        ]
-        title = "What is a mixture of trust models worth against attackers who know it?"
-        study.figure("equilibrium.png", panels_figure(title, panels, note))
+    results, resamples = study.options
+    suite, stored = read_run(results)
+    names = suite.model_names
+    games = payoffs(attack_scores(suite, stored), names)
+    found, attacks = equilibrium(games, resamples, study.seed), solve(_means(games, None)[0]).attacks
+    order = sorted(range(len(names)), key=lambda k: -found["alone"][k].value)
+    rows = [(names[k], [found[column][k] for column in _COLUMNS]) for k in order]
+    header = ("model", *with_ends(_COLUMNS))
+    study.csv("equilibrium.csv", header, [[name, *(x for one in parts for x in one)] for name, parts in rows])
+    mixed = [
+        (game.condition, {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST})
+        for game, weights in zip(games, attacks, strict=True)
+    ]
+    lines = [(*where, name, weight) for where, mixture in mixed for name, weight in mixture.items()]
+    study.csv("attacks.csv", ("scenario", "track", "share", "attack", "weight"), lines)
+    mixtures = [
+        [where.description, ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN)]
+        for where, of in mixed
+    ]
+    weights = [[f"`{name}`", *map(_text, parts)] for name, parts in rows]
+    facts = [[words, _text(found[name][0])] for name, words in FACTS.items()]
+    note = f"suite {suite.name}, {len(games)} conditions, 95% intervals over games"
+    study.page(
+        "equilibrium.md",
+        markdown_table(["model", *_COLUMNS], weights, names=1),
+        markdown_table(["defender", suite.score], facts, names=1),
+        markdown_table(["condition", "the attacker's mixture"], mixtures, names=2),
+        f"{note}. Made by `{study.command}`.",
+    )
+    at = [name for name, _ in rows]
+    weight, alone = ([parts[k] for _, parts in rows] for k in (0, 1))
+    panels = [
+        Panel("alone, under its worst attack", "", suite.score, [Series(suite.score, at, alone)]),
+        Panel("in the equilibrium", "", "probability", [Series("probability", at, weight)]),
+    ]
+    title = "What is a mixture of trust models worth against attackers who know it?"
+    study.figure("equilibrium.png", panels_figure(title, panels, note))
 
 
 def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payoffs]:
@@ -263,7 +262,3 @@ def _means(games: Sequence[Payoffs], rng: np.random.Generator | None) -> tuple[l
 
 def _text(value: Interval) -> str:
     return "{:.3f} ({:.3f}, {:.3f})".format(*(x + 0.0 for x in value))
-
-
-if __name__ == "__main__":
-    main()

@@ -8,7 +8,6 @@ Compared games use the same random numbers. A rule turns the numbers into a sent
 difference is not shown. Minutes on two cores.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from studies.charts import Panel, Series, panels_figure
@@ -33,7 +32,7 @@ leave open. The trust model is theirs, `role-trust`, unless another one is named
 numbers. The numbers are means with 95% intervals over the games. A rule turns the numbers into sentences: a difference
 whose interval contains 0 is not shown, and the sentence says "neither more nor less". Intervals are not corrected for
 multiple comparisons: of twenty differences that do not exist, one is shown by chance. The code is in
-`experiments/studies/questions`; `python -m studies.findings` also writes a table of the numbers of each figure.
+`experiments/studies/questions`; `python -m studies findings` also writes a table of the numbers of each figure.
 `roletrust figures` repeats the experiment of the paper with rendered cameras and a people detector, and compares each
 statement about its Figures 3 and 4 with the measurement."""
 
@@ -56,38 +55,33 @@ FILES = {f"findings/{name}.png": f"findings/{name}.png" for name in QUESTIONS}
 RECIPES = {"findings": Recipe(Options(), {"findings.md": "findings.md", **FILES})}
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Answer the questions, and write the page."""
-    with Study(__name__, RECIPES, arguments) as study:
-        names, games, quick = study.options
-        if unknown := set(names) - set(QUESTIONS):
-            raise ValueError(f"unknown question {min(unknown)!r}; questions are {', '.join(QUESTIONS)}")
-        effort = Effort(games, study.seed, quick)
-        study.workers = 1  # a question takes all cores itself
-        answers = study.play(answer, {name: (name, effort) for name in names}, effort._asdict())
-        parts = ["# The paper, answered", _INTRODUCTION]
-        for name, found in answers.items():
-            panels = [Panel(*panel) for panel in found["panels"]]
-            panels = [panel._replace(series=[Series(*one) for one in panel.series]) for panel in panels]
-            rows = [
-                (panel.title, series.label, at, *map(float, value))
-                for panel in panels
-                for series in panel.series
-                for at, value in zip(series.at, series.values, strict=True)
-            ]
-            study.csv(f"findings/{name}.csv", ("figure", "series", "at", "value", "low", "high"), rows)
-            note = f"{found['games']} games for each value; 95% intervals"
-            study.figure(f"findings/{name}.png", panels_figure(found["question"], panels, note))
-            command = f"{study.name} --question {name} --games {games} --seed {study.seed}{' --quick' * quick}"
-            picture = f"![{found['question']}](findings/{name}.png)"
-            parts += [f"## {found['question']}", picture, found["sentence"], f"    python -m {command}"]
-        study.page("findings.md", *parts)
+    names, games, quick = study.options
+    if unknown := set(names) - set(QUESTIONS):
+        raise ValueError(f"unknown question {min(unknown)!r}; questions are {', '.join(QUESTIONS)}")
+    effort = Effort(games, study.seed, quick)
+    study.workers = 1  # a question takes all cores itself
+    answers = study.play(answer, {name: (name, effort) for name in names}, effort._asdict())
+    parts = ["# The paper, answered", _INTRODUCTION]
+    for name, found in answers.items():
+        panels = [Panel(*panel) for panel in found["panels"]]
+        panels = [panel._replace(series=[Series(*one) for one in panel.series]) for panel in panels]
+        rows = [
+            (panel.title, series.label, at, *map(float, value))
+            for panel in panels
+            for series in panel.series
+            for at, value in zip(series.at, series.values, strict=True)
+        ]
+        study.csv(f"findings/{name}.csv", ("figure", "series", "at", "value", "low", "high"), rows)
+        note = f"{found['games']} games for each value; 95% intervals"
+        study.figure(f"findings/{name}.png", panels_figure(found["question"], panels, note))
+        command = f"findings --question {name} --games {games} --seed {study.seed}{' --quick' * quick}"
+        picture = f"![{found['question']}](findings/{name}.png)"
+        parts += [f"## {found['question']}", picture, found["sentence"], f"    python -m studies {command}"]
+    study.page("findings.md", *parts)
 
 
 def answer(name: str, effort: Effort) -> Run:
     """Answer a question. Returns the fields of a `Finding` as plain data."""
     return QUESTIONS[name](effort)._asdict()
-
-
-if __name__ == "__main__":
-    main()

@@ -43,39 +43,38 @@ _LEAST = 0.0005  # of the mean skill over models, by which a further attack must
 _SEED = 5  # of the games that choose; no suite has it
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Search, compare, choose, and write the file."""
-    with Study(__name__, RECIPES, arguments) as study:
-        asked, workers = study.options, study.workers if study.workers > 1 else 0
-        suite, searches = suite_of(asked.suite), suite_of(asked.searches)
+    asked, workers = study.options, study.workers if study.workers > 1 else 0
+    suite, searches = suite_of(asked.suite), suite_of(asked.searches)
 
-        def kept(candidates: Sequence[KnownAttack], name: str, many: int) -> Iterator[KnownAttack]:
-            matrix = _matrix(suite, searches, candidates, asked.games)
-            board = benchmark(None, matrix, workers=workers, out=study.out / name, force=study.again)
-            for condition in dict.fromkeys(one.condition for one in candidates):
-                names = choice([one for one in board.attacks if tuple(one.condition) == condition], many)
-                yield from (one for one in candidates if one.condition == condition and one.name in names)
+    def kept(candidates: Sequence[KnownAttack], name: str, many: int) -> Iterator[KnownAttack]:
+        matrix = _matrix(suite, searches, candidates, asked.games)
+        board = benchmark(None, matrix, workers=workers, out=study.out / name, force=study.again)
+        for condition in dict.fromkeys(one.condition for one in candidates):
+            names = choice([one for one in board.attacks if tuple(one.condition) == condition], many)
+            yield from (one for one in candidates if one.condition == condition and one.name in names)
 
-        known = tuple(one for one in suite.known if one.condition in searches.conditions)
-        searches = searches.model_copy(update={"known": known})
-        found = benchmark(None, searches, workers=workers, out=study.out / "searches", force=study.again)
-        new = [
-            KnownAttack(
-                name=f"{cell.method} against {cell.model}",
-                record=row.record,
-                scenario=cell.scenario,
-                track=cell.track,
-                share=cell.share,
-            )
-            for cell, result, *_ in found.cells
-            for row in result.rows
-            if row.record
-        ]
-        chosen = list(kept(merge_attacks(known, new), "matrix", asked.many))
-        elsewhere = (one for one in suite.known if one not in known)
-        if others := merge_attacks(elsewhere, _elsewhere(suite, searches, chosen)):
-            chosen += kept(others, "elsewhere", asked.few)
-        study.text("known.json", KnownAttacks(attacks=tuple(chosen)).model_dump_json(indent=1))
+    known = tuple(one for one in suite.known if one.condition in searches.conditions)
+    searches = searches.model_copy(update={"known": known})
+    found = benchmark(None, searches, workers=workers, out=study.out / "searches", force=study.again)
+    new = [
+        KnownAttack(
+            name=f"{cell.method} against {cell.model}",
+            record=row.record,
+            scenario=cell.scenario,
+            track=cell.track,
+            share=cell.share,
+        )
+        for cell, result, *_ in found.cells
+        for row in result.rows
+        if row.record
+    ]
+    chosen = list(kept(merge_attacks(known, new), "matrix", asked.many))
+    elsewhere = (one for one in suite.known if one not in known)
+    if others := merge_attacks(elsewhere, _elsewhere(suite, searches, chosen)):
+        chosen += kept(others, "elsewhere", asked.few)
+    study.text("known.json", KnownAttacks(attacks=tuple(chosen)).model_dump_json(indent=1))
 
 
 def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
@@ -133,7 +132,3 @@ def _elsewhere(suite: Suite, searches: Suite, chosen: Sequence[KnownAttack]) -> 
                 for one in [one for one in chosen if one.condition == at][:6]:
                     place = {"scenario": scenario, "share": share, "name": f"{one.name}, of {one.scenario}"}
                     yield one.model_copy(update=place)
-
-
-if __name__ == "__main__":
-    main()

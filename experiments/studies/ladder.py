@@ -115,50 +115,49 @@ class Row(NamedTuple):
         return int(np.argmax(self.scores))
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Climb the ladder of a task, and write its rungs."""
-    with Study(__name__, RECIPES, arguments) as study:
-        asked, seed = study.options, study.seed
-        task_id = find_task(asked.task)
-        defaults = TASKS[task_id].defaults
-        rules = make_scenario(asked.scenario or defaults["scenario"])
-        if changes := parse_settings(list(asked.set)):
-            rules = rules.change(**changes)
-        task = {
-            **defaults,
-            "scenario": rules,
-            "trust_model": parse_trust_model(asked.model, rules),
-            "compromised": asked.compromised or tuple(defaults["compromised"]),
-            "stealth": {"weight": asked.stealth_weight, "tolerance": _TOLERANCE},
-        }
-        kinds = parse_kinds(list(asked.attack), rules) if asked.attack else None
-        Scripts.of(exact_task(task), kinds)  # an attack that does not fit is refused before the games
-        scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)]
-        searches = [HonestPlay(), *scripted, Universal(wide=False), EvolutionSearch(wide=False), Planner()]
-        seeds = range(seed, seed + asked.runs)
-        trained = [learned_methods(path, seeds, "learned") for path in asked.learned]
-        ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(asked.runs)]
-        found, missing = climb(ladders, task, asked.budget, seed, asked.games)
-        rows = ranked(found)
-        about = f"{task_id.removeprefix('RoleTrust/')}, {rules.name}, {defaults['objective']}"
-        if asked.stealth_weight:
-            about += f" less {asked.stealth_weight:g} x gap over {_TOLERANCE:g}"
-        study.csv("ladder.csv", HEADER, lines(rows, seed))
-        score, what = top(rows)
-        over = f"over {asked.runs} runs" if asked.runs > 1 else "over the held-out games"
-        intervals = [Interval(row.score, row.score - row.half, row.score + row.half) for row in rows]
-        series = Series("score", [row.name for row in rows], intervals)
-        panel = Panel("score: mean reward per round", "", "score", [series])
-        study.figure("ladder.png", panels_figure(about, [panel], f"95% intervals {over}"))
-        study.page(
-            "ladder.md",
-            f"# {about}",
-            markdown_table(["rung", "score", "share", "rounds", "seconds"], map(_cells, rows), 1),
-            f"Share: 0 is honest play, 1 is {what}, {score:.4f}; ± half the 95% interval {over}, rounded up.",
-            "\n".join(f"- {_run_name(row, seed)}: {row.runs[row.best].description}." for row in rows),
-            "\n".join(f"- Left out: {name}: {why}." for name, why in missing.items()),
-            f"Made by `{study.command}`.",
-        )
+    asked, seed = study.options, study.seed
+    task_id = find_task(asked.task)
+    defaults = TASKS[task_id].defaults
+    rules = make_scenario(asked.scenario or defaults["scenario"])
+    if changes := parse_settings(list(asked.set)):
+        rules = rules.change(**changes)
+    task = {
+        **defaults,
+        "scenario": rules,
+        "trust_model": parse_trust_model(asked.model, rules),
+        "compromised": asked.compromised or tuple(defaults["compromised"]),
+        "stealth": {"weight": asked.stealth_weight, "tolerance": _TOLERANCE},
+    }
+    kinds = parse_kinds(list(asked.attack), rules) if asked.attack else None
+    Scripts.of(exact_task(task), kinds)  # an attack that does not fit is refused before the games
+    scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)]
+    searches = [HonestPlay(), *scripted, Universal(wide=False), EvolutionSearch(wide=False), Planner()]
+    seeds = range(seed, seed + asked.runs)
+    trained = [learned_methods(path, seeds, "learned") for path in asked.learned]
+    ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(asked.runs)]
+    found, missing = climb(ladders, task, asked.budget, seed, asked.games)
+    rows = ranked(found)
+    about = f"{task_id.removeprefix('RoleTrust/')}, {rules.name}, {defaults['objective']}"
+    if asked.stealth_weight:
+        about += f" less {asked.stealth_weight:g} x gap over {_TOLERANCE:g}"
+    study.csv("ladder.csv", HEADER, lines(rows, seed))
+    score, what = top(rows)
+    over = f"over {asked.runs} runs" if asked.runs > 1 else "over the held-out games"
+    intervals = [Interval(row.score, row.score - row.half, row.score + row.half) for row in rows]
+    series = Series("score", [row.name for row in rows], intervals)
+    panel = Panel("score: mean reward per round", "", "score", [series])
+    study.figure("ladder.png", panels_figure(about, [panel], f"95% intervals {over}"))
+    study.page(
+        "ladder.md",
+        f"# {about}",
+        markdown_table(["rung", "score", "share", "rounds", "seconds"], map(_cells, rows), 1),
+        f"Share: 0 is honest play, 1 is {what}, {score:.4f}; ± half the 95% interval {over}, rounded up.",
+        "\n".join(f"- {_run_name(row, seed)}: {row.runs[row.best].description}." for row in rows),
+        "\n".join(f"- Left out: {name}: {why}." for name, why in missing.items()),
+        f"Made by `{study.command}`.",
+    )
 
 
 def climb(
@@ -235,7 +234,3 @@ def _cells(row: Row) -> list[str]:
     rounds, seconds = max(run.rounds for run in row.runs), float(np.mean([run.seconds for run in row.runs]))
     share = "" if np.isnan(row.share) else f"{row.share:.3f}"
     return [row.name, score, share, f"{rounds:,}" if rounds else "-", f"{seconds:.1f}"]
-
-
-if __name__ == "__main__":
-    main()

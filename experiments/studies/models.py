@@ -72,31 +72,30 @@ class Panel(NamedTuple):
     attacked: tuple[float, float]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Play all models under all attacks, and draw them."""
-    with Study(__name__, RECIPES, arguments) as study:
-        rules = make_scenario(SCENARIO).change(max_cycles=ROUNDS)
-        attacks = {name: parse_attacks(texts, rules) for name, texts in ATTACKS.items()}
-        games = study.options.games
-        models = {name: Game(rules, parse_trust_model(name, rules)) for name in study.options.model or trust_models()}
-        panels = {
-            name: {
-                attack: play_panel(JointPolicy(game, attackers), study.seed, games=games)
-                for attack, attackers in attacks.items()
-            }
-            for name, game in models.items()
+    rules = make_scenario(SCENARIO).change(max_cycles=ROUNDS)
+    attacks = {name: parse_attacks(texts, rules) for name, texts in ATTACKS.items()}
+    games = study.options.games
+    models = {name: Game(rules, parse_trust_model(name, rules)) for name in study.options.model or trust_models()}
+    panels = {
+        name: {
+            attack: play_panel(JointPolicy(game, attackers), study.seed, games=games)
+            for attack, attackers in attacks.items()
         }
-        note = f"shaded: during the attack; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"
-        families = {name: Traits.of(game.model).family for name, game in models.items()}
-        study.figure("models.png", models_figure(panels, families, note))
-        rows = [
-            (name, attack, *line, *point)
-            for name, by_attack in panels.items()
-            for attack, panel in by_attack.items()
-            for line, values in panel.lines.items()
-            for point in zip(panel.time_s.tolist(), values.tolist(), strict=True)
-        ]
-        study.csv("models.csv", ("trust_model", "attack", "trust", "whose", "time_s", "mean"), rows)
+        for name, game in models.items()
+    }
+    note = f"shaded: during the attack; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"
+    families = {name: Traits.of(game.model).family for name, game in models.items()}
+    study.figure("models.png", models_figure(panels, families, note))
+    rows = [
+        (name, attack, *line, *point)
+        for name, by_attack in panels.items()
+        for attack, panel in by_attack.items()
+        for line, values in panel.lines.items()
+        for point in zip(panel.time_s.tolist(), values.tolist(), strict=True)
+    ]
+    study.csv("models.csv", ("trust_model", "attack", "trust", "whose", "time_s", "mean"), rows)
 
 
 def play_panel(joint_policy: JointPolicy, seed: int, *, games: int) -> Panel:
@@ -176,7 +175,3 @@ def legend_keys(panels: Iterable[Panel]) -> list[Line2D]:
         for trust, (dashes, width) in _TRUSTS.items()
         if (trust, whose) in shown
     ]
-
-
-if __name__ == "__main__":
-    main()

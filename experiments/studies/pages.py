@@ -190,23 +190,18 @@ FILES = {
 RECIPES = {name: Recipe(Options(), FILES[name]) for name in COMMANDS}
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Run the commands of a recipe."""
-    with Study(__name__, RECIPES, arguments) as study:
-        if study.again:
-            shutil.rmtree(study.out, ignore_errors=True)
-        learned = DOCS / "defence" / "leave-one-out.txt"
-        places: dict[str, str | Path] = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
-        for line in COMMANDS[study.recipe]:
-            if "{learned}" in line:
-                places["learned"] = learned.read_text(encoding="utf-8").strip()
-            words = [word.format(**places) if "{role" not in word else word for word in line.split()]
-            if words[0] == "train" and Path(words[-1]).exists():
-                continue
-            print(f"roletrust {shlex.join(words)}", flush=True)
-            if code := subprocess.run([Path(sys.executable).with_name("roletrust"), *words], check=False).returncode:
-                raise SystemExit(code)
-
-
-if __name__ == "__main__":
-    main()
+    if study.again:
+        shutil.rmtree(study.out, ignore_errors=True)
+    learned = DOCS / "defence" / "leave-one-out.txt"
+    places: dict[str, str | Path] = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
+    for line in COMMANDS[study.recipe]:
+        if "{learned}" in line:
+            places["learned"] = learned.read_text(encoding="utf-8").strip()
+        words = [word.format(**places) if "{role" not in word else word for word in line.split()]
+        if words[0] == "train" and Path(words[-1]).exists():
+            continue
+        print(f"roletrust {shlex.join(words)}", flush=True)
+        if code := subprocess.run([Path(sys.executable).with_name("roletrust"), *words], check=False).returncode:
+            raise SystemExit(code)

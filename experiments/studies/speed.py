@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -65,42 +65,42 @@ _Entry = tuple[str, Callable[..., Contestant]]  # the package that a contestant 
 RECIPES = {"speed": Recipe(Options())}
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+@one_thread()
+def main(study: Study[Options]) -> None:
     """Time all contestants, the peer of each size first, and write the table."""
-    with Study(__name__, RECIPES, arguments) as study, one_thread():
-        device = study.options.device
-        os.environ.setdefault("JAX_PLATFORMS", device)  # before JAX is imported
-        os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
-        groups: list[tuple[int, list[_Entry]]] = []
+    device = study.options.device
+    os.environ.setdefault("JAX_PLATFORMS", device)  # before JAX is imported
+    os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+    groups: list[tuple[int, list[_Entry]]] = []
+    if device == "cpu":
+        for turns in (False, True):
+            ours = (("numpy", partial(one_environment, preset, turns)) for preset in _PRESETS)
+            groups.append((1, [("mpe2", partial(simple_adversary, turns)), *ours]))
+        tasks = (("numpy", partial(one_task, task)) for task in _TASKS)
+        groups.append((1, [("mpe2", partial(simple_adversary, False)), *tasks]))
+    for games in study.options.games:
+        on_torch = [("torch", partial(batch, library, device)) for library in ("torch", COMPILED)]
+        entries: list[_Entry] = [("jaxmarl", simple_spread_on_jax), ("jax", batch_on_jax), *on_torch]
         if device == "cpu":
-            for turns in (False, True):
-                ours = (("numpy", partial(one_environment, preset, turns)) for preset in _PRESETS)
-                groups.append((1, [("mpe2", partial(simple_adversary, turns)), *ours]))
-            tasks = (("numpy", partial(one_task, task)) for task in _TASKS)
-            groups.append((1, [("mpe2", partial(simple_adversary, False)), *tasks]))
-        for games in study.options.games:
-            on_torch = [("torch", partial(batch, library, device)) for library in ("torch", COMPILED)]
-            entries: list[_Entry] = [("jaxmarl", simple_spread_on_jax), ("jax", batch_on_jax), *on_torch]
-            if device == "cpu":
-                on_numpy = [partial(attack_tasks, threads) for threads in (0, 1)]
-                on_numpy += [partial(batch, library, device) for library in ("NumPy", "C")]
-                entries = [("vmas", simple_spread), *(("numpy", make) for make in on_numpy), *entries]
-            groups.append((games, [(package, partial(make, games)) for package, make in entries]))
-        rows = []
-        for games, entries in groups:
-            made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
-            found = measure(made, _REPEATS, _SLICE_S)
-            peer = found[0] if importlib.util.find_spec(entries[0][0]) else None
-            rows += [(one.contestant.name, games, *one.rate(), peer and one.ratio(peer)) for one in found]
-        study.csv("speed.csv", _HEADINGS, rows)
-        lines = [
-            [name, f"{games:,}", *(f"{x:.3f}" for x in rate), f"{ratio:.1f}" if ratio else "-"]
-            for name, games, *rate, ratio in rows
-        ]
-        times = [[preset, *preparation(preset)] for preset in _PRESETS if device == "cpu"]
-        forms = [_ABOUT_FORMS, markdown_table(_FORMS, times, 1)] if times else []
-        table, made_by = markdown_table(_HEADINGS, lines, 1), f"Made by `{study.command}` on {machine()}."
-        study.page("speed.md", "# Speed", table, *forms, made_by)
+            on_numpy = [partial(attack_tasks, threads) for threads in (0, 1)]
+            on_numpy += [partial(batch, library, device) for library in ("NumPy", "C")]
+            entries = [("vmas", simple_spread), *(("numpy", make) for make in on_numpy), *entries]
+        groups.append((games, [(package, partial(make, games)) for package, make in entries]))
+    rows = []
+    for games, entries in groups:
+        made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
+        found = measure(made, _REPEATS, _SLICE_S)
+        peer = found[0] if importlib.util.find_spec(entries[0][0]) else None
+        rows += [(one.contestant.name, games, *one.rate(), peer and one.ratio(peer)) for one in found]
+    study.csv("speed.csv", _HEADINGS, rows)
+    lines = [
+        [name, f"{games:,}", *(f"{x:.3f}" for x in rate), f"{ratio:.1f}" if ratio else "-"]
+        for name, games, *rate, ratio in rows
+    ]
+    times = [[preset, *preparation(preset)] for preset in _PRESETS if device == "cpu"]
+    forms = [_ABOUT_FORMS, markdown_table(_FORMS, times, 1)] if times else []
+    table, made_by = markdown_table(_HEADINGS, lines, 1), f"Made by `{study.command}` on {machine()}."
+    study.page("speed.md", "# Speed", table, *forms, made_by)
 
 
 def preparation(preset: str) -> list[str]:
@@ -272,7 +272,3 @@ def _warm(name: str, step: Callable[[], None], amount: int, rounds: Rounds | Non
         if rounds is not None:
             rounds.compile()
     return Contestant(name, step, amount)
-
-
-if __name__ == "__main__":
-    main()

@@ -10,7 +10,7 @@ welfare over the welfare of what was learnt; the share of honest agents; and the
 agent, with everybody honest and with what was learnt. Some ten minutes on one core.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,32 +100,31 @@ class Point(NamedTuple):
         return Game(scenario, parse_trust_model(self.model, scenario), like=np.zeros((), np.float32))
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Let all populations learn, and write what they come to."""
-    with Study(__name__, RECIPES, arguments) as study:
-        asked = study.options
-        points = [
-            Point(scenario, model, cost, start)
-            for scenario in asked.scenario
-            for cost in sorted(asked.cost)
-            for model in asked.model
-            for start in STARTS
-        ]
-        effort = {"runs": asked.runs, "steps": asked.steps, "games": asked.games, "seed": study.seed}
-        jobs = {"|".join(map(str, point)): (point, effort) for point in points}
-        played = study.play(play_point, jobs, effort)
-        found = {point: played[key] for key, (point, _) in jobs.items() if key in played}
-        measures = _measures(next(iter(found.values())))
-        header = ["scenario", "model", "cost", "start", *with_ends(measures, ("", "_half_95"))]
-        header += [*with_ends(["anarchy"], ("", "_low_95", "_high_95")), *DEVIATIONS]
-        study.csv("strategic.csv", header, [_line(*one) for one in found.items()])
-        rows = [_cells(*one) for one in found.items()]
-        headings = ["world", "model", "start", *_COLUMNS, "price of anarchy"]
-        note = f"{asked.runs} runs of {asked.steps} steps, {asked.games} games each; 95% intervals over the runs"
-        study.page("strategic.md", markdown_table(headings, rows, 3), f"{note}. Made by `{study.command}`.")
-        title = "What is left of welfare when providers and raters learn, by trust model?"
-        figure = panels_figure(title, _panels(found), f"{asked.runs} runs; 95% intervals")
-        study.figure("strategic.png", figure)
+    asked = study.options
+    points = [
+        Point(scenario, model, cost, start)
+        for scenario in asked.scenario
+        for cost in sorted(asked.cost)
+        for model in asked.model
+        for start in STARTS
+    ]
+    effort = {"runs": asked.runs, "steps": asked.steps, "games": asked.games, "seed": study.seed}
+    jobs = {"|".join(map(str, point)): (point, effort) for point in points}
+    played = study.play(play_point, jobs, effort)
+    found = {point: played[key] for key, (point, _) in jobs.items() if key in played}
+    measures = _measures(next(iter(found.values())))
+    header = ["scenario", "model", "cost", "start", *with_ends(measures, ("", "_half_95"))]
+    header += [*with_ends(["anarchy"], ("", "_low_95", "_high_95")), *DEVIATIONS]
+    study.csv("strategic.csv", header, [_line(*one) for one in found.items()])
+    rows = [_cells(*one) for one in found.items()]
+    headings = ["world", "model", "start", *_COLUMNS, "price of anarchy"]
+    note = f"{asked.runs} runs of {asked.steps} steps, {asked.games} games each; 95% intervals over the runs"
+    study.page("strategic.md", markdown_table(headings, rows, 3), f"{note}. Made by `{study.command}`.")
+    title = "What is left of welfare when providers and raters learn, by trust model?"
+    figure = panels_figure(title, _panels(found), f"{asked.runs} runs; 95% intervals")
+    study.figure("strategic.png", figure)
 
 
 def play_point(point: Point, effort: Mapping[str, int]) -> Run:
@@ -232,7 +231,3 @@ def _panels(found: Mapping[Point, Run]) -> list[Panel]:
             series.append(Series(label, list(runs), welfare))
         panels.append(Panel(f"{scenario}, cost {cost:g}", "", "welfare", series))
     return panels
-
-
-if __name__ == "__main__":
-    main()

@@ -7,9 +7,10 @@ import shutil
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Generic, NamedTuple, Self, TypeVar, get_args, get_type_hints
+from types import ModuleType
+from typing import Any, Generic, NamedTuple, TypeVar, get_args, get_type_hints
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -52,15 +53,11 @@ class Recipe(NamedTuple, Generic[Options]):
 
 
 class Study(Generic[Options]):
-    """A study that is being run, as a context.
-
-    At its end it writes `study.json` with the command, the options and the software, copies the published files to
-    `docs/` if `--publish` is given, and says what it has written. An error of the user is one line, with exit code 2.
+    """A study that is being run.
 
     Args:
-        module: `__name__` of the study, whose documentation is its help.
-        recipes: Recipes by name; the first one is the default.
-        arguments: Arguments of the command; None means those of this process.
+        module: Module of the study. Its documentation is the help, and the first of its `RECIPES` the default.
+        arguments: Arguments of the command.
 
     Attributes:
         recipe: Name of the recipe, also that of the folder in `results/`.
@@ -72,50 +69,22 @@ class Study(Generic[Options]):
         command: Command that repeats the study.
     """
 
-    def __init__(
-        self, module: str, recipes: Mapping[str, Recipe[Options]], arguments: Sequence[str] | None = None
-    ) -> None:
-        spec = sys.modules[module].__spec__
-        self.name = (spec.name if spec else module).removesuffix(".__main__")
-        first = next(iter(recipes))
-        given = _parser(self.name, sys.modules[module].__doc__, recipes).parse_args(arguments)
+    def __init__(self, module: ModuleType, arguments: Sequence[str]) -> None:
+        self._name, recipes = module.__name__, module.RECIPES
+        program, first = f"python -m {self._name.replace('.', ' ')}", next(iter(recipes))
+        given = _parser(program, module.__doc__, recipes).parse_args(arguments)
         self.recipe: str = given.recipe or first
         self._published, self._publish, self.again = recipes[self.recipe].files, given.publish, given.force
-        default = recipes[self.recipe].options
-        self.options, words = _given(default, given)
+        options: tuple[Options, list[str]] = _given(recipes[self.recipe].options, given)
+        self.options, words = options
         self.seed: int = given.seed
         self.workers: int = given.workers or cores()
         self.out: Path = given.out or Path("results") / self.recipe
         seeded = ["--seed", str(self.seed)] if self.seed else []
         chosen = [] if self.recipe == first else [self.recipe]
-        self.command = shlex.join(["python", "-m", self.name, *chosen, *words, *seeded])
+        self.command = " ".join([program, *map(shlex.quote, [*chosen, *words, *seeded])])
         self._written: list[str] = []
         self._failed = False
-
-    def __enter__(self) -> Self:
-        """Check that the folder can be written."""
-        try:
-            prepare_folder(self.out)
-        except OSError as error:
-            _stop(str(error), 2)
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Say what was written, or what went wrong."""
-        if isinstance(error, KeyboardInterrupt):
-            _stop("Stopped. Finished runs are kept; repeat the command to continue.", 130)
-        if isinstance(error, ValueError | OSError):
-            _stop(f"Error: {error}", 2, error)
-        if error is not None:
-            return
-        about = {"command": self.command, "options": self.options._asdict(), "seed": self.seed}  # type: ignore[attr-defined]
-        write_json(self.out / "study.json", json.loads(json.dumps({**about, **software()}, default=str)))
-        print(f"Written to {self.out}: {', '.join([*self._written, 'study.json'])}")
-        for name, place in self._published.items() if self._publish else ():
-            (DOCS / place).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(self.out / name, DOCS / place)
-        if self._failed:
-            raise SystemExit(1)
 
     def play(
         self, work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], settings: Mapping[str, Any]
@@ -133,7 +102,7 @@ class Study(Generic[Options]):
             ValueError: All runs failed, or the file has runs with other settings.
         """
         path = self.out / "runs.json"
-        made_with = json.loads(json.dumps({"study": self.name, "seed": self.seed, **settings, **software()}))
+        made_with = json.loads(json.dumps({"study": self._name, "seed": self.seed, **settings, **software()}))
         kept = {} if self.again or not path.exists() else _kept(path, made_with)
         missing = {key: arguments for key, arguments in jobs.items() if key not in kept}
         with progress_bar() as bar:
@@ -171,6 +140,33 @@ class Study(Generic[Options]):
         self.text(name, text)
         print(text)
 
+    def end(self) -> None:
+        """Write `study.json`, say what was written, and copy the published files to `docs/` if `--publish` is given."""
+        about = {"command": self.command, "options": self.options._asdict(), "seed": self.seed}  # type: ignore[attr-defined]
+        write_json(self.out / "study.json", json.loads(json.dumps({**about, **software()}, default=str)))
+        print(f"Written to {self.out}: {', '.join([*self._written, 'study.json'])}")
+        for name, place in self._published.items() if self._publish else ():
+            (DOCS / place).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.out / name, DOCS / place)
+        if self._failed:
+            raise SystemExit(1)
+
+
+def run(name: str, arguments: Sequence[str]) -> None:
+    """Run the `main` of a module such as `studies.budget`. An error of the user is one line, with exit code 2."""
+    module = import_module(name)
+    study: Study[Any] = Study(module, arguments)
+    try:
+        prepare_folder(study.out)
+        module.main(study)
+    except KeyboardInterrupt:
+        print("Stopped. Finished runs are kept; repeat the command to continue.", file=sys.stderr)
+        raise SystemExit(130) from None
+    except (ValueError, OSError) as error:
+        print(f"Error: {error}", file=sys.stderr)
+        raise SystemExit(2) from error
+    study.end()
+
 
 def mean_of(values: Sequence[float | None]) -> Estimate:
     """Return the mean over runs with its 95% interval. None counts as undefined."""
@@ -182,11 +178,9 @@ def with_ends(columns: Iterable[str], ends: Sequence[str] = ("", "_low", "_high"
     return [f"{name}{end}" for name in columns for end in ends]
 
 
-def _parser(name: str, about: str | None, recipes: Mapping[str, Recipe[Any]]) -> ArgumentParser:
+def _parser(program: str, about: str | None, recipes: Mapping[str, Recipe[Any]]) -> ArgumentParser:
     default = next(iter(recipes.values())).options
-    parser = ArgumentParser(
-        f"python -m {name}", description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False
-    )
+    parser = ArgumentParser(program, description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False)
     if len(recipes) > 1:
         parser.add_argument(
             "recipe", nargs="?", choices=recipes, help=f"what is made; {next(iter(recipes))} if left out"
@@ -260,8 +254,3 @@ def _play_safely(work: Callable[..., Run], *arguments: Any) -> Run:
         return work(*arguments)
     except (Exception, SystemExit) as error:  # plug-in code may raise anything
         return {"failed": reason(error)}
-
-
-def _stop(line: str, code: int, error: BaseException | None = None) -> None:
-    print(line, file=sys.stderr)
-    raise SystemExit(code) from error

@@ -4,7 +4,6 @@ Seconds. Each picture shows columns of a CSV file in `docs/`, in the order of th
 """
 
 import csv
-from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,11 +29,10 @@ RECIPES = {"summaries": Recipe(Options(), {f"{name}.png": f"{name}.png" for name
 Rows = list[dict[str, str]]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Draw all pictures."""
-    with Study(__name__, RECIPES, arguments) as study:
-        for name, figure in figures(study.options.docs).items():
-            study.figure(f"{name}.png", figure)
+    for name, figure in figures(study.options.docs).items():
+        study.figure(f"{name}.png", figure)
 
 
 def figures(docs: Path) -> dict[str, Figure]:
@@ -111,7 +109,3 @@ def _series(label: str, rows: Rows, *columns: str) -> Series:
     values: dict[str, Any] = {row["model"]: Interval(*(float(row[name] or "nan") for name in columns)) for row in rows}
     there = {name: value for name, value in values.items() if not isnan(value.value)}
     return Series(label, list(there), list(there.values()))
-
-
-if __name__ == "__main__":
-    main()

@@ -7,7 +7,6 @@ raters that rate alike, and accused if that group also moves ranks more, and is 
 each of 19 shuffled logs. The rate of groups in other shuffled logs is measured, too. Ten minutes on one core.
 """
 
-from collections.abc import Sequence
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -118,38 +117,33 @@ def count_groups(options: Options, seed: int) -> Run:
     return {"groups": sum(len(alike(shuffled(read(options.log), rng), joined)) for _ in range(_LOGS))}
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Plant accounts in a log, and write the table."""
-    with Study(__name__, RECIPES, arguments) as study:
-        options = study.options
-        kinds = {"ring": False, "honest club": True}
-        settings = {**options._asdict(), "seed": study.seed, "log": str(options.log)}
-        jobs = {
-            f"{kind} {targets} {size} {run}": (options, size, targets, honest, study.seed + run)
-            for kind, honest in kinds.items()
-            for targets in options.targets
-            for size in options.size
-            for run in range(options.runs)
-        }
-        found = study.play(plant, jobs, settings)
-        chance = study.play(
-            count_groups,
-            {f"shuffled {n}": (options, study.seed + n) for n in range(options.shuffles // _LOGS)},
-            settings,
-        )
-        rows = []
-        for kind, targets, size in product(kinds, options.targets, options.size):
-            keys = (f"{kind} {targets} {size} {run}" for run in range(options.runs))
-            runs = [found[key] for key in keys if key in found]
-            share, accused = np.mean([run["found"] for run in runs]), sum(run["accused"] for run in runs)
-            rows.append([kind, f"{options.rated} of {targets}", f"{size}", f"{share:.2f}", f"{accused} of {len(runs)}"])
-        groups = sum(run["groups"] for run in chance.values())
-        study.page(
-            "suspects.md",
-            markdown_table(["planted", "targets", "accounts", "share found in one group", "accused"], rows, names=1),
-            f"In {len(chance) * _LOGS} shuffled logs there were {groups} groups.",
-        )
-
-
-if __name__ == "__main__":
-    main()
+    options = study.options
+    kinds = {"ring": False, "honest club": True}
+    settings = {**options._asdict(), "seed": study.seed, "log": str(options.log)}
+    jobs = {
+        f"{kind} {targets} {size} {run}": (options, size, targets, honest, study.seed + run)
+        for kind, honest in kinds.items()
+        for targets in options.targets
+        for size in options.size
+        for run in range(options.runs)
+    }
+    found = study.play(plant, jobs, settings)
+    chance = study.play(
+        count_groups,
+        {f"shuffled {n}": (options, study.seed + n) for n in range(options.shuffles // _LOGS)},
+        settings,
+    )
+    rows = []
+    for kind, targets, size in product(kinds, options.targets, options.size):
+        keys = (f"{kind} {targets} {size} {run}" for run in range(options.runs))
+        runs = [found[key] for key in keys if key in found]
+        share, accused = np.mean([run["found"] for run in runs]), sum(run["accused"] for run in runs)
+        rows.append([kind, f"{options.rated} of {targets}", f"{size}", f"{share:.2f}", f"{accused} of {len(runs)}"])
+    groups = sum(run["groups"] for run in chance.values())
+    study.page(
+        "suspects.md",
+        markdown_table(["planted", "targets", "accounts", "share found in one group", "accused"], rows, names=1),
+        f"In {len(chance) * _LOGS} shuffled logs there were {groups} groups.",
+    )

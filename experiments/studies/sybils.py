@@ -70,18 +70,17 @@ Found = Mapping[str, Mapping[str, Estimate]]
 """Gains by model, topology, number of Sybils and of bridge edges."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Play all cases, and write the page."""
-    with Study(__name__, RECIPES, arguments) as study:
-        options = study.options
-        jobs = {str(k): (options, study.seed, k) for k in range(options.runs)}
-        runs = list(study.play(measured, jobs, {"seed": study.seed, **options._asdict()}).values())
-        found = {key: {name: mean_of([run[key][name] for run in runs]) for name in GAINS} for key in runs[0]}
-        rows = [[*key.split(), *(x for name in GAINS for x in one[name].interval)] for key, one in found.items()]
-        study.csv("gains.csv", ["model", "topology", "sybils", "bridges", *with_ends(GAINS)], rows)
-        study.figure("gains.png", sybils_figure(found, f"{len(runs)} runs, 95% intervals; the worst topology for each"))
-        made = f"{len(runs)} runs, made by `{study.command}`."
-        study.page("gains.md", sentence(found), table(found), made)
+    options = study.options
+    jobs = {str(k): (options, study.seed, k) for k in range(options.runs)}
+    runs = list(study.play(measured, jobs, {"seed": study.seed, **options._asdict()}).values())
+    found = {key: {name: mean_of([run[key][name] for run in runs]) for name in GAINS} for key in runs[0]}
+    rows = [[*key.split(), *(x for name in GAINS for x in one[name].interval)] for key, one in found.items()]
+    study.csv("gains.csv", ["model", "topology", "sybils", "bridges", *with_ends(GAINS)], rows)
+    study.figure("gains.png", sybils_figure(found, f"{len(runs)} runs, 95% intervals; the worst topology for each"))
+    made = f"{len(runs)} runs, made by `{study.command}`."
+    study.page("gains.md", sentence(found), table(found), made)
 
 
 def community(members: int, rng: np.random.Generator) -> RatingLog:
@@ -196,7 +195,3 @@ def sentence(found: Found) -> str:
         f"topology: {shares}. Without a bridge edge, {USUAL[0]} Sybils have {free or 'nothing'}{rest}. Behind the "
         f"bought account of a member that is drawn, they and it have {accounts}."
     )
-
-
-if __name__ == "__main__":
-    main()

@@ -95,43 +95,42 @@ Table = Mapping[Coalition, Mapping[str, Estimate]]
 """Utility of the consumer in fresh games, over the seeds, by coalition and by the trust model that it plays against."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Train and play all coalitions, and write the table."""
-    with Study(__name__, RECIPES, arguments) as study:
-        asked = study.options
-        condition = Condition.of(asked.suite, asked.scenario, asked.track, asked.share)
-        models = list(asked.model or trust_models())
-        columns = list(dict.fromkeys([*models, *asked.on]))
-        rows, seeds = coalitions(models), range(study.seed, study.seed + asked.runs)
-        effort = (columns, asked.budget, asked.games)
-        jobs = {row.key(seed): (condition, row, seed, *effort) for row in rows for seed in seeds}
-        played = study.play(play_row, jobs, {"condition": condition.describe(), "effort": effort})
-        found = {
-            row: {name: mean_of([played[row.key(seed)]["utility"][name] for seed in seeds]) for name in columns}
-            for row in rows
-            if all(row.key(seed) in played for seed in seeds)
-        }
-        cells = [(row, name, utility) for row, line in found.items() for name, utility in line.items()]
-        study.csv(
-            "transfer.csv",
-            ("trained_on", "universal", "played_on", "seen", "utility", "half_95"),
-            [(row.name, row.universal, name, row.knows(name), *utility[:2]) for row, name, utility in cells],
-        )
-        title = f"Trained on one trust model, played on others ({condition})"
-        study.figure("transfer.png", _figure(title, found), colours=None)
-        table = [
-            [row.name, *(f"{one.mean:.2f}{'*' * row.knows(name)}" for name, one in line.items())]
-            for row, line in found.items()
-        ]
-        study.page(
-            "transfer.md",
-            markdown_table(["trained on", *columns], table, names=1),
-            f"Utility of the consumer in {asked.games} fresh games, mean over the runs ({asked.runs}), with "
-            f"{asked.budget:,} rounds of training each. Lower is a better attack. A star: trained on this trust model. "
-            f"Condition: {condition}.",
-            *sentences(found),
-            f"Made by `{study.command}`.",
-        )
+    asked = study.options
+    condition = Condition.of(asked.suite, asked.scenario, asked.track, asked.share)
+    models = list(asked.model or trust_models())
+    columns = list(dict.fromkeys([*models, *asked.on]))
+    rows, seeds = coalitions(models), range(study.seed, study.seed + asked.runs)
+    effort = (columns, asked.budget, asked.games)
+    jobs = {row.key(seed): (condition, row, seed, *effort) for row in rows for seed in seeds}
+    played = study.play(play_row, jobs, {"condition": condition.describe(), "effort": effort})
+    found = {
+        row: {name: mean_of([played[row.key(seed)]["utility"][name] for seed in seeds]) for name in columns}
+        for row in rows
+        if all(row.key(seed) in played for seed in seeds)
+    }
+    cells = [(row, name, utility) for row, line in found.items() for name, utility in line.items()]
+    study.csv(
+        "transfer.csv",
+        ("trained_on", "universal", "played_on", "seen", "utility", "half_95"),
+        [(row.name, row.universal, name, row.knows(name), *utility[:2]) for row, name, utility in cells],
+    )
+    title = f"Trained on one trust model, played on others ({condition})"
+    study.figure("transfer.png", _figure(title, found), colours=None)
+    table = [
+        [row.name, *(f"{one.mean:.2f}{'*' * row.knows(name)}" for name, one in line.items())]
+        for row, line in found.items()
+    ]
+    study.page(
+        "transfer.md",
+        markdown_table(["trained on", *columns], table, names=1),
+        f"Utility of the consumer in {asked.games} fresh games, mean over the runs ({asked.runs}), with "
+        f"{asked.budget:,} rounds of training each. Lower is a better attack. A star: trained on this trust model. "
+        f"Condition: {condition}.",
+        *sentences(found),
+        f"Made by `{study.command}`.",
+    )
 
 
 def coalitions(models: Sequence[str]) -> list[Coalition]:
@@ -213,7 +212,3 @@ def _figure(title: str, found: Table) -> Figure:
     figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
     figure.supxlabel("a frame: trained on this trust model", x=0.99, ha="right", fontsize=8.5, color=QUIET)
     return figure
-
-
-if __name__ == "__main__":
-    main()

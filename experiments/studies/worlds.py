@@ -70,45 +70,44 @@ Found = Mapping[World, Sequence[LeaderboardRow]]
 """Leaderboard of each world."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(study: Study[Options]) -> None:
     """Play all worlds, and write the page."""
-    with Study(__name__, RECIPES, arguments) as study:
-        suite = suite_of(study.options.suite)
-        models = study.options.model or tuple(suite.model_names)
-        workers = study.workers if study.workers > 1 else 0
-        played = benchmark(models, suite, workers=workers, out=study.out, force=study.again)
-        worlds = {(name, share): World.of(suite.worlds[name], share) for name, _, share in suite.conditions}
-        found: dict[World, list[LeaderboardRow]] = {}
-        for world in sorted({*worlds.values()}):
-            cells = [one for one in played.cells if worlds[one.cell.scenario, one.cell.share] == world]
-            attacks = [one for one in played.attacks if worlds[one.condition.scenario, one.condition.share] == world]
-            found[world] = leaderboard_rows(suite, cells, models, len(cells) // len(models), attacks)
-        centre = World(*(mode(values) for values in zip(*found, strict=True)))
-        rows = [(*world, row.model, *row.worst[:2], row.tier) for world, board in found.items() for row in board]
-        study.csv("worlds.csv", (*World._fields, "model", "skill", "skill_half", "tier"), rows)
-        note = f"{suite.games} games for each value; 95% intervals; a ring: told apart from all others"
-        study.figure("worlds.png", worlds_figure(found, centre, models, note))
-        lines = []
-        for world in sorted(found, key=lambda one: (one != centre, one.beside(centre))):
-            skill = {row.model: plus_minus(row.worst) for row in found[world]}
-            lines.append([world.beside(centre), *(skill[name] for name in models), ", ".join(first(found[world]))])
-        lines.append(["mean", *(f"{mean_skill(found)[name]:.3f}" for name in models), ""])
-        study.page(
-            "worlds.md",
-            "# Which worlds decide?",
-            "![Worst-case skill of models in worlds that differ from one world in a single thing](worlds.png)",
-            sentence(found, centre),
-            f"The centre has {centre.agents} agents, {centre.rounds} rounds, {centre.arriving:.0%} of the ratings "
-            f"arriving, a noise of {centre.noise:g} in what raters perceive, and {centre.attackers:.0%} attackers in "
-            "each role of a track. Each other world differs from it in one thing. Skill is 1 for the best choice and 0 "
-            f"for a blind one. Shown is the mean of the worst cases on the tracks {' and '.join(suite.tracks)}, each "
-            f"chosen in {suite.games} games and measured in {suite.games} others, with 95% intervals. A ring marks a "
-            "model that is alone in the first [tier](how/headline.md#tiers) of its world. Attackers are scripts and "
-            "universal coalitions. None was searched in these worlds, so there may be worse ones; and more games may "
-            "tell apart what these do not.",
-            markdown_table(["world", *(f"`{name}`" for name in models), "first tier"], lines, 1),
-            f"[worlds.csv](worlds.csv) has all numbers. Made by `{study.command}`.",
-        )
+    suite = suite_of(study.options.suite)
+    models = study.options.model or tuple(suite.model_names)
+    workers = study.workers if study.workers > 1 else 0
+    played = benchmark(models, suite, workers=workers, out=study.out, force=study.again)
+    worlds = {(name, share): World.of(suite.worlds[name], share) for name, _, share in suite.conditions}
+    found: dict[World, list[LeaderboardRow]] = {}
+    for world in sorted({*worlds.values()}):
+        cells = [one for one in played.cells if worlds[one.cell.scenario, one.cell.share] == world]
+        attacks = [one for one in played.attacks if worlds[one.condition.scenario, one.condition.share] == world]
+        found[world] = leaderboard_rows(suite, cells, models, len(cells) // len(models), attacks)
+    centre = World(*(mode(values) for values in zip(*found, strict=True)))
+    rows = [(*world, row.model, *row.worst[:2], row.tier) for world, board in found.items() for row in board]
+    study.csv("worlds.csv", (*World._fields, "model", "skill", "skill_half", "tier"), rows)
+    note = f"{suite.games} games for each value; 95% intervals; a ring: told apart from all others"
+    study.figure("worlds.png", worlds_figure(found, centre, models, note))
+    lines = []
+    for world in sorted(found, key=lambda one: (one != centre, one.beside(centre))):
+        skill = {row.model: plus_minus(row.worst) for row in found[world]}
+        lines.append([world.beside(centre), *(skill[name] for name in models), ", ".join(first(found[world]))])
+    lines.append(["mean", *(f"{mean_skill(found)[name]:.3f}" for name in models), ""])
+    study.page(
+        "worlds.md",
+        "# Which worlds decide?",
+        "![Worst-case skill of models in worlds that differ from one world in a single thing](worlds.png)",
+        sentence(found, centre),
+        f"The centre has {centre.agents} agents, {centre.rounds} rounds, {centre.arriving:.0%} of the ratings "
+        f"arriving, a noise of {centre.noise:g} in what raters perceive, and {centre.attackers:.0%} attackers in "
+        "each role of a track. Each other world differs from it in one thing. Skill is 1 for the best choice and 0 "
+        f"for a blind one. Shown is the mean of the worst cases on the tracks {' and '.join(suite.tracks)}, each "
+        f"chosen in {suite.games} games and measured in {suite.games} others, with 95% intervals. A ring marks a "
+        "model that is alone in the first [tier](how/headline.md#tiers) of its world. Attackers are scripts and "
+        "universal coalitions. None was searched in these worlds, so there may be worse ones; and more games may "
+        "tell apart what these do not.",
+        markdown_table(["world", *(f"`{name}`" for name in models), "first tier"], lines, 1),
+        f"[worlds.csv](worlds.csv) has all numbers. Made by `{study.command}`.",
+    )
 
 
 def first(board: Sequence[LeaderboardRow]) -> list[str]:
@@ -160,7 +159,3 @@ def worlds_figure(found: Found, centre: World, models: Sequence[str], note: str)
         for x, y in ringed:
             axes.plot(x, y, "o", markersize=13, markerfacecolor="none", markeredgecolor=INK, zorder=4)
     return figure
-
-
-if __name__ == "__main__":
-    main()

@@ -6,8 +6,8 @@ import pytest
 from attackers_suite import condition
 from csv_files import csv_rows
 
-from studies import budget, transfer
 from studies.budget import Level, Point, left_out, levels
+from studies.study import run
 from studies.transfer import Coalition
 
 pytestmark = pytest.mark.slow
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 def test_budgets_of_scripts_and_of_a_search(tmp_path):
     methods = ["--method", "scripts", "--method", "random search", "--budget", "500", "--budget", "5000"]
     models = ["--model", "mean", "--model", "beta:keep=0.5"]
-    budget.main([*condition(tmp_path), *methods, *models, "--runs", "2", "--out", str(tmp_path)])
+    run("studies.budget", [*condition(tmp_path), *methods, *models, "--runs", "2", "--out", str(tmp_path)])
     found = csv_rows(tmp_path / "budget.csv")
     assert len(found) == 2 * (1 + 2) * 2
     rounds = 2 * 40 * 6  # scripts x games x rounds of a game
@@ -44,7 +44,7 @@ def test_levels_are_means_over_seeds():
 
 def test_coalitions_play_on_all_columns(tmp_path):
     models = ["--model", "mean", "--on", "median", "--budget", "20000", "--runs", "1"]
-    transfer.main([*condition(tmp_path), *models, "--out", str(tmp_path)])
+    run("studies.transfer", [*condition(tmp_path), *models, "--out", str(tmp_path)])
     found = csv_rows(tmp_path / "transfer.csv")
     assert [row["played_on"] for row in found[:2]] == ["mean", "median"]
     assert [row["seen"] for row in found[:2]] == ["True", "False"]

@@ -7,7 +7,7 @@ from attackers_suite import SUITE
 from csv_files import csv_rows
 
 from roletrust_agents.learned.saved_defence import SavedTrust, load_defence
-from studies.defend import main
+from studies.study import run
 
 pytestmark = pytest.mark.slow
 
@@ -15,11 +15,14 @@ SHORT = ["--iterations", "1", "--budget", "8000", "--steps", "1", "--games", "3"
 MODELS = ["--model", "mean", "--model", "role-trust", "--beside", "mean"]
 
 
-def run(folder, *arguments):
+def play(folder, *arguments):
     suite = folder / "tiny.toml"
     suite.write_text(SUITE.replace("shares = [0.5]", "shares = [0.25, 0.5]"))
     where = ["--suite", str(suite), "--front", "small/raters/0.5", "--world", "small/raters/0.25"]
-    main([*where, *SHORT, *MODELS, "--runs", "1", "--defence", "network", "--out", str(folder / "out"), *arguments])
+    run(
+        "studies.defend",
+        [*where, *SHORT, *MODELS, "--runs", "1", "--defence", "network", "--out", str(folder / "out"), *arguments],
+    )
 
 
 def rows(folder, name):
@@ -33,7 +36,7 @@ def by_name(table):
 
 
 def test_its_files_say_the_same_and_several_runs_are_the_mean_of_single_ones(tmp_path, monkeypatch):
-    run(tmp_path, "--runs", "2")
+    play(tmp_path, "--runs", "2")
     monkeypatch.setattr("studies.defend.play_game", None)  # nothing may be played again
     tables = {name: by_name(rows(tmp_path, name)) for name in ("comparison.csv", "iterations.csv", "leads.csv")}
     single, kept = [], tmp_path / "out" / "runs.json"
@@ -41,7 +44,7 @@ def test_its_files_say_the_same_and_several_runs_are_the_mean_of_single_ones(tmp
         runs = json.loads(kept.read_text())
         runs["made_with"]["seed"] = seed  # a folder keeps the runs of a study from one seed on
         kept.write_text(json.dumps(runs))
-        run(tmp_path, "--seed", str(seed))
+        play(tmp_path, "--seed", str(seed))
         single.append({name: by_name(rows(tmp_path, name)) for name in tables})
     for name, last in (("comparison.csv", "worlds"), ("iterations.csv", "single"), ("leads.csv", "worlds")):
         for key, both in tables[name].items():
@@ -73,6 +76,6 @@ def test_what_does_not_fit_is_refused(tmp_path, capsys):
         (["--model", "bta"], "did you mean 'beta'"),
     ):
         with pytest.raises(SystemExit) as error:
-            run(tmp_path, *arguments)
+            play(tmp_path, *arguments)
         assert error.value.code == 2
         assert message in capsys.readouterr().err

@@ -12,7 +12,8 @@ from small_suites import small
 
 from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.worst_case import AttackScores, Condition
-from studies.equilibrium import Payoffs, equilibrium, main, payoffs, responded, solve
+from studies.equilibrium import Payoffs, equilibrium, payoffs, responded, solve
+from studies.study import run
 
 pytestmark = pytest.mark.slow
 
@@ -134,7 +135,7 @@ def test_the_study_of_a_played_suite(tmp_path):
     suite = small(models=["mean", "median", "constant"], methods=["scripted"])
     benchmark(suite=suite, out=tmp_path / "played", workers=0, progress=False)
     results = ["--results", str(tmp_path / "played/results.sqlite"), "--resamples", "20"]
-    main([*results, "--out", str(tmp_path / "out")])
+    run("studies.equilibrium", [*results, "--out", str(tmp_path / "out")])
     rows = csv_rows(tmp_path / "out/equilibrium.csv")
     assert {row["model"] for row in rows} == {"mean", "median", "constant"}
     assert sum(float(row["weight"]) for row in rows) == pytest.approx(1, abs=1e-5)

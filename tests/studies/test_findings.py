@@ -8,9 +8,10 @@ import pytest
 from csv_files import csv_rows
 
 from roletrust_env import attackers
-from studies.findings import QUESTIONS, main
+from studies.findings import QUESTIONS
 from studies.questions import breaking, roles
 from studies.questions.answers import Effort
+from studies.study import run
 
 pytestmark = pytest.mark.slow
 
@@ -19,28 +20,28 @@ PAGE = (HOUSE / "docs/findings.md").read_text(encoding="utf-8")
 
 
 def test_every_question_has_a_sentence_a_figure_a_table_and_a_command(tmp_path, capsys):
-    main(["--quick", "--games", "3", "--out", str(tmp_path)])
+    run("studies.findings", ["--quick", "--games", "3", "--out", str(tmp_path)])
     kept = json.loads((tmp_path / "runs.json").read_text())["runs"]
     text = (tmp_path / "findings.md").read_text()
     assert set(kept) == set(QUESTIONS)
     for name, one in kept.items():
-        command = f"python -m studies.findings --question {name} --games 3 --seed 0 --quick"
+        command = f"python -m studies findings --question {name} --games 3 --seed 0 --quick"
         assert f"](findings/{name}.png)\n\n{one['sentence']}\n\n    {command}\n" in text
         assert (tmp_path / "findings" / f"{name}.png").stat().st_size > 10_000
         rows = csv_rows(tmp_path / "findings" / f"{name}.csv")
         assert rows
         assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in rows)
-    main(["--quick", "--games", "3", "--question", "noise", "--out", str(tmp_path / "again")])
+    run("studies.findings", ["--quick", "--games", "3", "--question", "noise", "--out", str(tmp_path / "again")])
     again = json.loads((tmp_path / "again" / "runs.json").read_text())["runs"]
     assert again["noise"] == kept["noise"]
     with pytest.raises(SystemExit):
-        main(["--question", "nose", "--out", str(tmp_path / "none")])
+        run("studies.findings", ["--question", "nose", "--out", str(tmp_path / "none")])
     assert "questions are roles, dilution" in capsys.readouterr().err
 
 
 def test_the_page_is_that_of_one_default_run():
     asked = re.findall(
-        r"^    python -m studies.findings --question (\S+) --games 48 --seed 0$", PAGE, flags=re.MULTILINE
+        r"^    python -m studies findings --question (\S+) --games 48 --seed 0$", PAGE, flags=re.MULTILINE
     )
     assert len(asked) == PAGE.count("\n## ")
     assert set(asked) == set(QUESTIONS)

@@ -11,7 +11,7 @@ from roletrust_agents.training.runs import write_bytes
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.trust import Traits, make_trust_model
-from studies.ladder import main
+from studies.study import run
 
 pytestmark = pytest.mark.slow
 
@@ -20,7 +20,10 @@ CERTAIN = ["--set", "noise=0", "--set", "perturbations=[]", "--set", "max_cycles
 
 def climb(out, task, *arguments, budget=6000):
     """The scores of each rung by run, and the page."""
-    main(["task", "--task", task, *arguments, "--budget", str(budget), "--games", "4", "--out", str(out)])
+    run(
+        "studies.ladder",
+        ["task", "--task", task, *arguments, "--budget", str(budget), "--games", "4", "--out", str(out)],
+    )
     rows = csv_rows(out / "ladder.csv")
     rungs = {}
     for row in rows:

@@ -6,7 +6,8 @@ import pytest
 from roletrust_env import make_scenario, trust_models
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.world.roster import Roster
-from studies.models import Panel, main, mean_lines, models_figure
+from studies.models import Panel, mean_lines, models_figure
+from studies.study import run
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +26,7 @@ def drawn(folder):
 def page(tmp_path_factory):
     out = tmp_path_factory.mktemp("models")
     models = [word for name in ("role-trust", "mean", "median", "constant") for word in ("--model", name)]
-    main([*models, "--games", "1", "--out", str(out)])
+    run("studies.models", [*models, "--games", "1", "--out", str(out)])
     return out
 
 

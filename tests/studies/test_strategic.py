@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from csv_files import csv_rows
 
-from studies.strategic import STARTS, main, price_of_anarchy
+from studies.strategic import STARTS, price_of_anarchy
+from studies.study import run
 
 pytestmark = pytest.mark.slow
 
@@ -12,7 +13,7 @@ FEW = ("--scenario", "crowd", "--cost", "0.1", "--runs", "2", "--steps", "2", "-
 
 
 def test_every_population_has_a_row(tmp_path, capsys):
-    main(["--model", "beta", "--model", "constant", *FEW, "--out", str(tmp_path)])
+    run("studies.strategic", ["--model", "beta", "--model", "constant", *FEW, "--out", str(tmp_path)])
     found = csv_rows(tmp_path / "strategic.csv")
     assert [(row["model"], row["start"]) for row in found] == [(m, s) for m in ("beta", "constant") for s in STARTS]
     assert {"welfare_half_95", "provider_gain_half_95", "moved_half_95"} < set(found[0])

@@ -1,13 +1,15 @@
 """The runner of studies, with a study of squares: its options, what it keeps, refuses and publishes."""
 
 import json
+import sys
 from typing import NamedTuple
 
 import pytest
 
 from roletrust_env.storage.files import write_json
 from studies import study as runner
-from studies.study import Recipe, Study
+from studies.__main__ import main as command
+from studies.study import Recipe, Study, run
 
 
 class Options(NamedTuple):
@@ -27,14 +29,18 @@ def raised(number, power):
     return {"value": number**power}
 
 
+def main(one):
+    jobs = {str(n): (n, one.options.power) for n in one.options.number}
+    runs = one.play(raised, jobs, {"power": one.options.power})
+    one.csv("numbers.csv", ("number", "value"), [(key, run["value"]) for key, run in runs.items()])
+    one.page("page.md", "# Powers", "", f"Made by `{one.command}`.")
+
+
 def study(tmp_path, *arguments):
     PLAYED.clear()
-    with Study(__name__, RECIPES, [*map(str, arguments), "--workers", "1", "--out", str(tmp_path / "out")]) as one:
-        jobs = {str(n): (n, one.options.power) for n in one.options.number}
-        runs = one.play(raised, jobs, {"power": one.options.power})
-        one.csv("numbers.csv", ("number", "value"), [(key, run["value"]) for key, run in runs.items()])
-        one.page("page.md", "# Powers", "", f"Made by `{one.command}`.")
-    return one
+    words = [*map(str, arguments), "--workers", "1", "--out", str(tmp_path / "out")]
+    run(__name__, words)
+    return Study(sys.modules[__name__], words)
 
 
 def test_options_are_those_of_the_recipe_and_of_the_command(tmp_path):
@@ -105,3 +111,15 @@ def test_published_files_are_copied_when_asked(tmp_path, monkeypatch):
     assert not (tmp_path / "docs").exists()
     study(tmp_path, "--publish")
     assert (tmp_path / "docs/a/squares.md").read_text().startswith("# Powers\n\nMade by `python -m ")
+
+
+def test_a_study_is_run_by_its_name(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["studies", "sybil"])
+    with pytest.raises(SystemExit) as stopped:
+        command()
+    assert stopped.value.code == 2
+    assert "no study 'sybil'; did you mean 'sybils'?" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["studies", "sybils", "--help"])
+    with pytest.raises(SystemExit):
+        command()
+    assert capsys.readouterr().out.startswith("usage: python -m studies sybils ")

@@ -6,7 +6,8 @@ import numpy as np
 
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.log import read_ratings
-from studies.suspects import main, planted
+from studies.study import run
+from studies.suspects import planted
 
 
 def written(path: Path) -> Path:
@@ -51,7 +52,7 @@ def test_the_page_has_a_line_for_each_kind_and_size(tmp_path: Path) -> None:
         "--shuffles",
         "10",
     ]
-    main([*options, "--model", "mean", "--workers", "1", "--out", str(tmp_path / "out")])
+    run("studies.suspects", [*options, "--model", "mean", "--workers", "1", "--out", str(tmp_path / "out")])
     page = (tmp_path / "out" / "suspects.md").read_text()
     assert "| ring | 5 of 5 | 8 | " in page
     assert "| honest club | 5 of 5 | 8 | " in page

@@ -8,6 +8,7 @@ from csv_files import csv_rows
 
 from roletrust_baselines.logs.sybil_graphs import SybilGraph
 from roletrust_env.metrics.confidence import Estimate
+from studies.study import run
 from studies.sybils import (
     BRIDGES,
     CASES,
@@ -18,7 +19,6 @@ from studies.sybils import (
     Options,
     community,
     gains,
-    main,
     measured,
     worst,
 )
@@ -54,7 +54,7 @@ def test_the_worst_topology_is_the_one_with_the_highest_mean() -> None:
 
 @pytest.mark.slow
 def test_the_study_writes_the_means_of_its_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["--members", "30", "--runs", "2", "--seeds", "2", "--workers", "1", "--out", str(tmp_path)])
+    run("studies.sybils", ["--members", "30", "--runs", "2", "--seeds", "2", "--workers", "1", "--out", str(tmp_path)])
     rows = csv_rows(tmp_path / "gains.csv")
     assert len(rows) == (len(MODELS) + 1) * len(TOPOLOGIES) * (len(CASES) + 1)
     options = Options(members=30, runs=2, seeds=2)

@@ -13,6 +13,7 @@ from roletrust_env.trust import Mean, Ratings, RoleTrust, make_trust_model
 from studies import costs, edge_costs, speed
 from studies.costs import Cell, Found, compile_ahead, growth, measure_models, sizes
 from studies.edge_costs import PLAIN, Edges, on_edges, plain
+from studies.study import run
 from studies.timing import COMPILED, Contestant, Size, Spread, Timing, measure, trust_update
 
 pytestmark = pytest.mark.slow
@@ -26,7 +27,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_costs_have_a_row_for_each_model_and_size(tmp_path: Path) -> None:
     sides = ["--side", "3", "--side", "2", "--library", "NumPy"]
-    costs.main(["--model", "mean", "--model", "beta:keep=0.5", *sides, "--out", str(tmp_path)])
+    run("studies.costs", ["--model", "mean", "--model", "beta:keep=0.5", *sides, "--out", str(tmp_path)])
     found = csv_rows(tmp_path / "model-costs.csv")
     assert [(row["model"], row["raters"], row["providers"]) for row in found[-2:]] == [
         ("mean", "3", "3"),
@@ -39,7 +40,7 @@ def test_costs_have_a_row_for_each_model_and_size(tmp_path: Path) -> None:
 def test_lists_have_a_row_for_each_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(edge_costs, "_RUNS", 1)
     sizes = ["--ratings", "2000", "--ratings", "1000", "--agents", "100", "--rows", "50"]
-    edge_costs.main(["--model", "mean", *sizes, "--out", str(tmp_path)])
+    run("studies.edge_costs", ["--model", "mean", *sizes, "--out", str(tmp_path)])
     found = csv_rows(tmp_path / "edge-costs.csv")
     assert [(row["model"], row["ratings_asked"]) for row in found] == [
         (name, size) for size in ("1000", "2000") for name in (PLAIN, "mean")
@@ -160,7 +161,7 @@ def test_every_contestant_gets_its_turns():
 
 def test_speed_in_its_smallest_form(tmp_path: Path) -> None:
     pytest.importorskip("mpe2")
-    speed.main(["--games", "2", "--out", str(tmp_path)])
+    run("studies.speed", ["--games", "2", "--out", str(tmp_path)])
     found = csv_rows(tmp_path / "speed.csv")
     assert {"paper-3x3, parallel", "paper-3x3, in turn", "NumPy batch", "attack task batch"} <= {
         row["contestant"] for row in found

@@ -10,7 +10,8 @@ from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from roletrust_env.metrics.confidence import Estimate
 from studies import SUITES
-from studies.worlds import World, main, sentence
+from studies.study import run
+from studies.worlds import World, sentence
 
 pytestmark = pytest.mark.slow
 
@@ -42,7 +43,7 @@ def boards(**tiers):
 
 def test_the_numbers_of_a_world_are_those_of_its_own_benchmark(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL)
-    main(["--suite", str(tmp_path / "small.toml"), "--workers", "1", "--out", str(tmp_path)])
+    run("studies.worlds", ["--suite", str(tmp_path / "small.toml"), "--workers", "1", "--out", str(tmp_path)])
     found = csv_rows(tmp_path / "worlds.csv")
     assert len(found) == 3 * 2
     suite = load_suite(tmp_path / "small.toml")

@@ -34,7 +34,7 @@ from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 MAX_JSON, MAX_SAFETENSORS = 100_000, 8 * SIZE + 10_000
 """Largest sizes of the two files, in bytes."""
 
-_MADE = "a saved defence is a .json and a .safetensors file, which `python -m studies.defend --defence network` writes"
+_MADE = "a saved defence is a .json and a .safetensors file, which `python -m studies defend --defence network` writes"
 
 _PARAMETERS = tuple(field.name for field in fields(LeaveOneOut) if field.name != "initial")
 """Parameters of a saved model. Trust before any rating is the scenario's."""

@@ -29,7 +29,7 @@ MODEL = "role-trust"
 """Trust model that every attack is shown on: the paper's."""
 
 CARD = "4 of 10 raters bad-mouth"
-"""Attack of `python -m studies.models` under which all trust models are shown side by side."""
+"""Attack of `python -m studies models` under which all trust models are shown side by side."""
 
 GAMES = 8
 """Number of games; a picture shows their mean."""
@@ -159,7 +159,7 @@ def _source(*names: str) -> str:
 
 
 def model_pictures(folder: Path, names: Iterable[str]) -> dict[str, list[Picture]]:
-    """Draw every trust model under the attacks of `python -m studies.models`.
+    """Draw every trust model under the attacks of `python -m studies models`.
 
     Args:
         folder: Folder of the pictures.
