@@ -22,7 +22,7 @@ from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewa
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.markdown import markdown_table
-from studies.charts import Panel, Series, panels_figure
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.condition import Condition
 from studies.study import Recipe, Run, Study, mean_of, plus_minus
 

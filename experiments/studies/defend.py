@@ -26,7 +26,7 @@ from roletrust_env import __version__
 from roletrust_env.metrics.confidence import Interval, over_seeds
 from roletrust_env.storage.files import write_text
 from roletrust_env.storage.markdown import markdown_table
-from studies.charts import Panel, Series, panels_figure
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.defence.fronts import Front
 from studies.defence.game import Options, label, play_game
 from studies.study import Recipe, Run, Study, with_ends

@@ -21,7 +21,7 @@ from roletrust_env.benchmarking.worst_case import AttackScores, Condition, Float
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.leaderboard import read_run
-from studies.charts import Panel, Series, panels_figure
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.study import Recipe, Study, with_ends
 
 SHARED = WITHOUT_SEARCH | {"universal"}

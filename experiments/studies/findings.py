@@ -10,7 +10,7 @@ difference is not shown. Minutes on two cores.
 
 from typing import NamedTuple
 
-from studies.charts import Panel, Series, panels_figure
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.questions import admission, both_roles, breaking, dilution, mirrored, movement, noise, roles
 from studies.questions.answers import Effort
 from studies.study import Recipe, Run, Study

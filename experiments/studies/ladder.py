@@ -40,7 +40,7 @@ from roletrust_env.evaluation.specs import parse_kinds, parse_settings, parse_tr
 from roletrust_env.metrics.confidence import Interval, over_games
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.options import find_task
-from studies.charts import Panel, Series, panels_figure
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.study import Recipe, Study
 
 

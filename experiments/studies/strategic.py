@@ -28,7 +28,7 @@ from roletrust_env import Game
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval, estimate
 from roletrust_env.storage.markdown import markdown_table
-from studies.charts import Panel, Series, panels_figure
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.condition import scenario_of
 from studies.study import Recipe, Run, Study, plus_minus, with_ends
 

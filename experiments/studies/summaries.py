@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from roletrust_env.metrics.confidence import Interval
-from studies.charts import Panel, Series, panels_figure
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.study import DOCS, Recipe, Study
 
 

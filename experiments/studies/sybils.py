@@ -19,7 +19,7 @@ from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.model import registry
 from roletrust_env.trust.run import make_run
-from studies.charts import Panel, Series, panels_figure
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.study import Recipe, Run, Study, mean_of, with_ends
 
 EIGENTRUST = "personalized-pagerank:alpha=0.5"

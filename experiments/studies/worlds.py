@@ -16,8 +16,8 @@ from roletrust_env import Scenario
 from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.leaderboard import LeaderboardRow, leaderboard_rows
 from roletrust_env.storage.markdown import markdown_table
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from roletrust_experiments.plots.style import INK
-from studies.charts import Panel, Series, panels_figure
 from studies.condition import suite_of
 from studies.study import Recipe, Study, plus_minus
 

@@ -270,7 +270,7 @@ def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path
 
     scales, found = learner_results(suite, stored)
     write_csv(out / "learners.csv", HEADER, table_rows(found))
-    write_figure(out / "learners.png", learners_figure(suite.title, found, scales))
+    write_figure(out / "learners.png", learners_figure(suite.title, found, scales), colours=256)
     names, largest = ranking(found), suite.budgets[-1]
     rows = {(budget, name): _row(name, budget, found, scales) for budget in suite.budgets for name in names}
     tops = [f"{task}: {scale.description}, {scale.top_score:.3f}" for task, scale in scales.items()]

@@ -39,6 +39,7 @@ from roletrust_experiments.commands.console import (
 )
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed
+from roletrust_experiments.plots.figure_files import write_figure
 
 _FEW = 5  # judges at each end of a longer table
 _BEST = 10  # methods of a longer table
@@ -195,7 +196,7 @@ def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None
         _print(title + f": first {_BEST} of {len(lines)}" * (len(lines) > _BEST), headings, lines[:_BEST])
     tell(words)
     write_text(out / "panel.md", markdown(words, tables))
-    panel_figure(rows).savefig(out / "panel.png", dpi=150)
+    write_figure(out / "panel.png", panel_figure(rows), colours=256)
     tell(f"Written to {out}: measures.csv, panel.md, panel.png")
 
 

@@ -12,6 +12,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from roletrust_env.metrics.confidence import Estimate
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.learners import learners_figure
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, quiet, tidy
@@ -59,17 +61,12 @@ def write_figures(folder: Path, content: Content, *suffixes: str) -> list[str]:
 
 def _figures(robustness: Robustness) -> dict[str, Figure]:
     """Return the figures of trust models by the name of their table."""
-    tables, scale, styles = robustness.tables, robustness.suite.score, _styles(robustness.order[:_LINES])
-
-    def breakdown(axes: Axes, rows: Rows) -> None:
-        _draw_breakdown(axes, rows, styles)
-        axes.set_ylabel(f"worst-case {scale}", color=INK)
-
+    tables, styles = robustness.tables, _styles(robustness.order[:_LINES])
     return {
         "leaderboard": _leaderboard(robustness),
         "heatmap": _heatmap(robustness),
         "curves": _panels(tables["curves"], lambda axes, rows: _draw_curves(axes, rows, styles)),
-        "breakdown": _panels(tables["breakdown"], breakdown),
+        "breakdown": _breakdown(robustness),
         "tradeoff": _panels(tables["tradeoff"], lambda axes, rows: _draw_tradeoff(axes, rows, styles)),
     }
 
@@ -107,6 +104,19 @@ def _leaderboard(robustness: Robustness) -> Figure:
     quiet(axes, "x")
     axes.legend(frameon=False, loc="lower left", ncols=len(marks), bbox_to_anchor=(0, 1), labelcolor=INK)
     return figure
+
+
+def _breakdown(robustness: Robustness) -> Figure:
+    """Return the worst-case score of each model by the share of compromised agents."""
+    panels = []
+    for where, rows in _groups(robustness.tables["breakdown"]).items():
+        series = []
+        for model in robustness.order[:_LINES]:
+            mine = [row for row in rows if row["model"] == model]
+            scores = [Estimate(row["score"], row["score_half_95"]).interval for row in mine]
+            series.append(Series(model, [row["share"] for row in mine], scores))
+        panels.append(Panel(where, "share of the compromised", f"worst-case {robustness.suite.score}", series))
+    return panels_figure("", panels, "95% intervals")
 
 
 def _heatmap(robustness: Robustness) -> Figure:
@@ -164,19 +174,6 @@ def _draw_curves(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]]
             axes.plot(row["rounds"], row["utility"], label=row["model"], **{**styles[row["model"]], "marker": ""})
     tidy(axes, "utility")
     axes.set_xlabel("round", color=INK)
-
-
-def _draw_breakdown(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]]) -> None:
-    """Draw the worst-case score of each model by the share of compromised agents, with intervals."""
-    for model, style in styles.items():
-        mine = [row for row in rows if row["model"] == model]
-        halves = np.nan_to_num([row["score_half_95"] for row in mine])
-        shares, means = [row["share"] for row in mine], [row["score"] for row in mine]
-        axes.errorbar(shares, means, yerr=halves, label=model, capsize=2.5, **style)
-    played = sorted({row["share"] for row in rows})
-    axes.set_xticks(played, list(map(_percent, played)))
-    axes.set_xlabel("share of the compromised", color=INK)
-    quiet(axes, "y")
 
 
 def _draw_tradeoff(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]]) -> None:

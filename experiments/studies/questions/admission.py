@@ -9,7 +9,7 @@ from roletrust_env import Policy, Scenario, make_scenario
 from roletrust_env.evaluation.measurement import GameRecord
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
-from studies.charts import Panel
+from roletrust_experiments.plots.charts import Panel
 from studies.questions.answers import Effort, Finding, amount, last, lines, listed, play, verdict
 
 QUESTION = "What does admission control buy?"

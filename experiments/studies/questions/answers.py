@@ -16,7 +16,7 @@ from roletrust_env.game.consumer import Bought
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_env.world.group import Role
 from roletrust_env.world.roster import Roster
-from studies.charts import Panel, Series
+from roletrust_experiments.plots.charts import Panel, Series
 
 T = TypeVar("T")
 At = TypeVar("At", float, str)

@@ -9,7 +9,7 @@ from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, me
 from roletrust_env.evaluation.attackers import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.score import mean_or_nan
-from studies.charts import Panel
+from roletrust_experiments.plots.charts import Panel
 from studies.questions.answers import SETTLED, Effort, Finding, in_words, lines, verdict
 
 QUESTION = "What does ToA do for agents that are raters and providers?"

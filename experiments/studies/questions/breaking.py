@@ -10,7 +10,7 @@ from roletrust_env.benchmarking import Suite, benchmark
 from roletrust_env.benchmarking.suite import Stage, Track
 from roletrust_env.benchmarking.worst_case import WorstCase, worst_cases
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
-from studies.charts import Panel, Series
+from roletrust_experiments.plots.charts import Panel, Series
 from studies.condition import suite_of
 from studies.questions.answers import PATIENCE_S, Effort, Finding, sign
 

@@ -8,7 +8,7 @@ import numpy as np
 from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from studies.charts import Panel, Series
+from roletrust_experiments.plots.charts import Panel, Series
 from studies.questions.answers import Effort, Finding, amount, exact, honest, in_words, last, lines, lost, play
 
 QUESTION = "Do larger systems dilute liars?"

@@ -14,7 +14,7 @@ from roletrust_env.metrics import skill
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import start_model
-from studies.charts import Panel, Series
+from roletrust_experiments.plots.charts import Panel, Series
 from studies.questions.answers import Effort, Finding, amount, exact
 
 QUESTION = "From which share of liars on can no model tell an honest world from a dishonest one?"

@@ -3,7 +3,7 @@
 from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario, metrics
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from studies.charts import Panel
+from roletrust_experiments.plots.charts import Panel
 from studies.questions.answers import Effort, Finding, honest, last, lines, listed, lost, play
 
 QUESTION = "What does movement do, where each rater sees only the providers near it?"

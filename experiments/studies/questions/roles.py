@@ -11,7 +11,7 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Stage, Track
 from roletrust_env.benchmarking.worst_case import as_array
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from studies.charts import Panel
+from roletrust_experiments.plots.charts import Panel
 from studies.condition import suite_of
 from studies.questions.answers import PATIENCE_S, Effort, Finding, lines, listed, verdict
 

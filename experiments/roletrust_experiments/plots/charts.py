@@ -1,4 +1,4 @@
-"""The figure of a study: means with 95% intervals, along an axis of numbers or in a row for each name."""
+"""Panels of means with 95% intervals, along an axis of numbers or in a row for each name."""
 
 from collections.abc import Sequence
 from textwrap import fill
@@ -61,7 +61,7 @@ def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int =
     Args:
         title: Title, such as the question that the panels answer.
         panels: Panels, at least one.
-        note: Note below the panels, or above a legend that has no room beside it.
+        note: Note below the panels, above the legend if there is one.
         columns: Number of panels side by side, at most.
     """
     looks, columns = _looks(panels), min(len(panels), columns)
@@ -84,17 +84,11 @@ def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int =
     for axes in figure.axes:
         keys |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     if len(keys) > 1:
-        figure.legend(
-            keys.values(), keys.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=9, labelcolor=INK
-        )
-    below = figure.supxlabel(note, x=0.99, ha="right", fontsize=8.5, color=QUIET)
-    figure.draw_without_rendering()
-    for legend in figure.legends:
-        if legend.get_window_extent().overlaps(below.get_window_extent()):  # both are at the bottom
-            below.set_text("")
-            legend.set_title(note)
-            legend.get_title().set(fontsize=8.5, color=QUIET)
-            legend.set_alignment("left")
+        place: Any = {"loc": "outside lower left", "ncols": 4, "alignment": "left"}
+        look: Any = {"frameon": False, "fontsize": 9, "title_fontsize": 8.5, "labelcolor": INK}
+        figure.legend(keys.values(), keys.keys(), title=note, **place, **look).get_title().set_color(QUIET)
+    else:
+        figure.supxlabel(note, x=0.99, ha="right", fontsize=8.5, color=QUIET)
     return figure
 
 
