@@ -11,12 +11,11 @@ from typing import Any
 
 import gymnasium
 import pytest
+from command_line import printed
 from csv_files import csv_rows
-from typer.testing import CliRunner
 
 from roletrust_env import make_attacker, make_trust_model, parallel_env
 from roletrust_env.trust import Traits
-from roletrust_experiments.cli import app
 from studies.study import run
 
 MODEL = '''
@@ -115,10 +114,7 @@ def command(tmp_path: Path) -> Callable[..., tuple[Path, str]]:
 
     def run(*arguments: Any) -> tuple[Path, str]:
         out = tmp_path / "out"
-        given = [*map(str, arguments), *([] if arguments[0] == "list" else ["--out", str(out)])]
-        result = CliRunner().invoke(app, given)
-        assert result.exit_code == 0, result.output
-        return out, result.output
+        return out, printed(*arguments, *([] if arguments[0] == "list" else ["--out", out]))
 
     return run
 

@@ -10,11 +10,18 @@ TINY = ["--set", "max_cycles=12"]
 
 
 def run(*arguments):
-    return CliRunner().invoke(app, list(arguments))
+    return CliRunner().invoke(app, [*map(str, arguments)])
+
+
+def printed(*arguments, code=0):
+    """What a command prints, in one line. It must end with this exit code."""
+    result = run(*arguments)
+    assert result.exit_code == code, result.output
+    return " ".join(result.output.split())
 
 
 def play(out, *arguments):
     """What a short run wrote and what it printed."""
-    result = run("play", *arguments, *TINY, "--out", str(out))
+    result = run("play", *arguments, *TINY, "--out", out)
     assert result.exit_code == 0, result.output
     return json.loads((out / "results.json").read_text()), result.output

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import run
+from command_line import printed, run
 
 from roletrust_baselines.logs.folders import write_log
 
@@ -24,27 +24,27 @@ def test_an_audit_says_the_same_on_screen_in_json_and_on_its_page(log: Path, tmp
     prices = ["--price-account", "7", "--price-rating", "0.5", "--fail-below", "1000"]
     models = ["--model", "mean", "--other", "beta"]
     columns = ["--rater", "1", "--ratee", "2", "--rating", "3", "--time", "4"]
-    result = run("audit", str(log), *SMALL, *prices, *columns, *models, "--out", str(tmp_path))
-    assert result.exit_code == 1, result.output
-    assert "Failed: a median price is" in result.output
+    made = run("audit", log, *SMALL, *prices, *columns, *models, "--out", tmp_path)
+    assert made.exit_code == 1
+    result = made.output
+    assert "Failed: a median price is" in result
     found, page = json.loads((tmp_path / "audit.json").read_text()), (tmp_path / "audit.html").read_text()
     jsonschema.validate(found, json.loads((tmp_path / "audit.schema.json").read_text()))
     assert (found["format"], found["model"], list(found["compared"])) == ("roletrust-audit-1", "mean", ["mean", "beta"])
     first = found["audit"]["exposures"][0]["cheapest"]
     assert first["price"] == first["accounts"] * 7 + first["ratings"] * 0.5
     for text in ("out of top", "newcomer in", f"{first['price']:,.4g}"):
-        assert text in result.output
+        assert text in result
         assert text in page
     assert page.index("data:image/png") < page.index("<table>")
-    assert "Median price in 60 attacks" in result.output
-    assert max(map(len, result.output.splitlines()[1:-3])) <= 80
+    assert "Median price in 60 attacks" in result
+    assert max(map(len, result.splitlines()[1:-3])) <= 80
 
 
 def test_prices_may_be_nothing_and_are_no_higher_than_numbers_are_exact(log: Path, tmp_path: Path):
     nothing = [text for name in ("account", "hijacked", "rating") for text in (f"--price-{name}", "0")]
     few = ["--alone", "--target", "5", "--budget", "2", "--model", "mean"]
-    result = run("audit", str(log), *SMALL, *few, *nothing, "--out", str(tmp_path / "out"))
-    assert result.exit_code == 0, result.output
+    printed("audit", log, *SMALL, *few, *nothing, "--out", tmp_path / "out")
     for options, words in ((["--price-day", "1e300"], "numbers up to 1e+12"), (["--other", "mean"], "--alone")):
         assert words in run("audit", str(log), *SMALL, "--alone", *options).output
 
@@ -64,8 +64,7 @@ def test_a_log_without_times_is_audited_in_rounds_by_number(tmp_path: Path):
         "--out",
         str(tmp_path),
     ]
-    result = run(*arguments, "--count", "40")
-    assert result.exit_code == 0, result.output
+    printed(*arguments, "--count", "40")
     found = json.loads((tmp_path / "audit.json").read_text())
     assert (found["every"], found["compared"]) == (None, {})
     assert {one["cheapest"]["days"] for one in found["audit"]["exposures"]} == {None}
@@ -89,9 +88,8 @@ def test_an_audit_of_a_scorer_that_dies_goes_on_where_it_was(log: Path, tmp_path
     scorer = tmp_path / "scorer.py"
     arguments = ["audit", str(log), *SMALL, "--alone", "--scorer", f"exec:{sys.executable} {scorer}"]
     scorer.write_text(SCORER.format(most=250))
-    result = run(*arguments, "--out", str(tmp_path / "broken"))
-    assert result.exit_code == 2, result.output
-    assert "it has ended with exit code 1: out of memory" in result.output
+    result = printed(*arguments, "--out", tmp_path / "broken", code=2)
+    assert "it has ended with exit code 1: out of memory" in result
     journal = tmp_path / "broken" / "audit.journal"
     with journal.open("a") as file:
         file.write('\n["torn')
@@ -109,8 +107,7 @@ def test_a_scorer_outside_is_audited_as_a_model_inside(log: Path, tmp_path: Path
     outside = f"exec:{sys.executable} -c 'from roletrust_experiments import main; main()' serve mean"
     found = []
     for model in ("mean", outside):
-        result = run("audit", str(log), *SMALL, "--scorer", model, "--out", str(tmp_path), "--fail-below", "0.5")
-        assert result.exit_code == 0, result.output
+        printed("audit", log, *SMALL, "--scorer", model, "--out", tmp_path, "--fail-below", "0.5")
         found.append(json.loads((tmp_path / "audit.json").read_text()))
     inside, same = found
     assert inside["audit"] == same["audit"]

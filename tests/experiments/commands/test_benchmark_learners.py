@@ -1,6 +1,7 @@
 """`roletrust benchmark` with suites for learners."""
 
 import pytest
+from command_line import printed, run
 from csv_files import csv_rows
 from typer.testing import CliRunner
 
@@ -32,6 +33,8 @@ class Greedy(Always):
             super().learn(env, budget, seed)
 """
 
+TINY = ["benchmark", "--suite", "tiny.toml", "--workers", "1"]
+
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
@@ -41,15 +44,10 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["benchmark", "--suite", "tiny.toml", "--workers", "1", *arguments])
-
-
 def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
     asked = ["--learner", "all", "--learner", "my_learners:Always:quality=0.4", "--learner", "my_learners:Greedy"]
-    result = run(*asked, "--out", "out")
-    assert result.exit_code == 1, result.output  # the greedy one plays more than it may
-    told = " ".join(result.output.split())
+    result = printed(*TINY, *asked, "--out", "out", code=1)  # the greedy one plays more than it may
+    told = result
     assert "provider: 1 is the exact optimum" in told
     assert "my_learners:Greedy|4000|0: 0 of 4000 rounds are left, and a step of 32 games needs more" in told
     rows = {(row["task"], row["learner"], row["budget"]): row for row in csv_rows(here / "out" / "learners.csv")}
@@ -61,15 +59,14 @@ def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
     before = {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")}
     assert set(before) == {"learners.csv", "learners.md", "learners.png"}
     assert f"| 4,000 | `CMA-ES` | {float(cma['share']):.2f} [" in before["learners.md"].decode()
-    again = run(*asked, "--out", "out")
+    again = run(*TINY, *asked, "--out", "out")
     assert "12 of 16 cells are there already" in " ".join(again.output.split())  # the greedy's are tried again
     assert {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")} == before
 
 
 def test_a_dry_run_tells_the_rounds(here):
-    result = run("--dry-run")
-    assert result.exit_code == 0, result.output
-    assert "12,096" in result.output  # 2 x (2000 + 4000), and 2 x 2 x 2 games of 12 rounds
+    result = printed(*TINY, "--dry-run")
+    assert "12,096" in result  # 2 x (2000 + 4000), and 2 x 2 x 2 games of 12 rounds
     assert not (here / "results").exists()
 
 
@@ -86,9 +83,7 @@ def test_a_dry_run_tells_the_rounds(here):
 )
 def test_what_cannot_be_played_is_refused(here, arguments, message):
     (here / "theirs.toml").write_text(SUITE.replace("CMA-ES", "my_learners:Always"))
-    result = CliRunner().invoke(app, ["benchmark", "--suite", "tiny.toml", *arguments])
-    assert result.exit_code == 2
-    assert message in " ".join(result.output.split())
+    assert message in printed("benchmark", "--suite", "tiny.toml", *arguments, code=2)
     assert not (here / "results").exists()
     assert not (here / "hacked").exists()
 

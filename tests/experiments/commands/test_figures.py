@@ -4,6 +4,7 @@ import json
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+from command_line import printed
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
@@ -19,9 +20,8 @@ HEADER = ["time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3"]
 @pytest.fixture(scope="module")
 def synthetic(tmp_path_factory):
     out = tmp_path_factory.mktemp("figures")
-    result = CliRunner().invoke(app, ["figures", "--service", "synthetic", "--out", str(out)])
-    assert result.exit_code == 0, result.output
-    return out, result.output
+    result = printed("figures", "--service", "synthetic", "--out", out)
+    return out, result
 
 
 def rows_of(path):
@@ -75,9 +75,8 @@ def test_same_seed_same_bytes(synthetic, tmp_path):
 
 def test_failed_claim_is_said_and_is_no_error(monkeypatch, tmp_path):
     monkeypatch.setattr(claims, "_VISIBLE", 2.0)
-    result = CliRunner().invoke(app, ["figures", "--service", "synthetic", "--out", str(tmp_path)])
-    assert result.exit_code == 0
-    assert result.output.count("not ok") == 4
+    result = printed("figures", "--service", "synthetic", "--out", tmp_path)
+    assert result.count("not ok") == 4
 
 
 def test_attack_claims_fail_when_nobody_attacks():
@@ -137,14 +136,13 @@ def test_looped_frames_with_and_without_a_person(tmp_path, monkeypatch, walk, su
     draw = paper.paper_figure
     monkeypatch.setattr(paper, "paper_figure", lambda *given: captions.append(given[-1]) or draw(*given))
     out = tmp_path / "out"
-    result = CliRunner().invoke(app, ["figures", "--frames", str(walk), "--loop", "--out", str(out)])
-    assert result.exit_code == 0, result.output
+    result = printed("figures", "--frames", walk, "--loop", "--out", out)
     results = json.loads((out / "results.json").read_text())
     assert results["scenario"]["playback"] == "loop"
     assert results["footage"]["loop_length_s"] == 2.0
     assert results["footage"]["in_clear_view"] is seen
     assert captions == ["the frames of walk, 2 s, are looped"] * 2
-    said = " ".join(result.output.split())
+    said = result
     assert captions[0] in said
     assert ("saw nobody in these frames: the mean probability of a person was 0.02" in said) is not seen
     assert ("calm: min of all" in said) is seen

@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from command_line import run
+from command_line import printed, run
 from manager_cases import TEAM, manager
 from pages import HOUSE, blocks
 from recorded_games import PERIOD, spoken
@@ -40,10 +40,9 @@ def bag(tmp_path_factory):
 
 
 def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
-    made = run("live", "scenario", str(bag), "--out", str(tmp_path / "team.toml"))
-    assert made.exit_code == 0, made.output
+    made = printed("live", "scenario", bag, "--out", tmp_path / "team.toml")
     for said in ("noise of sr_2", "ratings that did not count", "239 rounds"):
-        assert said in made.output
+        assert said in made
     scenario = make_scenario(tmp_path / "team.toml")
     assert (scenario.name, scenario.max_cycles, len(scenario.agents)) == ("team", 239, 6)
     assert "# sr_2" in (tmp_path / "team.toml").read_text()
@@ -51,8 +50,7 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     assert run("play", str(tmp_path / "team.toml"), *attacked).exit_code == 0
     settings = ["--set", "max_cycles=10", "--learner", "PPO:games=8,hidden=[8],batch_size=40,n_steps=10,n_epochs=1"]
     settings += ["--scenario", str(tmp_path / "team.toml"), "--steps", "160", "--out", str(tmp_path / "train")]
-    trained = run("train", "RaterAttack", *settings)
-    assert trained.exit_code == 0, trained.output
+    printed("train", "RaterAttack", *settings)
 
 
 def test_what_reads_a_recording_says_how_far_it_is(bag, tmp_path, monkeypatch):
@@ -112,10 +110,9 @@ def test_names_that_are_anything_are_written_and_shown(tmp_path):
     names = "sp_0", "x\nrole = 'no'", "[/]", "\x1b]0;mine\x07", "\x7f"
     row = {name: 0.1 + k / 10 for k, name in enumerate(names)}
     bag = recorded(tmp_path / "bag", [said(f"sr_{i}", r, row) for r in range(12) for i in range(3)])
-    done = run("live", "scenario", bag, "--out", str(tmp_path / "team.toml"))
-    assert done.exit_code == 0, done.output
-    assert "ability of [/]" in done.output
-    assert "\x1b]" not in done.output
+    done = printed("live", "scenario", bag, "--out", tmp_path / "team.toml")
+    assert "ability of [/]" in done
+    assert "\x1b]" not in done
     assert len(make_scenario(tmp_path / "team.toml").agents) == 8
 
 
@@ -123,8 +120,7 @@ def test_names_that_are_anything_are_written_and_shown(tmp_path):
 def test_a_stamp_of_another_time_makes_no_scenario_longer(stamp, tmp_path):
     usual = [said(f"sr_{i}", r, {"sp_0": 0.5}) for r in range(12) for i in range(3)]
     bag = recorded(tmp_path / "bag", [*usual, said("sr_1", 13, {"sp_0": 0.5}, stamp)])
-    done = run("live", "scenario", bag, "--out", str(tmp_path / "team.toml"))
-    assert done.exit_code == 0, done.output
+    printed("live", "scenario", bag, "--out", tmp_path / "team.toml")
     assert make_scenario(tmp_path / "team.toml").max_cycles == 12
 
 
@@ -146,8 +142,7 @@ def test_a_recording_of_too_little_is_refused_in_one_line(tmp_path, monkeypatch)
 
 
 def test_a_replay_of_nothing_leaves_nothing(tmp_path):
-    done = run("live", "manager", str(tmp_path / "journal"), "--recording", str(tmp_path / "nowhere"))
-    assert done.exit_code == 2
+    printed("live", "manager", tmp_path / "journal", "--recording", tmp_path / "nowhere", code=2)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -160,8 +155,7 @@ def test_a_recorded_team_is_a_scenario_of_the_benchmark(source, bag, tmp_path, m
     (suite,) = (block for block in blocks(HOUSE / "docs" / "guide" / "robots.md", "toml") if "team.toml" in block)
     quick = suite.replace(', "median"', "")
     Path("robots.toml").write_text(f"games = 2\nbudget = 500\n{quick}")
-    done = run("benchmark", "--suite", "robots.toml", "--out", "out")
-    assert done.exit_code == 0, done.output
+    printed("benchmark", "--suite", "robots.toml", "--out", "out")
     assert len(Path("out/leaderboard.csv").read_text().splitlines()) == 3
 
 

@@ -3,15 +3,14 @@
 from pathlib import Path
 
 import pytest
-from command_line import run
+from command_line import printed, run
 from csv_files import csv_rows
 
 
 @pytest.fixture(scope="module")
 def votes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path: Path = tmp_path_factory.mktemp("votes") / "votes.csv"
-    result = run("panel", str(path), "--synthetic", "--out", str(path.parent / "out"))
-    assert result.exit_code == 0, result.output
+    printed("panel", path, "--synthetic", "--out", path.parent / "out")
     return path
 
 
@@ -21,8 +20,7 @@ def test_a_few_labels_decide_whom_to_trust_and_the_verdicts(votes: Path, tmp_pat
     (tmp_path / "labels.csv").write_text("item,truth\n" + "".join(f"{item},{one}\n" for item, one in some.items()))
     right = {}
     for name, more in (("labels", ["--truth", str(tmp_path / "labels.csv")]), ("none", [])):
-        result = run("panel", str(votes), *more, "--out", str(tmp_path / name))
-        assert result.exit_code == 0, result.output
+        result = run("panel", votes, *more, "--out", tmp_path / name)
         assert max(map(len, result.output.splitlines()[1:-1])) <= 80
         verdicts = csv_rows(tmp_path / name / "verdicts.csv")
         judges = csv_rows(tmp_path / name / "judges.csv")
@@ -36,9 +34,8 @@ def test_a_few_labels_decide_whom_to_trust_and_the_verdicts(votes: Path, tmp_pat
 
 def test_methods_are_measured_and_attacked(votes: Path, tmp_path: Path) -> None:
     more = ["--truth", "truth", "--kind", "kind", "--labels", "0", "--labels", "5", "--draws", "3", "--bribes", "5"]
-    result = run("panel", str(votes), *more, "--method", "majority", "--method", "first-hand", "--out", str(tmp_path))
-    assert result.exit_code == 0, result.output
-    assert "With 5 own labels, first-hand is right in" in result.output
+    result = printed("panel", votes, *more, "--method", "majority", "--method", "first-hand", "--out", tmp_path)
+    assert "With 5 own labels, first-hand is right in" in result
     rows = csv_rows(tmp_path / "measures.csv")
     assert {row["scored"] for row in rows} == {"all", "easy", "hard"}
     attacked = {(row["method"], row["labels"], row["bought"]): float(row["value"]) for row in rows if row["bribe"]}
@@ -58,24 +55,9 @@ def test_agents_that_judge_one_another(tmp_path: Path) -> None:
     ]
     path = tmp_path / "votes.csv"
     path.write_text("judge,item,first,second,vote\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
-    result = run(
-        *(
-            "panel",
-            str(path),
-            "--peers",
-            "--measure",
-            "--bribes",
-            "5",
-            "--labels",
-            "0",
-            "--labels",
-            "4",
-            "--draws",
-            "2",
-        ),
-        *("--method", "win-rate", "--method", "role-trust", "--method", "first-hand", "--out", str(tmp_path / "out")),
-    )
-    assert result.exit_code == 0, result.output
+    numbers = ("--bribes", 5, "--labels", 0, "--labels", 4, "--draws", 2)
+    methods = ("--method", "win-rate", "--method", "role-trust", "--method", "first-hand")
+    printed("panel", path, "--peers", "--measure", *numbers, *methods, "--out", tmp_path / "out")
     assert [row["agent"] for row in csv_rows(tmp_path / "out" / "agents.csv")] == ["a", "b", "c"]
     measures = csv_rows(tmp_path / "out" / "measures.csv")
     assert {row["value"] for row in measures if row["measure"] == "agreement" and row["own"] == "0"} == {"1.000000"}
@@ -93,11 +75,10 @@ def test_judges_without_answers_have_a_tor_and_names_stand_as_they_are(tmp_path:
     path = tmp_path / "votes.csv"
     path.write_text("judge,item,first,second,vote\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
     more = ["--measure", "--bribes", "2", "--method", "role-trust", "--labels", "0", "--labels", "4"]
-    result = run("panel", str(path), "--peers", *more, "--out", str(tmp_path / "out"))
-    assert result.exit_code == 0, result.output
-    assert "method       [b]a|   c" in result.output
+    result = printed("panel", path, "--peers", *more, "--out", tmp_path / "out")
+    assert "method [b]a| c" in result
     assert "| method | [b]a&#124; | c |" in (tmp_path / "out" / "panel.md").read_text()
-    assert "left out: 4 labels, since there are 4 votes of people" in result.output
+    assert "left out: 4 labels, since there are 4 votes of people" in result
     found = csv_rows(tmp_path / "out" / "agents.csv")
     assert [row["agent"] for row in found[:2]] == ["[b]a|", "c"]
     assert {row["agent"]: row["ToP"] for row in found[2:]} == dict.fromkeys(names, "")
@@ -120,9 +101,8 @@ def test_what_is_missing_is_said(votes: Path, tmp_path: Path) -> None:
         (["--synthetic"], "is there already; leave out --synthetic, or name a new file"),
         (["--truth", "truth", "--measure", "--labels", "200"], "there are 200 items with a known truth"),
     ):
-        result = run("panel", str(votes), *arguments, "--out", str(tmp_path / "none"))
-        assert result.exit_code == 2, result.output
-        assert match in " ".join(result.output.split()), result.output
+        result = printed("panel", votes, *arguments, "--out", tmp_path / "none", code=2)
+        assert match in result, result
     assert not (tmp_path / "none").exists()
 
 
@@ -136,7 +116,6 @@ def test_without_the_extra_nothing_is_written(tmp_path: Path, monkeypatch: pytes
 def test_models_that_do_not_fit_are_left_out(votes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roletrust_env.trust.run.MEMORY", 1000.0)
     more = ["--truth", "truth", "--measure", "--method", "majority", "--method", "first-hand", "--out", str(tmp_path)]
-    result = run("panel", str(votes), *more)
-    assert result.exit_code == 0, result.output
-    assert result.output.count("left out: first-hand: trust model") == 1
+    result = printed("panel", votes, *more)
+    assert result.count("left out: first-hand: trust model") == 1
     assert {row["method"] for row in csv_rows(tmp_path / "measures.csv")} == {"majority"}

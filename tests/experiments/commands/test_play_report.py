@@ -3,7 +3,7 @@ import shlex
 
 import numpy as np
 import pytest
-from command_line import TINY, play, run
+from command_line import TINY, play, printed, run
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, make_scenario, metrics
@@ -64,8 +64,7 @@ def test_an_attack_in_words_and_what_comes_next(tmp_path, monkeypatch):
     harm = json.loads((folder / "results.json").read_text())["measured"]["role-trust"]["damage"]["all 5 honest"]["mean"]
     assert f"role-trust: the attack costs honest agents {harm:.3f}" in result.output
     (line,) = (line for line in result.output.splitlines() if line.startswith("Next: "))
-    again = run(*shlex.split(line)[2:])
-    assert again.exit_code == 0, again.output
+    printed(*shlex.split(line)[2:])
     assert (folder / "play.mp4").stat().st_size > 1000
 
 

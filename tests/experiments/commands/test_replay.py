@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import run
+from command_line import printed
 from small_suites import small
 
 from roletrust_env.benchmarking.cells import find_attack, play_cell
@@ -71,11 +71,10 @@ def test_the_command_plays_the_worst_case_of_the_leaderboard(file: Path, tmp_pat
     with Store(file) as store:
         board = Leaderboard.of(SUITE, store.all())
     row = next(row for row in board.rows if row.model == "mean")
-    made = run("replay", str(file), "--model", "mean", "--video", "--out", str(tmp_path))
-    assert made.exit_code == 0, made.output
-    assert f"mean, {row.worst_condition}" in made.output
-    assert row.worst_attack in made.output
-    assert "The file has" not in made.output
+    made = printed("replay", file, "--model", "mean", "--video", "--out", tmp_path)
+    assert f"mean, {row.worst_condition}" in made
+    assert row.worst_attack in made
+    assert "The file has" not in made
     assert {path.name for path in tmp_path.iterdir()} == {"replay.png", "game.mp4", "game.png"}
 
 
@@ -86,10 +85,9 @@ def test_names_are_neither_markup_nor_formulas(tmp_path: Path, drawn: None) -> N
         for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))
     out = tmp_path / "out [red]"
-    made = run("replay", str(tmp_path / "results.sqlite"), "--out", str(out))
-    assert made.exit_code == 0, made.output
-    assert f"mean, market, {track} 50%" in " ".join(made.output.split())
-    assert f"Written to {out}: replay.png" in made.output
+    made = printed("replay", tmp_path / "results.sqlite", "--out", out)
+    assert f"mean, market, {track} 50%" in made
+    assert f"Written to {out}: replay.png" in made
     assert (out / "replay.png").stat().st_size > 5000
 
 
@@ -98,9 +96,8 @@ def test_a_file_with_other_numbers_is_reported(file: Path, tmp_path: Path) -> No
     other.write_bytes(file.read_bytes())
     with sqlite3.connect(other) as connection:
         connection.execute("UPDATE attacks SET measured = replace(measured, '0.', '0.0')")
-    made = run("replay", str(other), "--model", "mean", "--out", str(tmp_path / "out"))
-    assert made.exit_code == 0, made.output
-    assert "The file has a utility of 0.0" in made.output.replace("\n", " ")
+    made = printed("replay", other, "--model", "mean", "--out", tmp_path / "out")
+    assert "The file has a utility of 0.0" in made
 
 
 def test_what_cannot_be_played_again_is_refused(file: Path, tmp_path: Path) -> None:
@@ -112,9 +109,8 @@ def test_what_cannot_be_played_again_is_refused(file: Path, tmp_path: Path) -> N
         (["--attack", "bad-mouthing"], "--attack needs the --cell"),
         (["--cell", scripted.key, "--model", "mean"], "give --cell or --model"),
     ):
-        made = run("replay", str(file), *arguments, "--out", str(tmp_path))
-        assert made.exit_code == 2
-        assert words in made.output.replace("\n", " ")
+        made = printed("replay", file, *arguments, "--out", tmp_path, code=2)
+        assert words in made
     honest = next(cell for cell in SUITE.cells() if cell.track == "honest")
     with pytest.raises(ValueError, match="everybody is honest there"):
         find_attack(SUITE, honest, "nobody")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import run
+from command_line import printed
 from report_run import SHOWN, SUITE, lines, mean
 from small_suites import small
 
@@ -22,8 +22,7 @@ def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path) -> None:
     with Store(tmp_path / "results.sqlite", suite) as store:
         for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))
-    made = run("report", str(tmp_path / "results.sqlite"), "--out", str(tmp_path / "out"))
-    assert made.exit_code == 0, made.output
+    printed("report", tmp_path / "results.sqlite", "--out", tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Worst-case skill" in page
     for name, column in (("breakdown", "score"), ("worst_cases", "score"), ("heatmap", "skill")):
@@ -122,8 +121,7 @@ def test_the_page_needs_nothing_from_outside_and_takes_text_as_text(folder: Path
 
 
 def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path) -> None:
-    made = run("report", str(folder / "results.sqlite"), "--pages", "../models/", "--out", str(tmp_path / "out"))
-    assert made.exit_code == 0, made.output
+    printed("report", folder / "results.sqlite", "--pages", "../models/", "--out", tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "roletrust report" in page
     assert "--pages ../models/ --out" in page
@@ -137,8 +135,7 @@ def test_replays_of_logs_have_a_column(folder: Path, tmp_path: Path) -> None:
     lines += [f'otc,ab,9,attack,mean,"{goal}, 3 new",0.25,0.2,0.3' for goal in ("sink", "lift")]
     (tmp_path / "comparison.csv").write_text("\n".join(lines) + "\n")
     options = "--logs", str(tmp_path / "comparison.csv"), "--out", str(tmp_path / "out")
-    made = run("report", str(folder / "results.sqlite"), *options)
-    assert made.exit_code == 0, made.output
+    printed("report", folder / "results.sqlite", *options)
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert '<td data-value="0.5">0.500<span class="half"> 0.45 to 0.55</span></td>' in page
     assert "--logs" in page
@@ -152,8 +149,7 @@ def test_every_file_that_the_page_links_to_is_there(folder: Path) -> None:
 
 
 def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:
-    made = run("report", str(folder / "learners.sqlite"), "--out", str(tmp_path / "out"))
-    assert made.exit_code == 0, made.output
+    printed("report", folder / "learners.sqlite", "--out", tmp_path / "out")
     files = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
     assert files == {"report.html", "learners.csv", "learners.png", "learners.pdf"}
     assert (tmp_path / "out" / "learners.csv").read_bytes() == (folder / "out" / "learners.csv").read_bytes()
@@ -189,12 +185,10 @@ def test_what_is_no_run_is_refused(folder: Path, tmp_path: Path) -> None:
     with Store(tmp_path / "empty.sqlite", small()):
         pass
     for name, said in (("none.sqlite", "there is no"), ("empty.sqlite", "no attack")):
-        refused = run("report", str(tmp_path / name), "--out", str(tmp_path / "out"))
-        assert refused.exit_code == 2
-        assert said in refused.output
-    refused = run("report", *2 * [str(folder / "results.sqlite")], "--out", str(tmp_path / "out"))
-    assert refused.exit_code == 2
-    assert "both of a suite for robustness; a report has one of each kind" in " ".join(refused.output.split())
+        assert said in printed("report", tmp_path / name, "--out", tmp_path / "out", code=2)
+    assert "both of a suite for robustness; a report has one of each kind" in printed(
+        "report", *2 * [folder / "results.sqlite"], "--out", tmp_path / "out", code=2
+    )
     assert not (tmp_path / "out").exists()
 
 

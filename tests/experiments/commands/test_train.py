@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from command_line import printed, run
 
 pytest.importorskip("sb3_contrib")
 
@@ -39,14 +40,9 @@ def _few_yardsticks(monkeypatch):
     monkeypatch.setattr("roletrust_agents.training.yardsticks.yardsticks", lambda attacker: found)
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["train", *map(str, arguments)])
-
-
 def train(out, *arguments):
-    result = run(*arguments, "--out", out)
-    assert result.exit_code == 0, result.output
-    return load_attacker(out), result.output
+    result = printed("train", *arguments, "--out", out)
+    return load_attacker(out), result
 
 
 def test_a_run_and_what_it_leaves_behind(tmp_path, drawn):
@@ -90,15 +86,14 @@ def test_the_same_seed_learns_the_same_to_the_last_bit(algo):
 
 def test_runs_of_several_seeds_have_a_folder_each(tmp_path):
     arguments = ["ProviderAttack", *PPO, "--steps", 80, "--out", tmp_path]
-    assert run(*arguments, "--runs", 2, "--seed", 5).exit_code == 0
+    assert run("train", *arguments, "--runs", 2, "--seed", 5).exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["seed-5", "seed-6"]
     assert [load_attacker(tmp_path / f"seed-{k}").card.training.seed for k in (5, 6)] == [5, 6]
     assert len(learned_methods(tmp_path, (5, 6), "learned")) == 2
-    again = run(*arguments, "--runs", 2, "--seed", 4)
+    again = run("train", *arguments, "--runs", 2, "--seed", 4)
     assert "seed-5 holds a run" in " ".join(again.output.split())
     assert not (tmp_path / "seed-4").exists()
-    more = run(*arguments, "--runs", 3, "--seed", 5, "--resume")
-    assert more.exit_code == 0, more.output
+    printed("train", *arguments, "--runs", 3, "--seed", 5, "--resume")
     assert (tmp_path / "seed-7" / "attacker.json").exists()
 
 
@@ -167,17 +162,16 @@ def test_what_is_asked_wrongly(tmp_path):
         ],
     }
     for message, arguments in cases.items():
-        result = run(*arguments, "--out", tmp_path)
-        assert result.exit_code == 2
-        assert message in " ".join(result.output.split())
-    assert "no run in" in run("--resume", "--out", tmp_path / "new").output
-    assert "--steps, --set: a run that is continued" in run("--resume", "--steps", 9, "--set", "noise=0").output
+        assert message in printed("train", *arguments, "--out", tmp_path, code=2)
+    assert "no run in" in run("train", "--resume", "--out", tmp_path / "new").output
+    continued = printed("train", "--resume", "--steps", 9, "--set", "noise=0", code=2)
+    assert "--steps, --set: a run that is continued" in continued
     for arguments in ([], ["--steps", 9], ["--seed", 3, "--runs", 2]):
-        line = run(*arguments, "--out", tmp_path / "new").output
+        line = run("train", *arguments, "--out", tmp_path / "new").output
         assert "name a task: ProviderAttack, RaterAttack" in line
         assert "a run that is continued" not in line
     (tmp_path / "config.json").write_text("{")
-    assert "is broken" in run("--resume", "--out", tmp_path).output
+    assert "is broken" in run("train", "--resume", "--out", tmp_path).output
 
 
 def test_a_finished_run_that_goes_on_is_as_it_was(tmp_path):
@@ -260,21 +254,19 @@ def test_the_zoo_says_what_is_damaged_and_what_does_not_hold(tmp_path):
 
 
 def test_a_wrong_first_command_leaves_nothing_behind(tmp_path):
-    wrong = run("ProviderAttack", "--compromised", "sr_0", "--out", tmp_path / "run")
-    assert wrong.exit_code == 2
+    printed("train", "ProviderAttack", "--compromised", "sr_0", "--out", tmp_path / "run", code=2)
     assert not (tmp_path / "run" / "config.json").exists()
 
 
 def test_a_model_without_a_name_cannot_be_trained_against(tmp_path):
     model = "roletrust_env.trust.models.central.means:Mean"
-    refused = run("ProviderAttack", "--model", model, "--out", tmp_path / "run")
-    assert refused.exit_code == 2
-    assert "entry point" in " ".join(refused.output.split())
+    refused = printed("train", "ProviderAttack", "--model", model, "--out", tmp_path / "run", code=2)
+    assert "entry point" in refused
 
 
 def test_what_is_to_go_on_of_several_runs_is_said(tmp_path):
     (tmp_path / "seed-0").mkdir()
-    refused = run("--resume", "--out", tmp_path)
+    refused = run("train", "--resume", "--out", tmp_path)
     assert "the whole command again" in " ".join(refused.output.split())
 
 
@@ -283,9 +275,8 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("roletrust_agents.training.loop.train", interrupted)
-    stopped = run("ProviderAttack", *PPO, "--out", tmp_path)
-    assert stopped.exit_code == 130
-    assert f"--resume --out {tmp_path}" in " ".join(stopped.output.split()).replace(" /", " /")
+    stopped = printed("train", "ProviderAttack", *PPO, "--out", tmp_path, code=130)
+    assert f"--resume --out {tmp_path}" in stopped.replace(" /", " /")
 
 
 def test_attackers_of_the_zoo_are_found_by_name():
