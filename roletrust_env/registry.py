@@ -101,10 +101,6 @@ class Registry(Generic[T]):
 
         The module is imported, which executes its code. The class is not called.
 
-        Args:
-            module: Module of the class.
-            name: Name of the class.
-
         Raises:
             ValueError: The class cannot be loaded, or its objects do not belong into this registry.
         """

@@ -167,11 +167,6 @@ def main(study: Study[Options]) -> None:
 def play_point(condition: Condition, point: Point, games: int) -> Run:
     """Search for an attack and measure it in fresh games.
 
-    Args:
-        condition: Condition of the attack.
-        point: The search.
-        games: Number of fresh games.
-
     Returns:
         The utility with rounds, seconds and the attack in a few words, or `left_out` with the reason.
     """

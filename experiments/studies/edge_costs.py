@@ -126,10 +126,6 @@ def main(study: Study[Options]) -> None:
 def measure_lists(models: Mapping[str, TrustModel[Any]], edges: Edges) -> dict[str, tuple[Timing, int]]:
     """Time a round of every model on a list, one after the other, since all would not fit.
 
-    Args:
-        models: Central models by name.
-        edges: The list.
-
     Returns:
         The timing and the peak memory in bytes, from nothing to the end of a round. First stands the round of
         role-trust in plain NumPy, see `plain`.

@@ -131,10 +131,6 @@ def main(study: Study[Options]) -> None:
 def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payoffs]:
     """Return the payoffs of each condition in which agents attack.
 
-    Args:
-        attacks: Scores of all attacks of a run.
-        models: Names of the models.
-
     Raises:
         ValueError: No attack was played on all models in some condition, or in none an agent attacks.
     """
@@ -211,11 +207,6 @@ def equilibrium(games: Sequence[Payoffs], resamples: int = 200, seed: int = 0) -
     """Return the equilibrium with 95% intervals: games are drawn anew, and all is chosen and measured in the draw.
 
     Mixtures and attacks are chosen in the games for choosing, and all scores are of the games for measuring.
-
-    Args:
-        games: Payoffs of each condition.
-        resamples: Number of draws.
-        seed: Random seed of the draws.
 
     Returns:
         For each model `weight`, its probability in the equilibrium; `alone`, its score alone under the best response to

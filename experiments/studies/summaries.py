@@ -36,11 +36,7 @@ def main(study: Study[Options]) -> None:
 
 
 def figures(docs: Path) -> dict[str, Figure]:
-    """Return the figures by the name of their page.
-
-    Args:
-        docs: Folder of the tables.
-    """
+    """Return the figures by the name of their page."""
 
     def rows(name: str) -> Rows:
         with (docs / name).open(encoding="utf-8", newline="") as file:

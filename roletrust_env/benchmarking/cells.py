@@ -100,11 +100,6 @@ def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKi
     """Return the kinds of scripted attacks of a suite that the compromised agents of a cell can play, by name.
 
     In a track with reserve identities they are those that use them, in any other track those that do not.
-
-    Args:
-        suite: Suite of the cell.
-        cell: The cell.
-        task: Task of the cell.
     """
     names, identities = suite.attack_names, suite.tracks[cell.track].reserve > 0
     playable = {}
@@ -123,11 +118,6 @@ def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: i
 
     If raters and providers are compromised and an attack is for one of these roles, the other role plays the attack of
     the paper: raters bad-mouth, and providers attack on and off.
-
-    Args:
-        task: Attack task.
-        kinds: Playable kinds of attack by name.
-        games: Number of games for each attack.
     """
     attacks = {name: Scripts.of(task, with_paper(task, kind)).default for name, kind in kinds.items()}
     for names in _chunks(attacks, _rows(task, games)):
@@ -136,11 +126,6 @@ def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: i
 
 def known_batches(task: AttackTask, known: Sequence[KnownAttack], games: int) -> Iterator[AttackBatch]:
     """Yield known attacks in batches: together if they play side by side as they do alone.
-
-    Args:
-        task: Attack task.
-        known: Known attacks.
-        games: Number of games for each attack.
 
     Raises:
         ValueError: A record is not valid.
@@ -388,13 +373,6 @@ def _measure_worst(
     suite: Suite, cell: Cell, task: AttackTask, rows: Sequence[AttackResult], attacks: Mapping[str, AttackBatch]
 ) -> dict[str, AttackResult]:
     """Measure the worst attack of a cell, and the worst that serves all raters alike, in further games of the track.
-
-    Args:
-        suite: Suite of the cell.
-        cell: The cell.
-        task: Task of the cell.
-        rows: Results of all attacks.
-        attacks: Each attack by itself, by name.
 
     Returns:
         The results that replace those of these attacks, by name.

@@ -78,11 +78,6 @@ class CellActor:
     def play(self, client: dict[str, Any], suite: SuiteSchema, cell: AnyCell) -> CellResult:
         """Play a cell.
 
-        Args:
-            client: Software of the client.
-            suite: Suite of the cell.
-            cell: Cell to play.
-
         Raises:
             ValueError: The software of this machine differs from that of the client.
         """

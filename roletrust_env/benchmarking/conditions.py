@@ -67,13 +67,7 @@ def condition_rows(
     struck: Sequence[AttackScores],
     conditions: Sequence[tuple[str, str, float]],
 ) -> list[ConditionRow]:
-    """Return the conditions in which models were attacked, in the order of the suite.
-
-    Args:
-        cases: Worst cases by model and condition.
-        struck: Scores of all attacks.
-        conditions: Conditions of the suite.
-    """
+    """Return the conditions in which models were attacked, in the order of the suite."""
     rows = []
     for place in (Condition(*one) for one in conditions):
         found = [case for (_, where), case in cases.items() if where == place]

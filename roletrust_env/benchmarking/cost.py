@@ -41,10 +41,6 @@ def estimate_cost(suite: Suite, cells: Sequence[Cell]) -> dict[str, CostEstimate
 
     The speed of each model is measured in each scenario and track. The overhead of a search, a learner or the planner
     is measured with the first model only.
-
-    Args:
-        suite: Suite of the cells.
-        cells: Cells to play.
     """
     seconds, costs = estimate_seconds(suite, cells), dict[str, CostEstimate]()
     for cell in cells:
@@ -57,7 +53,7 @@ def estimate_cost(suite: Suite, cells: Sequence[Cell]) -> dict[str, CostEstimate
 
 
 def estimate_seconds(suite: Suite, cells: Sequence[Cell]) -> dict[str, float]:
-    """Return an estimate of the seconds of each cell on one core, by its key. Arguments as for `estimate_cost`."""
+    """Return an estimate of the seconds of each cell on one core, by its key."""
     speeds: dict[tuple[str, str, str], float] = {}
     overheads: dict[tuple[str, str], float] = {}
     seconds: dict[str, float] = {}
@@ -73,12 +69,7 @@ def estimate_seconds(suite: Suite, cells: Sequence[Cell]) -> dict[str, float]:
 
 
 def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
-    """Return upper bounds of the game rounds (rounds x games) that find attacks, and of those that measure them.
-
-    Args:
-        suite: Suite of the cell.
-        cell: The cell.
-    """
+    """Return upper bounds of the game rounds (rounds x games) that find attacks, and of those that measure them."""
     rounds, more = attacked_scenario(suite, cell).scenario.max_cycles, suite.tracks[cell.track].games or 0
     each = 2 * suite.games * rounds
     if cell.method == HONEST:
@@ -129,10 +120,6 @@ def cell_costs(suite: SuiteSchema, cells: Sequence[Any]) -> dict[str, float]:
 
     The cells of a run differ in cost by a factor of a thousand, so their number says little of the remaining time. All
     trials of a learner count alike, and so do all cells where a trial fails, as its cells will.
-
-    Args:
-        suite: Suite of the cells.
-        cells: Cells to play.
     """
     alike = dict.fromkeys((cell.key for cell in cells), 1.0)
     if not isinstance(suite, Suite):

@@ -20,9 +20,6 @@ def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str,
 
     A spec is its own name. Every other model is named by its class; a second one of the class gets a number.
 
-    Args:
-        models: Trust models.
-
     Raises:
         ValueError: An object is not a trust model, or its class needs parameters.
     """

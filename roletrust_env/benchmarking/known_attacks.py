@@ -106,9 +106,6 @@ def check_records(attacks: Iterable[KnownAttack]) -> None:
 def read_known_attacks(path: Path) -> tuple[KnownAttack, ...]:
     """Read a file of known attacks. This executes no code, and makes no attacker.
 
-    Args:
-        path: Path of the file.
-
     Raises:
         ValueError: The file does not exist, or its content is not allowed.
         OSError: The file cannot be read.

@@ -231,10 +231,6 @@ class Pool(Protocol):
         """Play cells and yield each with its result when it is finished.
 
         A failed cell has the reason in its result. Closing the generator stops the cells that are still being played.
-
-        Args:
-            suite: Suite of the cells.
-            cells: Cells to play.
         """
 
 

@@ -76,9 +76,6 @@ class SuiteSchema(FrozenModel):
 def check_unique(**fields: tuple[object, ...]) -> None:
     """Check that no value occurs twice in a field.
 
-    Args:
-        fields: Values of each field.
-
     Raises:
         ValueError: A value occurs twice.
     """

@@ -170,9 +170,6 @@ class Source(UntrustedModel):
 def source_of(factory: Callable[..., Any]) -> Source:
     """Return the source of a factory in a registry.
 
-    Args:
-        factory: Class or function.
-
     Raises:
         ValueError: A part of the source is not in a file, or says that it is of a module where it is not.
     """
@@ -227,9 +224,6 @@ def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
 
     The hash of a factory that is not a class or a function of a file covers its parameters, too. Examples are a trust
     model that is given as an object, and a `functools.partial`.
-
-    Args:
-        factories: Factories by name.
     """
     digests = {}
     for name, factory in factories.items():

@@ -133,12 +133,7 @@ class Store:
                     journal.unlink(missing_ok=True)
 
     def add(self, cell: AnyCell, result: CellResult) -> None:
-        """Store the result of a cell in one transaction. It replaces an earlier result of the cell.
-
-        Args:
-            cell: The cell.
-            result: Result of the cell.
-        """
+        """Store the result of a cell in one transaction. It replaces an earlier result of the cell."""
         row = (cell.key, json.dumps(cell._asdict()), *result[1:], platform.node())
         attacks = [
             (

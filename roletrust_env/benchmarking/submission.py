@@ -241,12 +241,7 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
 
 
 def self_contained(suite: Suite, names: Sequence[str]) -> Suite:
-    """Return a suite that does not depend on other files or versions: its attacks by name, its scenarios in full.
-
-    Args:
-        suite: Suite to change.
-        names: Names of the models.
-    """
+    """Return a suite that does not depend on other files or versions: its attacks by name, its scenarios in full."""
     stages = {
         name: stage.model_copy(update={"preset": BASE_PRESET, "set": stage.scenario().model_dump(mode="json")})
         for name, stage in suite.scenarios.items()
@@ -255,11 +250,7 @@ def self_contained(suite: Suite, names: Sequence[str]) -> Suite:
 
 
 def suite_hash(suite: Suite) -> str:
-    """Return the SHA-256 hash of a suite without its models. Suites with equal hashes test models in the same way.
-
-    Args:
-        suite: Suite to hash.
-    """
+    """Return the SHA-256 hash of a suite without its models. Suites with equal hashes test models in the same way."""
     data = suite.model_dump(mode="json", exclude={"models"})
     return hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
@@ -292,12 +283,7 @@ def model_scores(suite: Suite, stored: Sequence[StoredCell]) -> dict[str, ModelS
 
 
 def make_claim(cell: Cell, result: CellResult) -> CellClaim:
-    """Return the claim for a cell.
-
-    Args:
-        cell: The cell.
-        result: Result of the cell.
-    """
+    """Return the claim for a cell."""
     rows = tuple(
         Claim(
             attack=row.attack,

@@ -364,10 +364,6 @@ def attacked_scenario(suite: Suite, cell: Cell) -> AttackedScenario:
 
     The compromised agents are the last ones of their role. They differ from the others in nothing else.
 
-    Args:
-        suite: Suite of the cell.
-        cell: The cell.
-
     Raises:
         ValueError: The track changes an unknown field, or the scenario has too few agents of a role.
     """

@@ -294,9 +294,6 @@ _MAX_PARTS = 100
 def read_submission(path: Path) -> tuple[Submission, Suite]:
     """Read a submission and its suite, without importing or creating anything that they name.
 
-    Args:
-        path: Path of the file.
-
     Raises:
         ValueError: The file does not exist, or its content is not allowed.
         OSError: The file cannot be read.
@@ -311,9 +308,6 @@ def read_submission(path: Path) -> tuple[Submission, Suite]:
 def check_installed_names(suite: Suite) -> None:
     """Check that the models, attacks and search methods of a suite are installed.
 
-    Args:
-        suite: Suite of a submission.
-
     Raises:
         ValueError: A model, an attack or a search method is not installed.
     """
@@ -323,11 +317,7 @@ def check_installed_names(suite: Suite) -> None:
 
 
 def is_same_platform(submission: Submission) -> bool:
-    """Return whether this machine has the same software and processor, and so must reproduce the numbers exactly.
-
-    Args:
-        submission: Submission to compare with.
-    """
+    """Return whether this machine has the same software and processor, and so must reproduce the numbers exactly."""
     return submission.software.model_dump() == software() and submission.processor == processor()
 
 
@@ -359,13 +349,7 @@ def check_claims(submission: Submission, suite: Suite, *, own_suite: bool = Fals
 
 
 def sample_claims(submission: Submission, number: int, seed: int) -> list[CellClaim]:
-    """Return a random sample of the claims, or all claims if there are fewer.
-
-    Args:
-        submission: Submission with the claims.
-        number: Number of claims.
-        seed: Random seed.
-    """
+    """Return a random sample of the claims, or all claims if there are fewer."""
     return random.Random(seed).sample(submission.cells, min(number, len(submission.cells)))
 
 

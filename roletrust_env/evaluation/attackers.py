@@ -275,9 +275,6 @@ def record_of(attacker: Attacker) -> str:
     """Return the record of an attacker, or an empty text if it cannot be recorded.
 
     A policy of a module that is not installed as a plug-in has no name, and so no record.
-
-    Args:
-        attacker: Attacker.
     """
     if isinstance(attacker, Recordable):
         data = attacker.record()
@@ -296,9 +293,6 @@ def record_of(attacker: Attacker) -> str:
 
 def read_record(text: str) -> Attacker:
     """Return the attacker of a record.
-
-    Args:
-        text: Record.
 
     Raises:
         ValueError: The record is too long, is not valid, or names what is not installed.

@@ -154,11 +154,7 @@ def declared_facts(kind: Any, accomplices: tuple[int, ...], length: int) -> dict
 
 
 def declared_ranges(kind: Any) -> dict[str, ParameterRange]:
-    """Return the search ranges that a kind of attack declares, by the parameter's name.
-
-    Args:
-        kind: Class of the attack.
-    """
+    """Return the search ranges that a kind of attack declares, by the parameter's name."""
     ranges = {name: _declared(hint) for name, hint in _hints(kind).items()}
     return {name: range for name, range in ranges.items() if range is not None}
 

@@ -291,11 +291,6 @@ class Game:
 
         Delivered quality is 0 where no rater came, but a consumer could still have had the quality on offer. Where a
         provider treats raters differently, the shape is (S, P, ...): the quality on offer for each rater.
-
-        Args:
-            before: State before the round.
-            actions: Actions of all agents in the round.
-            after: State after the round.
         """
         xp, quality = namespace(self.like), intended(actions, before.properties)
         for _, providing in self._acting(before, after.population):

@@ -137,11 +137,6 @@ class SparseGame(Game):
 
         Each rater is a consumer that goes to the most trusted of the providers that serve it in the round. A rater that
         nobody serves counts as 0 in all three.
-
-        Args:
-            before: State before the round.
-            actions: Actions of all agents in the round.
-            after: State after the round.
         """
         cells, top = self._cells, self.published(before)[1]
         offered = cells.of_providers(self.offered(before, actions, after), after.met)

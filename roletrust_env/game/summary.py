@@ -18,10 +18,6 @@ def summarise(game: Game, state: State) -> Array:
     In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P); presence (N). Then,
     row by row, S x P each: perceived quality of the services without a rating yet, whether there is one, ratings that
     arrived, and whether one did. Where robots move, their positions relative to the arena (N x 2).
-
-    Args:
-        game: Game that is played.
-        state: State of the game.
     """
     xp, batch, roster = namespace(game.like), state.round.shape, game.roster
     tor, top = game.published(state)

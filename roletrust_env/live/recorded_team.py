@@ -196,10 +196,6 @@ def infer_scenario(observation: TeamObservation, name: str) -> InferredScenario:
 
     A rating that arrives after its round was closed does not count in the live system, so it counts as lost here.
     Attackers are treated like other agents; see `estimate_perception` for the effect of attacks.
-
-    Args:
-        observation: Observation of the team.
-        name: Name of the scenario.
     """
     team, rounds = observation.team, len(observation.ratings)
     rates: Mask = np.any(observation.sent, axis=2)

@@ -63,11 +63,7 @@ def trust_text(trust: AgentTrust, now: float) -> str:
 
 
 def make_tools(client: TrustClient) -> MCPServer:
-    """Return a server of the Model Context Protocol with the tools of an agent; `run()` serves standard input.
-
-    Args:
-        client: Client of the agent.
-    """
+    """Return a server of the Model Context Protocol with the tools of an agent; `run()` serves standard input."""
     server = MCPServer(
         "roletrust",
         title="Trust in agents",

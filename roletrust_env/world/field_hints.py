@@ -60,12 +60,7 @@ _BESIDE = {
 
 
 def give_hints(scenario: type[FrozenModel], parts: Mapping[str, Sequence[type[FrozenModel]]]) -> None:
-    """Let a scenario and its tables say what to write in place of names that are no fields of theirs.
-
-    Args:
-        scenario: Model of a scenario.
-        parts: Models of the tables in it, by field.
-    """
+    """Let a scenario and its tables say what to write in place of names that are no fields of theirs."""
     elsewhere = dict[str, str]()
     for field, models in parts.items():
         names = _names(_PART_FIELDS[field]) | {name: name for model in models for name in model.model_fields}

@@ -207,9 +207,6 @@ class Roster:
     def role_schedule(self, max_cycles: int) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """Return which raters rate and which providers provide, by their role in each round.
 
-        Args:
-            max_cycles: Number of rounds.
-
         Returns:
             Two boolean arrays of the shapes (max_cycles, S) and (max_cycles, P).
         """

@@ -123,10 +123,6 @@ def load_attacker(path: str | Path) -> SavedAttacker:
 def parse_attacker(text: bytes, data: bytes) -> SavedAttacker:
     """Return the saved attacker in the contents of its two files.
 
-    Args:
-        text: Content of the JSON file.
-        data: Content of the safetensors file.
-
     Raises:
         ValueError: The files are not valid.
     """

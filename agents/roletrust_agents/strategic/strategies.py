@@ -107,12 +107,7 @@ class StrategyProfile(NamedTuple):
 
 
 def honest_population(game: Game, batch: tuple[int, ...]) -> StrategyProfile:
-    """Return a population of honest agents.
-
-    Args:
-        game: Game with the agents.
-        batch: Shape of the batch.
-    """
+    """Return a population of honest agents."""
     return uniform_population(game, HONEST["providers"], HONEST["raters"], batch)
 
 
@@ -135,13 +130,7 @@ def uniform_population(game: Game, provider: Any, rater: Any, batch: tuple[int, 
 
 
 def random_population(game: Game, batch: tuple[int, ...], seed: int) -> StrategyProfile:
-    """Return a population whose parameters are uniform in their ranges.
-
-    Args:
-        game: Game with the agents.
-        batch: Shape of the batch.
-        seed: Random seed.
-    """
+    """Return a population whose parameters are uniform in their ranges."""
     rng = generator(seed)
 
     def draw(side: Side, agents: int) -> Floats:

@@ -30,12 +30,7 @@ _CELLS = 400_000  # limit on the ratings of a round in one batch
 
 
 def start_games(settings: CoalitionSettings, known: int) -> int:
-    """Return the largest number of games of the start of a wide network where the budget is small.
-
-    Args:
-        settings: Settings.
-        known: Number of known networks.
-    """
+    """Return the largest number of games of the start of a wide network where the budget is small."""
     return known * min(_START_GAMES, settings.validation) + 2 * settings.validation
 
 

@@ -26,11 +26,7 @@ class Yardstick(NamedTuple):
 
 
 def yardsticks(attacker: SavedAttacker) -> list[Yardstick]:
-    """Return the scores to compare with, in the held-out games of the attacker's own score.
-
-    Args:
-        attacker: Trained attacker.
-    """
+    """Return the scores to compare with, in the held-out games of the attacker's own score."""
     card, score = attacker.card, attacker.card.score
     script = best_script(attacker.task(), games=score.games, seed=score.seed)
     known = known_scores(arguments_from_card(card.task, card.trust_model, card.scenario), score.seed)

@@ -53,9 +53,6 @@ def advise(models: Mapping[str, Measures]) -> Advice | None:
 
     Of the models with a forecast inside the interval of the best one, and of these the ones that keep about the most
     under attack, it is the one with the best forecast.
-
-    Args:
-        models: Measures of each model.
     """
     found = {name: one[FORECAST].value for name, one in models.items() if FORECAST in one}
     found = {name: value for name, value in found.items() if not np.isnan(value)}

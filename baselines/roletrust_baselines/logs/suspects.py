@@ -241,10 +241,6 @@ def shuffled(log: RatingLog, rng: np.random.Generator) -> RatingLog:
 
     Ratings keep their rater, value and time. No rater gets a ratee twice in it whom it has rated once, and none itself
     where both roles have the same names, as far as a hundred rounds of swaps can avoid that.
-
-    Args:
-        log: Log.
-        rng: Random generator.
     """
     ratees, both = rng.permutation(log.ratees), log.same_agents
     for _ in range(_SWAPS):

@@ -42,12 +42,7 @@ def leaderboard_table(leaderboard: Leaderboard) -> Table:
 
 
 def replay_command(leaderboard: Leaderboard, results: Path) -> str | None:
-    """Return the command that shows the worst attack on the first model of a suite, None if there was none.
-
-    Args:
-        leaderboard: Leaderboard of the run.
-        results: Path of the file of the run.
-    """
+    """Return the command that shows the worst attack on the first model of a suite, None if there was none."""
     suite, attacked = leaderboard.suite, {row.model for row in leaderboard.rows if row.worst_attack}
     model = next((name for name in suite.model_names if name in attacked), None)
     if model is None:

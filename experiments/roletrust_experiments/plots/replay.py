@@ -15,12 +15,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def replay_figure(title: str, replay: Replay) -> Figure:
-    """Return a figure with a panel for consumers and one for each role, means over the games with 95% intervals.
-
-    Args:
-        title: Title of the figure.
-        replay: The games.
-    """
+    """Return a figure with a panel for consumers and one for each role, means over the games with 95% intervals."""
     sides = [
         [(side.label, side.attacks, side.trust) for side in replay.sides if side.rates == rates]
         for rates in (True, False)

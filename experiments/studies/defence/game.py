@@ -206,11 +206,6 @@ def measure_iteration(before: Sequence[Payoffs], solution: Solution, after: Sequ
     Mixtures and responses are chosen in one set of games, and all numbers are of other games. A response is the best of
     those that are known after the iteration.
 
-    Args:
-        before: Payoffs before the iteration.
-        solution: Their equilibrium.
-        after: Payoffs after the iteration.
-
     Returns:
         `value`: skill of the defence's mixture against the attackers' mixture. `attack`, `defence`: what either side
         wins by a best response to the other's mixture. `nash_conv`: the sum of both, a lower bound of the NashConv of

@@ -98,12 +98,7 @@ def make_scale(honest: Sequence[LearnerRun], bounds: dict[str, float], runs: Seq
 
 
 def aggregate(scales: dict[str, TaskScale], runs: Sequence[LearnerRun]) -> list[LearnerResult]:
-    """Return the results of each learner with each budget on each task, and over all tasks if it has runs on each.
-
-    Args:
-        scales: Scale of each task.
-        runs: Runs of the learners.
-    """
+    """Return the results of each learner with each budget on each task, and over all tasks if it has runs on each."""
     results = []
     for learner, budget in _group_scores(runs):
         groups = {task: [run for run in runs if run[:3] == (task, learner, budget)] for task in scales}
@@ -119,11 +114,7 @@ def aggregate(scales: dict[str, TaskScale], runs: Sequence[LearnerRun]) -> list[
 
 
 def ranking(results: Sequence[LearnerResult]) -> list[str]:
-    """Return the names of the learners from the best to the worst, over all tasks with the largest budget.
-
-    Args:
-        results: Results of the learners.
-    """
+    """Return the names of the learners from the best to the worst, over all tasks with the largest budget."""
     largest = max((result.budget for result in results), default=0)
     shares = {one.learner: one.share.value for one in results if one.task == ALL_TASKS and one.budget == largest}
     names = dict.fromkeys(result.learner for result in results)
@@ -131,11 +122,7 @@ def ranking(results: Sequence[LearnerResult]) -> list[str]:
 
 
 def table_rows(results: Sequence[LearnerResult]) -> list[tuple[object, ...]]:
-    """Return the rows of a table with the columns of `HEADER`.
-
-    Args:
-        results: Results of the learners.
-    """
+    """Return the rows of a table with the columns of `HEADER`."""
     return [(*result[:5], *result.share) for result in results]
 
 
@@ -153,12 +140,7 @@ _BOUND_DESCRIPTIONS = dict(zip(BOUNDS, ("the exact optimum", "a bound that is pr
 def learner_results(
     suite: LearnersSuite, stored: Sequence[tuple[Trial, CellResult]]
 ) -> tuple[dict[str, TaskScale], list[LearnerResult]]:
-    """Return the scale of each task that has been played, and the results of the learners.
-
-    Args:
-        suite: Suite of the run.
-        stored: Trials of the run with their results.
-    """
+    """Return the scale of each task that has been played, and the results of the learners."""
     runs: list[LearnerRun] = []
     bounds: dict[str, dict[str, float]] = {task: {} for task in suite.tasks}
     for trial, result in stored:

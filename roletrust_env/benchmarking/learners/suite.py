@@ -133,10 +133,6 @@ class LearnersSuite(SuiteSchema):
 def play_trial(suite: LearnersSuite, trial: Trial) -> CellResult:
     """Play a trial.
 
-    Args:
-        suite: Suite of the trial.
-        trial: Trial to play.
-
     Raises:
         ValueError: The name of the learner is unknown, or the learner fails.
     """

@@ -164,11 +164,7 @@ class Precedence:
         return bool(self._others)
 
     def is_second(self, publications: Iterable[Publication]) -> bool:
-        """Return whether another manager publishes trust as well and has precedence.
-
-        Args:
-            publications: New publications.
-        """
+        """Return whether another manager publishes trust as well and has precedence."""
         self._read()
         if not self._signed and any(publication.topic == TRUST for publication in publications):
             self._others = {*self._node.writers_of(TRUST)} - {self.own}

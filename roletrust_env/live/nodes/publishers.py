@@ -71,12 +71,7 @@ class ManagerPublisher:
                 self._publish_number(f"/{name}/top", value)
 
     def publish_diagnostics(self, manager: Manager, refusals: Mapping[tuple[str, RefusalReason], int]) -> None:
-        """Publish the refusals and the expected raters, once per interval.
-
-        Args:
-            manager: Manager.
-            refusals: Refusals by sender and reason.
-        """
+        """Publish the refusals and the expected raters, once per interval."""
         if not self._diagnostics.is_due:
             return
         state = {"writer": self.writer, "waited for": " ".join(manager.rounds.expected)}

@@ -20,12 +20,7 @@ _LATE = 3  # rounds until one is certainly closed
 
 
 def work_s(raters: int, providers: int) -> float:
-    """Return the longest time in a few trials that raters took for the pictures of all providers side by side, seconds.
-
-    Args:
-        raters: Number of raters.
-        providers: Number of providers.
-    """
+    """Return the longest time in seconds, of a few trials, that raters took for the pictures of all providers."""
     cv2.setNumThreads(1)  # as in the nodes
     frame = open_frames(None, duration_s=1.0, period_s=1.0, loop=False).frame(0, 0.0, 0.0)
     taken_s = []
