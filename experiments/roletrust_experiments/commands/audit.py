@@ -111,8 +111,7 @@ def audit(
     every = None if count else MONTH if reading.every is None else reading.every
     journal = Journal(out / "audit.journal") if isinstance(chosen, OutsideModel) else None
     if journal and journal.known:
-        told = f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}"
-        tell(told)
+        tell(f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}")
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
         try:

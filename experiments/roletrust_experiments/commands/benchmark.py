@@ -140,7 +140,7 @@ def benchmark(
         try:
             stored = _play(asked, pool, force, out)
         except KeyboardInterrupt:
-            errors.print("Stopped. Finished cells are saved; repeat the command without --force.", soft_wrap=True)
+            tell("Stopped. Finished cells are saved; repeat the command without --force.", where=errors)
             raise typer.Exit(130) from None
     if isinstance(asked, LearnersSuite):
         _show_learners(asked, stored, out)
@@ -173,7 +173,7 @@ def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCel
             about = f"Playing {suite.name}, {done:,} of {number:,} cells"
             progress.update(job, advance=costs.get(cell.key, 0.0), description=about)
             if result.failed:
-                progress.console.print(f"[red]{escape(cell.key)}: {escape(result.failed)}[/]", soft_wrap=True)
+                tell(f"{cell.key}: {result.failed}", "red")
 
         return play_suite(suite, pool, out=out, force=force, on_start=begin, on_cell=show)
 
@@ -187,7 +187,7 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
     )
     console.print(leaderboard_table(leaderboard))
     for line in leaderboard.caveats:
-        console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
+        tell(line, "dim")
     tell(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md")
     if replayed := replay_command(leaderboard, out / "results.sqlite"):
         tell(f"What the worst attack does: {replayed}")
@@ -285,13 +285,11 @@ def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path
         shown.add_row(*map(escape, (name, *rows[largest, name])))
     console.print(shown)
     for task, scale in scales.items():
-        console.print(
-            f"[dim]{escape(task)}: 1 is {escape(scale.description)}, {scale.top_score:.4f}[/]", soft_wrap=True
-        )
+        tell(f"{task}: 1 is {scale.description}, {scale.top_score:.4f}", "dim")
     for trial, done in stored:
         if why := done.failed or (done.unsuitable if trial.learner in suite.learners else ""):
-            console.print(f"[dim]{escape(trial.key)}: {escape(why)}[/]", soft_wrap=True)
-    console.print(f"Written to {out}: results.sqlite, learners.csv, learners.md, learners.png", soft_wrap=True)
+            tell(f"{trial.key}: {why}", "dim")
+    tell(f"Written to {out}: results.sqlite, learners.csv, learners.md, learners.png")
 
 
 def _row(name: str, budget: int, found: Sequence[LearnerResult], scales: dict[str, TaskScale]) -> list[str]:

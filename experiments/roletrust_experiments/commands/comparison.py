@@ -87,4 +87,4 @@ def compare(
     for reason in left_out:
         tell_left_out(reason)
     write_text(out / "comparison.md", markdown(measure_tables(rows), advice, left_out))
-    console.print(f"Written to {out}: comparison.md, the tables of all measures, and comparison.csv", soft_wrap=True)
+    tell(f"Written to {out}: comparison.md, the tables of all measures, and comparison.csv")

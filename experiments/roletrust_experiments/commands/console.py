@@ -108,9 +108,9 @@ def shown(text: str) -> str:
     return escape(re.sub("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", "\ufffd", text))
 
 
-def tell(line: str) -> None:
-    """Print a line that may have texts of others, as it is."""
-    console.print(shown(line), soft_wrap=True)
+def tell(line: str, style: str = "", where: Console = console) -> None:
+    """Print a line that may have texts of others, as it is, in a style such as `dim`."""
+    where.print(shown(line), style=style, soft_wrap=True)
 
 
 def tell_left_out(reason: str) -> None:

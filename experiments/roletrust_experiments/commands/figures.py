@@ -6,13 +6,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
-from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, State, make_scenario
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe_policies, provenance
-from roletrust_experiments.commands.console import console, plain_table, progress_bar
+from roletrust_experiments.commands.console import console, plain_table, progress_bar, tell
 from roletrust_experiments.commands.options import Out
 from roletrust_experiments.paper import claims
 from roletrust_experiments.paper.figures import BAD_MOUTHING, ON_OFF, loop_length_s, loop_note, papers
@@ -126,14 +125,13 @@ def figures(
             )
     else:
         who = "saw nobody in these frames" if seen["probability"] < 0.5 else "did not see a person in every frame"
-        console.print(
+        tell(
             f"OpenCV's people detector {who}: the mean probability of a person was {seen['probability']:.2f} before "
-            "the attack. The paper's levels assume a person in clear view, so they do not apply.",
-            soft_wrap=True,
+            "the attack. The paper's levels assume a person in clear view, so they do not apply."
         )
     if note:
-        console.print(f"[dim]{escape(note)}[/]", soft_wrap=True)
-    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+        tell(note, "dim")
+    tell(f"Written to {out}: {', '.join(written)}")
 
 
 def claims_table(title: str, found: Sequence[claims.Claim]) -> Table:

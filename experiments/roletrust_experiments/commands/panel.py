@@ -174,8 +174,7 @@ def _verdicts(votes: Votes, name: str, out: Path) -> None:
     _print(title, ["judge", "trust", "items", "right on labels"], [cells(line) for line in ends])
     if (votes.truth < 0).all():
         console.print("Without labels, trust is agreement with the majority. --truth FILE (item, truth) adds yours.")
-    told = f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv"
-    tell(told)
+    tell(f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv")
 
 
 def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None:

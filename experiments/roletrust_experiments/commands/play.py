@@ -161,7 +161,7 @@ def play(
             if each.damage:
                 tell(f"{each.model}: {_verdict(each)}")
     if written:
-        aside.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+        tell(f"Written to {out}: {', '.join(written)}", where=aside)
     if not as_json and not video:
         rater = next(name for name in one.game.roster.names if "SR" in one.game.roster.role(name))
         words = {"--attack": attack or [f"{rater}=bad-mouthing"], "--model": model, "--set": settings or []}

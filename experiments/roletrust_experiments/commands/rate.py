@@ -183,9 +183,8 @@ def rate(
             rows = [(n, log.rater_names[at], *one[2:]) for n, one in enumerate(groups.groups, 1) for at in one.raters]
             written += ", suspects.csv"
             write_csv(folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows)
-    console.print(f"Model {escape(name)}{f', {_REASON}' if model is None else ''}.", soft_wrap=True)
-    told = f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to {written}"
-    tell(told)
+    tell(f"Model {name}{f', {_REASON}' if model is None else ''}.")
+    tell(f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to {written}")
     if explain is None and not suspects and not state_or_lead:
         tell("--explain AGENT shows what makes the trust in an agent; --suspects, which raters act together.")
 
@@ -208,7 +207,7 @@ def _stream(model: Any, log: RatingLog, state: Path | None, reading: LogOptions,
     stream.finish()
     if any(apart := [after - had for after, had in zip(_apart(stream), before, strict=True)]):
         words = "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the lead, {:,} repeated"
-        console.print(words.format(apart[0], rounds["late"], *apart[1:]), soft_wrap=True)
+        tell(words.format(apart[0], rounds["late"], *apart[1:]))
     return stream
 
 

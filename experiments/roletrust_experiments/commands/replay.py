@@ -15,7 +15,7 @@ from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least
 from roletrust_env.errors import suggest
 from roletrust_env.metrics.confidence import estimate
 from roletrust_env.storage.files import prepare_folder
-from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar
+from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import read_run
 from roletrust_experiments.commands.options import NAMED, Out
@@ -83,10 +83,10 @@ def replay(
         table.add_row(f"trust in {side.label}", f"{np.nanmean(side.trust):.3f}", "")
     console.print(table)
     if abs(utility.mean - stored) > 1e-6:
-        console.print(
-            f"[yellow]The file has a utility of {stored:.3f}: another processor or other software computes other "
-            "numbers, and may find another attack where the file has no record of the attacker.[/]",
-            soft_wrap=True,
+        tell(
+            f"The file has a utility of {stored:.3f}: another processor or other software computes other numbers, and "
+            "may find another attack where the file has no record of the attacker.",
+            "yellow",
         )
     from roletrust_experiments.plots.replay import replay_figure
 
@@ -99,7 +99,7 @@ def replay(
         with progress_bar() as progress:
             write_video_of_states(out / "game.mp4", task.game, found.states(worst), task.identities, progress)
         written += ["game.mp4", "game.png"]
-    console.print(escape(f"Written to {out}: {', '.join(written)}"), soft_wrap=True)
+    tell(f"Written to {out}: {', '.join(written)}")
 
 
 def _choose(

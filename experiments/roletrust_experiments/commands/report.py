@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
-from roletrust_experiments.commands.console import ALLOW_CODE, console
+from roletrust_experiments.commands.console import ALLOW_CODE, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import Out
 
@@ -76,8 +75,7 @@ def report(
         write_games(out / "games.csv.gz", found.leaderboard.cells)
         write_csv(out / "conditions.csv", ConditionRow._fields, found.conditions)
         written += ", leaderboard.md, games.csv.gz, conditions.csv, worst_cases.csv"
-    figures = f"{', '.join(drawn)}, each as .csv, .png and .pdf"
-    console.print(escape(f"Written to {out}: {written}; {figures}"), soft_wrap=True)
+    tell(f"Written to {out}: {written}; {', '.join(drawn)}, each as .csv, .png and .pdf")
 
 
 def _flat(value: Any) -> Any:

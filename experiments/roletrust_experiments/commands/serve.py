@@ -10,7 +10,7 @@ import typer
 
 from roletrust_baselines.logs.models import make_log_model
 from roletrust_env.trust.service import TrustService, http_server
-from roletrust_experiments.commands.console import errors
+from roletrust_experiments.commands.console import errors, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, given_options
 
@@ -83,7 +83,7 @@ def serve(
                 print(answer, flush=True)
         return
     with http_server(service, host, port) as server:
-        errors.print(f"{model} answers at http://{host}:{server.server_port}; Ctrl-C ends it", soft_wrap=True)
+        tell(f"{model} answers at http://{host}:{server.server_port}; Ctrl-C ends it", where=errors)
         try:
             server.serve_forever()
         except KeyboardInterrupt:
@@ -110,7 +110,7 @@ def _manage(
             manager = TrustManager(journal, model, Settings(*settings), make=make_log_model)
             app = make_app(manager, TrustService(make_log_model(model)) if rounds else None)
             url = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
-            errors.print(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", soft_wrap=True)
+            tell(f"{manager.name} answers with {model} at {url}; Ctrl-C ends it", where=errors)
             gc.freeze()  # else each full collection looks at all modules, and all requests wait
             config = uvicorn.Config(
                 app,

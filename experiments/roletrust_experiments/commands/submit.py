@@ -30,7 +30,7 @@ from roletrust_env.benchmarking.verification import (
     sample_claims,
 )
 from roletrust_env.storage.files import write_json
-from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar
+from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import read_run
 from roletrust_experiments.commands.options import NAMED, Workers
@@ -81,8 +81,8 @@ def submit(
         entries, lost = make_entries(suite, stored, model or (), finder)
         write_json(out, entries.model_dump(mode="json"))
         for line in lost:
-            console.print(f"[yellow]{escape(line)} cannot be recorded, and is left out.[/]", soft_wrap=True)
-        console.print(f"Written: {out}, {len(entries.attacks):,} attacks", soft_wrap=True)
+            tell(f"{line} cannot be recorded, and is left out.", "yellow")
+        tell(f"Written: {out}, {len(entries.attacks):,} attacks")
         return
     with Store(results) as store:
         found = make_submission(store, model or (), allow_code=allow_code)
@@ -91,7 +91,7 @@ def submit(
     for name, standing in found.standings.items():
         table.add_row(escape(name), standing.worst.text)
     console.print(table)
-    console.print(f"Written: {out}, {len(found.cells):,} cells", soft_wrap=True)
+    tell(f"Written: {out}, {len(found.cells):,} cells")
 
 
 def verify(

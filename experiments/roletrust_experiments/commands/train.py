@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
 
 from roletrust_env import Scenario, make_scenario, scenarios
 from roletrust_env.envs.attack_env import TASKS
@@ -15,7 +14,7 @@ from roletrust_env.game.attack_task import Consumers, Knowledge, Objective
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.commands.console import console, errors, progress_bar, tell
+from roletrust_experiments.commands.console import errors, progress_bar, tell
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import (
     NAMED,
@@ -179,9 +178,7 @@ def train(
             _train(one, folder)
         except KeyboardInterrupt:
             again = shlex.join(["--resume", "--out", str(out)]) if runs == 1 else "the same command and --resume"
-            errors.print(
-                escape(f"Stopped. The training so far is kept; continue with: roletrust train {again}"), soft_wrap=True
-            )
+            tell(f"Stopped. The training so far is kept; continue with: roletrust train {again}", where=errors)
             raise typer.Exit(130) from None
 
 
@@ -221,12 +218,12 @@ def _train(run: "Run", folder: "RunFolder") -> None:
     save_attacker(attacker, folder.path / "attacker", write_bytes)
     score = attacker.card.score
     others = ", ".join(f"{one.name} {one.score:.4f}" for one in yardsticks(attacker))
-    console.print(
-        f"[bold]{name}[/], {run.algo}, seed {run.seed}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} "
-        f"held-out games; {attacker.card.training.seconds:.0f} s\n{escape(f'In the same games: {others}')}\n"
-        f"Written to {folder.path}: attacker.json, attacker.safetensors, curve.csv, curve.png",
-        soft_wrap=True,
+    tell(
+        f"{title}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} held-out games; "
+        f"{attacker.card.training.seconds:.0f} s"
     )
+    tell(f"In the same games: {others}")
+    tell(f"Written to {folder.path}: attacker.json, attacker.safetensors, curve.csv, curve.png")
     if len(run.task.compromised) == 1 and run.task.knowledge == "black_box" and run.scenario.name in scenarios():
         attack = f"{run.task.compromised[0]}=learned:path={folder.path}"
         tell(f"Next: {shlex.join(['roletrust', 'play', run.scenario.name, '--attack', attack, '--video'])}")

@@ -59,10 +59,10 @@ def test_a_run_and_what_it_leaves_behind(tmp_path, drawn):
     assert len(list((tmp_path / "checkpoints").iterdir())) == 2
     score, card = attacker.card.score, attacker.card
     assert f"score {score.mean:.4f}" in printed
-    assert "In the same games: honest play 0.0000, best script (sp_2: on-off:raters=[0,1]) 0.2000\n" in printed
+    assert "In the same games: honest play 0.0000, best script (sp_2: on-off:raters=[0,1]) 0.2000 Written" in printed
     _, _, shown = printed.partition("Next: roletrust ")
     shorter = ["--set", "max_cycles=4", "--out", str(tmp_path / "played")]
-    assert CliRunner().invoke(app, [*shlex.split(shown.removesuffix("--video\n")), *shorter]).exit_code == 0
+    assert CliRunner().invoke(app, [*shlex.split(shown.removesuffix("--video")), *shorter]).exit_code == 0
     again = play_task(attacker.task(), attacker.network, games=score.games, seed=score.seed)
     assert again.mean() == pytest.approx(score.mean)
     assert score.mean >= max(float(row["score"]) for row in rows) - 1e-6

@@ -28,7 +28,7 @@ from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_env.trust import TrustModel, make_trust_model
-from roletrust_experiments.commands.console import console, progress_bar, stage
+from roletrust_experiments.commands.console import console, progress_bar, stage, tell
 from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.figures import claims_table
 from roletrust_experiments.commands.live.options import SLOWEST, Browser, Port, Speed, period_ns
@@ -153,7 +153,7 @@ def demo(
     with WaitingPage(port) if view else nullcontext() as page:
         prepare_folder(out)
         if page is not None:
-            console.print(f"Watch it on {address(port)}", soft_wrap=True)
+            tell(f"Watch it on {address(port)}")
         if page is not None and browser:
             webbrowser.open(address(port))
         plan = _paced(plan)
@@ -180,11 +180,10 @@ def _paced(plan: _Plan) -> _Plan:
     slowed = plan.slowed(work)
     if slowed is not plan:
         longer_s = slowed.period / 1e9
-        console.print(
+        tell(
             f"This machine is too slow, or too busy, for a round in {period_s:.2g} s: raters take {work:.2g} s for its "
             f"pictures, and have {period_s / _HEADROOM:.2g} s. A round takes {longer_s:.2g} s instead (--speed "
-            f"{slowed.speed:g}), and the run {slowed.scenario.max_cycles * longer_s / 60:.1f} minutes.",
-            soft_wrap=True,
+            f"{slowed.speed:g}), and the run {slowed.scenario.max_cycles * longer_s / 60:.1f} minutes."
         )
     return slowed
 
@@ -232,8 +231,8 @@ def _report(plan: _Plan, entries: list[JournalEntry], start: int, simulated: Cur
     write_json(out / "results.json", results)
     console.print(claims_table("Su and Saint-Jore (2023), on DDS, seen through OpenCV's HOG people detector", measured))
     console.print("[dim]simulated: " + "; ".join(f"{claim.what} {claim.measured}" for claim in expected) + "[/]")
-    console.print(f"[dim]{caption}; image to trust {delay or float('nan'):.0f} ms at the median[/]", soft_wrap=True)
-    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+    tell(f"{caption}; image to trust {delay or float('nan'):.0f} ms at the median", "dim")
+    tell(f"Written to {out}: {', '.join(written)}")
 
 
 def curves_from_rounds(rounds: Sequence[PublishedTrust], start: int, period: int, period_s: float) -> Curves:

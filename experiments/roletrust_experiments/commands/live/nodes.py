@@ -14,7 +14,7 @@ from roletrust_env.live.team import Team
 from roletrust_env.storage.files import replacing
 from roletrust_env.storage.scenario_files import printable
 from roletrust_env.trust import TrustModel
-from roletrust_experiments.commands.console import console, errors, progress_bar, stage
+from roletrust_experiments.commands.console import errors, progress_bar, stage, tell
 from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns
 from roletrust_experiments.commands.options import NAMED
@@ -91,7 +91,7 @@ def agent(
     rules = make_scenario(scenario)
     period, played = period_ns(rules.period_s, speed), _role(Team.of(rules), name, role)
     timeline = Timeline.aligned(period) if start is None else Timeline(start, period)
-    report = partial(errors.print, markup=False, soft_wrap=True)
+    report = partial(tell, where=errors)
     shared: Any = {"timeline": timeline, "keys": keys, "seed": seed, "network": network, "rounds": rounds}
     shared["report"] = report
     if played == "provider":
@@ -146,7 +146,7 @@ def manager(
     if recording is not None:
         _replay(recording, journal, model, period, team, keys)
         return
-    report = partial(errors.print, markup=False, soft_wrap=True)
+    report = partial(tell, where=errors)
     run_manager_node(model, journal, period=period, team=team, keys=keys, network=network, report=report)
 
 
@@ -168,8 +168,7 @@ def _replay(recording: Path, journal: Path, model: TrustModel[Any], period: int,
         manager.close()
     counts = manager.validator.refusals.items()
     refusals = ", ".join(f"{printable(rater) or 'unknown'} {reason}: {n}" for (rater, reason), n in counts)
-    summary = f"{rounds} rounds, written to {journal}; refused: {refusals or 'nothing'}"
-    console.print(summary, markup=False, soft_wrap=True)
+    tell(f"{rounds} rounds, written to {journal}; refused: {refusals or 'nothing'}")
 
 
 def keys(
@@ -201,9 +200,9 @@ def keys(
     names = names or [MANAGER, *team.raters, *team.providers]
     new = make_keys(folder, names, replace=replace)
     old = [name for name in names if name not in new]
-    console.print(f"Made in {folder}: {', '.join(new) or 'none'}", soft_wrap=True)
+    tell(f"Made in {folder}: {', '.join(new) or 'none'}")
     if old:
-        console.print(f"Unchanged: {', '.join(old)}", soft_wrap=True)
+        tell(f"Unchanged: {', '.join(old)}")
 
 
 def _role(team: Team, name: str, wanted: Role | None) -> Role:

@@ -44,7 +44,7 @@ def record(
         from roletrust_env.live.nodes.recorder_node import run_recorder_node
 
         count, done = run_recorder_node(folder, images=images, network=network), "Recorded"
-    console.print(f"{done} {count} messages in {folder}", soft_wrap=True)
+    tell(f"{done} {count} messages in {folder}")
 
 
 def scenario(
@@ -112,11 +112,11 @@ def scenario(
             table.add_row(escape(f"{kind} of {printable(name)}"), *_numbers(value))
     console.print(table)
     if inferred.late:
-        console.print(f"[dim]{inferred.late:.1%} of the ratings arrived too late[/]", soft_wrap=True)
+        tell(f"{inferred.late:.1%} of the ratings arrived too late", "dim")
     if inferred.away:
-        away = escape(", ".join(map(printable, inferred.away)))
-        console.print(f"[dim]absent for a while, but present throughout the scenario: {away}[/]", soft_wrap=True)
-    console.print(f"Written to {out}", soft_wrap=True)
+        away = ", ".join(map(printable, inferred.away))
+        tell(f"absent for a while, but present throughout the scenario: {away}", "dim")
+    tell(f"Written to {out}")
 
 
 def _numbers(interval: Interval) -> list[str]:

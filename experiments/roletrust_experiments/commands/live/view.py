@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from roletrust_env import make_scenario
-from roletrust_experiments.commands.console import console, errors
+from roletrust_experiments.commands.console import errors, tell
 from roletrust_experiments.commands.extras import require, require_live
 from roletrust_experiments.commands.live.options import Browser, Keys, Network, Port, Scenario, Speed
 
@@ -40,12 +40,12 @@ def view(
     if url is not None:
         require("roletrust live view --url", "mcp", "httpx2", "jwt")
     elif keys is None:
-        errors.print("view: WITHOUT KEYS: everybody on this network can forge what the page shows", soft_wrap=True)
+        tell("view: WITHOUT KEYS: everybody on this network can forge what the page shows", where=errors)
     rules = make_scenario(scenario)
     from roletrust_experiments.view.waiting import WaitingPage
 
     with WaitingPage(port) as page:
-        console.print(f"{address(port)}, until Ctrl-C", soft_wrap=True)
+        tell(f"{address(port)}, until Ctrl-C")
         if browser:
             webbrowser.open(address(port))
         from roletrust_env.live.team import Team
