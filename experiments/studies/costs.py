@@ -19,7 +19,7 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, TrustModel, trust_models
 from studies.study import Recipe, Study
-from studies.timing import COMPILED, Contestant, Size, Spread, Timing, machine, measure, trust_update
+from studies.timing import COMPILED, Contestant, Size, Spread, Timing, machine, measure, times_figure, trust_update
 
 
 class Options(NamedTuple):
@@ -36,7 +36,9 @@ class Options(NamedTuple):
     side: tuple[int, ...] = (3, 30, 300)
 
 
-RECIPES = {"model-costs": Recipe(Options(), {name: name for name in ("model-costs.md", "model-costs.csv")})}
+RECIPES = {
+    "model-costs": Recipe(Options(), {name: name for name in ("model-costs.md", "model-costs.csv", "model-costs.png")})
+}
 
 _BELOW = "```{toctree}\n:hidden:\n\nedge-costs\n```"
 _HEADER = (
@@ -73,6 +75,10 @@ def main(study: Study[Options]) -> None:
         for (name, library, size), traits, cell in cells
     ]
     study.csv("model-costs.csv", _HEADER, rows)
+    largest = Size(sides[-1], sides[-1])
+    timed = [(where, cell.timing) for where, cell in found.items() if cell.timing and where[2] == largest]
+    pictured = {name: [one for where, one in timed if where[1] == name] for name in asked.library}
+    study.figure("model-costs.png", times_figure({f"{name}, {largest}": one for name, one in pictured.items()}))
     parts = [
         "# What the trust models cost",
         "![Nanoseconds per rating of each trust model, on NumPy and on compiled torch](model-costs.png)",

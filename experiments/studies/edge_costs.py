@@ -28,7 +28,7 @@ from roletrust_env.trust import Ratings, TrustModel, trust_models
 from roletrust_env.trust.edges import edge_model, runs_on_edges, start_on_edges
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from studies.study import Recipe, Study
-from studies.timing import Contestant, Spread, Timing, machine, measure
+from studies.timing import Contestant, Spread, Timing, machine, measure, times_figure
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -43,7 +43,9 @@ class Options(NamedTuple):
     rows: int = 1_000_000
 
 
-RECIPES = {"edge-costs": Recipe(Options(), {name: name for name in ("edge-costs.md", "edge-costs.csv")})}
+RECIPES = {
+    "edge-costs": Recipe(Options(), {name: name for name in ("edge-costs.md", "edge-costs.csv", "edge-costs.png")})
+}
 
 PLAIN = "plain NumPy"
 """Name of the round of role-trust that is written by hand."""
@@ -102,10 +104,11 @@ def main(study: Study[Options]) -> None:
         f"median of the repeats; {PLAIN}: the round of role-trust by hand; memory: peak from nothing to the end of "
         f"a round, with the ratings.",
     ]
-    rows = []
+    rows, pictured = [], dict[str, list[Timing]]()
     for size in sizes:
         found = measure_lists(chosen, Edges.of(size, study.seed))
         rows += [(name, size, one.contestant.amount, *one.each(), memory) for name, (one, memory) in found.items()]
+        pictured[f"{size:,} ratings"] = [one for one, _ in found.values()]
         lines = [[name, *_cells(*cell)] for name, cell in found.items()]
         parts += [f"## {size:,} ratings", markdown_table(["model", "ms a round", "M ratings/s", "memory"], lines, 1)]
     lines = [
@@ -120,6 +123,7 @@ def main(study: Study[Options]) -> None:
         *file_costs(study.options.rows, study.seed),
     ]
     study.csv("edge-costs.csv", _HEADER, rows)
+    study.figure("edge-costs.png", times_figure(pictured))
     study.page("edge-costs.md", *parts, f"Made by `{study.command}` on {machine()}.")
 
 

@@ -4,9 +4,8 @@ Seconds. Each picture shows columns of a CSV file in `docs/`, in the order of th
 """
 
 import csv
-from math import isnan
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
@@ -21,7 +20,7 @@ class Options(NamedTuple):
     docs: Path = DOCS
 
 
-PICTURES = ("better-model", "leave-one-out", "first-hand", "real", "model-costs", "edge-costs")
+PICTURES = ("better-model", "leave-one-out", "first-hand", "real")
 """Pages with such a picture."""
 
 RECIPES = {"summaries": Recipe(Options(), {f"{name}.png": f"{name}.png" for name in PICTURES})}
@@ -57,18 +56,10 @@ def figures(docs: Path) -> dict[str, Figure]:
         if (row["protocol"], row["measure"]) == ("rated before", "r") and row["value"]
     ]
     forecasts.sort(key=lambda row: -float(row["value"]))
-    one = _series("rated before", forecasts, "value", "low", "high")
+    intervals = [Interval(*(float(row[name] or "nan") for name in ("value", "low", "high"))) for row in forecasts]
+    one = Series("rated before", [row["model"] for row in forecasts], intervals)
     found["real"] = [Panel("", "", "correlation of trust with ratings of members that have earlier ones", [one])]
-    large = [row for row in rows("model-costs.csv") if row["raters"] == row["providers"] == "300"]
-    costs = {
-        "model-costs": _by(large, "library", "{}, 300 x 300"),
-        "edge-costs": _by(rows("edge-costs.csv"), "ratings_asked", "{} ratings"),
-    }
-    found |= {name: [Panel("", "", "nanoseconds per rating", series, scale="log")] for name, series in costs.items()}
-    ends = dict.fromkeys(costs, "least to greatest of the repeats")
-    return {
-        name: panels_figure("", panels, f"bars: {ends.get(name, '95% intervals')}") for name, panels in found.items()
-    }
+    return {name: panels_figure("", panels, "bars: 95% intervals") for name, panels in found.items()}
 
 
 def _board(rows: Rows) -> list[Series]:
@@ -83,25 +74,3 @@ def _board(rows: Rows) -> list[Series]:
 def _around(mean: str, half: str) -> Interval:
     middle, width = float(mean), float(half)
     return Interval(middle, middle - width, middle + width)
-
-
-def _by(rows: Rows, column: str, label: str) -> list[Series]:
-    """Return the times of the models by the values of a column."""
-    return [
-        _series(
-            label.format(f"{int(value):,}" if value.isdigit() else value),
-            [row for row in rows if row[column] == value],
-            *_TIMES,
-        )
-        for value in dict.fromkeys(row[column] for row in rows)
-    ]
-
-
-_TIMES = ("ns_per_rating", "ns_per_rating_least", "ns_per_rating_greatest")
-
-
-def _series(label: str, rows: Rows, *columns: str) -> Series:
-    """Return the values of some rows, without those that have none."""
-    values: dict[str, Any] = {row["model"]: Interval(*(float(row[name] or "nan") for name in columns)) for row in rows}
-    there = {name: value for name, value in values.items() if not isnan(value.value)}
-    return Series(label, list(there), list(there.values()))

@@ -5,16 +5,19 @@ import os
 import platform
 import time
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from roletrust_env import Random
 from roletrust_env.arrays import namespace
+from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.provenance import software
 from roletrust_env.trust import Ratings, Traits, TrustModel
 from roletrust_env.trust.model import start_model
+from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 
 COMPILED = "compiled torch"
 """Name of the library in which a step is one graph."""
@@ -109,6 +112,16 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
     while (elapsed := _time(contestant, steps) * steps) < seconds / 4:
         steps *= 2
     return max(1, round(steps * seconds / elapsed))
+
+
+def times_figure(found: Mapping[str, Sequence[Timing]]) -> Figure:
+    """Return the nanoseconds per rating of contestants, in a row each; timings have the label of their series."""
+    series = [
+        Series(label, [one.contestant.name for one in timings], [Interval(*one.each()) for one in timings])
+        for label, timings in found.items()
+    ]
+    panel = Panel("", "", "nanoseconds per rating", series, "log")
+    return panels_figure("", [panel], "bars: least to greatest of the repeats")
 
 
 def machine() -> str:

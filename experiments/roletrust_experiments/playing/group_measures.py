@@ -72,14 +72,21 @@ def measure(
     return groups
 
 
-def attack_rounds(attackers: Mapping[str, Policy], rounds: int) -> tuple[int, int]:
-    """Return the first round of the first attack, and the first round after the last attack.
-
-    An attack without a window lasts for the whole game.
-    """
+def attack_windows(attackers: Mapping[str, Policy], rounds: int) -> list[tuple[int, int]]:
+    """Return from and to which rounds agents attack, without overlaps. Without a window it is the whole game."""
     windows = [(p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None) for p in attackers.values()]
-    stops = [rounds if stop is None else min(stop, rounds) for _, stop in windows]
-    return min((start for start, _ in windows), default=0), max(stops, default=rounds)
+    merged: list[tuple[int, int]] = []
+    for start, stop in sorted((start, rounds if stop is None else min(stop, rounds)) for start, stop in windows):
+        overlap = bool(merged) and start <= merged[-1][1]
+        first, last = merged.pop() if overlap else (start, stop)
+        merged.append((first, max(last, stop)))
+    return merged
+
+
+def attack_rounds(attackers: Mapping[str, Policy], rounds: int) -> tuple[int, int]:
+    """Return the first round of the first attack, and the first round after the last attack."""
+    windows = attack_windows(attackers, rounds) or [(0, rounds)]
+    return windows[0][0], max(stop for _, stop in windows)
 
 
 def measured_since(attackers: Mapping[str, Policy], rounds: int) -> int:

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from roletrust_env import Game, Policy
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.game.policy import WindowedAttack
 from roletrust_env.metrics.confidence import Floats, over_games
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_experiments.paper.figures import loop_note
+from roletrust_experiments.playing.group_measures import attack_windows
 from roletrust_experiments.plots.style import ATTACKED, ATTACKERS, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
 
 _FAINT = 0.3  # opacity
@@ -56,7 +56,9 @@ def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str,
     perturbed = [
         (blow.start * period, blow.stop * period) for blow in scenario.perturbations if blow.start < scenario.max_cycles
     ]
-    windows, notes = _windows(attackers, period, end), [note for note in [loop_note(game)] if note]
+    rounds = scenario.max_cycles
+    windows = [(a * period, b * period) for a, b in attack_windows(attackers, rounds) if a < rounds]
+    notes = [note for note in [loop_note(game)] if note]
     return trust_figure(title, panels, end, attackers=attackers, attacks=windows, perturbed=perturbed, notes=notes)
 
 
@@ -192,15 +194,3 @@ def _middle(values: Floats) -> tuple[Floats, Floats]:
     present = ~np.isnan(values).all(axis=1)
     low[present], high[present] = np.nanquantile(values[present], [0.05, 0.95], axis=1)
     return low, high
-
-
-def _windows(attackers: Mapping[str, Policy], period_s: float, end: float) -> list[tuple[float, float]]:
-    """Return the time intervals with an attack."""
-    windows = [(p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None) for p in attackers.values()]
-    merged: list[tuple[float, float]] = []
-    for first, after in sorted(windows, key=lambda window: window[0]):
-        start, stop = first * period_s, end if after is None else min(after * period_s, end)
-        if merged and start <= merged[-1][1]:
-            start, stop = merged[-1][0], max(stop, merged.pop()[1])
-        merged.append((start, stop))
-    return [(start, stop) for start, stop in merged if start < end]
