@@ -98,18 +98,13 @@ COMMANDS = {
     ],
     "better-model": ["benchmark --suite {suites}/development.toml --force --out {out}"],
     "leave-one-out": ["benchmark --suite {suites}/leave-one-out.toml --force --out {out}"],
-    "first-hand": [
-        "benchmark --suite {suites}/first-hand.toml --out {out}",
-        "report {out}/results.sqlite --out {out}/report",
-    ],
-    "by-hand": [
-        "benchmark --suite {suites}/by-hand.toml --out {out}",
-        "report {out}/results.sqlite --out {out}/report",
-    ],
-    "attackers": [
-        "benchmark --suite {suites}/attackers.toml --out {out}",
-        "report {out}/results.sqlite --out {out}/report",
-    ],
+    **{
+        name: [
+            f"benchmark --suite {{suites}}/{name}.toml --out {{out}}",
+            "report {out}/results.sqlite --out {out}/report",
+        ]
+        for name in ("first-hand", "by-hand", "attackers")
+    },
     "learners": ["benchmark --suite learners-coalitions --out {out}"],
     "optimum": ["benchmark --suite learners-optimum --out {out}"],
     "audit": [
