@@ -36,13 +36,7 @@ from roletrust_baselines.rater import (
     Silent,
     TransitiveLying,
 )
-from roletrust_baselines.treatment import (
-    Conflicting,
-    Discrimination,
-    PersonalMilking,
-    QuietDiscrimination,
-    Rotation,
-)
+from roletrust_baselines.treatment import Conflicting, Discrimination, PersonalMilking, QuietDiscrimination, Rotation
 from roletrust_env.game.policy import registry
 
 registry.register("on-off", OnOff)

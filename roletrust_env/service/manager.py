@@ -26,15 +26,7 @@ from roletrust_env.live.validation import (
 from roletrust_env.live.wire.keys import KnownKeys, is_forgeable
 from roletrust_env.service.journal_trust import SECOND, JournalTrust, RoundEnd, Standing
 from roletrust_env.service.store import BLOCK, Event, Store, StoreError, events
-from roletrust_env.service.tokens import (
-    Claims,
-    Rating,
-    Registration,
-    has_work,
-    key_as_text,
-    key_of_text,
-    read_token,
-)
+from roletrust_env.service.tokens import Claims, Rating, Registration, has_work, key_as_text, key_of_text, read_token
 from roletrust_env.trust.model import TrustModel, registry
 
 _VERSION = version("roletrust-env")

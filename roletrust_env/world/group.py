@@ -5,15 +5,7 @@ from difflib import get_close_matches
 from inspect import cleandoc
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    NonNegativeInt,
-    PositiveInt,
-    field_validator,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt, field_validator, model_validator
 
 from roletrust_env.errors import check_unicode, suggest
 from roletrust_env.parameters import Amount, BiasOrRange, ScaleOrRange, Share, ShareOrRange

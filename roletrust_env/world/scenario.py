@@ -7,13 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import (
-    Field,
-    NonNegativeInt,
-    PositiveInt,
-    ValidationError,
-    model_validator,
-)
+from pydantic import Field, NonNegativeInt, PositiveInt, ValidationError, model_validator
 
 from roletrust_env.errors import explain
 from roletrust_env.parameters import Amount, Factor, Lam, PositiveAmount, Share, ZeroOrAmount

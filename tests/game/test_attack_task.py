@@ -5,19 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from attack_cases import (
-    CASES,
-    EVERY_ACCESS,
-    EVERY_CASE,
-    STEALTH,
-    assert_close,
-    busy,
-    deeds,
-    each,
-    make,
-    play,
-    rng,
-)
+from attack_cases import CASES, EVERY_ACCESS, EVERY_CASE, STEALTH, assert_close, busy, deeds, each, make, play, rng
 
 from roletrust_agents.planning.exact import optimal_provider, optimal_rater
 from roletrust_baselines import BadMouthing, OnOff

@@ -11,15 +11,7 @@ import pytest
 from game_cases import ACCESS, TOLERANCE, busy, luck, scenarios
 from hypothesis import given
 
-from roletrust_baselines import (
-    BadMouthing,
-    BallotStuffing,
-    Collusion,
-    Conflicting,
-    OnOff,
-    RankLies,
-    Silent,
-)
+from roletrust_baselines import BadMouthing, BallotStuffing, Collusion, Conflicting, OnOff, RankLies, Silent
 from roletrust_env import (
     Actions,
     Game,

@@ -5,16 +5,7 @@ import pytest
 
 from roletrust_baselines.provider import OnOff
 from roletrust_env import Game, JointPolicy, make_scenario, record
-from roletrust_env.metrics import (
-    auc,
-    blind_utility,
-    damage,
-    false_alarms,
-    present_trust,
-    robustness,
-    skill,
-    utility,
-)
+from roletrust_env.metrics import auc, blind_utility, damage, false_alarms, present_trust, robustness, skill, utility
 
 
 def test_utility_goes_by_the_trust_of_the_round_before() -> None:

@@ -15,14 +15,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.preprocessing import get_action_dim
 from torch import nn
 
-from roletrust_agents.learned.deep_set import (
-    ACCOUNT_UNITS,
-    ALIKE,
-    GAIN,
-    TALKATIVE,
-    DeepSet,
-    DeepSetArchitecture,
-)
+from roletrust_agents.learned.deep_set import ACCOUNT_UNITS, ALIKE, GAIN, TALKATIVE, DeepSet, DeepSetArchitecture
 from roletrust_env.game.accounts import ACCOUNT_FEATURES
 from roletrust_env.game.coalition import FEATURES, Decision
 from roletrust_env.game.coalition_task import CoalitionTask

@@ -11,14 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_baselines.logs.audit import (
-    SHORT,
-    AuditReport,
-    Comparison,
-    attack_count,
-    audit_model,
-    compare_models,
-)
+from roletrust_baselines.logs.audit import SHORT, AuditReport, Comparison, attack_count, audit_model, compare_models
 from roletrust_baselines.logs.models import make_log_model
 from roletrust_baselines.logs.ranking import ACCOUNTS, GOALS, Journal, Plan, Prices, Ranking
 from roletrust_env.metrics.confidence import Interval

@@ -6,16 +6,9 @@ import numpy as np
 import pytest
 from attackers import attacker_of, changed, files_of
 
-from roletrust_agents.learned.cards import (
-    Card,
-)
+from roletrust_agents.learned.cards import Card
 from roletrust_agents.learned.policy import LearnedBoth, learned, learned_policy, play_task
-from roletrust_agents.learned.saved import (
-    digest,
-    load_attacker,
-    parse_attacker,
-    save_attacker,
-)
+from roletrust_agents.learned.saved import digest, load_attacker, parse_attacker, save_attacker
 from roletrust_env import Game, JointPolicy, Player, Policy, Random, make_scenario, parallel_env
 from roletrust_env.game.rollout import record
 from roletrust_env.game.views import AgentView

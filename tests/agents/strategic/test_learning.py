@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from roletrust_agents.strategic.learning import (
-    LearningSettings,
-    best_response,
-    best_welfare,
-    learn,
-    mean_rewards,
-    play,
-)
+from roletrust_agents.strategic.learning import LearningSettings, best_response, best_welfare, learn, mean_rewards, play
 from roletrust_agents.strategic.strategies import (
     BOUNDS,
     departure,

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.forecasts import (
-    earlier,
-    forecasts,
-    next_rating,
-    past_mean,
-    rated_before,
-    rater_forward,
-)
+from roletrust_baselines.logs.forecasts import earlier, forecasts, next_rating, past_mean, rated_before, rater_forward
 from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_baselines.logs.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.data.columns import Columns

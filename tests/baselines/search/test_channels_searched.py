@@ -10,13 +10,7 @@ from roletrust_baselines import BadMouthing, Conflicting, OnOff, Silent, Sybil, 
 from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
 from roletrust_env import JointPolicy, record
 from roletrust_env.evaluation.attackers import Both, OpenLoop, Scripted, side_by_side
-from roletrust_env.evaluation.measurement import (
-    SEARCHED,
-    exact_task,
-    judged_rollout,
-    mean_rewards,
-    random_sources,
-)
+from roletrust_env.evaluation.measurement import SEARCHED, exact_task, judged_rollout, mean_rewards, random_sources
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import find
 from roletrust_env.world.presence import LEFT, PRESENT

@@ -6,13 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roletrust_baselines import (
-    PersonalMilking,
-    PersonalMilkingRing,
-    PersonalSybilRing,
-    QuietDiscrimination,
-    Rotation,
-)
+from roletrust_baselines import PersonalMilking, PersonalMilkingRing, PersonalSybilRing, QuietDiscrimination, Rotation
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, record
 from roletrust_env.evaluation.scripts import Space
 from roletrust_env.evaluation.specs import parse_attacks

@@ -9,15 +9,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
-from model_cases import (
-    EVERY_MODEL,
-    RoundRatings,
-    assert_close,
-    named,
-    play,
-    random_rounds,
-    read,
-)
+from model_cases import EVERY_MODEL, RoundRatings, assert_close, named, play, random_rounds, read
 
 from roletrust_env.testing.trust_models import (
     check_batch,

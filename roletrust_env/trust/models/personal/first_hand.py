@@ -6,15 +6,7 @@ from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Power, Ridge, Share, Weighting, checked_dataclass
 from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
 from roletrust_env.trust.algorithms import safe_power
-from roletrust_env.trust.personal import (
-    Personal,
-    by_pairs,
-    credence_sum,
-    credences,
-    mean,
-    others,
-    product,
-)
+from roletrust_env.trust.personal import Personal, by_pairs, credence_sum, credences, mean, others, product
 from roletrust_env.trust.ratings import Ratings, occurred
 
 

@@ -5,15 +5,7 @@ from typing import Annotated, NamedTuple
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
-from roletrust_env.trust.personal import (
-    Personal,
-    by_pairs,
-    credences,
-    mean,
-    product,
-    weighted_advice,
-    with_self,
-)
+from roletrust_env.trust.personal import Personal, by_pairs, credences, mean, product, weighted_advice, with_self
 from roletrust_env.trust.ratings import Ratings, occurred, smooth
 
 
