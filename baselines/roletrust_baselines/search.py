@@ -43,9 +43,6 @@ class ScriptTrial:
         budget: Budget, which the trial spends.
         seed: Random seed.
 
-    Attributes:
-        task: The task.
-
     Raises:
         UnsuitableError: The budget is too small.
     """

@@ -21,11 +21,7 @@ _SINGLE = np.dtype(np.float32)
 
 
 class JointAction:
-    """Reads the actions of the agents of a game, and reports the errors in them.
-
-    Args:
-        roster: Agents of the game.
-    """
+    """Reads the actions of the agents of a game, and reports the errors in them."""
 
     def __init__(self, roster: Roster) -> None:
         self._roster = roster

@@ -168,9 +168,6 @@ class Scripted:
     """An attacker with a policy for each compromised agent; an agent without a policy plays honestly.
 
     The policies use every channel, also those that the action of a task lacks: presence, silence and treatment.
-
-    Attributes:
-        policies: Policies by the name of the agent.
     """
 
     policies: Mapping[str, Policy]

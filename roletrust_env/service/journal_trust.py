@@ -74,10 +74,6 @@ class Ranking:
 
     Args:
         found: Trust in them and its evidence; None if there are none.
-
-    Attributes:
-        names: Their names.
-        trust: Trust in each.
     """
 
     def __init__(self, found: Evidence | None = None) -> None:

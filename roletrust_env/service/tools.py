@@ -85,11 +85,7 @@ def make_tools(client: TrustClient) -> MCPServer:
 
 
 class AgentTools:
-    """Tools of an agent. Each returns a text, and the answer of the manager as data.
-
-    Args:
-        client: Client of the agent.
-    """
+    """Tools of an agent. Each returns a text, and the answer of the manager as data."""
 
     def __init__(self, client: TrustClient) -> None:
         self._client = client

@@ -24,9 +24,6 @@ class Writer:
 
     So the disk is waited for once for many requests, the more the busier it is (group commit: DeWitt et al.,
     "Implementation Techniques for Main Memory Database Systems", 1984).
-
-    Args:
-        manager: Manager.
     """
 
     def __init__(self, manager: TrustManager) -> None:

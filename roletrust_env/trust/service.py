@@ -50,9 +50,6 @@ class _Round(BaseModel):
 class TrustService:
     """Answers the messages of the protocol for models outside, see docs/guide/outside.md.
 
-    Args:
-        model: Trust model.
-
     Example:
         >>> from roletrust_env import make_trust_model
         >>> service = TrustService(make_trust_model("mean"))

@@ -63,11 +63,7 @@ class Sight(NamedTuple):
 
 
 class ProviderLayers(nn.Module):
-    """The first two layers of a `DeepSet` in torch: features of providers, (B, F, P), to units, (B, P, units).
-
-    Args:
-        units: Number of units of each layer.
-    """
+    """The first two layers of a `DeepSet` in torch: features of providers, (B, F, P), to units, (B, P, units)."""
 
     def __init__(self, units: int) -> None:
         super().__init__()

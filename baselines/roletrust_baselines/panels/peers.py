@@ -179,9 +179,6 @@ class PeersByTrust:
 
     Judges do not rate themselves. The owner is one more agent with its own votes in the first round: models with a
     trust for each judge say what it trusts. With one trust for all it would be one agent among many, and is left out.
-
-    Attributes:
-        model: Trust model.
     """
 
     model: Any

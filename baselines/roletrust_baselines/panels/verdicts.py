@@ -92,9 +92,6 @@ class ByTrust:
       among many, and are left out.
     - With a trust for each judge, the trust that the owner of the labels has in the answers, and its credence in the
       judges, where the model has one.
-
-    Attributes:
-        model: Trust model.
     """
 
     model: Any

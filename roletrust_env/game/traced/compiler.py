@@ -42,10 +42,6 @@ class SharedObject:
     lies in the user's cache, `$XDG_CACHE_HOME/roletrust` or `~/.cache/roletrust`; where that cannot be written, in a
     folder of this process. Compilers that run at once do not disturb each other. Files that were not used for two
     months are deleted.
-
-    Args:
-        source: Source in C.
-        flags: Flags of the compiler.
     """
 
     def __init__(self, source: str, flags: Sequence[str] = EXACT) -> None:

@@ -166,12 +166,7 @@ def run_rater_node(
 
 
 class QualitySelector:
-    """Chooses the quality of a provider's services with its policy, round by round.
-
-    Args:
-        policy: Policy of the provider.
-        seed: Random seed of the policy.
-    """
+    """Chooses the quality of a provider's services with its policy, round by round."""
 
     def __init__(self, policy: Policy, seed: int) -> None:
         self._policy, self._random = policy, Random(generator(seed))

@@ -88,15 +88,8 @@ def _write_public(key: Ed25519PrivateKey, path: Path) -> None:
 class Signer:
     """Signs messages with the private key of an agent or of the manager.
 
-    Args:
-        folder: Folder with the keys.
-        name: Name of the agent, or `manager`.
-
     Raises:
         ValueError: The private key does not exist, can be read by others, or is invalid.
-
-    Attributes:
-        key: Private key.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
