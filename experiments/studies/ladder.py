@@ -75,10 +75,7 @@ class Options(NamedTuple):
 
 
 _COLLUDERS = Options(stealth_weight=2.0, runs=5, learned=(Path("results/colluders/runs"),))
-RECIPES = {
-    "ladder": Recipe(_COLLUDERS, {"ladder.png": "ladder.png"}),
-    "task": Recipe(Options()),
-}
+RECIPES = {"ladder": Recipe(_COLLUDERS, {"ladder.png": "ladder.png"}), "task": Recipe(Options())}
 
 
 _TOLERANCE = 0.1  # trust gap that costs nothing

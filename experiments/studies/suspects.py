@@ -131,9 +131,7 @@ def main(study: Study[Options]) -> None:
     }
     found = study.play(plant, jobs, settings)
     chance = study.play(
-        count_groups,
-        {f"shuffled {n}": (options, study.seed + n) for n in range(options.shuffles // _LOGS)},
-        settings,
+        count_groups, {f"shuffled {n}": (options, study.seed + n) for n in range(options.shuffles // _LOGS)}, settings
     )
     rows = []
     for kind, targets, size in product(kinds, options.targets, options.size):

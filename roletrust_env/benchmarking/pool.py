@@ -127,10 +127,7 @@ class WorkerPool(Generic[Key]):
             self._workers.pop().stop()
 
     def run(
-        self,
-        jobs: Mapping[Key, tuple[Any, ...]],
-        limit_s: float,
-        tries: int = 1,
+        self, jobs: Mapping[Key, tuple[Any, ...]], limit_s: float, tries: int = 1
     ) -> Iterator[tuple[Key, JobResult]]:
         """Run jobs, and yield the result of each when it is finished.
 

@@ -111,11 +111,7 @@ def find_separator(lines: list[str]) -> str:
 
 
 def look(
-    head: str,
-    dialect: Dialect,
-    wanted: Iterable[str] = (),
-    labels: Iterable[str] = (),
-    marks: tuple[str, ...] = MARKS,
+    head: str, dialect: Dialect, wanted: Iterable[str] = (), labels: Iterable[str] = (), marks: tuple[str, ...] = MARKS
 ) -> Beginning:
     """Return what the beginning of a text shows.
 

@@ -357,11 +357,7 @@ class ProviderAttackEnv(AttackEnv):
     """
 
     defaults: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            "scenario": "paper-3x3",
-            "compromised": ("sp_2",),
-            "objective": "exploit",
-        }
+        {"scenario": "paper-3x3", "compromised": ("sp_2",), "objective": "exploit"}
     )
 
 
@@ -468,11 +464,7 @@ class CollusionAttackEnv(AttackEnv):
     """
 
     defaults: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            "scenario": "crowd-10x10",
-            "compromised": ("sr_8", "sr_9", "sp_9"),
-            "objective": "damage",
-        }
+        {"scenario": "crowd-10x10", "compromised": ("sr_8", "sr_9", "sp_9"), "objective": "damage"}
     )
 
 

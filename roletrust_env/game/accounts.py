@@ -4,18 +4,7 @@ from typing import NamedTuple, Self
 
 from roletrust_env.arrays import Array, cast, largest, namespace
 
-ACCOUNT_FEATURES = (
-    "account",
-    "known",
-    "last",
-    "lead",
-    "own_lead",
-    "deviation",
-    "voice",
-    "given",
-    "ally",
-    "place",
-)
+ACCOUNT_FEATURES = ("account", "known", "last", "lead", "own_lead", "deviation", "voice", "given", "ally", "place")
 """Names of the features of a rater's account, see `account_features`."""
 
 _LEADS = 2.0  # differences of accounts decide; this brings them near the size of other features

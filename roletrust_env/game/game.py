@@ -334,12 +334,7 @@ class Game:
             yield roster.raters(acting), roster.providers(acting)
 
     def _served(
-        self,
-        state: State,
-        population: Population | None,
-        motion: mobility.Motion | None,
-        top: Array,
-        noise: Noise,
+        self, state: State, population: Population | None, motion: mobility.Motion | None, top: Array, noise: Noise
     ) -> tuple[Any, Array]:
         """Return the providers of the cells in this round, and whether each serves the rater, boolean, (S, K, ...)."""
         rules, roster, cells = self.scenario, self.roster, self._cells

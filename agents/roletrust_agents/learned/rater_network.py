@@ -93,8 +93,7 @@ class RaterNetworkTrust(LeaveOneOut):
     """
 
     weights: Annotated[
-        tuple[Annotated[float, Field(ge=-MAX_WEIGHT, le=MAX_WEIGHT)], ...],
-        Field(min_length=SIZE, max_length=SIZE),
+        tuple[Annotated[float, Field(ge=-MAX_WEIGHT, le=MAX_WEIGHT)], ...], Field(min_length=SIZE, max_length=SIZE)
     ] = Field(kw_only=True)
 
     nearby = False  # a rater's trust depends on the mean of all raters

@@ -150,7 +150,6 @@ def _stem(path: Path) -> Path:
 
 def _read(path: Path, limit: int) -> bytes:
     check_file(
-        path,
-        "a saved attacker is a .json and a .safetensors file with the same name, which training writes at its end",
+        path, "a saved attacker is a .json and a .safetensors file with the same name, which training writes at its end"
     )
     return read_limited(path, limit)

@@ -223,7 +223,7 @@ TUNED: dict[tuple[str, str], dict[str, Any]] = {
         "clip_range": 0.4,
         "log_std_last": -4.0,
         "heads": (32, 32),
-    },
+    }
 }
 """Settings that differ from the algorithm's defaults, by task and algorithm."""
 

@@ -261,10 +261,7 @@ def _fitting(plan: Plan) -> Plan:
     plan = replace(plan, strikes=strikes, age=age, turns=plan.turns and strikes > 1, accounts=1)
     cover = max(plan.cover, int(plan.origin == "aged"))
     return replace(
-        plan,
-        cover=cover,
-        popular=plan.popular or not cover,
-        choice=plan.choice if plan.origin == "hijacked" else 0,
+        plan, cover=cover, popular=plan.popular or not cover, choice=plan.choice if plan.origin == "hijacked" else 0
     )
 
 

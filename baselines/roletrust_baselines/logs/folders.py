@@ -11,9 +11,7 @@ import numpy as np
 from roletrust_env.data.tables import ENDINGS
 from roletrust_env.randomness import generator
 
-KNOWN = {
-    "76bd9d8f1d3ff9a1813d9fc8e6902a0ee4d0a2f8c1003842dbc9ec79149ab60c": "Bitcoin OTC",
-}
+KNOWN = {"76bd9d8f1d3ff9a1813d9fc8e6902a0ee4d0a2f8c1003842dbc9ec79149ab60c": "Bitcoin OTC"}
 """Names of the logs whose numbers the documentation gives, by the SHA-256 of their unpacked contents."""
 
 SOURCES = (

@@ -277,13 +277,7 @@ def write_votes(path: Path, seed: int = 0, items: int = 200, judges: int = 30) -
     chance = np.where(hard[:, None] & ~able, 1 - skill, skill)
     votes = np.where(rng.random((items, judges)) < chance, truth[:, None], 1 - truth[:, None])
     lines = [
-        (
-            f"item {n}",
-            "hard" if hard[n] else "easy",
-            f"judge {k}",
-            ("no", "yes")[votes[n, k]],
-            ("no", "yes")[true],
-        )
+        (f"item {n}", "hard" if hard[n] else "easy", f"judge {k}", ("no", "yes")[votes[n, k]], ("no", "yes")[true])
         for n, true in enumerate(truth.tolist())
         for k in range(judges)
     ]

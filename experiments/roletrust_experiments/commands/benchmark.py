@@ -60,17 +60,13 @@ def benchmark(
         list[str] | None,
         typer.Option(metavar=NAMED, help=f"Trust model{_INSTEAD} {OWN} A program is exec:COMMAND, a service its URL."),
     ] = None,
-    attack: Annotated[
-        list[str] | None,
-        typer.Option(metavar=NAMED, help=f"Scripted attack{_INSTEAD} {OWN}"),
-    ] = None,
+    attack: Annotated[list[str] | None, typer.Option(metavar=NAMED, help=f"Scripted attack{_INSTEAD} {OWN}")] = None,
     known: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE.json", help="Further attacks, by `roletrust submit --attacks`; repeat for more."),
     ] = None,
     learner: Annotated[
-        list[str] | None,
-        typer.Option(metavar=NAMED, help=f"Learner{_INSTEAD} Only in a suite for learners. {OWN}"),
+        list[str] | None, typer.Option(metavar=NAMED, help=f"Learner{_INSTEAD} Only in a suite for learners. {OWN}")
     ] = None,
     workers: Workers = None,
     ray: Annotated[

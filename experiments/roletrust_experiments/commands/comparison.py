@@ -21,13 +21,7 @@ HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "lo
 
 
 def compare(
-    folder: Path,
-    reading: LogOptions,
-    names: list[str] | None,
-    *,
-    synthetic: bool,
-    seed: int,
-    out: Path,
+    folder: Path, reading: LogOptions, names: list[str] | None, *, synthetic: bool, seed: int, out: Path
 ) -> None:
     """Measure trust models on a log or on the logs in a folder, and write and print the tables.
 

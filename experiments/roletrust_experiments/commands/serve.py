@@ -30,8 +30,7 @@ def serve(
         str, typer.Option(help="Address of the service; others than this machine reach it at 0.0.0.0 only.")
     ] = "127.0.0.1",
     store: Annotated[
-        str | None,
-        _manager(metavar="FILE|URL", help="Be a manager: its journal, a file of SQLite or postgresql://..."),
+        str | None, _manager(metavar="FILE|URL", help="Be a manager: its journal, a file of SQLite or postgresql://...")
     ] = None,
     name: Annotated[
         str | None, _manager(help="Name of the manager, to which tokens are addressed; a new store makes one up.")

@@ -42,8 +42,7 @@ def train(
     context: typer.Context,
     task: Annotated[str | None, typer.Argument(help=f"Attack task: {', '.join(task_names())}.")] = None,
     learner: Annotated[
-        str,
-        typer.Option(metavar=NAMED, help=f"Learner, also with settings (gamma=0.9): {', '.join(_ALGORITHMS)}."),
+        str, typer.Option(metavar=NAMED, help=f"Learner, also with settings (gamma=0.9): {', '.join(_ALGORITHMS)}.")
     ] = "PPO",
     steps: Annotated[
         int | None,

@@ -219,7 +219,7 @@ def _refuse(self: Symbols, *_: Any) -> Any:
 for _name in ("reshape", "ravel", "flatten", "squeeze", "swapaxes", "transpose", "copy"):
     setattr(Symbols, _name, _mover(_name))
 for _name, _ufunc in {
-    **{"sum": np.add, "any": np.logical_or, "all": np.logical_and, "max": np.maximum, "min": np.minimum},
+    **{"sum": np.add, "any": np.logical_or, "all": np.logical_and, "max": np.maximum, "min": np.minimum}
 }.items():
     setattr(Symbols, _name, _reducer(_ufunc))
 for _name in ("__float__", "__int__", "__index__", "item", "tolist"):

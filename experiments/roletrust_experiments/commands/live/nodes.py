@@ -114,8 +114,7 @@ def manager(
     speed: Speed = 1.0,
     network: Network = False,
     recording: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Recording to play in place of the network, into a new journal."),
+        Path | None, typer.Option(metavar="DIR", help="Recording to play in place of the network, into a new journal.")
     ] = None,
 ) -> None:
     """Run the [bold]manager[/], which matches ratings and publishes [green]/trust, /NAME/tor, /NAME/top[/].
