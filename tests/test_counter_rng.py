@@ -95,8 +95,7 @@ def test_the_first_game_of_a_batch_has_the_luck_of_a_game_alone(preset: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("preset", "expected"),
-    [("robots-that-move", "57ad67e29ba5f426"), ("open-system", "345829c3be8090db")],
+    ("preset", "expected"), [("robots-that-move", "57ad67e29ba5f426"), ("open-system", "345829c3be8090db")]
 )
 def test_seeds_deal_what_they_have_always_dealt(preset: str, expected: str) -> None:
     """Uniform numbers are whole multiples of 2 ** -24, the same on every machine; these are of version 0.1.0."""

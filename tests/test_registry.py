@@ -74,10 +74,7 @@ def test_a_name_is_given_once(registry: Registry) -> None:
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [
-        ("bax", "unknown thing 'bax'; did you mean 'box'? Known: box"),
-        ("zebra", "unknown thing 'zebra'. Known: box"),
-    ],
+    [("bax", "unknown thing 'bax'; did you mean 'box'? Known: box"), ("zebra", "unknown thing 'zebra'. Known: box")],
 )
 def test_an_unknown_name_is_answered_with_the_known_ones(registry: Registry, name: str, message: str) -> None:
     with pytest.raises(ValueError, match="unknown") as error:

@@ -16,11 +16,7 @@ from roletrust_env.trust import Ratings, register_trust_model
 from roletrust_env.trust.models.central.means import Mean
 
 TRACKS = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}
-SUITE = small(
-    models=["mean", "median"],
-    methods=["scripted", "white-box planner"],
-    tracks=TRACKS,
-)
+SUITE = small(models=["mean", "median"], methods=["scripted", "white-box planner"], tracks=TRACKS)
 
 
 def row(attack: str, chosen: list[float], utility: list[float], blind: float = 0.1) -> AttackResult:

@@ -139,11 +139,7 @@ def test_the_objective_of_the_planner_has_a_gradient() -> None:
         objective("PPO", ["SP"]),
         objective("white-box planner", ["SP"]),
         objective("white-box planner", ["SR", "SP"]),
-    ] == [
-        "mislead",
-        "exploit",
-        "damage",
-    ]
+    ] == ["mislead", "exploit", "damage"]
 
 
 @pytest.mark.parametrize(

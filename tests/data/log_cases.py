@@ -40,10 +40,7 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "no ratings": (HEADER, "has no ratings"),
     "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "no CSV file: its beginning is no text"),
     "long row": (GOOD + "c,x,5,40,50\n", "row 5 has 5 columns; 4 are needed, as in the rows above"),
-    "a quote without end": (
-        GOOD + 'c,x,5,"40\nd,x,5,50\n',
-        "row 5: a quote has no end",
-    ),
+    "a quote without end": (GOOD + 'c,x,5,"40\nd,x,5,50\n', "row 5: a quote has no end"),
     "a quote without end in another column": (
         GOOD.replace("\n", ",\n") + 'c,x,5,40,"a\nd,x,5,50,b\n',
         "row 5: a quote has no end",

@@ -293,10 +293,7 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
         (start + "a,x,1,2\nb,x,1_0,3\n", "row 5: the rating is '1_0'; it must be a number"),
         (start + "a,x,1,2\nb,x,5,3\n", "row 5: the rating is 5, off the scale from 0 to 1; .* --scale 1 5"),
         (start + '"a\nb",x,1,2\n"c,x,1,2\n', "row 5: a quote has no end"),
-        (
-            "user,source,item,rating,time\na,b,x,1,2\n",
-            "row 1: the column of the rater is 'user' or 'source'",
-        ),
+        ("user,source,item,rating,time\na,b,x,1,2\n", "row 1: the column of the rater is 'user' or 'source'"),
         ("rater,ratee,mark\na,x,1\n", "row 1: there is no column 'time'. Columns: rater, ratee, mark; .* --time"),
         ("a,x,1\n", "there is no column 'time' in 3 columns without a header; .* --time"),
     ):

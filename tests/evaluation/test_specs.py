@@ -105,10 +105,7 @@ def test_nothing_is_called_before_it_is_known_what_it_is(tmp_path, mine, name):
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        ["play", "--attack", "sr_1=os:system:command=touch called"],
-        ["play", "--model", "mine_for_attacks:touch"],
-    ],
+    [["play", "--attack", "sr_1=os:system:command=touch called"], ["play", "--model", "mine_for_attacks:touch"]],
 )
 def test_no_command_calls_what_it_should_not(tmp_path, mine, arguments):
     result = CliRunner().invoke(app, arguments)

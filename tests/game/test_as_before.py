@@ -37,11 +37,7 @@ def test_every_preset_plays_as_before(preset: str, trust_model: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "score"),
-    [
-        ("collusion-10x10", 0.39031471718102695),
-        ("provider-3x3", 0.2399201817708672),
-        ("rater-3x3", 0.4882214814424515),
-    ],
+    [("collusion-10x10", 0.39031471718102695), ("provider-3x3", 0.2399201817708672), ("rater-3x3", 0.4882214814424515)],
 )
 def test_every_saved_attacker_plays_as_before(name: str, score: float) -> None:
     attacker = load_attacker(name)

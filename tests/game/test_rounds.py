@@ -69,9 +69,7 @@ def test_ratings_are_for_the_services_of_the_step_before() -> None:
 
 def test_admission_counts_beyond_a_byte() -> None:
     scenario = Scenario(
-        agents=[{"role": "SR", "count": 2}, {"role": "SP"}],
-        admission={"threshold": 0.3, "rounds": 200},
-        max_cycles=210,
+        agents=[{"role": "SR", "count": 2}, {"role": "SP"}], admission={"threshold": 0.3, "rounds": 200}, max_cycles=210
     )
     game = Game(scenario)
     start, _, noises = luck(game, 0)

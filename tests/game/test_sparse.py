@@ -32,10 +32,7 @@ from roletrust_env.world.scenario import Encounters
 
 CENTRAL = ["role-trust", "beta-filtered", "mean", "median", "eigentrust", "wary-role-trust", "leave-one-out"]
 MARKET: dict[str, Any] = {
-    "agents": [
-        {"role": "SR", "count": 7, "noise": 0.1},
-        {"role": "SP", "count": 5, "ability": [0.3, 1.0]},
-    ],
+    "agents": [{"role": "SR", "count": 7, "noise": 0.1}, {"role": "SP", "count": 5, "ability": [0.3, 1.0]}],
     "access": {"kind": "encounters", "providers": 3},
     "values": [1.0, 2.0],
     "ratings": {"lost": 0.2},

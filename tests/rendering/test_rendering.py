@@ -125,12 +125,7 @@ def test_perturbation_is_shown_while_it_lasts():
 
 def test_rendering_only_reads():
     def tree(game):
-        leaves = [
-            game._state.ratings,
-            game._state.trust,
-            game._spectator.curves,
-            vars(game._random),
-        ]
+        leaves = [game._state.ratings, game._state.trust, game._spectator.curves, vars(game._random)]
         return repr([game._state, leaves, game.agents])
 
     for mode in ("rgb_array", "ansi"):

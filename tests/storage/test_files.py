@@ -112,11 +112,7 @@ def test_a_folder_that_another_run_writes_to_meanwhile_stays(tmp_path, monkeypat
 @pytest.mark.parametrize("out", ["file", "file/below"])
 @pytest.mark.parametrize(
     "command",
-    [
-        ["train", "RaterAttack"],
-        ["play"],
-        ["figures", "--service", "synthetic"],
-    ],
+    [["train", "RaterAttack"], ["play"], ["figures", "--service", "synthetic"]],
     ids=lambda command: command[0],
 )
 def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command, out):

@@ -57,11 +57,7 @@ def test_a_lead_is_the_difference_of_two_means():
 
 def on_logs(model):
     """What a model does on logs, by the columns of the page."""
-    columns = (
-        ("next rating", "r"),
-        ("next rating", "rmse"),
-        ("attack", "sink, 3 hijacked"),
-    )
+    columns = (("next rating", "r"), ("next rating", "rmse"), ("attack", "sink, 3 hijacked"))
     found = {(row["protocol"], row["measure"]): row for row in rows("logs.csv") if row["model"] == model}
     return [found[column] for column in columns]
 

@@ -38,13 +38,7 @@ def raters(game: Game, lam: float = 0.5) -> Any:
 
 def providers(game: Game, lam: float = 0.5) -> Any:
     return provider_trust(
-        game.ratings,
-        game.mask,
-        tor=game.tor,
-        previous=game.top,
-        lam=lam,
-        last_ratings=game.last,
-        elapsed=game.elapsed,
+        game.ratings, game.mask, tor=game.tor, previous=game.top, lam=lam, last_ratings=game.last, elapsed=game.elapsed
     )
 
 

@@ -164,13 +164,7 @@ def test_weights_that_do_not_fit_are_refused():
     ],
 )
 def test_one_network_plays_every_task(preset, compromised, objective):
-    task = make_task(
-        preset,
-        compromised,
-        objective=objective,
-        max_cycles=10,
-        like=np.zeros(()),
-    )
+    task = make_task(preset, compromised, objective=objective, max_cycles=10, like=np.zeros(()))
     vectors = np.stack([vector(seed) for seed in range(3)])
     together = mean_rewards(task, CoalitionAttacker(DeepSet.unflatten(SMALL, vectors)), 0, (3, 4), SEARCHED)[0]
     for k in range(3):

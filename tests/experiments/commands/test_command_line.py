@@ -45,10 +45,7 @@ def test_one_spelling_for_each_concept():
 @pytest.mark.parametrize("flag", ["--model", "--attack", "--learner", "--set"])
 def test_one_grammar_for_each_concept(flag):
     grammars = {one.metavar for name, one in OPTIONS if flag in one.opts and name not in ("figures", "live demo")}
-    expected = {
-        "--attack": {"AGENT=NAME[:key=value,...]", "NAME[:key=value,...]"},
-        "--set": {"FIELD=VALUE"},
-    }
+    expected = {"--attack": {"AGENT=NAME[:key=value,...]", "NAME[:key=value,...]"}, "--set": {"FIELD=VALUE"}}
     assert grammars <= expected.get(flag, {"NAME[:key=value,...]"}), grammars
 
 

@@ -87,11 +87,7 @@ def test_a_demo_without_its_port_leaves_the_last_ones_results(tmp_path):
     ("work_s", "speed", "line"),
     [
         (0.19, 1.0, ""),
-        (
-            0.32,
-            0.62,
-            "take 0.32 s for its pictures, and have 0.2 s. A round takes 0.81 s instead (--speed 0.62)",
-        ),
+        (0.32, 0.62, "take 0.32 s for its pictures, and have 0.2 s. A round takes 0.81 s instead (--speed 0.62)"),
         (2.1, None, "raters take 2.1 s for the pictures of a round, and have 2 s even with --speed 0.1"),
     ],
 )

@@ -53,10 +53,7 @@ def test_attackers_that_were_found_on_another_machine_are_played(tmp_path: Path,
 
 @pytest.mark.parametrize(
     ("record", "words"),
-    [
-        ("{}", "failed here: the record"),
-        ('{"kind":"scripts","policies":{}}', "random search, utility: claimed"),
-    ],
+    [("{}", "failed here: the record"), ('{"kind":"scripts","policies":{}}', "random search, utility: claimed")],
 )
 def test_a_record_of_another_attacker_is_found(tmp_path: Path, found_elsewhere: str, record: str, words: str) -> None:
     said = json.loads(found_elsewhere)

@@ -105,10 +105,7 @@ def test_a_silent_agent_is_gone_before_two_periods_are_over(team, dashboard):
 
 def test_refusals_are_shown_with_their_reason(team, dashboard):
     assert "Nothing was refused" in parts(dashboard).refused
-    team.reports = {
-        "sr_0": {"sp_0: unsigned": "2"},
-        MANAGER: {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"},
-    }
+    team.reports = {"sr_0": {"sp_0: unsigned": "2"}, MANAGER: {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"}}
     team.refusals = {(MANAGER, RefusalReason.MIS_SIGNED): 3}
     rows = [
         '<th scope="row">sr_1</th><td>out of range</td><td>7</td><td>manager</td>',

@@ -45,8 +45,7 @@ def slow(history: History, lam: float, initial: float, threshold: float) -> Trus
 
 
 @pytest.mark.parametrize(
-    "parameters",
-    [{"lam": 0.5, "initial": 0.5, "threshold": 0.3}, {"lam": 0.7, "initial": 0.2, "threshold": 0.12}],
+    "parameters", [{"lam": 0.5, "initial": 0.5, "threshold": 0.3}, {"lam": 0.7, "initial": 0.2, "threshold": 0.12}]
 )
 def test_it_is_the_rule(parameters: dict[str, float]) -> None:
     assert_matches(make_trust_model("clustering", **parameters), by_history(slow, **parameters))
