@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.confidence import Estimate, Interval
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from studies.study import DOCS, Recipe, Study
 
@@ -66,11 +66,6 @@ def _board(rows: Rows) -> list[Series]:
     """Return the clean and the worst case of each model of a leaderboard."""
     names = [row["model"] for row in rows]
     return [
-        Series(label, names, [_around(row[column], row[f"{column}_half_95"]) for row in rows])
+        Series(label, names, [Estimate(float(row[column]), float(row[f"{column}_half_95"])).interval for row in rows])
         for label, column in (("nobody attacks", "clean"), ("worst case", "worst"))
     ]
-
-
-def _around(mean: str, half: str) -> Interval:
-    middle, width = float(mean), float(half)
-    return Interval(middle, middle - width, middle + width)

@@ -31,7 +31,7 @@ _LEAST = 0.02  # share of a model below which a training leaves it out
 
 
 class Options(NamedTuple):
-    """The game and its asked.
+    """The game and its effort.
 
     Attributes:
         defence: Defences to train: the numbers of a trust model, by its name, or `network`.
