@@ -20,7 +20,7 @@ def test_many_agents_have_networks_of_their_own():
 
     from roletrust_env import RoleTrustJaxEnv
 
-    env = RoleTrustJaxEnv("peers", max_cycles=10)
+    env = RoleTrustJaxEnv("peers", max_cycles=10, agents=[{"role": "SR+SP", "count": 3}])
     train = ippo_jax.make_train(env, ippo_jax.Settings(games=4, rounds=8, updates=2, hidden=8))
     nets, curves = jax.jit(train)(jax.random.key(0))
     assert list(nets) == list(curves) == env.agents

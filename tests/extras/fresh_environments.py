@@ -41,25 +41,26 @@ class Environment:
         pip("install", "--no-compile", what, python=self.path / "bin" / "python", constraints=constraints)
 
     def python(self, code: str) -> str:
-        run = self._run("python", "-c", code)
+        run = self.run("python", "-c", code)
         assert run.code == 0, run.err
         return run.out
 
     def roletrust(self, *arguments: object) -> str:
         """What the command prints when all is well."""
-        run = self._run("roletrust", *arguments)
+        run = self.run("roletrust", *arguments)
         assert run.code == 0, run.err
         return run.out
 
     def refused(self, *arguments: object) -> str:
         """The one line that it prints when something is missing; nothing is written."""
         before = sorted(self.folder.iterdir())
-        run = self._run("roletrust", *arguments)
+        run = self.run("roletrust", *arguments)
         assert (run.code, run.out, len(run.err.splitlines())) == (2, "", 1), run
         assert sorted(self.folder.iterdir()) == before
         return run.err
 
-    def _run(self, program: str, *arguments: object) -> Run:
+    def run(self, program: str, *arguments: object) -> Run:
+        """How a program of the environment ends."""
         clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | {"COLUMNS": "120"}
         command = [self.path / "bin" / program, *map(str, arguments)]
         done = subprocess.run(command, cwd=self.folder, env=clean, capture_output=True, text=True)

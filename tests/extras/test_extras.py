@@ -214,8 +214,11 @@ print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=Fal
     started = [alone.path / "bin" / "ray", "start", "--head", *options]
     head = subprocess.Popen(started, env=around, stdout=subprocess.DEVNULL, start_new_session=True)
     try:
-        time.sleep(20)
-        alone.roletrust("benchmark", "--suite", "tiny.toml", "--ray", address, "--out", "there")
+        until = time.monotonic() + 240
+        played = "roletrust", "benchmark", "--suite", "tiny.toml", "--ray", address, "--out", "there"
+        while "no Ray cluster answers" in (there := alone.run(*played)).err:  # it has not started yet
+            assert time.monotonic() < until, there.err
+        assert there.code == 0, there.err
     finally:
         os.killpg(head.pid, signal.SIGTERM)
         head.wait(timeout=60)
