@@ -6,7 +6,14 @@ from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.sources import Source
 from roletrust_env.benchmarking.submission import CellClaim, ClaimedScore, make_claim
 from roletrust_env.benchmarking.suite import Cell
-from roletrust_env.benchmarking.verification import _check_sources, check_bias, check_cell, check_fresh, within
+from roletrust_env.benchmarking.verification import (
+    _check_lead,
+    _check_sources,
+    check_bias,
+    check_cell,
+    check_fresh,
+    within,
+)
 
 
 def test_two_means_may_differ_by_the_noise_of_two_samples() -> None:
@@ -95,6 +102,11 @@ def test_a_choice_of_the_worst_case_that_is_bent_is_found() -> None:
         luckiest = max(claim.attacks, key=lambda one: one.measured.utility.mean)
         object.__setattr__(luckiest, "chosen", 0.5)
     assert not all(check.ok for check in check_bias(bent, run(0, cells=20, noise=0.01)))
+
+
+def test_a_lead_alike_in_eleven_cells_may_be_chance_and_in_twelve_not() -> None:
+    """The limit is 3.42, that of a normal variable at the level 0.001 / 3.22; the level 0.001 has 3.09."""
+    assert [_check_lead("it", {"m": [0.5] * cells}).ok for cells in (11, 12)] == [True, False]
 
 
 def test_a_blind_choice_that_is_made_worse_is_found() -> None:

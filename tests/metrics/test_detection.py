@@ -51,6 +51,7 @@ def test_attackers_are_told_apart_once_all_honest_agents_are_above_them() -> Non
     never = rounds_to_detection(trust[:2], [2])
     assert np.isnan(never.value).all()
     assert "never" in never.why
+    assert np.isnan(rounds_to_detection(np.array([[0.9, NAN], [0.9, NAN]])[:, :, None], [1]).value).all()  # not there
     with pytest.raises(ValueError, match="start is 9"):
         rounds_to_detection(trust, [2], start=9)
 

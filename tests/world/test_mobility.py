@@ -27,6 +27,12 @@ def test_a_robot_walks_straight_to_its_goal_and_then_to_the_next(asarray: Callab
     np.testing.assert_allclose(third.goal, [[2.0, 6.0]])
 
 
+def test_a_robot_that_just_reaches_its_goal_has_the_next() -> None:
+    there = move(RULE, Motion(np.array([[1.0, 1.0]]), np.array([[1.5, 1.0]])), np.array([[0.25, 0.75]]))
+    assert there.position.tolist() == [[1.5, 1.0]]
+    assert there.goal.tolist() == [[2.0, 6.0]]
+
+
 @pytest.mark.parametrize("speed", [0.0, 0.01, 0.5, 3.0, 100.0])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_robots_stay_in_the_arena_and_within_their_speed(speed: float, dtype: type) -> None:

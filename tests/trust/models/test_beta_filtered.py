@@ -64,6 +64,14 @@ def played(name: str, ratings: np.ndarray, rounds: int = 20):
     return model.rater_trust(state), model.provider_trust(state)
 
 
+def test_one_of_two_raters_is_dropped() -> None:
+    """Thirty good ratings by one, three bad ones by the other: the mean is beyond the quantiles of the second."""
+    model = make_trust_model("beta-filtered", keep=1.0)
+    state = model.start(np.zeros((2, 1)))
+    state = state._replace(successes=np.array([[29.0], [0.0]]), failures=np.array([[0.0], [2.0]]))
+    assert model.update(state, Ratings(np.array([[1.0], [0.0]]))).tor.tolist() == [1, 0]
+
+
 def test_a_lone_liar_is_dropped() -> None:
     """Then trust is what the other four alone give, with r = 4 (1 + 0.9 + 0.81 + ...) below 40."""
     notes = np.full((5, 2), 1.0)

@@ -51,6 +51,11 @@ def test_it_is_the_rule(parameters: dict[str, float]) -> None:
     assert_matches(make_trust_model("clustering", **parameters), by_history(slow, **parameters))
 
 
+def test_raters_at_the_threshold_are_linked() -> None:
+    model = make_trust_model("clustering", threshold=0.5)
+    assert read(model, play(model, [[0.25], [0.75]]))[0] == pytest.approx([1, 1])
+
+
 def test_liars_are_a_cluster_of_their_own_by_hand() -> None:
     """Three rate 1 and two 0: an honest judge hears 1, a liar 0, and the liars are two of five judges."""
     model = make_trust_model("clustering", lam=0.5)

@@ -89,6 +89,12 @@ def test_by_hand() -> None:
     assert model.rater_trust(state) == pytest.approx([0.5, 0.5, 0])
 
 
+def test_a_witness_at_the_tolerance_is_not_within_it() -> None:
+    """Ratings 0.25 apart differ by 0.5 on the scale from -1 to 1, which is not below the tolerance 0.5."""
+    state = play(make_trust_model("fire"), [[0.5], [0.75]])
+    assert state.credibility[0, 1] == -1
+
+
 def test_witnesses_of_unknown_credibility_by_hand() -> None:
     """The judge rated 1, and a round later a stranger rates 0.
 
