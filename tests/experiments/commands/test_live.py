@@ -3,6 +3,8 @@
 import itertools
 import socket
 import stat
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 from command_line import printed, run
@@ -16,6 +18,7 @@ from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_experiments.commands.console import progress_bar
 from roletrust_experiments.commands.live import demo, pace
 from roletrust_experiments.commands.live.demo import _latencies_ms, curves_from_rounds
+from roletrust_experiments.commands.live.processes import NodeProcesses, _Process
 
 
 def test_keys_are_made_once(tmp_path):
@@ -145,6 +148,17 @@ def test_a_demo_stops_when_most_rounds_lack_a_rater(monkeypatch, tmp_path):
     monkeypatch.setattr(demo.time, "sleep", lambda seconds: None)
     with pytest.raises(ValueError, match=r"20 of the last 20 rounds lack a rater. Raters take 0.7 s .* 0.5 s"):
         demo._run_team(plan, tmp_path, None, progress_bar())
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "words"),
+    [("sr_0", 0, "sr_0 has ended before the others"), ("sp_0", -9, "sp_0 ended with exit code -9"), ("sp_0", 0, None)],
+)
+def test_a_node_that_ends_too_early_is_named(name, code, words):
+    nodes = NodeProcesses()
+    nodes._processes[name] = _Process(SimpleNamespace(exitcode=code), SimpleNamespace(poll=lambda: False))
+    with nullcontext() if words is None else pytest.raises(ValueError, match=words):
+        nodes.check("sp_0")
 
 
 def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):

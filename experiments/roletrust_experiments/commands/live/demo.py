@@ -324,7 +324,7 @@ def _run_team(plan: _Plan, out: Path, page: WaitingPage | None, progress: Progre
         nodes.begin(*team.raters, *team.providers, timeline=timeline)
         done, entries, gaps = stage(progress, "Rounds", scenario.max_cycles), list[JournalEntry](), 0
         while nodes.running(*team.providers) and gaps <= WINDOW // 2:
-            nodes.check()
+            nodes.check(*team.providers)
             if journal.exists() and journal.stat().st_size:
                 entries = list(read_journal(journal))
             done(len(entries))
@@ -332,7 +332,7 @@ def _run_team(plan: _Plan, out: Path, page: WaitingPage | None, progress: Progre
             time.sleep(_POLL_S)
         if gaps <= WINDOW // 2:
             time.sleep(_LAST_PERIODS * period / SECOND)
-            nodes.check()
+            nodes.check(*team.providers)
     if gaps > WINDOW // 2:
         work = work_s(len(team.raters), len(team.providers))
         raise ValueError(

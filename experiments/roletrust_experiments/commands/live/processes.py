@@ -82,11 +82,14 @@ class NodeProcesses:
         for name in names:
             self._processes[name].pipe.send(arguments)
 
-    def check(self) -> None:
-        """Check that no process has failed.
+    def check(self, *ending: str) -> None:
+        """Check that no process has failed, and that none has ended too early.
+
+        Args:
+            ending: Names of processes that end by themselves.
 
         Raises:
-            ValueError: A process has failed, for the given reason.
+            ValueError: A process has failed, for the given reason, or has ended.
         """
         for name, (process, pipe) in self._processes.items():
             with suppress(EOFError):
@@ -94,6 +97,8 @@ class NodeProcesses:
                     raise ValueError(f"{name}: {pipe.recv()}")
             if process.exitcode not in (None, 0):
                 raise ValueError(f"{name} ended with exit code {process.exitcode}")
+            if process.exitcode == 0 and name not in ending:
+                raise ValueError(f"{name} has ended before the others")
 
     def running(self, *names: str) -> bool:
         """Return whether any of these processes is alive."""
