@@ -198,15 +198,18 @@ def levels(searches: Sequence[Point], runs: Mapping[str, Run]) -> list[Level]:
 
 
 def left_out(searches: Sequence[Point], runs: Mapping[str, Run]) -> Iterator[str]:
-    """Yield a line for each method and budget that is left out, with the reason and the models."""
+    """Yield a line for each method that is left out, with the budgets, the models and the reason."""
     lines: dict[tuple[str, int, str], list[str]] = {}
     for point in searches:
         if reason := runs.get(point.key, {}).get("left_out"):
             lines.setdefault((point.method, point.budget, reason), []).append(point.model)
+    budgets: dict[tuple[str, str, str], list[str]] = {}
     for (method, budget, reason), models in lines.items():
         every = set(models) == {point.model for point in searches}
         where = "" if every else f" against {', '.join(dict.fromkeys(models))}"
-        yield f"{method} with {budget:,} rounds{where}: {reason}"
+        budgets.setdefault((method, where, reason), []).append(f"{budget:,}")
+    for (method, where, reason), rounds in budgets.items():
+        yield f"{method} with {', '.join(rounds)} rounds{where}: {reason}"
 
 
 def _search(condition: Condition, point: Point) -> SearchResult:

@@ -39,7 +39,9 @@ def test_levels_are_means_over_seeds():
     assert level[:4] == ("mean", "evolution", 9, 9)
     assert (level.utility.mean, level.seconds) == (pytest.approx(0.3), 1.5)
     assert isinstance(level, Level)
-    assert list(left_out(searches, runs)) == ["PPO with 9 rounds: too few"]
+    searches.append(Point("mean", "PPO", 90, 0))
+    runs["mean|PPO|90|0"] = runs["mean|PPO|9|0"]
+    assert list(left_out(searches, runs)) == ["PPO with 9, 90 rounds: too few"]
 
 
 def test_coalitions_play_on_all_columns(tmp_path):

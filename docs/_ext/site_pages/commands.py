@@ -32,7 +32,7 @@ class Command(NamedTuple):
         examples: Example calls, with a comment before each.
         arguments: Positional arguments.
         options: Options.
-        commands: Subcommands.
+        commands: Subcommands, in the order of its help.
     """
 
     words: tuple[str, ...]
@@ -70,7 +70,7 @@ def _read(command: Any, words: tuple[str, ...]) -> Command:
         "\n\n".join(_typed(block) for block in after.split("\n\n") if block.strip()),
         given[True],
         given[False],
-        [_read(one.loaded, (*words, name)) for name, one in sorted(getattr(command, "commands", {}).items())],
+        [_read(one.loaded, (*words, name)) for name, one in getattr(command, "commands", {}).items()],
     )
 
 
