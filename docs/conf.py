@@ -1,5 +1,6 @@
 """Settings of the site, which `make docs` builds offline. `docs/_ext/site_pages` writes its reference."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -7,8 +8,9 @@ import mcp.types  # noqa: F401 - it cannot be imported while autodoc says TYPE_C
 
 from roletrust_env import __version__
 
-sys.path.insert(0, str(Path(__file__).parent / "_ext"))
-sys.path.insert(1, str(Path(__file__).parent.parent / "experiments"))  # studies, which are not installed
+_DOCS = Path(__file__).parent
+sys.path.insert(0, str(_DOCS / "_ext"))
+sys.path.insert(1, str(_DOCS.parent / "experiments"))  # studies, which are not installed
 
 project, author, release = "RoleTrust", "The RoleTrust authors", __version__
 copyright = "the RoleTrust authors, MIT licence"
@@ -21,8 +23,10 @@ extensions = [
     "sphinx_design",
     "site_pages",
 ]
-# Tables that a page includes, the report, the paper for JOSS, and what a release needs.
+# The report, the paper for JOSS, what a release needs, and tables that a page includes.
 exclude_patterns = ["_ext/**", "leaderboards/standard*", "paper.md", "release/**"]
+for _page in _DOCS.glob("*.md"):
+    exclude_patterns += re.findall(r"^```\{include\} (\w\S+)", _page.read_text(encoding="utf-8"), re.MULTILINE)
 smartquotes = False
 highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it

@@ -136,6 +136,12 @@ def test_what_stands_in_docs_is_on_the_site(site):
             assert (site / page.with_suffix(".html")).is_file(), page
 
 
+def test_every_page_has_a_title(site):
+    """One without would be found by the search as such; it may be a table that another page includes."""
+    written = [page for page in pages(site) if page.name not in ("search.html", "report.html")]
+    assert [page for page in written if not parsed(page).select_one("article h1")] == []
+
+
 def test_home_has_three_doors_and_five_groups_of_results(site):
     home = parsed(site / "index.html")
     doors = home.select(".doors .sd-card")
