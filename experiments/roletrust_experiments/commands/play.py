@@ -117,8 +117,9 @@ def play(
         text: JointPolicy(Game(rules, parse_trust_model(text, rules, given)), attackers) for text in model
     }  # all are checked before the first is played
     title = f"{rules.name}, {', '.join(model)}, {attacks_in_words(attackers)}"
+    usual_out = Path("results/play") / _slug(title)
     if out is None and not as_json:
-        out = Path("results/play") / _slug(title)
+        out = usual_out
     if video:
         require("--video", "video", "imageio", "imageio_ffmpeg")
     if out is None and video:
@@ -165,8 +166,8 @@ def play(
     if not as_json and not video:
         rater = next(name for name in one.game.roster.names if "SR" in one.game.roster.role(name))
         words = {"--attack": attack or [f"{rater}=bad-mouthing"], "--model": model, "--set": settings or []}
-        words |= {"--games": [f"{games}"], "--seed": [f"{seed}"]}  # the folder of the results may hold no other games
-        usual = {"--model": ["role-trust"], "--games": ["1"], "--seed": ["0"]}
+        words |= {"--games": [f"{games}"], "--seed": [f"{seed}"], "--out": [f"{out}"]}  # it may hold no other games
+        usual = {"--model": ["role-trust"], "--games": ["1"], "--seed": ["0"], "--out": [f"{usual_out}"]}
         options = [
             word for name, texts in words.items() if texts != usual.get(name) for text in texts for word in (name, text)
         ]

@@ -56,11 +56,12 @@ def test_what_is_undefined_is_null_with_the_reason(tmp_path, window, undefined):
         assert f"{name}: undefined: {why}" in printed.replace("\n", " ")
 
 
-def test_an_attack_in_words_and_what_comes_next(tmp_path, monkeypatch):
+@pytest.mark.parametrize("out", [[], ["--out", "my games"]])
+def test_an_attack_in_words_and_what_comes_next(tmp_path, monkeypatch, out):
     """The line plays the same games, in the same folder."""
     monkeypatch.chdir(tmp_path)
-    result = run("play", *TINY, "--attack", "sr_2=bad-mouthing:start=4", "--games", "2", "--seed", "3")
-    (folder,) = (tmp_path / "results/play").iterdir()
+    result = run("play", *TINY, "--attack", "sr_2=bad-mouthing:start=4", "--games", "2", "--seed", "3", *out)
+    (folder,) = (file.parent for file in tmp_path.rglob("results.json"))
     harm = json.loads((folder / "results.json").read_text())["measured"]["role-trust"]["damage"]["all 5 honest"]["mean"]
     assert f"role-trust: the attack costs honest agents {harm:.3f}" in result.output
     (line,) = (line for line in result.output.splitlines() if line.startswith("Next: "))
