@@ -279,10 +279,11 @@ def _notes(played: Sequence[Played], games: int, attackers: Mapping[str, Policy]
     rules = played[0].game.scenario
     since = measured_since(attackers, rules.max_cycles)
     start = f"round {since} ({(since + 1) * rules.period_s:g} s)"
-    past = "during the attack, without the first rounds" if attackers else "without the first rounds"
+    when = "when the attack has begun" if attackers else "after the first rounds"
     many = f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game"
     lines = [
-        f"{many}; lowest trust: of the group's mean trust, from {start} on: {past}; roletrust play --help: the rest"
+        f"{many}; lowest trust: the least mean trust of the group from {start} on, {when}; "
+        "what all numbers are: roletrust play --help"
     ]
     if unrated := [one.model for one in played if not one.game.model.rates_raters]:
         lines.append(f"no trust in raters: {', '.join(unrated)}: false alarms and recovery are of providers only")
