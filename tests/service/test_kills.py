@@ -1,7 +1,6 @@
 """Kills of a trust manager under load: what was acknowledged is there, once, and trust is that of `roletrust rate`."""
 
 import asyncio
-import csv
 import random
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +12,7 @@ from typing import Any
 import httpx2
 import pytest
 from command_line import printed
+from csv_files import csv_rows
 from load import connected, register
 from postgres import crash, postgres
 from served import Served, served
@@ -116,8 +116,7 @@ def test_nothing_acknowledged_is_lost_when_the_database_is_killed(tmp_path: Path
 
 def check_export(path: Path, raters: list[Rater]) -> int:
     """Check that an export has all acknowledged ratings, once and in order, and no others; return their number."""
-    with path.open(newline="") as file:
-        kept = [row["token"] for row in csv.DictReader(file)]
+    kept = [row["token"] for row in csv_rows(path)]
     acknowledged = {token: seq for rater in raters for token, seq in rater.acknowledged.items()}
     assert len(kept) == len(set(kept)) == len(acknowledged)
     assert kept == sorted(acknowledged, key=acknowledged.__getitem__)
@@ -132,8 +131,7 @@ def check_rate(folder: Path, agents: list[dict[str, Any]]) -> None:
         ours = sorted(
             (one[role] | {"name": one["name"]} for one in agents if one[role]["rank"]), key=itemgetter("rank")
         )
-        with (folder / file).open(newline="") as rows:
-            found = list(csv.DictReader(rows))
+        found = csv_rows(folder / file)
         assert [one["name"] for one in ours] == [row["name"] for row in found]
         for one, row in zip(ours, found, strict=True):
             assert (one["ratings"], one["agents"]) == (int(row["ratings"]), int(row[others]))

@@ -1,9 +1,9 @@
 """The choice of known attacks: a cover of the models, the first half of it without treatment."""
 
-import csv
 from types import SimpleNamespace
 
 import numpy as np
+from csv_files import csv_rows
 
 from studies import SUITES
 from studies.condition import suite_of
@@ -36,8 +36,7 @@ def test_every_suite_of_the_studies_can_be_read():
 
 def worst_cases(name):
     """Return the score and half of its interval by model and condition, from a table of worst cases."""
-    with (DOCS / "leaderboards" / name).open(encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if float(row["share"])]
+    rows = [row for row in csv_rows(DOCS / "leaderboards" / name) if float(row["share"])]
     found = {}
     for row in rows:
         at = found.setdefault(row["model"], {})

@@ -1,7 +1,6 @@
-import csv
-
 import numpy as np
 import pytest
+from csv_files import csv_rows
 
 from roletrust_env import make_scenario, trust_models
 from roletrust_env.evaluation.curves import Curves
@@ -15,10 +14,9 @@ pytestmark = pytest.mark.slow
 def drawn(folder):
     """The mean trust of each line over the time of the attack, by model, attack, trust and whose."""
     found = {}
-    with (folder / "models.csv").open() as file:
-        for row in csv.DictReader(file):
-            key = row["trust_model"], row["attack"].split()[0], row["trust"], row["whose"]
-            found.setdefault(key, []).append(float(row["mean"]))
+    for row in csv_rows(folder / "models.csv"):
+        key = row["trust_model"], row["attack"].split()[0], row["trust"], row["whose"]
+        found.setdefault(key, []).append(float(row["mean"]))
     return {key: np.mean(values[35:90]) for key, values in found.items()}
 
 

@@ -1,9 +1,9 @@
 """What the page on strategic agents says is what its table says."""
 
-import csv
 from pathlib import Path
 
 import pytest
+from csv_files import csv_rows
 
 from studies.strategic import STARTS, Options
 
@@ -14,8 +14,8 @@ MODELS, SCENARIOS, COSTS = Options()[:3]
 UNPAID = {"beta", "own-experience"}
 CHEAP, DEAR = COSTS
 
-with (DOCS / "strategic" / "strategic.csv").open(encoding="utf-8") as file:
-    ROWS = {(r["scenario"], r["model"], float(r["cost"]), r["start"]): r for r in csv.DictReader(file)}
+TABLE = csv_rows(DOCS / "strategic" / "strategic.csv")
+ROWS = {(row["scenario"], row["model"], float(row["cost"]), row["start"]): row for row in TABLE}
 
 
 def value(*where, of):
