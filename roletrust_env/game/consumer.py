@@ -42,7 +42,7 @@ def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -
     there = (offered == offered) & (trust == trust)
     quality, known = xp.where(there, offered, 0 * there), xp.where(there, trust, 0 * there - 1)
     highest = xp.max(known, axis=axis, keepdims=True)
-    chosen = there * xp.exp((known - highest) / temperature) if temperature > 0 else there & (known == highest)
+    chosen = there * xp.exp((known - highest) / temperature) if temperature > 0 else known == highest
     return Bought(_mean(quality, chosen, axis), xp.max(quality, axis=axis), _mean(quality, there, axis))
 
 

@@ -8,6 +8,7 @@ from roletrust_baselines import OnOff
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import (
     HELD_OUT,
+    SEARCHED,
     SplitScores,
     judged_rollout,
     mean_rewards,
@@ -27,6 +28,12 @@ def test_the_first_half_of_the_games_chooses_and_the_second_measures() -> None:
     assert measured.chosen["utility"].tolist() == [[0.1, 0.2]]
     assert measured.measured["utility"].tolist() == [[0.8, 0.9]]
     assert measured.by_round.tolist() == [[0.375]]
+
+
+def test_games_that_measure_are_none_of_those_that_search() -> None:
+    task = make_task("paper-3x3", ("sr_2",))
+    keys = {tuple(one.round_key()[0]) for kind in (SEARCHED, HELD_OUT) for one in random_sources(task, 0, kind)}
+    assert len(keys) == 4
 
 
 def test_a_round_counts_by_the_probability_that_it_is_played() -> None:

@@ -13,7 +13,8 @@ from roletrust_env import Game, Random, Scenario, load_scenario, make_scenario, 
 from roletrust_env.benchmarking.suite import Stage, Suite, Track
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.summary import summarise
-from roletrust_env.world.scenario import read_scenario
+from roletrust_env.world.perturbation import Perturbations, strength_in
+from roletrust_env.world.scenario import Perturbation, read_scenario
 
 AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
 
@@ -350,3 +351,11 @@ def test_a_file_nested_too_deeply_is_refused(tmp_path):
     path.write_text("a = " + "[" * 5000 + "]" * 5000)
     with pytest.raises(ValueError, match="broken"):
         load_scenario(path)
+
+
+def test_the_strongest_of_overlapping_perturbations_counts_and_none_outside() -> None:
+    both = [Perturbation(start=1, stop=4, strength=0.75), Perturbation(start=2, stop=3, strength=0.5)]
+    assert [strength_in(both, round) for round in range(5)] == [0, 0.75, 0.75, 0.75, 0]
+    scenario = make_scenario("paper-3x3").change(perturbations=both, max_cycles=5)
+    strengths = Perturbations(scenario, np.zeros(())).strength(np.arange(5))
+    assert strengths.tolist() == [0, 0.75, 0.75, 0.75, 0]

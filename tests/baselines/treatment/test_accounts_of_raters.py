@@ -10,11 +10,19 @@ from roletrust_baselines import PersonalMilking, PersonalMilkingRing, PersonalSy
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, record
 from roletrust_env.evaluation.scripts import Space
 from roletrust_env.evaluation.specs import parse_attacks
+from roletrust_env.game.accounts import Accounts
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
 
 PAPER = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=40)
 NAN = float("nan")
+
+
+def test_the_last_rating_stays_while_none_arrives() -> None:
+    accounts = Accounts.begin(np.zeros((2, 1))).hear(np.array([[0.5], [0.25]]), np.array([[True], [True]]))
+    later = accounts.hear(np.array([[1.0], [1.0]]), np.array([[False], [True]]))
+    assert later.last.tolist() == [[0.5], [1.0]]
+    assert later.mean.tolist() == [[0.5], [0.625]]
 
 
 def treated(policy: Policy, rounds: Sequence[Sequence[float]]) -> list[list[float]]:

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import scenarios
+from roletrust_experiments import main
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands.console import number_table
 from roletrust_experiments.commands.figures import claims_table
@@ -104,6 +105,15 @@ def test_a_closed_input_and_a_reader_that_stops_are_no_fault():
     script = 'set -o pipefail; "$@" serve mean <&-; "$@" list models | true; [ $? -lt 2 ] || [ $? = 141 ]'
     done = subprocess.run(["bash", "-c", script, "-", *ROLETRUST], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_a_working_directory_that_is_gone_is_named_in_one_line(tmp_path, monkeypatch, capsys):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert capsys.readouterr().err == "roletrust needs a working directory, and this one has been deleted\n"
 
 
 def printed(table, width):
