@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from roletrust_env.data.columns import Columns
-from roletrust_env.data.dialect import Dialect
+from roletrust_env.data.dialect import Dialect, find_encoding, find_separator, look
 from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.data.units import find_unit
 
@@ -194,6 +194,14 @@ def test_names_of_whole_floats_are_whole_numbers_if_all_of_the_column_are(tmp_pa
         assert (log.rater_names, ".0" in lines) == (["3", "3.0", other], False)
 
 
+def test_what_the_beginning_of_a_text_shows() -> None:
+    assert find_separator(["ann;bob;1,5", "cec;dan;2,5"]) == ";"  # three columns, where the comma makes two
+    assert find_encoding("ann,bob,1".encode("utf-16-le")) == "utf-16-le"
+    with pytest.raises(ValueError, match="its beginning is no text"):
+        find_encoding(b"\0\0\0\xff" * 20)  # zeros on both sides
+    assert look("1,2,3\n4,5,6\n", Dialect()).header is None
+
+
 def test_a_whole_column_decides_the_form_of_dates(tmp_path: Path) -> None:
     def dated(*times: str, **options: Any) -> tuple[list[float], str]:
         log, lines = told(
@@ -223,6 +231,8 @@ def test_a_whole_column_decides_the_form_of_dates(tmp_path: Path) -> None:
         (("31.01.2024", "31.02.2024"), "row 3: the time is '31.02.2024'; it must be a date in the form of the first"),
         (("31/01/2024", "01/31/2024"), "row 3: the time is '01/31/2024'"),
         (("31.01.2024 24:00",), "row 2: the time is '31.01.2024 24:00'"),
+        (("31.01.2024 0:30 AM",), "row 2: the time is '31.01.2024 0:30 AM'"),
+        (("31.01.2024 12:00:60",), "row 2: the time is '31.01.2024 12:00:60'"),
         (("31 Jan 2024 12:00 +0100", "31 Jan 2024 12:00"), "row 3: the time is '31 Jan 2024 12:00'"),
         (("31 Jam 2024",), "row 2: the time is '31 Jam 2024'"),
         (

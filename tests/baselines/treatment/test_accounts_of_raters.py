@@ -10,7 +10,7 @@ from roletrust_baselines import PersonalMilking, PersonalMilkingRing, PersonalSy
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, record
 from roletrust_env.evaluation.scripts import Space
 from roletrust_env.evaluation.specs import parse_attacks
-from roletrust_env.game.accounts import Accounts
+from roletrust_env.game.accounts import ACCOUNT_FEATURES, Accounts, account_features
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
 
@@ -23,6 +23,9 @@ def test_the_last_rating_stays_while_none_arrives() -> None:
     later = accounts.hear(np.array([[1.0], [1.0]]), np.array([[False], [True]]))
     assert later.last.tolist() == [[0.5], [1.0]]
     assert later.mean.tolist() == [[0.5], [0.625]]
+    none = np.zeros((2, 1))
+    features = account_features(later, best_other=np.array(0.0), given=none, ally=none, place=none)
+    assert features[ACCOUNT_FEATURES.index("voice")].tolist() == [[0.5], [1.0]]
 
 
 def treated(policy: Policy, rounds: Sequence[Sequence[float]]) -> list[list[float]]:
