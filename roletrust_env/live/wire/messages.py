@@ -32,6 +32,7 @@ PACKAGE = Path(__file__).parent.parent / "roletrust_msgs"
 """Folder of the ROS 2 package with the project's own messages, which colcon builds."""
 
 _SECOND = 1_000_000_000
+_LAST_SECOND = 2**31
 _MARK = b"ed25519"  # between a JPEG and its signature
 _SIZE = 64  # of a signature, bytes
 _SIGNATURE = "signature"
@@ -110,7 +111,15 @@ def type_hash(kind: str) -> str:
 
 
 def header(stamp: int, frame: str = "") -> Any:
-    """Return a header with a stamp in nanoseconds."""
+    """Return a header with a stamp in nanoseconds.
+
+    Raises:
+        ValueError: ROS 2 has no such stamp.
+    """
+    if not -_LAST_SECOND <= stamp // _SECOND < _LAST_SECOND:
+        raise ValueError(
+            f"the time is {stamp} ns since 1970; stamps of ROS 2 end on 2038-01-19, so set the clock right"
+        )
     time = make("builtin_interfaces/msg/Time", sec=stamp // _SECOND, nanosec=stamp % _SECOND)
     return make("std_msgs/msg/Header", stamp=time, frame_id=frame)
 

@@ -13,6 +13,12 @@ from roletrust_env.live.wire import messages
 NAMES = st.from_regex(r"[a-z_0-9]{1,12}", fullmatch=True)
 
 
+@pytest.mark.parametrize("stamp", [2**31 * 10**9, -(2**31) * 10**9 - 1, 10**30])
+def test_a_time_that_is_no_stamp_of_ros_is_an_error_of_one_line(stamp):
+    with pytest.raises(ValueError, match="stamps of ROS 2 end on 2038-01-19, so set the clock right"):
+        messages.ratings_message("sr_0", stamp, {})
+
+
 @given(NAMES, st.integers(0, 2**31 * 10**9 - 1), st.dictionaries(NAMES, st.floats(width=64)), st.binary(max_size=64))
 def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
     raw = messages.encode(messages.ratings_message(rater, stamp, ratings, FixedSigner(signature)))

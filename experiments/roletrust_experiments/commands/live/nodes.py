@@ -42,7 +42,9 @@ def agent(
     start: Annotated[
         int | None,
         typer.Option(
-            min=10**18, max=2**31 * 10**9, help="Start of round 0, ns since 1970; the next whole period if left out."
+            min=10**18,
+            max=2**31 * 10**9 - 1,
+            help="Start of round 0, ns since 1970; the next whole period if left out.",
         ),
     ] = None,
     seed: Annotated[
