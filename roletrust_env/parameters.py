@@ -134,6 +134,9 @@ PositiveAmount = Annotated[float, _within("[1e-6, 1e6]", lambda x: 1e-6 <= x <= 
 ZeroOrAmount = Annotated[float, _within("{0} or [1e-6, 1e6]", lambda x: x == 0 or 1e-6 <= x <= 1e6)]
 """`PositiveAmount`, or 0 for the limit."""
 
+Size = Annotated[int, pydantic.Field(ge=1, le=1000)]
+"""Number of rows of a memory, or of steps of a computation. A larger one would not end, or not fit."""
+
 ShareOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, 1]", lambda x: 0 <= x <= 1)]
 """Share, or a range from which it is drawn."""
 

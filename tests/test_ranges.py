@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field, NonNegativeInt, PositiveFloat, TypeAdapter, ValidationError
 
-from roletrust_env import Policy, parameters
+from roletrust_env import Policy, make_trust_model, parameters
 from roletrust_env.parameters import GridValues, Lam, NotSearched, SearchRange, Share, Tail, allowed
 
 
@@ -66,3 +66,12 @@ def test_a_search_range_is_finite_and_in_order(low: float, high: float) -> None:
     assert SearchRange(1, 1).high == 1
     with pytest.raises(ValueError, match="is not a range"):
         SearchRange(low, high)
+
+
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [("travos", "bins"), ("yu-singh", "memory"), ("sybil-rank", "steps"), ("blade", "levels"), ("habit", "levels")],
+)
+def test_what_sizes_a_memory_has_an_end(name: str, field: str) -> None:
+    with pytest.raises(ValueError, match=f"{field} is 100000: .* less than or equal to 1000?"):
+        make_trust_model(name, **{field: 100_000})

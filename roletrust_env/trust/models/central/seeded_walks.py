@@ -15,10 +15,10 @@ from itertools import count
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import NonNegativeInt, PositiveInt
+from pydantic import NonNegativeInt
 
 from roletrust_env.arrays import Array, device_of, is_compiling, largest, namespace, total
-from roletrust_env.parameters import Inside, Share, checked_dataclass
+from roletrust_env.parameters import Inside, Share, Size, checked_dataclass
 from roletrust_env.trees import AMOUNTS, BALANCES, FLAGS, SHARES
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.edges import pair_keys
@@ -361,7 +361,7 @@ class SybilRank(BySeeds):
         steps: Number of steps w. None is that of the paper.
     """
 
-    steps: PositiveInt | None = None
+    steps: Size | None = None
     source = "Cao et al. (2012)"
     cost = "S^2 P"
 

@@ -63,7 +63,7 @@ class Blade(Personal):
         keep: Share of the evidence that remains when one more observation comes, in (0, 1]; with 1 nothing fades.
     """
 
-    levels: Annotated[int, Field(ge=2)] = 3
+    levels: Annotated[int, Field(ge=2, le=100)] = 3
     keep: Factor = 0.9
     rates_raters = True
     source = "Regan, Poupart and Cohen (2006)"

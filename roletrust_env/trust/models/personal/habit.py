@@ -59,7 +59,7 @@ class Habit(Personal):
         alpha: Concentration of the Dirichlet process: weight of a provider that is like none, at least 0.001.
     """
 
-    levels: Annotated[int, Field(ge=2)] = 3
+    levels: Annotated[int, Field(ge=2, le=100)] = 3
     alpha: Ridge = 1.0
     rates_raters = False
     source = "Teacy et al. (2012)"

@@ -3,10 +3,8 @@
 import math
 from typing import Annotated, NamedTuple
 
-from pydantic import PositiveInt
-
 from roletrust_env.arrays import Array, cast, device_of, namespace
-from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.parameters import Share, Size, checked_dataclass
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import mass_below, mass_between, reputation
 from roletrust_env.trust.personal import Personal, by_judges, others
@@ -72,7 +70,7 @@ class Travos(Personal):
 
     error: Share = 0.2
     threshold: Share = 0.95
-    bins: PositiveInt = 5
+    bins: Size = 5
     rates_raters = True
     source = "Teacy et al. (2006)"
     differentiable = False

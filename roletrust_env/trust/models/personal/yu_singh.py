@@ -2,10 +2,8 @@
 
 from typing import Annotated, NamedTuple
 
-from pydantic import PositiveInt
-
 from roletrust_env.arrays import Array, namespace, total
-from roletrust_env.parameters import Factor, Share, checked_dataclass
+from roletrust_env.parameters import Factor, Share, Size, checked_dataclass
 from roletrust_env.trees import FLAGS, SHARES, ValueRange
 from roletrust_env.trust.personal import (
     Personal,
@@ -65,7 +63,7 @@ class YuSingh(Personal):
 
     initial: Share = 0.5
     beta: Factor = 0.5
-    memory: PositiveInt = 10
+    memory: Size = 10
     rates_raters = True
     source = "Yu, Singh and Sycara (2004)"
     cost = "S^2 P"
