@@ -101,3 +101,7 @@ def test_a_consumer_is_the_same_on_torch_and_in_batches() -> None:
         assert np.array_equal(row[2], getattr(buy(trust[2], offered[2]), name))
         on_torch = getattr(buy(torch.tensor(trust), torch.tensor(offered), axis=1), name)
         assert np.allclose(on_torch.numpy(), row, atol=1e-15)
+
+
+def test_an_absent_provider_is_not_chosen_where_nobody_is_trusted() -> None:
+    assert buy(np.array([0.0, np.nan]), np.array([0.5, np.nan])).got == 0.5
