@@ -90,7 +90,7 @@ def test_admission_counts_beyond_a_byte() -> None:
         pytest.param(
             Scenario(agents=[{"role": "SR", "count": 2, "leaves": 2}, {"role": "SP", "leaves": 3}]), id="everyone left"
         ),
-        pytest.param(busy(access={"kind": "in-range", "radius": 1e-9}), id="nobody in range"),
+        pytest.param(busy(access={"kind": "in-range", "radius": 1e-6}), id="nobody in range"),
         pytest.param(busy(values=[float(v) for v in range(1, 1000)]), id="a thousand values"),
         pytest.param(Scenario(agents=[{"role": "SR+SP"}, {"role": "SP"}]), id="no pure rater"),
         pytest.param(
