@@ -1,6 +1,7 @@
 """Specs: the texts behind `--attack`, `--model` and `--set`, as policies, models and values."""
 
 import inspect
+import json
 import os
 import re
 import sys
@@ -46,6 +47,17 @@ def parse_value(text: str) -> Any:
     except (tomllib.TOMLDecodeError, RecursionError):
         return text
     return _frozen(data["value"]) if len(data) == 1 else text
+
+
+def value_text(text: str) -> str:
+    """Return a text as a parameter's value, in quotes where it would not be read as itself.
+
+    Example:
+        >>> value_text("results/train"), value_text("a,b"), value_text("5")
+        ('results/train', '"a,b"', '"5"')
+    """
+    plain = parse_value(text) == text and not set(text) & set("""[]{},"'""")
+    return text if plain else json.dumps(text, ensure_ascii=False)
 
 
 def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:

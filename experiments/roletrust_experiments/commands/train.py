@@ -9,7 +9,7 @@ import typer
 from roletrust_env import Scenario, make_scenario, scenarios
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model
+from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model, value_text
 from roletrust_env.game.attack_task import Consumers, Knowledge, Objective
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.provenance import provenance
@@ -224,7 +224,7 @@ def _train(run: "Run", folder: "RunFolder") -> None:
     tell(f"In the same games: {others}")
     tell(f"Written to {folder.path}: attacker.json, attacker.safetensors, curve.csv, curve.png")
     if len(run.task.compromised) == 1 and run.task.knowledge == "black_box" and run.scenario.name in scenarios():
-        attack = f"{run.task.compromised[0]}=learned:path={folder.path}"
+        attack = f"{run.task.compromised[0]}=learned:path={value_text(str(folder.path))}"
         tell(f"Next: {shlex.join(['roletrust', 'play', run.scenario.name, '--attack', attack, '--video'])}")
 
 

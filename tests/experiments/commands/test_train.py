@@ -46,6 +46,7 @@ def train(out, *arguments):
 
 
 def test_a_run_and_what_it_leaves_behind(tmp_path, drawn):
+    tmp_path /= "a, b"  # the next command has it in quotes
     attacker, printed = train(tmp_path, "provider-attack", *PPO, "--seed", 3)
     config = json.loads((tmp_path / "config.json").read_text())
     assert config["run"]["seed"] == 3
