@@ -28,7 +28,7 @@ from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_env.trust import TrustModel, make_trust_model
-from roletrust_experiments.commands.console import console, progress_bar, stage, tell
+from roletrust_experiments.commands.console import console, progress_bar, stage, tell, tracked
 from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.figures import claims_table
 from roletrust_experiments.commands.live.options import SLOWEST, Browser, Port, Speed, period_ns
@@ -308,10 +308,8 @@ def _run_team(plan: _Plan, out: Path, page: WaitingPage | None, progress: Progre
             settings |= {"listening": page.listening, "take": partial(_ask, there), "period_s": period / SECOND}
             nodes.start("view", run_view_server, **settings)
         console.print(f"Starts {len(nodes.names)} processes", soft_wrap=True)  # at once, where no bar can move
-        done = stage(progress, "Starting", len(nodes.names))
-        for number, name in enumerate(nodes.names):
+        for name in tracked(progress, "Starting", nodes.names):
             nodes.ready(name)
-            done(number + 1)
         if page is not None:
             nodes.begin("view")
             while not here.poll(_POLL_S):

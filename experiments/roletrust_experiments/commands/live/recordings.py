@@ -2,7 +2,7 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -91,8 +91,10 @@ def scenario(
             from roletrust_env.data.log import read_ratings
             from roletrust_env.service.log_team import observe_log
 
-            settings: Any = {"scale": scale, "same_agents": True, "every": every, "advance": advance, "tell": tell}
-            observation = observe_log(read_ratings(recording, Columns(time="time"), **settings), every)
+            log = read_ratings(
+                recording, Columns(time="time"), scale=scale, same_agents=True, every=every, advance=advance, tell=tell
+            )
+            observation = observe_log(log, every)
         else:
             keyring = None if keys is None else PublicKeys(keys)
             again = partial(tracked, progress, "Matching ratings")
