@@ -19,7 +19,7 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, TrustModel, trust_models
 from studies.study import Recipe, Study
-from studies.timing import COMPILED, Contestant, Size, Spread, Timing, machine, measure, times_figure, trust_update
+from studies.timing import COMPILED, Contestant, Size, Timing, machine, measure, spread, times_figure, trust_update
 
 
 class Options(NamedTuple):
@@ -71,7 +71,15 @@ def main(study: Study[Options]) -> None:
             found |= measure_models(models, sides, library, study.seed)
     cells = [(where, Traits.of(models[where[0]]), cell) for where, cell in found.items()]
     rows = [
-        (name, traits.family, traits.cost, library, *size, *_spread(cell), cell.left_out or None)
+        (
+            name,
+            traits.family,
+            traits.cost,
+            library,
+            *size,
+            *(cell.timing.each() if cell.timing else [None] * 3),
+            cell.left_out or None,
+        )
         for (name, library, size), traits, cell in cells
     ]
     study.csv("model-costs.csv", _HEADER, rows)
@@ -161,7 +169,7 @@ def _load_torch() -> None:
 def growth(found: Found, name: str) -> tuple[float, float]:
     """Return the powers of S and P in the time of an update on NumPy, at the largest sizes; NaN if unknown."""
     seconds = {
-        size: Spread.of(cell.timing.seconds).median
+        size: spread(cell.timing.seconds).value
         for (model, library, size), cell in found.items()
         if (model, library) == (name, "NumPy") and cell.timing
     }
@@ -191,10 +199,5 @@ def _lines(models: Mapping[str, TrustModel[Any]], found: Found, sides: Sequence[
 def _nanoseconds(cell: Cell) -> str:
     if cell.timing is None:
         return "-"
-    value = cell.timing.each().median
+    value = cell.timing.each().value
     return f"{value:,.{int(value < 100)}f}"
-
-
-def _spread(cell: Cell) -> Sequence[float | None]:
-    """Return nanoseconds per rating: the median, the least and the greatest."""
-    return cell.timing.each() if cell.timing else (None, None, None)

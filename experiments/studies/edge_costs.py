@@ -28,7 +28,7 @@ from roletrust_env.trust import Ratings, TrustModel, trust_models
 from roletrust_env.trust.edges import edge_model, runs_on_edges, start_on_edges
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from studies.study import Recipe, Study
-from studies.timing import Contestant, Spread, Timing, machine, measure, times_figure
+from studies.timing import Contestant, Timing, machine, measure, spread, times_figure
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -230,5 +230,5 @@ def _timed(name: str, edges: Edges, make: Callable[[], Callable[[], Any]]) -> tu
 def _cells(timing: Timing, memory: int) -> tuple[str, str, str]:
     """Return milliseconds of a round, millions of ratings per second with their range, and the memory."""
     rate = timing.rate()
-    time = f"{1e3 * Spread.of(timing.seconds).median:,.1f}"
-    return time, f"{rate.median:.2f} ({rate.low:.2f} - {rate.high:.2f})", in_bytes(memory)
+    time = f"{1e3 * spread(timing.seconds).value:,.1f}"
+    return time, f"{rate.value:.2f} ({rate.low:.2f} - {rate.high:.2f})", in_bytes(memory)

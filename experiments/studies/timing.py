@@ -5,7 +5,7 @@ import os
 import platform
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,18 +37,9 @@ class Contestant(NamedTuple):
     amount: int
 
 
-class Spread(NamedTuple):
-    """Median, minimum and maximum of repeats."""
-
-    median: float
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, values: Iterable[float]) -> "Spread":
-        """Return the spread of values."""
-        known = np.asarray(list(values))
-        return cls(float(np.median(known)), float(known.min()), float(known.max()))
+def spread(values: Sequence[float] | np.ndarray) -> Interval:
+    """Return the median of repeats, with the least and the greatest."""
+    return Interval(*map(float, np.percentile(values, (50, 0, 100))))
 
 
 class Timing(NamedTuple):
@@ -57,13 +48,13 @@ class Timing(NamedTuple):
     contestant: Contestant
     seconds: tuple[float, ...]
 
-    def each(self) -> Spread:
+    def each(self) -> Interval:
         """Return the nanoseconds for each rating or action."""
-        return Spread.of(1e9 * s / self.contestant.amount for s in self.seconds)
+        return spread(1e9 * np.array(self.seconds) / self.contestant.amount)
 
-    def rate(self) -> Spread:
+    def rate(self) -> Interval:
         """Return the millions of ratings or actions per second."""
-        return Spread.of(self.contestant.amount / s / 1e6 for s in self.seconds)
+        return spread(self.contestant.amount / np.array(self.seconds) / 1e6)
 
     def ratio(self, peer: "Timing") -> float:
         """Return how many times faster than a peer this is: the lower quartile over the repeats."""
@@ -117,7 +108,7 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
 def times_figure(found: Mapping[str, Sequence[Timing]]) -> Figure:
     """Return the nanoseconds per rating of contestants, in a row each; timings have the label of their series."""
     series = [
-        Series(label, [one.contestant.name for one in timings], [Interval(*one.each()) for one in timings])
+        Series(label, [one.contestant.name for one in timings], [one.each() for one in timings])
         for label, timings in found.items()
     ]
     panel = Panel("", "", "nanoseconds per rating", series, "log")

@@ -9,12 +9,13 @@ import pytest
 from csv_files import csv_rows
 
 from roletrust_agents.smooth import one_thread
+from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust import Mean, Ratings, RoleTrust, make_trust_model
 from studies import costs, edge_costs, speed
 from studies.costs import Cell, Found, compile_ahead, growth, measure_models, sizes
 from studies.edge_costs import PLAIN, Edges, on_edges, plain
 from studies.study import run
-from studies.timing import COMPILED, Contestant, Size, Spread, Timing, measure, trust_update
+from studies.timing import COMPILED, Contestant, Size, Timing, measure, trust_update
 
 pytestmark = pytest.mark.slow
 
@@ -189,5 +190,5 @@ def test_torch_has_its_threads_again_afterwards() -> None:
 
 def test_times_and_rates() -> None:
     one = Timing(Contestant("x", lambda: None, 60), (1.0, 2.0, 4.0))
-    assert one.each() == pytest.approx(Spread(2e9 / 60, 1e9 / 60, 4e9 / 60))
-    assert one.rate() == pytest.approx(Spread(30e-6, 15e-6, 60e-6))
+    assert one.each() == pytest.approx(Interval(2e9 / 60, 1e9 / 60, 4e9 / 60))
+    assert one.rate() == pytest.approx(Interval(30e-6, 15e-6, 60e-6))

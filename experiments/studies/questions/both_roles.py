@@ -88,17 +88,14 @@ def _play(effort: Effort, case: Case) -> dict[tuple[str, str], Floats]:
         the probability that trust ranks them correctly, see `metrics.auc`.
     """
     game = Game(_peers(effort, case.turns), "role-trust")
-    history = record(JointPolicy(game, _attackers(case)), game.random(effort.seed), (effort.games,))
+    attackers = {f"srsp_{place}": case.policy for place in range(_PEERS - _ATTACKERS, _PEERS)}
+    history = record(JointPolicy(game, attackers), game.random(effort.seed), (effort.games,))
     bad, found = slice(_PEERS - _ATTACKERS, _PEERS), {}
     for name, trusts in {"ToR": history.tor, "ToP": history.top, "ToA": history.trust}.items():
         trust = mean_or_nan(np.asarray(trusts)[SETTLED:], axis=0)
         found["gap", name] = np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0)
         found["auc", name] = metrics.auc(trust, range(_PEERS)[bad]).value
     return found
-
-
-def _attackers(case: Case) -> dict[str, Policy]:
-    return {f"srsp_{place}": case.policy for place in range(_PEERS - _ATTACKERS, _PEERS)}
 
 
 def _peers(effort: Effort, turns: tuple[str, ...]) -> Scenario:

@@ -26,7 +26,8 @@ def answer(effort: Effort) -> Finding:
     noises = sorted({*effort.some(_NOISES), _SMALL, _LARGE})
     loss: dict[tuple[str, str, float], Floats] = {}
     calm = _crowd(1.0, 0.0, effort)
-    raters, providers = _sides(calm)
+    roster = Roster.of(calm)
+    raters, providers = range(roster.n_raters), range(roster.n_raters, roster.n_agents)
     for label, quality in _QUALITIES.items():
         twin = play(effort, _crowd(quality, 0.0, effort))
         for noise in noises:
@@ -79,12 +80,6 @@ def _crowd(quality: float, noise: float, effort: Effort) -> Scenario:
     crowd = make_scenario("crowd-10x10").change(noise=noise, max_cycles=effort.rounds(60))
     agents = [group.model_dump() | ({"ability": quality} if group.role == "SP" else {}) for group in crowd.agents]
     return crowd.change(agents=agents)
-
-
-def _sides(scenario: Scenario) -> tuple[range, range]:
-    """Return the indices of the raters, and those of the providers."""
-    roster = Roster.of(scenario)
-    return range(roster.n_raters), range(roster.n_raters, roster.n_agents)
 
 
 def _root(noises: list[float], raters: int) -> Series:
