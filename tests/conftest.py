@@ -7,6 +7,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import re
 import shutil
+from collections.abc import Callable
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -73,3 +75,18 @@ def browser():
 def _own_clock(monkeypatch):
     """Let no test see a clock of the nodes that another test has moved, since it never goes back."""
     monkeypatch.setattr("roletrust_env.live.clock._last", (0, 0))
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Return a function that puts a package with one module and one entry point where Python finds packages."""
+
+    def install(module: str, group: str, code: str, entry: str = "") -> None:
+        monkeypatch.syspath_prepend(tmp_path)
+        (tmp_path / f"{module}.py").write_text(code)
+        about = tmp_path / f"{module}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text(f"[{group}]\n{entry or f'{module} = {module}:made'}\n")
+
+    return install

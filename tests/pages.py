@@ -127,7 +127,7 @@ def _several(value: object) -> list[str]:
 
 
 def _is_known(value: str, names: list[str]) -> bool:
-    """Whether a value names what there is, behind an agent or before parameters, or something of the reader's own."""
+    """Return whether a value names what there is, also before parameters or behind an agent, or the reader's own."""
     named = value.partition("=")[2] if "=" in value.partition(":")[0] else value
     return named.partition(":")[0] in names or named.endswith((".toml", ".yaml")) or _OWN.match(named) is not None
 

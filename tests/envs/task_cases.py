@@ -45,5 +45,5 @@ def acts(env: gymnasium.Env, n: int, seed: int = 0) -> list[np.ndarray]:
 
 
 def same(a: tuple, b: tuple) -> bool:
-    """Whether two steps or resets are the same to the last bit."""
+    """Return whether two steps or resets are the same to the last bit."""
     return data_equivalence(a, b, exact=True)

@@ -36,7 +36,7 @@ ENDS = {
 
 
 def lies(games: int, steps: int, size: int, seed: int = 0) -> list[np.ndarray]:
-    """Actions of every step, (E, A): from the worst to the best, with a little of everything."""
+    """Return the actions of every step, (E, A): from the worst to the best, with a little of everything."""
     spread = np.linspace(0, 1, games)[:, None]
     random = np.random.default_rng(seed).random((steps, games, size))
     return list((0.9 * spread + 0.1 * random).astype(np.float32))

@@ -51,9 +51,9 @@ def test_trust_model_takes_the_scenarios_lam_unless_told():
     assert parse_trust_model("role-trust:lam=0.6", scenario).lam == 0.6
 
 
-def test_an_attack_of_an_installed_package_is_searched_by_its_name(tmp_path, monkeypatch):
+def test_an_attack_of_an_installed_package_is_searched_by_its_name(install):
     """It is one file and one line of the package's own; nothing here knows of it."""
-    (tmp_path / "package_of_lies.py").write_text(
+    code = (
         "from dataclasses import dataclass\n"
         "from typing import Annotated, ClassVar\n"
         "from roletrust_env import Policy\n"
@@ -63,11 +63,7 @@ def test_an_attack_of_an_installed_package_is_searched_by_its_name(tmp_path, mon
         "    by: Annotated[int, SearchRange(-3, 3)] = 0\n"
         "    attacks: ClassVar = frozenset({'ratings'})\n"
     )
-    about = tmp_path / "package_of_lies-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: package-of-lies\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[roletrust_env.attackers]\nshift = package_of_lies:Shift\n")
-    monkeypatch.syspath_prepend(tmp_path)
+    install("package_of_lies", "roletrust_env.attackers", code, "shift = package_of_lies:Shift")
     kinds = parse_kinds(["shift", "shift:by=2"], PAPER)
     space = Scripts.of(make_task(PAPER, ("sr_0",)), kinds)
     found = [space.decode([kind, x])["sr_0"].by for kind, x in ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (1.0, 0.0))]

@@ -89,7 +89,7 @@ def assert_close(actual: Any, expected: Any) -> None:
 
 
 def deeds(task: AttackTask, seed: int, batch: tuple[int, ...] = ()) -> list[np.ndarray]:
-    """Actions of every round: in some games bad, in some good, in some anything."""
+    """Return the actions of every round: in some games bad, in some good, in some anything."""
     random = np.random.default_rng(seed)
     shape, rounds = (task.action_size, *batch), task.game.scenario.max_cycles
     mood = random.integers(0, 3, batch)
@@ -97,7 +97,7 @@ def deeds(task: AttackTask, seed: int, batch: tuple[int, ...] = ()) -> list[np.n
 
 
 def play(task: AttackTask, seed: int = 0, actions: Any = None) -> Iterator[tuple[TaskState, TaskState, Outcome]]:
-    """State before, state after and outcome of every round of one game."""
+    """Yield the state before, the state after and the outcome of every round of one game."""
     random = rng(seed)
     state = task.start(task.game.draw(random, start=True), random)
     for action in deeds(task, seed) if actions is None else actions:

@@ -114,7 +114,7 @@ def assert_close(actual: Any, expected: Any) -> None:
 
 
 def luck(game: Game, seed: int, batch: tuple[int, ...] = ()) -> tuple[Noise, list[Actions], list[Noise]]:
-    """The noise of the start, and actions and noise of every round; ratings often agree, or are 0 or 1."""
+    """Return the noise of the start, and actions and noise of every round; ratings often agree, or are 0 or 1."""
     rng = np.random.default_rng(seed)
     source, s, p = Random(rng), game.roster.n_raters, game.roster.n_providers
 

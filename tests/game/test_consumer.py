@@ -18,7 +18,7 @@ SELLERS = {"compromised": ("sp_1", "srsp_2", "sp_4"), "objective": "mislead"}
 
 
 def serving(game: Game, before: Any, after: Any, provider: str) -> bool:
-    """Whether a provider serves in the round between two states."""
+    """Return whether a provider serves in the round between two states."""
     at = game.roster.names.index(provider)
     there = all(state.population is None or state.population.phase[at] == PRESENT for state in (before, after))
     duty = game.roster.role_schedule(game.scenario.max_cycles)[1][before.round]

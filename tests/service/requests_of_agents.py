@@ -18,7 +18,7 @@ _turns = cycle((True, False))
 
 
 def fits(content: Any, kind: type[BaseModel]) -> bool:
-    """Whether a body is as described; what is wrong on purpose stays so."""
+    """Return whether a body is as described; what is wrong on purpose stays so."""
     try:
         kind.model_validate(content)
     except ValidationError:

@@ -30,7 +30,7 @@ def rows(folder, name):
 
 
 def by_name(table):
-    """The rows of a table by their names, that of a learned model without its iteration."""
+    """Return the rows of a table by their names, that of a learned model without its iteration."""
     names = ("iteration", "model", "beside")
     return {tuple(row[n].removesuffix(" 1") for n in names if n in row): row for row in table}
 

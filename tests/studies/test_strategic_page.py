@@ -23,7 +23,7 @@ def value(*where, of):
 
 
 def shown_above(low, high):
-    """Whether one welfare is above another one by more than both intervals."""
+    """Return whether one welfare is above another one by more than both intervals."""
     (a, ha), (b, hb) = ((float(r["welfare"]), float(r["welfare_half_95"])) for r in (low, high))
     return b - hb > a + ha
 

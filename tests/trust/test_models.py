@@ -1,7 +1,6 @@
 """Trust models by name: the registry, and what a game makes of what a model says of itself."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,21 +31,6 @@ class Doubt(Mean):
 
     def provider_trust(self, state: Any) -> Any:
         return super().provider_trust(state) * 0
-
-
-@pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
-    """Put a package with one module and one entry point, `<module>-model`, where Python finds packages."""
-    monkeypatch.syspath_prepend(tmp_path)
-
-    def install(module: str, code: str) -> None:
-        (tmp_path / f"{module}.py").write_text(code)
-        about = tmp_path / f"{module}-1.0.dist-info"
-        about.mkdir()
-        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
-        (about / "entry_points.txt").write_text(f"[roletrust_env.trust_models]\n{module}-model = {module}:Model\n")
-
-    return install
 
 
 def test_built_in_models_are_listed_with_one_line_each() -> None:
@@ -80,16 +64,23 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
     assert all(name in str(error.value) for name in ("role-trust", "mean", "doubt"))
 
 
-def test_models_of_installed_packages_are_found(install: Callable[[str, str], None]) -> None:
-    install("elsewhere", "from roletrust_env.trust import Mean\nclass Model(Mean): 'Made elsewhere.'")
+def test_models_of_installed_packages_are_found(install: Callable[..., None]) -> None:
+    install(
+        "elsewhere",
+        "roletrust_env.trust_models",
+        "from roletrust_env.trust import Mean\nclass Model(Mean): 'Made elsewhere.'",
+        "elsewhere-model = elsewhere:Model",
+    )
     assert {"role-trust", "mean", "elsewhere-model"} <= set(trust_models())
     model = make_trust_model("elsewhere-model", lam=0.9)
     assert type(model).__module__ == "elsewhere"
     assert model.lam == 0.9
 
 
-def test_a_broken_package_harms_only_who_asks_for_it(install: Callable[[str, str], None]) -> None:
-    install("broken", "raise RuntimeError('half installed')")
+def test_a_broken_package_harms_only_who_asks_for_it(install: Callable[..., None]) -> None:
+    install(
+        "broken", "roletrust_env.trust_models", "raise RuntimeError('half installed')", "broken-model = broken:Model"
+    )
     assert trust_models()["broken-model"]
     assert make_trust_model("role-trust")
     with pytest.raises(ValueError, match=r"broken-model.*half installed") as error:

@@ -45,7 +45,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def benchmark(*options: str) -> tuple[int, list[str]]:
-    """Exit code, and the lines that are printed."""
+    """Return the exit code, and the lines that are printed."""
     result = run("benchmark", "--suite", "tiny.toml", "--workers", "2", "--out", "out", *options)
     return result.exit_code, result.output.splitlines()
 

@@ -99,17 +99,12 @@ def test_what_is_searched_is_what_attacks_declare():
     assert attackers["sybil"]["parameters"]["serves"]["default"].startswith("on-off:period=2,duty=1")
 
 
-def test_plug_ins_are_described_and_a_broken_one_spoils_nothing(tmp_path, monkeypatch):
+def test_plug_ins_are_described_and_a_broken_one_spoils_nothing(install):
     learned = all_attackers()["learned"]
     assert learned["description"].startswith("Trained attacker")
     assert learned["channels"] is None  # only what it makes has some
-    about = tmp_path / "broken-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n")
-    groups = ("scenarios", "trust_models", "attackers")
-    entries = "".join(f"[roletrust_env.{group}]\nbroken = no_such_module:made\n" for group in groups)
-    (about / "entry_points.txt").write_text(entries)
-    monkeypatch.syspath_prepend(tmp_path)
+    for group in ("scenarios", "trust_models", "attackers"):
+        install(f"broken_{group}", f"roletrust_env.{group}", "", "broken = no_such_module:made")
     assert "no_such_module" in all_models()["broken"]["error"]
     result = run()
     assert result.exit_code == 0

@@ -26,7 +26,7 @@ shares = [0.5]
 
 @pytest.fixture
 def folder(in_process: None, tmp_path: Path) -> Path:
-    """Folder with a suite, its results and its attacks."""
+    """Return a folder with a suite, its results and its attacks."""
     folder = tmp_path
     (folder / "tiny.toml").write_text(SUITE)
     printed("benchmark", "--suite", folder / "tiny.toml", "--workers", "1", "--out", folder / "run")
