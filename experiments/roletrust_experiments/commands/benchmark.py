@@ -15,8 +15,6 @@ from roletrust_env.benchmarking.learners.learner import is_search, make_search_m
 from roletrust_env.benchmarking.learners.results import (
     ALL_TASKS,
     HEADER,
-    LearnerResult,
-    TaskScale,
     learner_results,
     ranking,
     table_rows,
@@ -268,7 +266,12 @@ def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path
     write_csv(out / "learners.csv", HEADER, table_rows(found))
     write_figure(out / "learners.png", learners_figure(suite.title, found, scales), colours=256)
     names, largest = ranking(found), suite.budgets[-1]
-    rows = {(budget, name): _row(name, budget, found, scales) for budget in suite.budgets for name in names}
+    share_of = {(one.budget, one.learner, one.task): one.share for one in found}
+    rows = {
+        (budget, name): [_words(share_of.get((budget, name, task))) for task in (ALL_TASKS, *scales)]
+        for budget in suite.budgets
+        for name in names
+    }
     tops = [f"{task}: {scale.description}, {scale.top_score:.3f}" for task, scale in scales.items()]
     caption = f"Share by the rounds of play: 0 is honest play; {_INTERVALS}. Share 1 is, on {'; '.join(tops)}."
     lines = [[f"{budget:,}", f"`{name}`", *shares] for (budget, name), shares in rows.items()]
@@ -286,12 +289,6 @@ def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path
         if why := done.failed or (done.unsuitable if trial.learner in suite.learners else ""):
             tell(f"{trial.key}: {why}", "dim")
     tell(f"Written to {out}: results.sqlite, learners.csv, learners.md, learners.png")
-
-
-def _row(name: str, budget: int, found: Sequence[LearnerResult], scales: dict[str, TaskScale]) -> list[str]:
-    """Return the shares of a learner with a budget, over all tasks and on each."""
-    shares = {one.task: one.share for one in found if (one.learner, one.budget) == (name, budget)}
-    return [_words(shares.get(task)) for task in (ALL_TASKS, *scales)]
 
 
 def _words(share: Interval | None) -> str:
