@@ -135,7 +135,7 @@ def check_ranges(state: Any, rounds: int) -> None:
 
 
 class _Marks(NamedTuple):
-    """What the annotation of a field says: what an entry is about, and the range; None where it does not say it."""
+    """Content of the annotation of a field: what an entry is about, and the range; None where it does not say it."""
 
     kind: Kind | None
     allowed: ValueRange | None

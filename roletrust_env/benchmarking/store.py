@@ -45,7 +45,7 @@ _RESULT = TypeAdapter(CellResult)
 
 
 class _Facts(UntrustedModel):
-    """What a file says of its run: the fields of its suite, and what the results depend on."""
+    """Facts in a file about its run: the fields of its suite, and what the results depend on."""
 
     format: int
     suite: dict[str, Any]

@@ -52,7 +52,7 @@ class Dialect(NamedTuple):
 
 
 class Beginning(NamedTuple):
-    """What the beginning of a text shows.
+    """Facts that the beginning of a text shows.
 
     Attributes:
         separator: What stands between columns, see `Dialect`.

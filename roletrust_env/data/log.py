@@ -69,7 +69,7 @@ class RatingLog(NamedTuple):
 
     @property
     def same_agents(self) -> bool:
-        """Whether members rate members, so that a rater and a ratee of one name are one agent."""
+        """True if members rate members, so that a rater and a ratee of one name are one agent."""
         return self.rater_names is self.ratee_names
 
     def pairs(self) -> Pairs:

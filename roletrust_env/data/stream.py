@@ -32,7 +32,7 @@ _FORMAT = 5
 
 
 class _Header(UntrustedModel):
-    """What a file has beside its arrays; the names with an underscore are attributes of a stream."""
+    """Content of a file beside its arrays; the names with an underscore are attributes of a stream."""
 
     format: Literal[5] = 5
     settings: dict[str, Any]

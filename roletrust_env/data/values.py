@@ -241,7 +241,7 @@ class Clock(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """What may be compared: `numbers`, `dates without a time zone`, or `since 1970`."""
+        """Kind of values that are comparable: `numbers`, `dates without a time zone`, or `since 1970`."""
         return next((kind for kind in ("numbers", _NO_ZONE) if self.words.partition(", ")[0] == kind), "since 1970")
 
 

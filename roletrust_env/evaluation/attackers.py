@@ -244,7 +244,7 @@ class AttackedPlayers:
 
     @cached_property
     def _plays_all(self) -> bool:
-        """Whether the attacker's actions are those of all agents: scripts of its own, where nobody else has one."""
+        """True if the attacker's actions are those of all agents: scripts of its own, where nobody else has one."""
         if not isinstance(self.attacker, Scripted) or self.task.joint_policy.policies:
             return False
         return set(self.attacker.policies) <= set(self.task.compromised)

@@ -341,7 +341,7 @@ class Scripts:
 
     @property
     def roles(self) -> tuple[bool, bool]:
-        """Whether any agent attacks by its services, and whether any by its ratings."""
+        """True where some agent attacks: first by its services, second by its ratings."""
         return any(serves for _, serves, _ in self.agents), any(rates for _, _, rates in self.agents)
 
     @property

@@ -38,7 +38,7 @@ _CHANGES, _LEADS = 5.0, 10.0  # small differences of trust decide; this brings t
 
 
 class CoalitionMemory(NamedTuple):
-    """What a coalition, or a member of it, remembers.
+    """Memory of a coalition, or of a member of it.
 
     Attributes:
         total: Sum of the perceived qualities of each provider, over its raters and the rounds, shape (P, ...).

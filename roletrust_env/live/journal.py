@@ -58,7 +58,7 @@ class _RoundLine(UntrustedModel):
 
 
 class _SnapshotHeader(_TeamLine):
-    """What a snapshot has beside the arrays of its run, see `Snapshot`."""
+    """Content of a snapshot beside the arrays of its run, see `Snapshot`."""
 
     snapshot: Literal[3] = 3
     position: tuple[NonNegativeInt, str, NonNegativeInt]

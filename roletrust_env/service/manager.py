@@ -526,7 +526,7 @@ class TrustManager:
 
     @property
     def rates_raters(self) -> bool:
-        """Whether the model has trust in raters."""
+        """True if the model has trust in raters."""
         return self._trust.rates_raters
 
     def standings(self, member: Member) -> tuple[Standing, Standing]:

@@ -62,7 +62,7 @@ events = Table(
 
 
 class Event(NamedTuple):
-    """What a manager has acknowledged.
+    """Entry that a manager has acknowledged.
 
     Attributes:
         seq: Number, from 1 without gaps.

@@ -135,7 +135,7 @@ class LowerMedian:
 
 
 class Neighbourhood:
-    """What a model that is `nearby` needs to know of all pairs and providers.
+    """Facts on all pairs and providers for a model that is `nearby`.
 
     Attributes:
         median: Median of the providers.

@@ -415,7 +415,7 @@ class OutsideModel:
 
     @property
     def rates_raters(self) -> bool:
-        """Whether its answers have trust of raters; a game of one rater and one provider shows it."""
+        """True if its answers have trust of raters; a game of one rater and one provider shows it."""
         if self._sessions().rates_raters is None:
             self._begin(np.zeros((1, 1)))
         return bool(self._sessions().rates_raters)

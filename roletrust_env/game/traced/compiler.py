@@ -64,7 +64,7 @@ class SharedObject:
 
     @property
     def ready(self) -> bool:
-        """Whether the compiler is done."""
+        """True if the compiler is done."""
         return self._process is None or self._process.poll() is not None
 
     def load(self) -> ctypes.CDLL | None:

@@ -82,7 +82,7 @@ class Leaf:
 
 
 class Layout:
-    """What all states at one point of a game have in common: the structure, flags and constants.
+    """Common part of all states at one point of a game: the structure, flags and constants.
 
     Args:
         tree: State with a `Leaf` in place of each array.
@@ -245,7 +245,7 @@ class Form:
 
 
 class Known:
-    """What is known of the rounds of equal games: their forms by layout, and why they are not traced, if so."""
+    """Knowledge of the rounds of equal games: their forms by layout, and why they are not traced, if so."""
 
     def __init__(self, reason: str | None) -> None:
         self.forms: dict[Any, list[Form]] = {}
