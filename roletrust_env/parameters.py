@@ -167,6 +167,29 @@ def whole_number(name: str, value: Any, least: int = 0) -> int:
     return number
 
 
+_TRUTH = pydantic.TypeAdapter(bool)
+
+
+def truth_value(name: str, value: Any) -> bool:
+    """Return what a user gave as True or False, by the rule of the parameters of models, suites and requests.
+
+    Args:
+        name: What the value is, for the error message.
+        value: Truth value, one of NumPy, 0 or 1, or a word such as "yes" or "off".
+
+    Raises:
+        ValueError: The value is none of these.
+
+    Example:
+        >>> truth_value("repeats", "no")
+        False
+    """
+    try:
+        return _TRUTH.validate_python(value)
+    except ValueError:
+        raise ValueError(f"{name} is {short(repr(value))}; it must be true or false") from None
+
+
 def allowed(hint: Any) -> str:
     """Return the values that a type allows, in words.
 

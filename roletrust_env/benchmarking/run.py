@@ -18,7 +18,7 @@ from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Suite
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import named_factory, parse_kinds, parse_trust_model
-from roletrust_env.parameters import whole_number
+from roletrust_env.parameters import truth_value, whole_number
 from roletrust_env.storage.files import prepare_folder
 
 OnStart = Callable[[Sequence[Any], int], None]
@@ -74,6 +74,7 @@ def benchmark(
         if isinstance(chosen, list | tuple) and not chosen:
             raise ValueError(f"{name} is empty; None means those of the suite")
     workers = None if workers is None else whole_number("workers", workers)
+    force, progress = truth_value("force", force), truth_value("progress", progress)
     if workers != 0 and getattr(current_process(), "_inheriting", False):
         # A worker imports the script again, which must not play the benchmark again.
         sys.exit("call benchmark() below `if __name__ == '__main__':` in a script, or with workers=0")

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from roletrust_env.data.columns import are_common
 from roletrust_env.data.units import is_date
+from roletrust_env.parameters import truth_value
 
 MARKS = ("#", "%")
 """What a line of comment begins with."""
@@ -137,7 +138,8 @@ def look(
     rows = [lines[place] for place in data]
     separator = dialect.separator or find_separator(rows)
     separator = {**_SEPARATORS, "\\t": "\t"}.get(separator, separator)
-    first, header = next(_rows(rows, separator), []), dialect.header
+    first = next(_rows(rows, separator), [])
+    header = None if dialect.header is None else truth_value("header", dialect.header)
     numeric, marked = (
         [is_number(text) for text in row] for row in (first, next(_rows([lines[full[0]]], separator), []))
     )

@@ -15,6 +15,7 @@ from roletrust_env.data.rounds import MOST, round_numbers
 from roletrust_env.data.tables import Block, Table
 from roletrust_env.data.units import check_scale, number_text, unit_ratings
 from roletrust_env.data.values import Clock, Row, Times, named, numbers
+from roletrust_env.parameters import truth_value
 from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 
@@ -130,6 +131,8 @@ def read_ratings(
         OSError: The file cannot be read.
     """
     check_scale(scale)
+    same_agents, repeats = truth_value("same_agents", same_agents), truth_value("repeats", repeats)
+    missing = truth_value("missing", missing)
     known = {str(text).strip().casefold(): value for text, value in (labels or {}).items()}
     if wrong := [text for text, value in known.items() if not isinstance(value, Real) or not np.isfinite(float(value))]:
         raise ValueError(f"the rating of {wrong[0]!r} is {known[wrong[0]]!r}; it must be a number")

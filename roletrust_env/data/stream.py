@@ -20,6 +20,7 @@ from roletrust_env.data.names import NameIndex, Names
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
 from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone, iso_dates, lost_digits, unit_ratings
 from roletrust_env.errors import short
+from roletrust_env.parameters import truth_value
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
 from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted
@@ -132,15 +133,15 @@ class TrustStream:
         check_scale(scale)
         check_rounds(every, count)
         check_lateness(late, lead, every)
-        self.model, self.scale, self.same_agents = model, scale, bool(same_agents)
+        self.model, self.scale, self.same_agents = model, scale, truth_value("same_agents", same_agents)
         self.count = None if count is None else int(count)
-        self.late, self.lead, self.repeats = late, lead, repeats
+        self.late, self.lead, self.repeats = late, lead, truth_value("repeats", repeats)
         self.source: dict[str, Any] = parse_json(json.dumps(dict(source or {})).encode())
-        self._pairs = PairCounts() if keep_evidence else None
+        self._pairs = PairCounts() if truth_value("keep_evidence", keep_evidence) else None
         self.n_late = self.n_ahead = self.n_repeated = 0
         self.every = None if every is None else float(every)
         self._raters = NameIndex("raters")
-        self._providers = self._raters if same_agents else NameIndex("providers")
+        self._providers = self._raters if self.same_agents else NameIndex("providers")
         shape = 0, 0
         if agents is not None:
             if len(agents) != 2:
@@ -150,7 +151,7 @@ class TrustStream:
             shape = len(self._raters), len(self._providers)
         if not all(shape):
             edge_model(model)
-        self._run = make_run(model, shape, one_role=not same_agents)
+        self._run = make_run(model, shape, one_role=not self.same_agents)
         self._start: float | None = None
         self._latest: float | None = None  # time of the latest rating that was taken
         self._waiting: list[Columns] = []  # the ratings of the round that has begun, whose newcomers have no place yet

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy.ma import MaskedArray
 
 from roletrust_env.arrays import Array, numpy_array
 from roletrust_env.envs.arguments import NUMBERS, singles_within
@@ -32,7 +33,7 @@ class JointAction:
             self._slots[agent] = ((size,), slice(self._size, self._size + size))
             self._size += size
         self._sizes = [shape[0] for shape, _ in self._slots.values()]
-        self._dtypes = [_SINGLE] * len(self._sizes)
+        self._dtypes, self._types = [_SINGLE] * len(self._sizes), [np.ndarray] * len(self._sizes)
         self._n_bytes = [_SINGLE.itemsize * size for size in self._sizes]
 
     def read(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64]:
@@ -51,6 +52,8 @@ class JointAction:
             if joint is not None:
                 return joint
         try:
+            if MaskedArray in map(type, map(actions.__getitem__, agents)):
+                raise ValueError  # NumPy joins arrays without their masks
             joint = self._joined(actions, agents)
         except (LookupError, AttributeError, ValueError, TypeError, RuntimeError):
             if complaint := self._complaint(actions, agents):
@@ -66,7 +69,7 @@ class JointAction:
             parts = [*map(actions.__getitem__, agents)]
             if len(actions) != len(parts) or [*map(_dtype, parts)] != self._dtypes:
                 return None
-            if [*map(_n_bytes, parts)] != self._n_bytes:
+            if [*map(_n_bytes, parts)] != self._n_bytes or [*map(type, parts)] != self._types:
                 return None
             singles = b"".join(parts)
         except (LookupError, AttributeError, TypeError, RuntimeError, ValueError, BufferError):

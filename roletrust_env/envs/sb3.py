@@ -23,7 +23,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import State
-from roletrust_env.parameters import whole_number
+from roletrust_env.parameters import truth_value, whole_number
 from roletrust_env.randomness import Random, generator
 from roletrust_env.world.roster import PREFIXES, shown
 
@@ -77,8 +77,8 @@ class BatchVecEnv(VecEnv):
             raise ValueError(f"the game plays on {type(like).__name__}; Stable-Baselines3 needs one on NumPy")
         self.render_mode = render_mode
         self._spectator = Spectator(game, render_mode)
-        self._scaled = scaled
-        space = Box(-1.0, 1.0, action.shape, np.float32) if scaled else action
+        self._scaled = truth_value("scaled", scaled)
+        space = Box(-1.0, 1.0, action.shape, np.float32) if self._scaled else action
         super().__init__(slots, seen, space)
         self.metadata: dict[str, Any] = {**deepcopy(RENDERING), "autoreset_mode": AutoresetMode.SAME_STEP}
         self._like, self._game = like, game

@@ -15,7 +15,7 @@ from pettingzoo.utils.wrappers import BaseParallelWrapper
 from roletrust_env.arrays import numpy_array
 from roletrust_env.envs.arguments import NUMBERS, seed_spaces, space_of
 from roletrust_env.errors import short
-from roletrust_env.parameters import whole_number
+from roletrust_env.parameters import truth_value, whole_number
 
 ByName = dict[str, Any]
 Answers = tuple[ByName, ByName, ByName, ByName, ByName]
@@ -67,6 +67,7 @@ class DiscretizeLevels(TransformAction[Any, Any, Any], RecordConstructorArgs):
     def __init__(self, env: gymnasium.Env[Any, Any], levels: int, multidiscrete: bool = False) -> None:
         entries = _shape(env)[0]
         levels = whole_number("levels", levels, 2)
+        multidiscrete = truth_value("multidiscrete", multidiscrete)
         if not multidiscrete and levels**entries > 2**31:
             raise ValueError(f"{levels} levels of {entries} entries are {levels}**{entries} actions; use multidiscrete")
         RecordConstructorArgs.__init__(self, levels=levels, multidiscrete=multidiscrete)

@@ -24,6 +24,7 @@ from roletrust_env.live.validation import (
     rating_error,
 )
 from roletrust_env.live.wire.keys import KnownKeys, is_forgeable
+from roletrust_env.parameters import truth_value
 from roletrust_env.service.journal_trust import SECOND, JournalTrust, RoundEnd, Standing
 from roletrust_env.service.store import BLOCK, Event, Store, StoreError, events
 from roletrust_env.service.tokens import Claims, Rating, Registration, has_work, key_as_text, key_of_text, read_token
@@ -543,7 +544,7 @@ class TrustManager:
         Args:
             counted: Whether to leave out those that do not count yet.
         """
-        after, until = 0, self._trust.counted if counted else self._seq
+        after, until = 0, self._trust.counted if truth_value("counted", counted) else self._seq
         query = select(events).where(events.c.kind == "rating").order_by(events.c.seq).limit(BLOCK)
         head = "rater,ratee,rating,time,token\n"
         # A query for each block, since whoever reads slowly must not keep the database from tidying up.

@@ -13,6 +13,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import Round, rollout
+from roletrust_env.parameters import truth_value
 from roletrust_env.trees import arrays
 from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.scenario import Choice, Scenario
@@ -57,7 +58,7 @@ def check_attack(attack: Policy, *, torch: bool = True) -> None:
         raise ValueError(f"attack {attack!r} is no Policy; derive its class from roletrust_env.Policy")
     check_declaration(attack)
     likes: list[Array] = [np.zeros(()), np.zeros((), np.float32)]
-    if torch and find_spec("torch") is not None:
+    if truth_value("torch", torch) and find_spec("torch") is not None:
         import torch as library
 
         likes += [library.zeros((), dtype=library.float64), library.zeros(())]

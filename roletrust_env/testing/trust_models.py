@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import truth_value
 from roletrust_env.randomness import generator
 from roletrust_env.trees import arrays, check_ranges
 from roletrust_env.trust import Ratings, TrustModel
@@ -117,7 +118,7 @@ def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
         raise ValueError(f"trust model {model.__name__} is a class; check an object: {model.__name__}()")
     if not isinstance(model, TrustModel):
         raise ValueError(f"{model!r} is no trust model; it needs rates_raters, start, update and both trusts")
-    with_torch = torch and find_spec("torch") is not None
+    with_torch = truth_value("torch", torch) and find_spec("torch") is not None
     for like in (np.zeros(()), np.zeros((), np.float32), *(_tensors() if with_torch else ())):
         check_one_round(model, namespace(like).asarray(np.zeros((3, 3), bool)), like)
     for shape in ((3, 3), (1, 4), (2, 5, 6)):

@@ -36,6 +36,9 @@ def valid(env: RoleTrustParallelEnv) -> dict[str, Any]:
     return {agent: rng.random(env.action_space(agent).shape, dtype=np.float32) for agent in env.agents}
 
 
+MASKED = np.ma.masked_array([0.5], [True])
+
+
 def swap(agent: str, action: Any) -> Callable[[dict], Any]:
     return lambda actions: actions | {agent: action}
 
@@ -73,6 +76,7 @@ def vector(*entries: float) -> np.ndarray:
         pytest.param(swap("sp_0", np.array(["0.5"])), ["'sp_0'"], "(1,)", id="an array of digits"),
         pytest.param(swap("sp_0", np.array([0.5j])), ["'sp_0'"], "(1,)", id="complex"),
         pytest.param(swap("sp_0", np.array([None])), ["'sp_0'", "None"], "(1,)", id="an array of None"),
+        pytest.param(swap("sp_0", MASKED), ["'sp_0'", "masked"], "all there", id="masked"),
         pytest.param(without("sr_1"), ["'sr_1'", "missing"], "sr_0", id="missing"),
         pytest.param(lambda _: {}, ["'sr_0'", "missing"], "srsp_1", id="none"),
         pytest.param(swap("sr_2", vector(0, 0, 0, 0)), ["'sr_2'"], "srsp_1", id="absent"),
@@ -93,6 +97,17 @@ def test_a_bad_action_is_refused_and_changes_nothing(spoil: Callable, named: lis
     for _ in range(3):
         assert data_equivalence(env.step(valid(env)), twin.step(valid(twin)))
         assert np.array_equal(env.state(), twin.state())
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_masked_entries_are_refused_where_all_agents_act(dtype: type) -> None:
+    env, twin = parallel_env(), parallel_env()
+    for one in (env, twin):
+        one.reset(seed=0)
+    whole = {agent: np.ma.masked_array(action.astype(dtype), False) for agent, action in valid(twin).items()}
+    with pytest.raises(ValueError, match=r"^the action of 'sp_0' is masked in some places; .* all there$"):
+        env.step({**whole, "sp_0": MASKED.astype(dtype)})
+    assert data_equivalence(env.step(whole), twin.step({agent: action.data for agent, action in whole.items()}))
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float16, np.int64, np.bool_])

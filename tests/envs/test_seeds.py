@@ -1,11 +1,14 @@
-"""Seeds of every environment, wrapper and entry: NumPy's whole numbers are taken, and all others get one message."""
+"""Seeds, whole numbers and truth values of every entry: NumPy's are taken, and others get one message."""
 
+import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.spaces import Discrete
 from pettingzoo.utils.conversions import parallel_to_aec
 from task_cases import PROVIDER, RATER, same
 
@@ -27,8 +30,11 @@ from roletrust_env import (
     make_task,
     parallel_env,
 )
+from roletrust_env.data.dialect import Dialect
+from roletrust_env.data.log import read_ratings
 from roletrust_env.evaluation.search import Budget
 from roletrust_env.game.traced.compiled import compiler
+from roletrust_env.testing import check_attack, check_trust_model
 
 COMES_LATER = {"agents": [{"role": "SR", "count": 2}, {"role": "SP"}, {"role": "SP", "joins": 2}], "max_cycles": 3}
 
@@ -119,3 +125,31 @@ def test_whole_numbers_may_be_numpys_and_fit() -> None:
                 make(many)
     levels = DiscretizeLevels(game, np.int64(3), multidiscrete=True)
     assert gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(levels.spec.to_json()))
+
+
+def test_truth_values_have_one_rule(tmp_path: Path) -> None:
+    game, task, mean = gymnasium.make(RATER), make_task("paper-3x3", ("sp_2",)), roletrust_env.make_trust_model("mean")
+    (tmp_path / "log.csv").write_text("rater,ratee,rating\na,b,1\nc,d,0\n")
+    takers: dict[str, Callable[[Any], Any]] = {
+        "same_agents": lambda on: TrustStream(mean, same_agents=on).same_agents,
+        "repeats": lambda on: TrustStream(mean, repeats=on).repeats,
+        "keep_evidence": lambda on: TrustStream(mean, keep_evidence=on)._pairs is not None,
+        "multidiscrete": lambda on: DiscretizeLevels(game, 3, multidiscrete=on).action_space != Discrete(27),
+        "scaled": lambda on: AttackVecEnv(task, 1, scaled=on).action_space.low.min() < 0,
+        "header": lambda on: len(read_ratings(tmp_path / "log.csv", dialect=Dialect(header=on)).values) == 2,
+    }
+    for name, take in takers.items():
+        if name != "header":
+            assert [take(on) for on in ("no", 0, np.False_, True, 1, "yes")] == [False] * 3 + [True] * 3, name
+        for wrong in ("maybe", 2, [], np.array([True, False]), math.nan, *([None] if name != "header" else [])):
+            with pytest.raises(ValueError, match=f"^{name} is .*; it must be true or false$"):
+                take(wrong)
+    for name in ("same_agents", "repeats", "missing"):
+        with pytest.raises(ValueError, match=f"^{name} is 'maybe'; it must be true or false$"):
+            read_ratings(tmp_path / "log.csv", **{name: "maybe"})
+    for name in ("force", "progress"):
+        with pytest.raises(ValueError, match=f"^{name} is 'maybe'; it must be true or false$"):
+            roletrust_env.benchmark(["mean"], workers=0, **{name: "maybe"})
+    for check, what in ((check_trust_model, mean), (check_attack, roletrust_env.make_attacker("bad-mouthing"))):
+        with pytest.raises(ValueError, match=r"^torch is 'maybe'; it must be true or false$"):
+            check(what, torch="maybe")

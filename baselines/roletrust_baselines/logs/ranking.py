@@ -18,6 +18,7 @@ from roletrust_env.data.evidence import Rank, wilson_interval
 from roletrust_env.data.explanation import find_agent
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.log_rounds import numbers_of
+from roletrust_env.parameters import truth_value
 from roletrust_env.randomness import generator
 from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
@@ -234,11 +235,11 @@ class Ranking:
             MemoryError: The model does not fit, see `make_run`.
         """
         self.top, self.every, self._rank_by, self._journal = top, every, rank_by, journal
-        self.model, self.log, self.same_agents = model, log, same_agents
+        self.model, self.log, self.same_agents = model, log, truth_value("same_agents", same_agents)
         self._count, numbers = count, numbers_of(log, every, count)
-        facts = *log[:3], numbers, np.array([top, same_agents, rank_by == "low"])
+        facts = *log[:3], numbers, np.array([top, self.same_agents, rank_by == "low"])
         self._digest = sha256(b"".join(np.asarray(one).tobytes() for one in facts) + repr(model).encode())
-        self._end = Ending(model, log, numbers, LAST, same_agents=same_agents, more=1 + MOST)
+        self._end = Ending(model, log, numbers, LAST, same_agents=self.same_agents, more=1 + MOST)
         self.newcomer = log.shape[1]
         self._fresh = log.shape[0] + 1 + np.arange(MOST)
         self._keys, counts = np.unique(pair_keys(log.ratees, log.raters), return_counts=True)
