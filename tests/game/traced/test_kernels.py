@@ -37,16 +37,17 @@ def play(game, state, actions, key):
     return state, rewards, game.observations(state)
 
 
-def worst_difference(game, games, rounds, threads=1):
-    """Return the largest difference of a kernel to NumPy in any number of any round."""
+def worst_difference(game, games, rounds, threads=1, begin=0):
+    """Return the largest difference of a kernel to NumPy in any number of any round from that of the beginning on."""
     numpy, random = partial(play, game), game.random(1)
     kernel = Kernel(numpy, threads)
     state = other = game.start(game.draw(random, (games,), start=True))
     worst = 0.0
-    for _ in range(rounds):
+    for t in range(rounds):
         actions = Actions(random.uniform(state.quality.shape), random.uniform(state.ratings.shape))
         key = random.round_key()
-        expected, found = numpy(state, actions, key), kernel(other, actions, key)
+        expected = numpy(state, actions, key)
+        found = kernel(other, actions, key) if t >= begin else expected
         state, other = expected[0], found[0]
         for one, two in zip(arrays(expected), arrays(found), strict=True):
             assert (one.shape, one.dtype) == (two.shape, two.dtype)
@@ -65,11 +66,12 @@ def test_a_kernel_plays_as_numpy_does_in_either_precision(monkeypatch):
 
 @pytest.mark.slow
 def test_all_models_have_a_kernel_or_a_reason():
+    """The first two rounds have forms of their own, and to compile them takes most of the time: in one precision."""
     for name in trust_models():
-        for preset, dtype, rounding in (("paper-3x3", np.float32, 3e-5), ("paper-3x3", np.float64, 1e-12)):
-            game = Game(make_scenario(preset), name, like=np.zeros((), dtype))
+        for dtype, rounding, begin in ((np.float32, 3e-5, 0), (np.float64, 1e-12, 2)):
+            game = Game(make_scenario("paper-3x3"), name, like=np.zeros((), dtype))
             if name not in NO_KERNEL:
-                assert worst_difference(game, 40, 60) < rounding, (name, preset, dtype)
+                assert worst_difference(game, 40, 60, begin=begin) < rounding, (name, dtype)
                 continue
             with pytest.raises(ValueError, match="there is no kernel for these games: "):
                 worst_difference(game, 40, 1)
