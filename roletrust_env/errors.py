@@ -68,7 +68,8 @@ def _explain(detail: Any) -> tuple[str, str]:
     reason: str = _PLAIN.get(detail["type"], detail["msg"].removeprefix("Value error, "))
     if detail["type"] == "value_error":
         return f"{field}: " if field else "", printable(reason)
-    return f"{field} is {short(repr(detail['input']))}: " if field else "", short(reason)
+    value = list(detail["input"]) if type(detail["input"]) is tuple else detail["input"]  # a list in the file
+    return f"{field} is {short(repr(value))}: " if field else "", short(reason)
 
 
 def check_unicode(what: str, text: str) -> None:

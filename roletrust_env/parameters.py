@@ -11,6 +11,7 @@ from math import inf
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, overload
 
+import numpy as np
 import pydantic
 import pydantic.dataclasses
 from pydantic import AfterValidator, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
@@ -89,8 +90,7 @@ def _number_or_range(allowed: str, holds: Callable[[float], bool]) -> WrapValida
         except ValidationError:
             parsed = None
         low, high = parsed if isinstance(parsed, tuple) else (parsed, parsed)
-        has_bool = isinstance(value, list | tuple) and any(isinstance(bound, bool) for bound in value)
-        if parsed is None or has_bool or not (holds(low) and holds(high) and low <= high):
+        if parsed is None or not (holds(low) and holds(high) and low <= high):
             message = "it must be a number in {allowed}, or a range (low, high) of two such numbers"
             raise PydanticCustomError("number_or_range", message, {"allowed": allowed})
         return parsed
@@ -188,6 +188,22 @@ def truth_value(name: str, value: Any) -> bool:
         return _TRUTH.validate_python(value)
     except ValueError:
         raise ValueError(f"{name} is {short(repr(value))}; it must be true or false") from None
+
+
+def plain(value: Any) -> Any:
+    """Return a value as strict types take it: numbers of NumPy as those of Python, and lists as tuples.
+
+    Strict types of pydantic take no text for a number, no truth value and no 2.0 for an integer.
+
+    Example:
+        >>> plain([1, [2, "3"]])
+        (1, (2, '3'))
+    """
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, dict):
+        return {name: plain(one) for name, one in value.items()}
+    return tuple(map(plain, value)) if type(value) in (list, tuple) else value
 
 
 def allowed(hint: Any) -> str:

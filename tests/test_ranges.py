@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Literal
 
 import pytest
-from pydantic import Field, NonNegativeInt, PositiveFloat, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, NonNegativeInt, PositiveFloat, TypeAdapter, ValidationError
 
 from roletrust_env import Policy, make_trust_model, parameters
 from roletrust_env.parameters import GridValues, Lam, NotSearched, SearchRange, Share, Tail, allowed
@@ -53,7 +53,7 @@ LIMITS = [
 
 @pytest.mark.parametrize(("hint", "allowed_values", "refused_values"), LIMITS)
 def test_the_limits_of_each_range(hint: Any, allowed_values: list[Any], refused_values: list[Any]) -> None:
-    reader = TypeAdapter(hint)
+    reader = TypeAdapter(hint, config=ConfigDict(strict=True))
     for value in allowed_values:
         assert reader.validate_python(value) == value
     for value in [*refused_values, float("nan")]:

@@ -70,7 +70,7 @@ def _drawn(value: Any, place: str) -> Any:
         value: Plain data.
         place: Seed, world and place in its table, as text that seeds the draw.
     """
-    if isinstance(value, list):
+    if isinstance(value, tuple):
         return [_drawn(part, f"{place}|{k}") for k, part in enumerate(value)]
     if not isinstance(value, dict):
         return value
@@ -88,8 +88,8 @@ def _drawn(value: Any, place: str) -> Any:
         return min(max(round(low + part * (high - low), _DIGITS), low), high)
     if value.keys() == {"choices"}:
         choices = value["choices"]
-        if not isinstance(choices, list) or not choices:
-            raise ValueError(f"{place}: choices are {choices!r}; they must be a list with one value or more")
+        if not isinstance(choices, tuple) or not choices:
+            raise ValueError(f"{place}: choices are {choices!r:.300}; they must be a list with one value or more")
         return _drawn(choices[int(part * len(choices))], f"{place}|choice")
     return {name: _drawn(one, f"{place}|{name}") for name, one in value.items()}
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt, field_validator, model_validator
 
 from roletrust_env.errors import check_unicode, suggest
-from roletrust_env.parameters import Amount, BiasOrRange, ScaleOrRange, Share, ShareOrRange
+from roletrust_env.parameters import Amount, BiasOrRange, ScaleOrRange, Share, ShareOrRange, plain
 
 _NEAR = 0.75  # likeness of a name and one that has a hint
 
@@ -19,7 +19,7 @@ class FrozenModel(BaseModel):
     field_hints: ClassVar[Mapping[str, str]] = {}
     """Sentences that say what to write in place of names that are no fields, in small letters."""
 
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -39,16 +39,14 @@ class FrozenModel(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _check_fields(cls, data: Any) -> Any:
-        for name, value in data.items() if isinstance(data, dict) else ():
+        for name in data if isinstance(data, dict) else ():
             if name not in cls.model_fields:
                 key = str(name).casefold().replace("-", "_")
                 near = [] if key in cls.field_hints else get_close_matches(key, cls.model_fields, 1, _NEAR)
                 near = near or get_close_matches(key, cls.field_hints, 1, _NEAR)
                 hint = cls.field_hints.get(near[0]) if near else None
                 raise ValueError(f"there is no field {name!r}{suggest(name, cls.model_fields, hint=hint)}")
-            if isinstance(value, bool):  # would pass for 0 or 1
-                raise ValueError(f"{name} is {value}; no field is true or false")
-        return data
+        return plain(data)
 
 
 Role = Literal["SR", "SP", "SR+SP"]

@@ -162,6 +162,7 @@ def test_the_objective_of_the_planner_has_a_gradient() -> None:
         ({"scenarios": {"market": MARKET | {"methods": ["scripted"] * 2}}}, "methods must not contain a value twice"),
         ({"tracks": {"a|b": {}}}, "tracks"),
         ({"budgets": 1}, "budgets"),
+        ({"seeds": ["0"]}, "seeds.0 is '0': it must be an integer"),
     ],
 )
 def test_an_invalid_suite_is_refused(fields: dict, message: str) -> None:

@@ -103,7 +103,7 @@ def test_the_usual_nature_told_changes_no_bit(name: str) -> None:
     ("raters", "providers", "fields", "words"),
     [
         ({}, {"ability": 1.1}, {}, ["ability", "1.1", "[0, 1]", "range"]),
-        ({}, {"ability": (0.9, 0.3)}, {}, ["ability", "(0.9, 0.3)", "(low, high)"]),
+        ({}, {"ability": (0.9, 0.3)}, {}, ["ability", "[0.9, 0.3]", "(low, high)"]),
         ({}, {"ability": (0.1, 0.2, 0.3)}, {}, ["ability", "(low, high)"]),
         ({}, {"ability": float("nan")}, {}, ["ability", "nan", "[0, 1]"]),
         ({}, {"ability": "much"}, {}, ["ability", "'much'", "[0, 1]"]),

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from roletrust_agents.learned.deep_set import UNITS
 from roletrust_env.errors import explain, suggest
+from roletrust_env.parameters import plain
 
 Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "gradients", "coalition-ppo"]
 Start = Literal["universal", "alike", "random"]
@@ -18,7 +19,7 @@ LogStd = Annotated[float, Field(ge=-10, le=2)]
 
 
 class _Settings(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
     steps: Natural
     """Number of rounds to train for, over all games, unless `--steps` is given."""
@@ -82,7 +83,7 @@ class SACSettings(_Settings):
 class CoalitionSettings(BaseModel, ABC):
     """Settings of trainings of a coalition, see `roletrust_agents.training.coalition_training`."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
     steps: Natural
     """Number of rounds to play, over all games, unless `--steps` is given."""
@@ -243,7 +244,7 @@ def checked_settings(kind: type[SettingsT], name: str, fields: Mapping[str, Any]
         ValueError: A value is not allowed.
     """
     try:
-        return kind.model_validate(dict(fields))
+        return kind.model_validate(plain(dict(fields)))
     except ValidationError as error:
         raise ValueError(f"{name}: {explain(error)}") from None
 

@@ -72,7 +72,7 @@ def test_a_target_that_is_not_there_is_refused() -> None:
         ({"level": 1.5}, r"level is 1\.5.*\[0, 1\]"),
         ({"level": float("nan")}, r"level is nan.*\[0, 1\]"),
         ({"lie": "white"}, r"lie is 'white'.*constant.*relative"),
-        ({"targets": ()}, r"targets is \(\).*at least 1"),
+        ({"targets": ()}, r"targets is \[\].*at least 1"),
         ({"targets": (-1,)}, "targets.0 is -1.*greater than or equal to 0"),
         ({"targets": ("sp_0",)}, "targets.0 is 'sp_0'.*integer"),
         ({"start": -1}, "start is -1.*greater than or equal to 0"),

@@ -5,6 +5,7 @@ import socket
 import stat
 from contextlib import nullcontext
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from command_line import printed, run
@@ -151,14 +152,30 @@ def test_a_demo_stops_when_most_rounds_lack_a_rater(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "code", "words"),
-    [("sr_0", 0, "sr_0 has ended before the others"), ("sp_0", -9, "sp_0 ended with exit code -9"), ("sp_0", 0, None)],
+    ("name", "code", "end", "words"),
+    [
+        ("sr_0", 0, 0, "sr_0 has ended before the others"),
+        ("sp_0", -9, 0, "sp_0 ended with exit code -9"),
+        ("sp_0", 0, 2**62, "sp_0 has ended before the others"),
+        ("sp_0", 0, 0, None),
+    ],
 )
-def test_a_node_that_ends_too_early_is_named(name, code, words):
+def test_a_node_that_ends_too_early_is_named(name, code, end, words):
     nodes = NodeProcesses()
     nodes._processes[name] = _Process(SimpleNamespace(exitcode=code), SimpleNamespace(poll=lambda: False))
     with nullcontext() if words is None else pytest.raises(ValueError, match=words):
-        nodes.check("sp_0")
+        nodes.check("sp_0", end=end)
+
+
+@pytest.mark.parametrize(
+    ("code", "words"), [(0, None), (-9, "recorder ended with exit code -9"), (None, "recorder did not stop within")]
+)
+def test_a_node_that_fails_at_the_end_is_named(code, words):
+    with nullcontext() if words is None else pytest.raises(ValueError, match=words), NodeProcesses() as nodes:
+        node = Mock(exitcode=code)
+        nodes._processes["recorder"] = _Process(node, Mock(poll=lambda: False))
+    node.terminate.assert_called_once()
+    node.kill.assert_called_once()
 
 
 def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):

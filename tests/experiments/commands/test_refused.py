@@ -66,10 +66,10 @@ _BIAS = _SHARE.replace(r"\[0,", r"\[-1,")
     [
         ("SP: ability = 1.5", 1.5, rf"agents.0.ability is 1.5: {_SHARE}"),
         ("SP: ability = nan", float("nan"), rf"agents.0.ability is nan: {_SHARE}"),
-        ("SP: ability = [0.8, 0.2]", (0.8, 0.2), rf"agents.0.ability is \(0.8, 0.2\): {_SHARE}"),
+        ("SP: ability = [0.8, 0.2]", (0.8, 0.2), rf"agents.0.ability is \[0.8, 0.2\]: {_SHARE}"),
         ("SP: ability = 'big'", "big", rf"agents.0.ability is 'big': {_SHARE}"),
         ("SR: bias = 2", 2, rf"agents.1.bias is 2: {_BIAS}"),
-        ("SR: bias = [-2, 0]", (-2, 0), rf"agents.1.bias is \(-2, 0\): {_BIAS}"),
+        ("SR: bias = [-2, 0]", (-2, 0), rf"agents.1.bias is \[-2, 0\]: {_BIAS}"),
         ("SR: scale = -1", -1, r"agents.1.scale is -1: it must be a number in \[0, 1e6\], .*"),
         ("SR: ability = 0.5", 0.5, "agents.1: ability is 0.5; it is for agents that provide, not for the role 'SR'"),
         ("SP: bias = 0.5", 0.5, "agents.0: bias is 0.5 .* they are for raters, not for the role 'SP'"),

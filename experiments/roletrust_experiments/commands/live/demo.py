@@ -321,16 +321,14 @@ def _run_team(plan: _Plan, out: Path, page: WaitingPage | None, progress: Progre
         timeline = Timeline(clock.now() + round(discovery_s * SECOND), period)
         nodes.begin(*team.raters, *team.providers, timeline=timeline)
         done, entries, gaps = stage(progress, "Rounds", scenario.max_cycles), list[JournalEntry](), 0
-        while nodes.running(*team.providers) and gaps <= WINDOW // 2:
-            nodes.check(*team.providers)
+        end = timeline.begin(scenario.max_cycles)
+        while clock.now() < end + _LAST_PERIODS * period and gaps <= WINDOW // 2:
+            nodes.check(*team.providers, end=end)
             if journal.exists() and journal.stat().st_size:
                 entries = list(read_journal(journal))
             done(len(entries))
             gaps = incomplete(entries, timeline, clock.now())
             time.sleep(_POLL_S)
-        if gaps <= WINDOW // 2:
-            time.sleep(_LAST_PERIODS * period / SECOND)
-            nodes.check(*team.providers)
     if gaps > WINDOW // 2:
         work = work_s(len(team.raters), len(team.providers))
         raise ValueError(

@@ -8,11 +8,12 @@ from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Self
 
 from roletrust_env.interrupts import without_interrupts
+from roletrust_env.live import clock
 from roletrust_env.live.nodes.run_loop import run_with_parent
 
 _NODES = [f"roletrust_env.live.nodes.{name}" for name in ("agent_nodes", "manager_node", "recorder_node")]
 _READY_S = 120.0  # time for a process to start, even on a busy machine
-_STOP_S = 5.0
+_STOP_S = 20.0  # time for a process to end, even on a busy machine
 
 Run = Callable[..., object]
 
@@ -82,11 +83,12 @@ class NodeProcesses:
         for name in names:
             self._processes[name].pipe.send(arguments)
 
-    def check(self, *ending: str) -> None:
+    def check(self, *ending: str, end: int = 0) -> None:
         """Check that no process has failed, and that none has ended too early.
 
         Args:
             ending: Names of processes that end by themselves.
+            end: Time from which they may have ended, nanoseconds since 1970.
 
         Raises:
             ValueError: A process has failed, for the given reason, or has ended.
@@ -97,23 +99,30 @@ class NodeProcesses:
                     raise ValueError(f"{name}: {pipe.recv()}")
             if process.exitcode not in (None, 0):
                 raise ValueError(f"{name} ended with exit code {process.exitcode}")
-            if process.exitcode == 0 and name not in ending:
+            if process.exitcode == 0 and (name not in ending or clock.now() < end):
                 raise ValueError(f"{name} has ended before the others")
-
-    def running(self, *names: str) -> bool:
-        """Return whether any of these processes is alive."""
-        return any(self._processes[name].process.is_alive() for name in names)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *failure: object) -> None:
+    def __exit__(self, failure: object, *more: object) -> None:
+        """Stop all processes.
+
+        Raises:
+            ValueError: There was no failure until now, and one of them fails or does not stop.
+        """
         for process, _ in self._processes.values():
             process.terminate()
-        until = time.monotonic() + _STOP_S
-        for process, _ in self._processes.values():
+        until, late = time.monotonic() + _STOP_S, list[str]()
+        for name, (process, _) in self._processes.items():
             process.join(max(0.0, until - time.monotonic()))
+            if process.exitcode is None:
+                late.append(name)
             process.kill()
+        if failure is None:
+            if late:
+                raise ValueError(f"{', '.join(late)} did not stop within {_STOP_S:g} s, and may have lost something")
+            self.check(*self.names)
 
 
 def _run_child(pipe: Connection, run: Run, arguments: Mapping[str, Any]) -> None:
