@@ -62,6 +62,7 @@ _FEW_BYTES = 64_000
 _MOST_STREAMS, _MOST_ROUNDS, _QUIET_S = 100, 16, 15.0  # of changes; rounds that wait for a slow reader of them
 _RETRY = {"Retry-After": "1"}
 _SHOWN = 5  # wrong fields that are listed
+_SHOWN_PATH = 100  # characters of a path that are shown
 
 
 def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -317,10 +318,13 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
         if error.status_code == 400:  # the body is no text
             refuse(RefusalReason.GARBAGE)
             return _problem(422, RefusalReason.GARBAGE.value, str(error.detail))
+        here = [route for route in app.routes if route.matches(request.scope)[0] is not Match.NONE]
+        if not here:
+            paths = ", ".join(dict.fromkeys(route.path for route in app.routes))
+            return _problem(404, "unknown path", f"there is no {request.url.path[:_SHOWN_PATH]}; there are {paths}")
         reason = {404: "unknown agent", 413: RefusalReason.TOO_LARGE.value}.get(error.status_code, "invalid")
         headers = dict(error.headers or {})
         if "Allow" in headers:  # which has the methods of one endpoint of the path
-            here = [route for route in app.routes if route.matches(request.scope)[0] is not Match.NONE]
             headers["Allow"] = ", ".join(sorted(set[str]().union(*(route.methods for route in here))))
         return _problem(error.status_code, reason, str(error.detail), headers=headers)
 

@@ -98,6 +98,10 @@ def test_errors_have_one_form_and_are_counted(
     assert client.put("/agents").headers["Allow"] == "GET, POST"
     for path in ("/agents/zoe", "/nothing", "/agents?limit=0", "/docs", "/redoc"):
         assert set(client.get(path).json()) == {"reason", "detail", "at"}
+    assert client.get("/agents/zoe").json()["reason"] == "unknown agent"
+    unknown = client.get("/nothing").json()
+    assert unknown["reason"] == "unknown path"
+    assert "no /nothing; there are /openapi.json, /, /agents, /agents/{name}, /ratings" in unknown["detail"]
 
     def full(store: Store, new: object) -> None:
         raise StoreError("/srv/secret is full")
