@@ -84,9 +84,15 @@ def main(study: Study[Options]) -> None:
     ]
     study.csv("model-costs.csv", _HEADER, rows)
     largest = Size(sides[-1], sides[-1])
-    timed = [(where, cell.timing) for where, cell in found.items() if cell.timing and where[2] == largest]
-    pictured = {name: [one for where, one in timed if where[1] == name] for name in asked.library}
-    study.figure("model-costs.png", times_figure({f"{name}, {largest}": one for name, one in pictured.items()}))
+    pictured = {
+        f"{library}, {largest}": {
+            name: cell.timing.each()
+            for (name, *where), cell in found.items()
+            if cell.timing and where == [library, largest]
+        }
+        for library in asked.library
+    }
+    study.figure("model-costs.png", times_figure(pictured))
     parts = [
         "# What the trust models cost",
         "![Nanoseconds per rating of each trust model, on NumPy and on compiled torch](model-costs.png)",

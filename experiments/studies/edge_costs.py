@@ -22,6 +22,7 @@ from roletrust_env import make_scenario
 from roletrust_env.data import TrustStream
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.memory import in_bytes
+from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trees import map_kinds
 from roletrust_env.trust import Ratings, TrustModel, trust_models
@@ -104,11 +105,11 @@ def main(study: Study[Options]) -> None:
         f"median of the repeats; {PLAIN}: the round of role-trust by hand; memory: peak from nothing to the end of "
         f"a round, with the ratings.",
     ]
-    rows, pictured = [], dict[str, list[Timing]]()
+    rows, pictured = [], dict[str, dict[str, Interval]]()
     for size in sizes:
         found = measure_lists(chosen, Edges.of(size, study.seed))
         rows += [(name, size, one.contestant.amount, *one.each(), memory) for name, (one, memory) in found.items()]
-        pictured[f"{size:,} ratings"] = [one for one, _ in found.values()]
+        pictured[f"{size:,} ratings"] = {name: one.each() for name, (one, _) in found.items()}
         lines = [[name, *_cells(*cell)] for name, cell in found.items()]
         parts += [f"## {size:,} ratings", markdown_table(["model", "ms a round", "M ratings/s", "memory"], lines, 1)]
     lines = [

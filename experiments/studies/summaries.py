@@ -1,17 +1,21 @@
-"""The first picture of those pages of results that have tables only, from their published numbers.
+"""The first picture of those pages of results that are about trust models, from their published numbers.
 
 Seconds. Each picture shows columns of a CSV file in `docs/`, in the order of the rows.
 """
 
 import csv
+from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
+from roletrust_env.benchmarking.leaderboard import LeaderboardRow
 from roletrust_env.metrics.confidence import Estimate, Interval
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
+from roletrust_experiments.report.figures import leaderboard_figure
 from studies.study import DOCS, Recipe, Study
+from studies.timing import times_figure
 
 
 class Options(NamedTuple):
@@ -20,8 +24,11 @@ class Options(NamedTuple):
     docs: Path = DOCS
 
 
-PICTURES = ("better-model", "leave-one-out", "first-hand", "real")
-"""Pages with such a picture."""
+STANDARD = "leaderboards/standard/leaderboard"
+"""Picture and table of the suite `standard`, which `make benchmark` makes, too."""
+
+PICTURES = (STANDARD, "better-model", "leave-one-out", "first-hand", "real", "model-costs", "edge-costs")
+"""Such pictures."""
 
 RECIPES = {"summaries": Recipe(Options(), {f"{name}.png": f"{name}.png" for name in PICTURES})}
 
@@ -35,7 +42,7 @@ def main(study: Study[Options]) -> None:
 
 
 def figures(docs: Path) -> dict[str, Figure]:
-    """Return the figures by the name of their page."""
+    """Return the figures by their name in `PICTURES`."""
 
     def rows(name: str) -> Rows:
         with (docs / name).open(encoding="utf-8", newline="") as file:
@@ -59,13 +66,45 @@ def figures(docs: Path) -> dict[str, Figure]:
     intervals = [Interval(*(float(row[name] or "nan") for name in ("value", "low", "high"))) for row in forecasts]
     one = Series("rated before", [row["model"] for row in forecasts], intervals)
     found["real"] = [Panel("", "", "correlation of trust with ratings of members that have earlier ones", [one])]
-    return {name: panels_figure("", panels, "bars: 95% intervals") for name, panels in found.items()}
+    costs = [row for row in rows("model-costs.csv") if row["raters"] == row["providers"] == "300"]
+    return {
+        STANDARD: leaderboard_figure([_standing(row) for row in rows(f"{STANDARD}.csv")], "skill", alike=True),
+        **{name: panels_figure("", panels, "bars: 95% intervals") for name, panels in found.items()},
+        "model-costs": times_figure(_times((f"{row['library']}, 300 x 300", row) for row in costs)),
+        "edge-costs": times_figure(
+            _times((f"{int(row['ratings_asked']):,} ratings", row) for row in rows("edge-costs.csv"))
+        ),
+    }
+
+
+def _standing(row: dict[str, str]) -> LeaderboardRow:
+    """Return a row of a leaderboard, from its values as text."""
+    values: dict[str, Any] = {
+        name: _estimate(row, name) if kind is Estimate else int(row[name]) if kind in (int, int | None) else row[name]
+        for name, kind in LeaderboardRow.__annotations__.items()
+    }
+    return LeaderboardRow(**{**values, "holds": float(row["holds"])})
+
+
+def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str, Interval]]:
+    """Return the nanoseconds per rating of each model, by the labels of the rows; without those that were left out."""
+    found: dict[str, dict[str, Interval]] = {}
+    for label, row in labelled:
+        if row["ns_per_rating"]:
+            times = (float(row[f"ns_per_rating{end}"]) for end in ("", "_least", "_greatest"))
+            found.setdefault(label, {})[row["model"]] = Interval(*times)
+    return found
 
 
 def _board(rows: Rows) -> list[Series]:
     """Return the clean and the worst case of each model of a leaderboard."""
     names = [row["model"] for row in rows]
     return [
-        Series(label, names, [Estimate(float(row[column]), float(row[f"{column}_half_95"])).interval for row in rows])
+        Series(label, names, [_estimate(row, column).interval for row in rows])
         for label, column in (("nobody attacks", "clean"), ("worst case", "worst"))
     ]
+
+
+def _estimate(row: dict[str, str], column: str) -> Estimate:
+    """Return an estimate with half its interval."""
+    return Estimate(float(row[column]), float(row[f"{column}_half_95"]))

@@ -105,12 +105,9 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
     return max(1, round(steps * seconds / elapsed))
 
 
-def times_figure(found: Mapping[str, Sequence[Timing]]) -> Figure:
-    """Return the nanoseconds per rating of contestants, in a row each; timings have the label of their series."""
-    series = [
-        Series(label, [one.contestant.name for one in timings], [one.each() for one in timings])
-        for label, timings in found.items()
-    ]
+def times_figure(found: Mapping[str, Mapping[str, Interval]]) -> Figure:
+    """Return the nanoseconds per rating of contestants, in a row each; the outer keys are the labels of the series."""
+    series = [Series(label, list(times), list(times.values())) for label, times in found.items()]
     panel = Panel("", "", "nanoseconds per rating", series, "log")
     return panels_figure("", [panel], "bars: least to greatest of the repeats")
 

@@ -13,8 +13,8 @@ from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QU
 
 _COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[1], ATTACKERS[2], HONEST[2], HONEST[3], QUIET)
 _MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
-_WIDE, _HIGH, _ROW = 4.7, 3.1, 0.25  # inches of a panel, and of a row of names
-_APART = 0.24  # of a row, between series
+_WIDE, _HIGH, _ROW = 4.7, 3.1, 0.175  # inches of a panel, and of a row of names
+_APART = 0.34  # of a row, between series
 _FAR = 0.6  # share of the highest value above which the lowest value needs no line at 0
 _LONGEST = 96  # letters of a line of the title
 
@@ -67,7 +67,9 @@ def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int =
     looks, columns = _looks(panels), min(len(panels), columns)
     down = -(-len(panels) // columns)
     high = max(_high(panel) for panel in panels)
-    figure = Figure(figsize=(_WIDE * max(columns, 1.7), down * high + 1.1), layout="constrained")
+    figure = Figure(
+        figsize=(_WIDE * max(columns, 1.7 if panels[0].along else 2), down * high + 1.1), layout="constrained"
+    )
     for k, (axes, panel) in enumerate(zip(figure.subplots(down, columns, squeeze=False).flat, panels, strict=False)):
         if names := _names(panel):
             _rows(axes, panel, looks)
@@ -95,7 +97,7 @@ def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int =
 def _high(panel: Panel) -> float:
     """Return the height of a panel in inches."""
     names = len(_names(panel))
-    return 1.0 + names * _ROW * (1 + _APART * len(panel.series)) if names else _HIGH
+    return 1.0 + names * _ROW * max(1, 0.4 + _APART * len(panel.series)) if names else _HIGH
 
 
 def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:

@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from roletrust_env.benchmarking.leaderboard import LeaderboardRow
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
 from roletrust_experiments.plots.figure_files import write_figure
@@ -28,7 +29,8 @@ _COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[2], ATTACKERS[1], HONE
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 3)), (0, (2, 2)), (0, (9, 3, 2, 3)))
 _MARKS = ("o", "s", "^", "D", "v")
 _WIDTH = 10  # of a figure, inches
-_ROW, _PANEL = 0.3, 3.2  # heights of a row of the heat map or of the leaderboard, and of a panel with lines, inches
+_ROW, _PANEL = 0.3, 3.2  # heights of a row of the heat map, and of a panel with lines, inches
+_NARROW = 0.19  # height of a row of the leaderboard, inches: it is seen at a glance
 _PANELS = 2  # with lines side by side
 _MARK = 22  # area, square points
 _STYLE: Any = {  # Matplotlib's type of settings is a list of all their names
@@ -62,8 +64,9 @@ def write_figures(folder: Path, content: Content, *suffixes: str) -> list[str]:
 def _figures(robustness: Robustness) -> dict[str, Figure]:
     """Return the figures of trust models by the name of their table."""
     tables, styles = robustness.tables, _styles(robustness.order[:_LINES])
+    alike = "alike" in robustness.leaderboard.columns
     return {
-        "leaderboard": _leaderboard(robustness),
+        "leaderboard": leaderboard_figure(robustness.leaderboard.rows, robustness.suite.score, alike),
         "heatmap": _heatmap(robustness),
         "curves": _panels(tables["curves"], lambda axes, rows: _draw_curves(axes, rows, styles)),
         "breakdown": _breakdown(robustness),
@@ -79,13 +82,18 @@ def _styles(models: Iterable[str]) -> dict[str, dict[str, Any]]:
     }
 
 
-def _leaderboard(robustness: Robustness) -> Figure:
-    """Return clean and worst-case score of each model, with their intervals."""
-    standings = robustness.leaderboard.rows
-    figure = Figure(figsize=(_WIDTH, _ROW * (len(standings) + 4)), layout="constrained")
+def leaderboard_figure(standings: Sequence[LeaderboardRow], score: str, alike: bool) -> Figure:
+    """Return clean and worst-case score of each model, with their intervals.
+
+    Args:
+        standings: Rows of the leaderboard, from the best model to the worst.
+        score: Name of the score.
+        alike: True to draw the worst case of attacks that serve all raters alike, too.
+    """
+    figure = Figure(figsize=(_WIDTH, _NARROW * (len(standings) + 4)), layout="constrained")
     axes, places = figure.subplots(), np.arange(len(standings))
     marks = [("clean", "clean", HONEST[0], "o"), ("worst case", "worst", ATTACKER, "s")]
-    if "alike" in robustness.leaderboard.columns:
+    if alike:
         marks.insert(1, ("of attacks that serve all raters alike", "alike", ATTACKERS[1], "D"))
     for name, field, colour, mark in marks:
         found = [getattr(row, field) for row in standings]
@@ -93,14 +101,12 @@ def _leaderboard(robustness: Robustness) -> Figure:
         axes.errorbar([one.mean for one in found], places, xerr=halves, fmt=mark, color=colour, label=name, capsize=2.5)
     ends = [(row.worst.mean, row.clean.mean) for row in standings]
     axes.hlines(places, *zip(*ends, strict=True), color="#9CA3AF", linewidth=1, zorder=0)
-    axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in standings])
+    axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in standings], fontsize="small")
     for place, (above, below) in enumerate(pairwise(standings)):
         if above.tier != below.tier:
             axes.axhline(place + 0.5, color=QUIET, linestyle=":", linewidth=1)
     axes.set_ylim(len(standings) - 0.4, -0.6)
-    axes.set_xlabel(
-        f"{robustness.suite.score} of going by trust, with 95% intervals; dotted lines between tiers", color=INK
-    )
+    axes.set_xlabel(f"{score} of going by trust, with 95% intervals; dotted lines between tiers", color=INK)
     quiet(axes, "x")
     axes.legend(frameon=False, loc="lower left", ncols=len(marks), bbox_to_anchor=(0, 1), labelcolor=INK)
     return figure
