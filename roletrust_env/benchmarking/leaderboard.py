@@ -264,6 +264,7 @@ def moved_rows(rows: Sequence[LeaderboardRow], attacks: Sequence[AttackScores]) 
 
 
 _MEANINGS = {
+    "score": "{score} of choosing by trust, ± half the 95% interval over the {runs}",
     "tier": "models that are not told apart from the first one of the tier, at 5% for the whole table",
     "rank": "",
     "model": "",
@@ -279,9 +280,9 @@ _MEANINGS = {
     "AUC": "detection of attackers by trust in the worst case",
     "holds": "probability of the same rank in another run with new {runs}",
 }
-"""Meaning of each column."""
+"""Meaning of the score and of each column."""
 
-COLUMNS = tuple(_MEANINGS)
+COLUMNS = tuple(_MEANINGS)[1:]
 """Columns of the displayed table, see `Leaderboard.columns`."""
 
 _LEFT = ("model", "worst attack")
@@ -337,17 +338,15 @@ class Leaderboard:
             idle.add("real")
         return tuple(name for name in COLUMNS if name not in idle)
 
-    @property
-    def caption(self) -> str:
-        """Explanation of the columns."""
-        return self.explain(self.columns)
+    def explain(self, columns: Sequence[str]) -> dict[str, str]:
+        """Return the meaning of the score, and of each of some columns that needs an explanation, by name."""
+        words = {"score": self.suite.score, "runs": "games and seeds" if len(self.suite.seeds) > 1 else "games"}
+        return {name: _MEANINGS[name].format(**words) for name in ("score", *columns) if _MEANINGS[name]}
 
-    def explain(self, columns: Sequence[str]) -> str:
-        """Return an explanation of the score and of some columns."""
-        runs = "games and seeds" if len(self.suite.seeds) > 1 else "games"
-        meanings = [f"{name}: {_MEANINGS[name]}" for name in columns if _MEANINGS[name]]
-        text = f"{{score}} of choosing by trust, ± half the 95% interval over the {{runs}}; {'; '.join(meanings)}"
-        return text.format(score=self.suite.score, runs=runs)
+    @property
+    def legend(self) -> str:
+        """Meaning of the score and of the columns, as a list in Markdown."""
+        return "".join(f"- **{name}**: {meaning}.\n" for name, meaning in self.explain(self.columns).items())
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the rows as a data frame with the columns of `to_csv`.
@@ -390,7 +389,7 @@ class Leaderboard:
     def _repr_markdown_(self) -> str:
         """Return the rows as a table for a notebook, with what its columns mean."""
         notes = "".join(f"- {line}\n" for line in self.caveats)
-        return f"**Leaderboard, suite {self.suite.name}**\n\n{self.to_markdown()}\n\n{self.caption}.\n\n{notes}"
+        return f"**Leaderboard, suite {self.suite.name}**\n\n{self.to_markdown()}\n\n{self.legend}\n{notes}"
 
 
 def row_texts(row: LeaderboardRow, between: str, real: Mapping[str, Interval] | None = None) -> dict[str, str]:

@@ -165,7 +165,9 @@ def test_on_the_scale_of_skill_the_worst_attack_leaves_least_above_a_blind_choic
     assert line.clean.mean == pytest.approx(0.8)
     (worst,) = worst_cases(attack_scores(SUITE, [stored("mean", milking, steering)])).values()
     assert worst.attack == "milking"
-    assert Leaderboard.of(suite, [honest, stored("mean", milking, steering)]).caption.startswith("skill of choosing")
+    assert Leaderboard.of(suite, [honest, stored("mean", milking, steering)]).legend.startswith(
+        "- **score**: skill of choosing"
+    )
 
 
 def test_a_condition_in_which_all_providers_are_alike_has_no_skill() -> None:

@@ -32,7 +32,8 @@ def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
     """Return the leaderboard for a terminal of 80 columns; the file has further columns."""
     title = escape(f"Leaderboard, suite {leaderboard.suite.name}")
-    table = number_table(title, leaderboard.explain(("tier", *_SHOWN)), *_SHOWN, name="tier, rank, model")
+    caption = "\n".join(f"{name}: {meaning}" for name, meaning in leaderboard.explain(("tier", *_SHOWN)).items())
+    table = number_table(title, caption, *_SHOWN, name="tier, rank, model")
     table.add_column("worst attack", overflow="fold")
     for row in leaderboard.rows:
         texts = row_texts(row, "±")
@@ -68,6 +69,5 @@ def _allow_code(suite: AnySuite) -> list[str]:
 
 def leaderboard_markdown(leaderboard: Leaderboard, command: str) -> str:
     """Return the leaderboard in Markdown, with what it shows and the command that made it."""
-    return (
-        f"{leaderboard.to_markdown()}\n\nSuite {leaderboard.suite.name}: {leaderboard.caption}. Made by `{command}`.\n"
-    )
+    about = f"Suite {leaderboard.suite.name}. Made by `{command}`."
+    return f"{leaderboard.to_markdown()}\n\n{about}\n\n{leaderboard.legend}"

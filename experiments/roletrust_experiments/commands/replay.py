@@ -33,7 +33,10 @@ def replay(
     ] = None,
     cell: Annotated[
         str | None,
-        typer.Option(metavar="KEY", help="Cell whose worst attack is played, MODEL|SCENARIO|TRACK|SHARE|RUNG|SEED."),
+        typer.Option(
+            metavar="KEY",
+            help="Cell whose worst attack is played: model, scenario, track, share, method and seed, joined by |.",
+        ),
     ] = None,
     attack: Annotated[
         str | None, typer.Option(metavar=NAMED, help="Attack of this cell, in place of the worst one.")

@@ -110,8 +110,7 @@ def train(
     [dim]# a coalition that learns by evolution, against two trust models in turn[/]
     [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
 
-    [dim]# one by an evolution strategy, which needs fewer rounds; coalition-PPO has noise that is held over a game, and
-    # gradients go through the game[/]
+    [dim]# one by an evolution strategy, which needs fewer rounds[/]
     [cyan]roletrust train CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
 
     [dim]# five seeds, for one rung of a ladder[/]

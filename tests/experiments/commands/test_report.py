@@ -158,8 +158,10 @@ def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:
 def test_the_leaderboard_in_markdown_has_the_numbers_of_the_other(folder: Path) -> None:
     text = (folder / "out" / "leaderboard.md").read_text(encoding="utf-8").splitlines()
     assert text[0] == "| tier | rank | model | clean | worst | alike | worst attack | damage | alarms | AUC | holds |"
-    assert f"Made by `roletrust benchmark --suite custom.toml --out {folder}`." in text[-1]
-    for line, row in zip(text[2:-2], lines(folder, "leaderboard"), strict=True):
+    end = text.index("")
+    assert f"Made by `roletrust benchmark --suite custom.toml --out {folder}`." in text[end + 1]
+    assert [line.split("**")[1] for line in text[end + 3 :]][:3] == ["score", "tier", "clean"]
+    for line, row in zip(text[2:end], lines(folder, "leaderboard"), strict=True):
         tier, rank, model, clean, worst, *_ = line.strip("| ").split(" | ")
         assert (tier, rank, model) == (row["tier"], row["rank"], f"`{row['model']}`")
         for found, name in ((clean, "clean"), (worst, "worst")):
