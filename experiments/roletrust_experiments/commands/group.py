@@ -62,8 +62,15 @@ class LateCommand(TyperCommand):
         return command
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """Return the context of the command itself, which is imported now."""
-        return self.loaded.make_context(info_name, args, parent, **extra)
+        """Return the context of the command itself, which is imported now; its options must be Unicode, as is JSON."""
+        from roletrust_env.errors import check_unicode
+
+        context = self.loaded.make_context(info_name, args, parent, **extra)
+        for option in (one for one in context.command.params if one.param_type_name == "option"):
+            value = context.params.get(option.name)
+            for text in value if isinstance(value, list | tuple) else [value]:
+                check_unicode(option.opts[0], str(text))
+        return context
 
     def summarize(self) -> None:
         """Read the first paragraph of the help from the source, which is parsed and not run."""

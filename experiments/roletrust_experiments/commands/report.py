@@ -51,6 +51,7 @@ def report(
     require("the report", "train", "scipy", "cma", "jinja2")  # to read a suite of the benchmark, and for the page
     from roletrust_env.benchmarking.conditions import ConditionRow
     from roletrust_env.benchmarking.real_logs import read_replays
+    from roletrust_env.errors import check_unicode
     from roletrust_experiments.commands.leaderboard import leaderboard_markdown
     from roletrust_experiments.report.content import read
     from roletrust_experiments.report.figures import write_figures
@@ -58,6 +59,8 @@ def report(
     from roletrust_experiments.report.page import page
 
     paths = results or [Path("results/benchmark/results.sqlite")]
+    for path in paths:
+        check_unicode("the path of the results", str(path))  # which the page shows
     content = read(paths, allow_code=allow_code, real=read_replays(logs) if logs else None)
     prepare_folder(out)
     for name, table in content.tables.items():

@@ -85,3 +85,22 @@ def test_what_an_agent_cannot_be(tmp_path: Path, text: str, value: Any, message:
     with pytest.raises(ValueError, match=f"^scenario 'paper-3x3': {message}$") as error:
         make_scenario("paper-3x3").change(agents=groups)
     assert str(error.value) == line
+
+
+@pytest.mark.parametrize(
+    ("given", "what"),
+    [
+        (["play"], "--out"),
+        (["rate", "ratings.csv"], "--out"),
+        (["live", "scenario", "log.csv"], "--out"),
+        (["rate", "ratings.csv", "--state", "?", "--out", "trust"], "--state"),
+        (["play", "--set", "max_cycles=12", "--set", "name=?", "--out", "played"], "--set"),
+        (["report", "?", "--out", "page"], "the path of the results"),
+    ],
+)
+def test_a_name_that_is_not_unicode(tmp_path: Path, given: list[str], what: str) -> None:
+    given = [*given, "--out", "?"] if what == "--out" else given
+    result = CliRunner().invoke(app, [one.replace("?", f"{tmp_path}/\udcff") for one in given])
+    assert (result.exit_code, result.stdout) == (2, ""), result.output
+    assert result.stderr == f"Error: {what} has \\udcff, which is no character of Unicode\n"
+    assert not list(tmp_path.iterdir())
