@@ -191,19 +191,19 @@ def truth_value(name: str, value: Any) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as strict types take it: numbers of NumPy as those of Python, and lists as tuples.
+    """Return a value as strict types take it: numbers of NumPy as those of Python, lists and ranges as tuples.
 
     Strict types of pydantic take no text for a number, no truth value and no 2.0 for an integer.
 
     Example:
-        >>> plain([1, [2, "3"]])
-        (1, (2, '3'))
+        >>> plain([1, [2, "3"], range(2)])
+        (1, (2, '3'), (0, 1))
     """
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, dict):
         return {name: plain(one) for name, one in value.items()}
-    return tuple(map(plain, value)) if type(value) in (list, tuple) else value
+    return tuple(map(plain, value)) if type(value) in (list, tuple, range) else value
 
 
 def allowed(hint: Any) -> str:

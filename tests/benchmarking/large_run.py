@@ -57,7 +57,7 @@ def learners() -> LearnersSuite:
     """Return a suite of six learners on four tasks, two of which have a known optimum."""
     fields = {"learners": ["PPO", "recurrent PPO", "SAC", "CMA-ES", "random search", "white-box planner"]}
     tasks = {name.lower(): {"task": f"{name}Attack"} for name in ("Provider", "Rater", "Dual", "Collusion")}
-    suite = read_suite({"kind": "learners", "name": "large", "tasks": tasks, "seeds": [*range(5)], **fields}, "large")
+    suite = read_suite({"kind": "learners", "name": "large", "tasks": tasks, "seeds": range(5), **fields}, "large")
     assert isinstance(suite, LearnersSuite)
     return suite
 
