@@ -1,6 +1,6 @@
 """Data types that the suites and results of all types share."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, Self
 
 from pydantic import Field, FiniteFloat, model_validator
@@ -38,10 +38,10 @@ class SuiteSchema(FrozenModel):
 
     cell_type: ClassVar[Callable[..., Any]]
     """Constructor of a cell, with the fields of the cell as keyword arguments."""
-    chosen_scores: ClassVar[tuple[str, ...]] = ()
-    """Names of the scores in the games for choosing the worst case, see `AttackResult`."""
-    measured_scores: ClassVar[tuple[str, ...]]
-    """Names of the scores in the games for measuring."""
+    chosen_scores: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Scores in the games for choosing the worst case by name, with their ranges, see `AttackResult`."""
+    measured_scores: ClassVar[Mapping[str, tuple[float, float]]]
+    """Scores in the games for measuring, with their ranges."""
     kind: str
     """Type of the suite."""
     name: str = "custom"
@@ -84,13 +84,13 @@ def check_unique(**fields: tuple[object, ...]) -> None:
             raise ValueError(f"{name} must not contain a value twice: {values}")
 
 
-Number = Annotated[float, Field(ge=-1e9, le=1e9)]
+Number = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
 """Number of a result. With a larger one, rounding would decide."""
 
 Numbers = list[Number | None]
 """Numbers of a result; None is undefined."""
 
-Amount = Annotated[int, Field(ge=0, le=10**15)]
+Amount = Annotated[int, Field(strict=True, ge=0, le=10**15)]
 """Number of rounds that were played."""
 
 

@@ -21,6 +21,8 @@ from roletrust_env.errors import explain, short
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import UntrustedModel, check_file
 
+_ROUNDING = 1e-9  # of a score at the end of its range
+
 FORMAT = 5
 """Version of the file format."""
 
@@ -176,17 +178,24 @@ class Store:
                 if key not in cells or json.loads(cell) != cells[key]._asdict():
                     raise sqlite3.DatabaseError(f"cell {short(key)} is none of the suite")
                 if any(not self._has_scores(row) for row in result.rows):
-                    raise sqlite3.DatabaseError(f"cell {short(key)} has other scores than those of the suite")
+                    raise sqlite3.DatabaseError(
+                        f"cell {short(key)} has other scores than its suite, or one out of range"
+                    )
                 found_cells.append(StoredCell(cells[key], result))
             if attacks:
                 raise sqlite3.DatabaseError(f"attacks are of cell {short(min(attacks))}, which is missing")
         return found_cells
 
     def _has_scores(self, row: AttackResult) -> bool:
-        """Return whether an attack has the scores of the suite, each for the same games."""
+        """Return whether an attack has the scores of the suite, each for the same games and within its range."""
         parts = (row.chosen, self.suite.chosen_scores), (row.measured, self.suite.measured_scores)
-        sizes = [{len(part.get(name, ())) for name in names} for part, names in parts]
-        return all(len(found) <= 1 and 0 not in found for found in sizes)
+        sizes = [{len(part.get(name, ())) for name in ranges} for part, ranges in parts]
+        return all(len(found) <= 1 and 0 not in found for found in sizes) and all(
+            value is None or low - _ROUNDING <= value <= high + _ROUNDING
+            for part, ranges in parts
+            for name, (low, high) in ranges.items()
+            for value in part[name]
+        )
 
     def _tables(self) -> int:
         """Return the number of tables, which is 0 in a new file."""

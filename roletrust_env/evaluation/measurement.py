@@ -163,8 +163,17 @@ def is_certain(arguments: TaskArguments) -> bool:
 
 Floats = npt.NDArray[np.float64]
 
-MEASURED = ("utility", "published", "blind", "damage", "false_alarms", "auc")
-"""Names of the scores of a game.
+_SHARE = 0.0, 1.0
+
+MEASURED = {
+    "utility": _SHARE,
+    "published": _SHARE,
+    "blind": _SHARE,
+    "damage": (-1.0, 1.0),
+    "false_alarms": _SHARE,
+    "auc": _SHARE,
+}
+"""Scores of a game by name, each with its least and its greatest value.
 
 `utility`: utility of going by trust, see `metrics.utility`. `published`: utility if the same consumers went by
 published trust; it differs for a personal trust model with raters as consumers. `blind`: utility of a blind choice, see

@@ -84,7 +84,7 @@ class LearnersSuite(SuiteSchema):
     """
 
     cell_type: ClassVar = Trial
-    measured_scores: ClassVar = ("score",)
+    measured_scores: ClassVar = {"score": (-1e9, 1e9)}
     kind: Literal["learners"] = "learners"
     """Type of the suite."""
     tasks: Annotated[dict[Label, SuiteTask], Field(min_length=1)]
