@@ -65,7 +65,9 @@ def _explain(detail: Any) -> tuple[str, str]:
         return f"field {field}.{detail['ctx']['discriminator'].strip(chr(39))} is missing", ""
     if detail["type"] == "missing":
         return f"field {field} is missing", ""
-    reason: str = _PLAIN.get(detail["type"], detail["msg"].removeprefix("Value error, "))
+    reason: str = _PLAIN.get(
+        detail["type"], detail["msg"].removeprefix("Value error, ").replace("Input should be", "it must be")
+    )
     if detail["type"] == "value_error":
         return f"{field}: " if field else "", printable(reason)
     value = list(detail["input"]) if type(detail["input"]) is tuple else detail["input"]  # a list in the file

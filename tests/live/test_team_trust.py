@@ -150,7 +150,7 @@ UNUSABLE = "its snapshot cannot be used: "
         (cut(lambda data: data[:-100]), UNUSABLE + "it is no complete file of arrays"),
         (cut(lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:]), UNUSABLE + "it is no complete file"),
         (cut(lambda data: b"\x80\x04\x95cposix\nsystem\n"), UNUSABLE + "it is no complete file of arrays"),
-        (lambda path: spoiled(path, snapshot=lambda _: 1), UNUSABLE + "snapshot is 1: Input should be 3"),
+        (lambda path: spoiled(path, snapshot=lambda _: 1), UNUSABLE + "snapshot is 1: it must be 3"),
         (lambda path: spoiled(path, position=lambda at: [7, *at[1:]]), UNUSABLE + "it is of another journal"),
         (lambda path: spoiled(path, position=lambda at: [at[0], "0" * 64, 20]), UNUSABLE + "it is of another journal"),
         (lambda path: spoiled(path, others={"state_0": None}), UNUSABLE + "state_0 is missing"),

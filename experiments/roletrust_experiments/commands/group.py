@@ -83,7 +83,7 @@ class LateCommand(TyperCommand):
 
 
 class CommandGroup(TyperGroup):
-    """A group of late commands that reports bad input and unwritable files in one red message, with exit code 2."""
+    """A group of late commands that reports bad input, unwritable files and an interrupt in one message."""
 
     places: ClassVar[Mapping[str, str]] = {}
 
@@ -106,6 +106,11 @@ class CommandGroup(TyperGroup):
             said = "\n".join(map(printable, str(error).splitlines()))
             errors.print(f"[bold red]Error:[/] {escape(said or 'out of memory')}", soft_wrap=True)
             raise typer.Exit(2) from None
+        except KeyboardInterrupt:
+            from roletrust_experiments.commands.console import errors
+
+            errors.print("Stopped.")
+            raise typer.Exit(130) from None
 
     def get_params(self, ctx: Any) -> Any:
         """Return the options of the group."""

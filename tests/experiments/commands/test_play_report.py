@@ -125,3 +125,13 @@ def test_json_is_all_that_is_printed(tmp_path, monkeypatch):
     )
     assert run(*asked, "--video").exit_code == 2
     assert "--video needs a folder" in run(*asked, "--video").stderr
+
+
+def test_an_interrupt_of_a_video_is_one_line_and_keeps_the_results(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("roletrust_experiments.plots.video.write_video", interrupted)
+    stopped = run("play", *TINY, "--video", "--out", tmp_path)
+    assert (stopped.exit_code, stopped.stderr) == (130, "Stopped.\n")
+    assert (tmp_path / "results.json").is_file()
