@@ -62,7 +62,11 @@ class LateCommand(TyperCommand):
         return command
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """Return the context of the command itself, which is imported now; its options must be Unicode, as is JSON."""
+        """Return the context of the command itself, which is imported now.
+
+        Raises:
+            ValueError: An option is not Unicode, as results and pages are, which show it.
+        """
         from roletrust_env.errors import check_unicode
 
         context = self.loaded.make_context(info_name, args, parent, **extra)

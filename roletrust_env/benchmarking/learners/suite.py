@@ -1,6 +1,7 @@
 """Suites for learners and their trials. A trial is one learner on one task with one budget and one seed."""
 
 from collections.abc import Callable
+from math import inf
 from time import perf_counter
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
@@ -84,7 +85,7 @@ class LearnersSuite(SuiteSchema):
     """
 
     cell_type: ClassVar = Trial
-    measured_scores: ClassVar = {"score": (-1e9, 1e9)}
+    measured_scores: ClassVar = {"score": (-inf, inf)}  # `Number` bounds it
     kind: Literal["learners"] = "learners"
     """Type of the suite."""
     tasks: Annotated[dict[Label, SuiteTask], Field(min_length=1)]
