@@ -1,4 +1,6 @@
-"""The README as a package index shows it: its links are absolute, for there it has no repository around it."""
+"""The README as a package index shows it: its links are absolute, for there it has no repository
+around it.
+"""
 
 import re
 from pathlib import Path
@@ -18,7 +20,8 @@ def absolute(text: str, repository: str | None) -> str:
 
     Args:
         text: Markdown with links relative to the repository.
-        repository: Address of the repository; without one, pictures are left out and links become plain text.
+        repository: Address of the repository; without one, pictures are left out and links become
+            plain text.
     """
 
     def replaced(link: re.Match[str]) -> str:
@@ -28,7 +31,7 @@ def absolute(text: str, repository: str | None) -> str:
         if repository is None:
             return "" if link["picture"] else link["text"] + end
         kind = "raw" if link["picture"] else "blob"
-        return f"{link['picture']}[{link['text']}]({repository.rstrip('/')}/{kind}/HEAD/{link['path']}){end}"
+        return f"{link['picture']}[{link['text']}]({repository.rstrip('/')}/{kind}/HEAD/{link['path']}){end}"  # noqa: E501
 
     return _LINK.sub(replaced, text)
 
@@ -40,4 +43,7 @@ class AbsoluteReadme(MetadataHookInterface):
         """Add the README to the metadata. See `MetadataHookInterface.update`."""
         text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
         urls = metadata.get("urls", {})
-        metadata["readme"] = {"content-type": "text/markdown", "text": absolute(text, urls.get("Repository"))}
+        metadata["readme"] = {
+            "content-type": "text/markdown",
+            "text": absolute(text, urls.get("Repository")),
+        }

@@ -1,4 +1,6 @@
-"""Settings of the site, which `make docs` builds offline. `docs/_ext/site_pages` writes its reference."""
+"""Settings of the site, which `make docs` builds offline. `docs/_ext/site_pages` writes its
+reference.
+"""
 
 import re
 import sys
@@ -26,7 +28,9 @@ extensions = [
 # The report, the paper for JOSS, what a release needs, and tables that a page includes.
 exclude_patterns = ["_ext/**", "leaderboards/standard*", "paper.md", "release/**"]
 for _page in _DOCS.glob("*.md"):
-    exclude_patterns += re.findall(r"^```\{include\} (\w\S+)", _page.read_text(encoding="utf-8"), re.MULTILINE)
+    exclude_patterns += re.findall(
+        r"^```\{include\} (\w\S+)", _page.read_text(encoding="utf-8"), re.MULTILINE
+    )
 smartquotes = False
 highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it
@@ -35,7 +39,8 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
 myst_fence_as_directive = ["mermaid"]
 
-# Tutorials run when their text changes; `-D nb_execution_mode=off` shows them without what they print.
+# Tutorials run when their text changes; `-D nb_execution_mode=off` shows them without what they
+# print.
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True

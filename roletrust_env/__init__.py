@@ -24,7 +24,9 @@ for _task in ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack"):
         entry_point=f"roletrust_env.envs.attack_env:{_task}Env",
         vector_entry_point=f"roletrust_env.envs.vector:{_task}VectorEnv",
     )
-    gymnasium.registry[_id] = TaskSpec.of(gymnasium.registry[_id])  # vector environments of Gymnasium copy it
+    gymnasium.registry[_id] = TaskSpec.of(
+        gymnasium.registry[_id]
+    )  # vector environments of Gymnasium copy it
 
 _MODULES: dict[str, str] = {
     alias.name: node.module or ""
@@ -49,8 +51,13 @@ def _installed(package: str) -> bool:
         return False
 
 
-__all__ = sorted(name for name, module in _MODULES.items() if module not in _EXTRAS or _installed(_EXTRAS[module][0]))
-"""Public names that can be imported, so that `from roletrust_env import *` and `help` work without extras."""
+__all__ = sorted(
+    name
+    for name, module in _MODULES.items()
+    if module not in _EXTRAS or _installed(_EXTRAS[module][0])
+)
+"""Public names that can be imported, so that `from roletrust_env import *` and `help` work without
+extras."""
 
 
 class DependencyNotInstalled(gymnasium.error.DependencyNotInstalled, AttributeError):  # noqa: N818 - as Gymnasium has it
@@ -79,10 +86,16 @@ def __getattr__(name: str) -> Any:
         missing = (error.name or "").partition(".")[0]
         if module not in _EXTRAS or missing == __name__:
             raise
-        hint = f"{name} needs {missing}, which is not installed: pip install 'roletrust-env[{_EXTRAS[module][1]}]'"
-        # `from roletrust_env import NAME` asks first and would hide an AttributeError with its hint.
+        hint = (
+            f"{name} needs {missing}, which is not installed: pip install "
+            f"'roletrust-env[{_EXTRAS[module][1]}]'"
+        )
+        # `from roletrust_env import NAME` asks first and would hide an AttributeError with its
+        # hint.
         asked = sys._getframe(1).f_code.co_name == "_handle_fromlist"
-        raise (gymnasium.error.DependencyNotInstalled if asked else DependencyNotInstalled)(hint) from None
+        raise (gymnasium.error.DependencyNotInstalled if asked else DependencyNotInstalled)(
+            hint
+        ) from None
     globals()[name] = found
     return found
 

@@ -1,4 +1,6 @@
-"""Functions that NumPy and torch do not share under one name, chosen by the array library of the input."""
+"""Functions that NumPy and torch do not share under one name, chosen by the array library of the
+input.
+"""
 
 from functools import lru_cache
 from types import ModuleType
@@ -10,25 +12,29 @@ from array_api_compat import array_namespace
 from roletrust_env.errors import printable
 
 Array: TypeAlias = Any
-"""A NumPy array or a torch tensor. Axis 0 is the rater, axis 1 the provider, every further axis is batch."""
+"""A NumPy array or a torch tensor. Axis 0 is the rater, axis 1 the provider, every further axis is
+batch."""
 
-# The C library of Linux gives freed arrays above 128 KiB back to the system, and fetches the pages of the next one
-# anew, which may cost more than the arithmetic. Once an array of 32 MB has been made and freed, the limit is its size.
+# The C library of Linux gives freed arrays above 128 KiB back to the system, and fetches the pages
+# of the next one anew, which may cost more than the arithmetic. Once an array of 32 MB has been
+# made and freed, the limit is its size.
 np.empty(4_000_000)
 
 _NUMPY = (np.ndarray, np.generic)
 _NAMESPACES: dict[type, ModuleType] = {}
-"""Array namespace of each type of array seen so far. A compiler can trace a look-up in a dict, but not a cache."""
+"""Array namespace of each type of array seen so far. A compiler can trace a look-up in a dict, but
+not a cache."""
 
 
 def namespace(array: Array) -> ModuleType:
     """Return the array namespace of an array, so that the same code runs on every array library.
 
-    NumPy 2 follows the array API standard. It is returned as it is, because a wrapper would double the time of a small
-    game.
+    NumPy 2 follows the array API standard. It is returned as it is, because a wrapper would double
+    the time of a small game.
 
     Args:
-        array: NumPy array or scalar, or an array of any library that array-api-compat supports (torch, ...).
+        array: NumPy array or scalar, or an array of any library that array-api-compat supports
+            (torch, ...).
 
     Returns:
         `numpy` itself, or the namespace that array-api-compat gives.
@@ -50,24 +56,31 @@ def numpy_array(what: str, values: Any, needed: str) -> np.ndarray[Any, Any]:
         needed: What it must be.
 
     Raises:
-        ValueError: It has rows of unequal lengths, is a tensor that NumPy cannot have, or hides entries behind a mask.
+        ValueError: It has rows of unequal lengths, is a tensor that NumPy cannot have, or hides
+            entries behind a mask.
     """
     try:
         array = np.asarray(values)
     except (ValueError, TypeError, RuntimeError) as error:
-        raise ValueError(f"{what} is no array: {printable(str(error))}; it must be {needed}") from None
+        raise ValueError(
+            f"{what} is no array: {printable(str(error))}; it must be {needed}"
+        ) from None
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise ValueError(f"{what} is masked in some places; it must be {needed}, all there")
     return array
 
 
 def device_of(array: Array) -> Any:
-    """Return the device of an array; None, the default device, while JAX traces, where an array has none."""
+    """Return the device of an array; None, the default device, while JAX traces, where an array has
+    none.
+    """
     return getattr(array, "device", None)
 
 
 def whole_dtype(array: Array) -> Any:
-    """Return the dtype of whole numbers in the library of an array: int64, or int32 in JAX's usual precision."""
+    """Return the dtype of whole numbers in the library of an array: int64, or int32 in JAX's usual
+    precision.
+    """
     return namespace(array).asarray(0).dtype
 
 
@@ -78,12 +91,20 @@ def library_of(like: Array) -> str:
 
 def largest(array: Array, axis: int = 0) -> Array:
     """Return the maximum along an axis, see `total`."""
-    return np.maximum.reduce(array, axis) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=axis)
+    return (
+        np.maximum.reduce(array, axis)
+        if isinstance(array, np.ndarray)
+        else namespace(array).max(array, axis=axis)
+    )
 
 
 def smallest(array: Array, axis: int = 0) -> Array:
     """Return the minimum along an axis, see `total`."""
-    return np.minimum.reduce(array, axis) if isinstance(array, np.ndarray) else namespace(array).min(array, axis=axis)
+    return (
+        np.minimum.reduce(array, axis)
+        if isinstance(array, np.ndarray)
+        else namespace(array).min(array, axis=axis)
+    )
 
 
 def total(array: Array, axis: int) -> Array:
@@ -100,18 +121,25 @@ def copy(array: Array) -> Array:
 
 
 def cast(array: Array, dtype: Any) -> Array:
-    """Return an array in another dtype. NumPy scalars are allowed, unlike in `astype` of the array API standard."""
-    return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)
+    """Return an array in another dtype. NumPy scalars are allowed, unlike in `astype` of the array
+    API standard.
+    """
+    return (
+        array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)
+    )
 
 
 def entries(table: Array, places: Array) -> Array:
-    """Return the entries of a table at places along its first axis, whole numbers; these may be traced symbols."""
+    """Return the entries of a table at places along its first axis, whole numbers; these may be
+    traced symbols.
+    """
     symbolic = getattr(places, "entries_of", None)
     return table[places] if symbolic is None else symbolic(table)
 
 
 def mean_or_zero(values: Array, mask: Array) -> Array:
-    """Return the mean along the first axis over the entries where the mask is true, and 0 where it never is.
+    """Return the mean along the first axis over the entries where the mask is true, and 0 where it
+    never is.
 
     Args:
         values: Finite values, shape (n, ...).
@@ -121,7 +149,8 @@ def mean_or_zero(values: Array, mask: Array) -> Array:
 
 
 def mean_places(values: Array) -> Array:
-    """Return the place of each value along the first axis: 0 for the highest. Equal values share their mean place.
+    """Return the place of each value along the first axis: 0 for the highest. Equal values share
+    their mean place.
 
     Example:
         >>> mean_places(np.array([0.5, 0.9, 0.2, 0.9, 0.7]))
@@ -133,7 +162,9 @@ def mean_places(values: Array) -> Array:
 
 
 def is_compiling(array: Array) -> bool:
-    """Return whether a compiler is tracing: there, arithmetic costs less than function calls and table look-ups."""
+    """Return whether a compiler is tracing: there, arithmetic costs less than function calls and
+    table look-ups.
+    """
     if isinstance(array, _NUMPY):
         return False
     compiler = getattr(namespace(array), "compiler", None)  # torch has one
@@ -148,7 +179,9 @@ def ones(like: Array) -> Array:
     if isinstance(like, np.ndarray):
         return _ones(like.shape, like.dtype)
     xp = namespace(like)
-    return xp.broadcast_to(xp.ones((1,) * like.ndim, dtype=like.dtype, device=device_of(like)), like.shape)
+    return xp.broadcast_to(
+        xp.ones((1,) * like.ndim, dtype=like.dtype, device=device_of(like)), like.shape
+    )
 
 
 @lru_cache(maxsize=16)

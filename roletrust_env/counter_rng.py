@@ -1,11 +1,12 @@
 """Counter-based random numbers: each number is a function of a cell, a game and a key.
 
-There is no state to carry along, so a number does not depend on how many others are made with it. A game has the same
-random numbers alone and in a batch, on NumPy and on torch, and in either precision. A compiler can make the numbers
-where they are used.
+There is no state to carry along, so a number does not depend on how many others are made with it. A
+game has the same random numbers alone and in a batch, on NumPy and on torch, and in either
+precision. A compiler can make the numbers where they are used.
 
-The hash is pcg4d (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9 (3)), which turns four words of
-32 bits into four others. A word is uint32 on NumPy and int32 on libraries without uint32.
+The hash is pcg4d (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9 (3)), which
+turns four words of 32 bits into four others. A word is uint32 on NumPy and int32 on libraries
+without uint32.
 """
 
 import math
@@ -17,11 +18,13 @@ import numpy as np
 from roletrust_env.arrays import Array, cast, namespace
 
 Words = Sequence[Array]
-"""Four arrays of words whose shapes can be broadcast. NumPy scalars are not allowed: on overflow they warn."""
+"""Four arrays of words whose shapes can be broadcast. NumPy scalars are not allowed: on overflow
+they warn."""
 
 _MULTIPLIER, _INCREMENT = 1664525, 1013904223  # linear congruential generator of Numerical Recipes
 BLOCK = 32_768
-"""Number of hashes that NumPy makes at once. Smaller blocks need more calls, larger ones do not fit into the cache."""
+"""Number of hashes that NumPy makes at once. Smaller blocks need more calls, larger ones do not fit
+into the cache."""
 
 _UNIT = 2.0**-24
 
@@ -54,7 +57,8 @@ def uniform(like: Array, cells: int, games: Array, key: Words) -> Array:
 
 
 def normal(like: Array, cells: int, games: Array, key: Words) -> Array:
-    """Return random numbers from N(0, 1) by the method of Box and Muller (1958), at most 5.9 from 0.
+    """Return random numbers from N(0, 1) by the method of Box and Muller (1958), at most 5.9 from
+    0.
 
     The arguments are those of `uniform`.
     """
@@ -69,14 +73,25 @@ def _mix(x: Array, y: Array, z: Array, w: Array) -> list[Array]:
 
 
 def _generate(
-    like: Array, cells: int, games: Array, key: Words, to_numbers: Callable[[Words, Array], Iterable[Array]]
+    like: Array,
+    cells: int,
+    games: Array,
+    key: Words,
+    to_numbers: Callable[[Words, Array], Iterable[Array]],
 ) -> Array:
-    """Return the numbers for all cells and games. One hash gives four numbers, each in another quarter of the cells."""
+    """Return the numbers for all cells and games. One hash gives four numbers, each in another
+    quarter of the cells.
+    """
     groups = counters(like, -(-cells // 4))[:, None]
     n_quarters = -(-cells // max(1, len(groups)))  # 3 for 9 cells
 
     def quarters(groups: Array, games: Array, key: Words) -> list[Array]:
-        return list(islice(to_numbers(scramble((groups + key[0], games + key[1], key[2], key[3])), like), n_quarters))
+        return list(
+            islice(
+                to_numbers(scramble((groups + key[0], games + key[1], key[2], key[3])), like),
+                n_quarters,
+            )
+        )
 
     if not isinstance(like, np.ndarray) or groups.size * games.size <= BLOCK:
         return namespace(like).concat(quarters(groups, games, key))[:cells]
@@ -99,24 +114,36 @@ def _uniforms(words: Words, like: Array) -> list[Array]:
 
 def _normals(words: Words, like: Array) -> Iterable[Array]:
     xp, (x, y, z, w) = namespace(like), words
-    radii = _each(lambda word: xp.sqrt(xp.log((_fraction(word, like) + 0.5) * _UNIT) * -2.0), (x, z))
+    radii = _each(
+        lambda word: xp.sqrt(xp.log((_fraction(word, like) + 0.5) * _UNIT) * -2.0), (x, z)
+    )
     angles = _each(lambda word: _fraction(word, like) * (2 * math.pi * _UNIT), (y, w))
-    return (radius * along(angle) for along in (xp.cos, xp.sin) for radius, angle in zip(radii, angles, strict=True))
+    return (
+        radius * along(angle)
+        for along in (xp.cos, xp.sin)
+        for radius, angle in zip(radii, angles, strict=True)
+    )
 
 
 def _fraction(word: Array, like: Array) -> Array:
-    """Return the upper 24 bits of a word as a float: the bits of higher quality, as many as float32 holds exactly."""
+    """Return the upper 24 bits of a word as a float: the bits of higher quality, as many as float32
+    holds exactly.
+    """
     bits = _shifted(word, 8)
     return cast(bits.view(np.int32) if isinstance(bits, np.ndarray) else bits, like.dtype)
 
 
 def _shifted(word: Array, bits: int) -> Array:
     """Return a word after a logical right shift, which fills up with zeros."""
-    return word >> bits if isinstance(word, np.ndarray) else (word >> bits) & ((1 << (32 - bits)) - 1)
+    return (
+        word >> bits if isinstance(word, np.ndarray) else (word >> bits) & ((1 << (32 - bits)) - 1)
+    )
 
 
 def _each(function: Callable[[Array], Array], words: Words) -> list[Array]:
-    """Return a function of each word. On NumPy one call serves all words, because calls are what costs time there."""
+    """Return a function of each word. On NumPy one call serves all words, because calls are what
+    costs time there.
+    """
     if not isinstance(words[0], np.ndarray):
         return [function(word) for word in words]
     rows = len(words[0])

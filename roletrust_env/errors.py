@@ -8,12 +8,23 @@ from typing import Any
 from pydantic import ValidationError
 
 _PLAIN = {
-    **dict.fromkeys(("tuple_type", "list_type", "set_type", "frozen_set_type"), "it must be a list"),
     **dict.fromkeys(
-        ("dict_type", "mapping_type", "model_type", "model_attributes_type", "dataclass_type", "dataclass_exact_type"),
+        ("tuple_type", "list_type", "set_type", "frozen_set_type"), "it must be a list"
+    ),
+    **dict.fromkeys(
+        (
+            "dict_type",
+            "mapping_type",
+            "model_type",
+            "model_attributes_type",
+            "dataclass_type",
+            "dataclass_exact_type",
+        ),
         "it must be a table of names and values",
     ),
-    **dict.fromkeys(("int_type", "int_parsing", "int_from_float", "int_parsing_size"), "it must be an integer"),
+    **dict.fromkeys(
+        ("int_type", "int_parsing", "int_from_float", "int_parsing_size"), "it must be an integer"
+    ),
     **dict.fromkeys(("float_type", "float_parsing"), "it must be a number"),
     **dict.fromkeys(("bool_type", "bool_parsing"), "it must be true or false"),
     **dict.fromkeys(("string_type", "string_unicode"), "it must be a text"),
@@ -24,10 +35,15 @@ _PLAIN = {
 _KIND = re.compile(r"bool|int|float|str|constrained-(int|float|str)|[a-z-]+\[.*")
 """Kinds of a union as pydantic names them among the fields that lead to a value."""
 
-_MAX_FIELDS, _MAX_LENGTH = 10, 300  # limits on the wrong fields listed and on the characters shown of a value
+_MAX_FIELDS, _MAX_LENGTH = (
+    10,
+    300,
+)  # limits on the wrong fields listed and on the characters shown of a value
 
 
-def suggest(name: object, known: Iterable[str], label: str = "Known:", hint: str | None = None) -> str:
+def suggest(
+    name: object, known: Iterable[str], label: str = "Known:", hint: str | None = None
+) -> str:
     """Return the end of a message about an unknown name: the nearest known name, and all of them.
 
     Args:
@@ -47,11 +63,15 @@ def suggest(name: object, known: Iterable[str], label: str = "Known:", hint: str
 
 
 def explain(error: ValidationError) -> str:
-    """Return one line with each wrong field, its value and the values allowed; of many fields, the first ones."""
+    """Return one line with each wrong field, its value and the values allowed; of many fields, the
+    first ones.
+    """
     reasons: dict[str, list[str]] = {}
     for detail in error.errors(include_url=False):
         what, reason = _explain(detail)
-        reasons.setdefault(what, []).append(reason)  # several where each kind of a union refuses the value
+        reasons.setdefault(what, []).append(
+            reason
+        )  # several where each kind of a union refuses the value
     lines = [what + ", or ".join(dict.fromkeys(every)) for what, every in reasons.items()]
     more = f"; and {len(lines) - _MAX_FIELDS} more" if len(lines) > _MAX_FIELDS else ""
     return "; ".join(lines[:_MAX_FIELDS]) + more
@@ -66,11 +86,14 @@ def _explain(detail: Any) -> tuple[str, str]:
     if detail["type"] == "missing":
         return f"field {field} is missing", ""
     reason: str = _PLAIN.get(
-        detail["type"], detail["msg"].removeprefix("Value error, ").replace("Input should be", "it must be")
+        detail["type"],
+        detail["msg"].removeprefix("Value error, ").replace("Input should be", "it must be"),
     )
     if detail["type"] == "value_error":
         return f"{field}: " if field else "", printable(reason)
-    value = list(detail["input"]) if type(detail["input"]) is tuple else detail["input"]  # a list in the file
+    value = (
+        list(detail["input"]) if type(detail["input"]) is tuple else detail["input"]
+    )  # a list in the file
     return f"{field} is {short(repr(value))}: " if field else "", short(reason)
 
 
@@ -87,7 +110,9 @@ def check_unicode(what: str, text: str) -> None:
     try:
         text.encode()
     except UnicodeEncodeError as error:
-        raise ValueError(f"{what} has {printable(text[error.start])}, which is no character of Unicode") from None
+        raise ValueError(
+            f"{what} has {printable(text[error.start])}, which is no character of Unicode"
+        ) from None
 
 
 def short(text: str) -> str:
@@ -102,4 +127,6 @@ def printable(text: str) -> str:
         >>> print(printable("red" + chr(27) + "[31m" + chr(10) + "new line"))
         red\x1b[31m\nnew line
     """
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+    return "".join(
+        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+    )

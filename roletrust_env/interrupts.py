@@ -9,7 +9,9 @@ from multiprocessing import resource_tracker
 
 @contextmanager
 def without_interrupts() -> Iterator[None]:
-    """Block keyboard interrupts, also for processes that start here: each would end with a traceback."""
+    """Block keyboard interrupts, also for processes that start here: each would end with a
+    traceback.
+    """
     if os.name != "posix":
         yield
         return

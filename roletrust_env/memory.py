@@ -18,7 +18,8 @@ def check_memory(option: str, number: int, each: float, hint: str = "") -> None:
         hint: Further cost of the run, in words.
 
     Raises:
-        ValueError: The run does not fit. The message says what it would take, and about how large a run fits.
+        ValueError: The run does not fit. The message says what it would take, and about how large a
+            run fits.
     """
     free = _SHARE * available()
     if number * each > free:
@@ -31,7 +32,9 @@ def check_memory(option: str, number: int, each: float, hint: str = "") -> None:
 
 
 def available() -> float:
-    """Return the free memory in bytes as Linux states it, else that of the whole machine, else infinity."""
+    """Return the free memory in bytes as Linux states it, else that of the whole machine, else
+    infinity.
+    """
     try:
         free = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, ValueError, OSError):
@@ -49,7 +52,9 @@ def in_bytes(size: float) -> str:
         >>> in_bytes(3.26e12), in_bytes(21e6)
         ('3.3 TB', '21 MB')
     """
-    unit, of = next(((unit, of) for unit, of in (("TB", 1e12), ("GB", 1e9)) if size >= of), ("MB", 1e6))
+    unit, of = next(
+        ((unit, of) for unit, of in (("TB", 1e12), ("GB", 1e9)) if size >= of), ("MB", 1e6)
+    )
     return f"{two_digits(size / of)} {unit}"
 
 

@@ -9,7 +9,17 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, overload
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    overload,
+)
 
 import numpy as np
 import pydantic
@@ -40,7 +50,8 @@ def _within(allowed: str, holds: Callable[[float], bool]) -> _Allowed:
 
 @dataclass(frozen=True)
 class SearchRange:
-    """Annotation of a number: the range, both ends included, in which searches look for its best value.
+    """Annotation of a number: the range, both ends included, in which searches look for its best
+    value.
 
     Raises:
         ValueError: The range is empty, or an end is not finite.
@@ -51,11 +62,15 @@ class SearchRange:
 
     def __post_init__(self) -> None:
         if not -inf < self.low <= self.high < inf:
-            raise ValueError(f"{self} is not a range; low must not be above high, and both must be finite")
+            raise ValueError(
+                f"{self} is not a range; low must not be above high, and both must be finite"
+            )
 
 
 class GridValues:
-    """Annotation of a parameter: the few values that a grid search tries; by default both ends and the middle."""
+    """Annotation of a parameter: the few values that a grid search tries; by default both ends and
+    the middle.
+    """
 
     def __init__(self, *values: Any) -> None:
         self.values = values
@@ -66,19 +81,27 @@ class NotSearched:
 
 
 class Victims:
-    """Annotation of a tuple of provider indices: searches choose how many honest providers it holds."""
+    """Annotation of a tuple of provider indices: searches choose how many honest providers it
+    holds.
+    """
 
 
 class Identities:
-    """Annotation of a number of identities in reserve: searches try from 1 to the number that the attacker has."""
+    """Annotation of a number of identities in reserve: searches try from 1 to the number that the
+    attacker has.
+    """
 
 
 class Accomplices:
-    """Annotation of a tuple of provider indices: searches and the command line fill in the attacker's own providers."""
+    """Annotation of a tuple of provider indices: searches and the command line fill in the
+    attacker's own providers.
+    """
 
 
 class GameLength:
-    """Annotation of a number of rounds: searches and the command line fill in the length of the game."""
+    """Annotation of a number of rounds: searches and the command line fill in the length of the
+    game.
+    """
 
 
 def _number_or_range(allowed: str, holds: Callable[[float], bool]) -> WrapValidator:
@@ -108,13 +131,15 @@ Inside = Annotated[float, _within("[0.001, 0.999]", lambda x: 0.001 <= x <= 0.99
 """Share strictly between 0 and 1, far enough from both that rounding does not matter."""
 
 Ridge = Annotated[float, _within("[0.001, 1e6]", lambda x: 0.001 <= x <= 1e6)]
-"""Strength with which a regression is drawn to its prior. With a smaller one, rounding would decide."""
+"""Strength with which a regression is drawn to its prior. With a smaller one, rounding would
+decide."""
 
 Factor = Annotated[float, _within("(0, 1]", lambda x: 0 < x <= 1)]
 """Factor of a geometric decay."""
 
 Weighting = Annotated[float, _within("[0, 1000]", lambda x: 0 <= x <= 1000)]
-"""Weight, or number of ratings that a weight compares with. With a larger one, rounding would decide."""
+"""Weight, or number of ratings that a weight compares with. With a larger one, rounding would
+decide."""
 
 LessThanHalf = Annotated[float, _within("[0, 0.5)", lambda x: 0 <= x < 0.5)]
 """Share that is cut off at both ends."""
@@ -135,15 +160,22 @@ ZeroOrAmount = Annotated[float, _within("{0} or [1e-6, 1e6]", lambda x: x == 0 o
 """`PositiveAmount`, or 0 for the limit."""
 
 Size = Annotated[int, pydantic.Field(ge=1, le=1000)]
-"""Number of rows of a memory, or of steps of a computation. A larger one would not end, or not fit."""
+"""Number of rows of a memory, or of steps of a computation. A larger one would not end, or not
+fit."""
 
-ShareOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, 1]", lambda x: 0 <= x <= 1)]
+ShareOrRange = Annotated[
+    float | tuple[float, float], _number_or_range("[0, 1]", lambda x: 0 <= x <= 1)
+]
 """Share, or a range from which it is drawn."""
 
-BiasOrRange = Annotated[float | tuple[float, float], _number_or_range("[-1, 1]", lambda x: -1 <= x <= 1)]
+BiasOrRange = Annotated[
+    float | tuple[float, float], _number_or_range("[-1, 1]", lambda x: -1 <= x <= 1)
+]
 """Number added to a quality, or a range from which it is drawn."""
 
-ScaleOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, 1e6]", lambda x: 0 <= x <= 1e6)]
+ScaleOrRange = Annotated[
+    float | tuple[float, float], _number_or_range("[0, 1e6]", lambda x: 0 <= x <= 1e6)
+]
 """Factor of a quality, or a range from which it is drawn."""
 
 
@@ -163,7 +195,9 @@ def whole_number(name: str, value: Any, least: int = 0) -> int:
     except (TypeError, ValueError):  # no number, or a tensor of many
         number = least - 1
     if number < least:
-        raise ValueError(f"{name} is {short(repr(value))}; it must be a whole number, {least} or more")
+        raise ValueError(
+            f"{name} is {short(repr(value))}; it must be a whole number, {least} or more"
+        )
     return number
 
 
@@ -171,7 +205,8 @@ _TRUTH = pydantic.TypeAdapter(bool)
 
 
 def truth_value(name: str, value: Any) -> bool:
-    """Return what a user gave as True or False, by the rule of the parameters of models, suites and requests.
+    """Return what a user gave as True or False, by the rule of the parameters of models, suites and
+    requests.
 
     Args:
         name: What the value is, for the error message.
@@ -191,7 +226,8 @@ def truth_value(name: str, value: Any) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as strict types take it: numbers of NumPy as those of Python, lists and ranges as tuples.
+    """Return a value as strict types take it: numbers of NumPy as those of Python, lists and ranges
+    as tuples.
 
     Strict types of pydantic take no text for a number, no truth value and no 2.0 for an integer.
 
@@ -213,7 +249,7 @@ def allowed(hint: Any) -> str:
         >>> from pydantic import PositiveInt
         >>> [allowed(hint) for hint in (Lam, PositiveInt, Literal["power", "linear"], PositiveInt | None, float)]
         ['0.5 to below 1', 'whole number from 1', 'power or linear', 'whole number from 1, or None', 'number']
-    """
+    """  # noqa: E501
     kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
     if descriptions := [mark.allowed for mark in marks if isinstance(mark, _Allowed)]:
         return _in_words(descriptions[-1])
@@ -224,9 +260,14 @@ def allowed(hint: Any) -> str:
     if get_origin(kind) in (tuple, list):
         return f"several: {allowed(get_args(kind)[0])}"
     if kind in (int, float):
-        bounds, number = _in_words(_interval(marks, kind is int)), "whole number" if kind is int else "number"
+        bounds, number = (
+            _in_words(_interval(marks, kind is int)),
+            "whole number" if kind is int else "number",
+        )
         return f"{number} {bounds}".rstrip() if kind is int else bounds or number
-    return {bool: "True or False", str: "text", NoneType: "None"}.get(kind, getattr(kind, "__name__", str(kind)))
+    return {bool: "True or False", str: "text", NoneType: "None"}.get(
+        kind, getattr(kind, "__name__", str(kind))
+    )
 
 
 def _in_words(interval: str) -> str:
@@ -235,16 +276,24 @@ def _in_words(interval: str) -> str:
     if match is None:
         return interval
     opening, low, high, closing = match.groups()
-    ends = [f"{'above ' if opening == '(' else '' if high != 'inf' else 'from '}{low}"] if low != "-inf" else []
+    ends = (
+        [f"{'above ' if opening == '(' else '' if high != 'inf' else 'from '}{low}"]
+        if low != "-inf"
+        else []
+    )
     ends += [f"{'below ' if closing == ')' else ''}{high}"] if high != "inf" else []
     return " to ".join(ends)
 
 
 def _interval(marks: list[Any], whole: bool) -> str:
-    """Return the interval between bounds such as pydantic's `Gt`, closed where possible; empty without bounds."""
+    """Return the interval between bounds such as pydantic's `Gt`, closed where possible; empty
+    without bounds.
+    """
     ends: dict[str, Any] = {}
     for bound in (part for mark in marks for part in (mark, *getattr(mark, "metadata", ()))):
-        ends |= {name: getattr(bound, name) for name in ("gt", "ge", "lt", "le") if hasattr(bound, name)}
+        ends |= {
+            name: getattr(bound, name) for name in ("gt", "ge", "lt", "le") if hasattr(bound, name)
+        }
     if whole:
         ends |= {"ge": ends.pop("gt") + 1} if "gt" in ends else {}
         ends |= {"le": ends["lt"] - 1} if "lt" in ends else {}
@@ -278,10 +327,12 @@ def unknown_parameter(owner: str, name: str, known: Iterable[str]) -> str:
 
 
 def refuse_unknown(cls: Class) -> Class:
-    """Make the constructor of a class refuse parameters that do not exist, and suggest those that do.
+    """Make the constructor of a class refuse parameters that do not exist, and suggest those that
+    do.
 
-    This class decorator suits every class whose signature names all parameters, such as a standard dataclass. It goes
-    above the decorator that makes the constructor. The error is an `UnknownParameterError`, which is a `TypeError`.
+    This class decorator suits every class whose signature names all parameters, such as a standard
+    dataclass. It goes above the decorator that makes the constructor. The error is an
+    `UnknownParameterError`, which is a `TypeError`.
 
     Example:
         >>> @refuse_unknown
@@ -292,7 +343,7 @@ def refuse_unknown(cls: Class) -> Class:
         Traceback (most recent call last):
             ...
         roletrust_env.parameters.UnknownParameterError: Box has no parameter 'sise'; did you mean 'size'? It takes size
-    """
+    """  # noqa: E501
     known = list(inspect.signature(cls).parameters)
     construct = cls.__init__  # type: ignore[misc]  # the constructor of instances
 
@@ -317,10 +368,11 @@ def checked_dataclass(*, config: pydantic.ConfigDict) -> Callable[[Class], Class
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, pydantic.Field))
 def checked_dataclass(cls: Any = None, /, *, config: pydantic.ConfigDict | None = None) -> Any:
-    """Make a frozen dataclass of pydantic whose constructor refuses values and parameters that do not belong.
+    """Make a frozen dataclass of pydantic whose constructor refuses values and parameters that do
+    not belong.
 
-    A value that its type does not allow raises a `pydantic.ValidationError`, and a parameter that does not exist an
-    `UnknownParameterError`, see `refuse_unknown`.
+    A value that its type does not allow raises a `pydantic.ValidationError`, and a parameter that
+    does not exist an `UnknownParameterError`, see `refuse_unknown`.
 
     Args:
         cls: Class with annotated fields.

@@ -14,13 +14,15 @@ from roletrust_env.parameters import whole_number
 Keys = npt.NDArray[np.uint32]
 
 STREAMS = 12
-"""Number of random streams of a round, each with its own key. One of them, `POLICIES`, is not part of the noise."""
+"""Number of random streams of a round, each with its own key. One of them, `POLICIES`, is not part
+of the noise."""
 
 POLICIES = 8
 """Stream of the numbers that policies draw. Streams that were added later have higher numbers."""
 
 _LENGTHS = STREAMS
-"""Stream of the lengths of games, which is none of a round: games that end sooner have the same rounds until then."""
+"""Stream of the lengths of games, which is none of a round: games that end sooner have the same
+rounds until then."""
 
 _KEYS_AT_ONCE = 64
 """Number of rounds whose keys are made at once."""
@@ -48,13 +50,16 @@ def generator(seed: int | None = None) -> np.random.Generator:
 
 
 def own_seeds(seed: int, many: int) -> list[int]:
-    """Return a seed for each of some agents; neighbouring seeds have none in common, as `seed + i` would."""
+    """Return a seed for each of some agents; neighbouring seeds have none in common, as `seed + i`
+    would.
+    """
     seeds: list[int] = np.random.SeedSequence(seed).generate_state(many, np.uint64).tolist()
     return seeds
 
 
 class Random:
-    """Source of random numbers for NumPy or torch: it draws one key after the other and makes numbers from each.
+    """Source of random numbers for NumPy or torch: it draws one key after the other and makes
+    numbers from each.
 
     The same seed gives the same numbers on both libraries, up to the rounding of float32.
 
@@ -63,7 +68,8 @@ class Random:
         like: Array of the library, dtype and device of the numbers; by default NumPy's float64.
 
     Raises:
-        ValueError: The generator is not a `numpy.random.Generator`. `Game.random(seed)` makes a source for a game.
+        ValueError: The generator is not a `numpy.random.Generator`. `Game.random(seed)` makes a
+            source for a game.
     """
 
     def __init__(self, generator: np.random.Generator, like: Array | None = None) -> None:
@@ -73,11 +79,14 @@ class Random:
         self._key = generator.integers(0, 2**32, 4, dtype=np.uint32)
         self._rounds = self._calls = 0
         self._keys: tuple[int, Keys] = (0, np.empty((0, STREAMS, 4), np.uint32))
-        # Noise made ahead: its first round, the source and the batch that it was made for, and the noise of each round.
+        # Noise made ahead: its first round, the source and the batch that it was made for, and the
+        # noise of each round.
         self._stock: tuple[int, tuple[Any, tuple[int, ...]], Sequence[Any]] = (0, (None, ()), ())
 
     def round_key(self) -> Array:
-        """Return the key of the next round, words of shape (STREAMS, 4). `Game.noise` turns it into noise."""
+        """Return the key of the next round, words of shape (STREAMS, 4). `Game.noise` turns it into
+        noise.
+        """
         first, keys = self._keys
         if not 0 <= self._rounds - first < len(keys):
             self._keys = first, keys = self._rounds, self._round_keys(self._rounds, _KEYS_AT_ONCE)
@@ -97,7 +106,9 @@ class Random:
         first, made_for, stock = self._stock
         at = self._rounds - first
         if made_for[0] is not source or made_for[1] != batch or not 0 <= at < len(stock):
-            count = min(source.rounds_at_once(batch), 16 + self._rounds)  # fewer at first, as many games are short
+            count = min(
+                source.rounds_at_once(batch), 16 + self._rounds
+            )  # fewer at first, as many games are short
             if count == 1:
                 return source.make_round(self.round_key(), batch)
             stock = source.make_rounds(self._round_keys(self._rounds, count), batch)
@@ -111,7 +122,8 @@ class Random:
         The numbers of a game do not depend on the number of games in the batch.
 
         Args:
-            shape: Shape (n, ...): n numbers in each game, then the axes of the batch, as in policies.
+            shape: Shape (n, ...): n numbers in each game, then the axes of the batch, as in
+                policies.
         """
         return self._numbers(counter_rng.uniform, shape)
 
@@ -120,14 +132,17 @@ class Random:
         return self._numbers(counter_rng.normal, shape)
 
     def lengths(self, continuation: float, most: int, batch: tuple[int, ...]) -> Array:
-        """Return the lengths of games that begin now, in rounds, from the geometric distribution, of the batch's shape.
+        """Return the lengths of games that begin now, in rounds, from the geometric distribution,
+        of the batch's shape.
 
         Args:
             continuation: Probability that a game goes on after a round, in (0, 1).
             most: Greatest length.
             batch: Shape of the batch.
         """
-        key = self._on_device(np.stack(self._subkey(_LENGTHS, np.asarray([self._rounds], np.uint32))))
+        key = self._on_device(
+            np.stack(self._subkey(_LENGTHS, np.asarray([self._rounds], np.uint32)))
+        )
         games = counter_rng.counters(self.like, math.prod(batch))
         chance = counter_rng.uniform(self.like, 1, games, key).reshape(batch)
         xp = namespace(chance)

@@ -20,14 +20,14 @@ T = TypeVar("T")
 class Registry(Generic[T]):
     """Names, and the factory of the object that each of them stands for.
 
-    A name is looked up among the registered factories, and then among the entry points that installed packages declare
-    under `group`. A package with many objects can instead declare a module in the group `roletrust_env.plugins`. That
-    module is imported before the first look-up in any registry of a name that is not registered, and registers the
-    objects.
+    A name is looked up among the registered factories, and then among the entry points that
+    installed packages declare under `group`. A package with many objects can instead declare a
+    module in the group `roletrust_env.plugins`. That module is imported before the first look-up in
+    any registry of a name that is not registered, and registers the objects.
 
-    An entry point is loaded only when its name is looked up, so a broken package affects only its own names. A
-    registered or installed factory can be a function; the objects that it makes are checked. A class given by module
-    and name is checked before it is called, see `for_class`.
+    An entry point is loaded only when its name is looked up, so a broken package affects only its
+    own names. A registered or installed factory can be a function; the objects that it makes are
+    checked. A class given by module and name is checked before it is called, see `for_class`.
 
     Args:
         kind: Name of such objects in error messages, for example `"trust model"`.
@@ -52,7 +52,10 @@ class Registry(Generic[T]):
             ValueError: The name is taken, or is not a word of letters, digits, `-`, `_` and `.`.
         """
         if not name or not all(c.isalnum() or c in "-_." for c in name):
-            raise ValueError(f"{name!r} is not a valid name of a {self.kind}; use letters, digits, '-', '_' and '.'")
+            raise ValueError(
+                f"{name!r} is not a valid name of a {self.kind}; use letters, digits, '-', '_' and "
+                "'.'"
+            )
         if name in self._factories:
             raise ValueError(f"{self.kind} {name!r} is already registered")
         self._factories[name] = factory
@@ -62,11 +65,15 @@ class Registry(Generic[T]):
         del self._factories[name]
 
     def __contains__(self, name: str) -> bool:
-        """Return whether a name is known. Installed packages are searched only if it is not registered here."""
+        """Return whether a name is known. Installed packages are searched only if it is not
+        registered here.
+        """
         return self.registered(name) is not None or name in self._plugins()
 
     def registered(self, name: str) -> Callable[..., T] | None:
-        """Return the factory that is registered under a name here, or None. Entry points of the group do not count."""
+        """Return the factory that is registered under a name here, or None. Entry points of the
+        group do not count.
+        """
         if name not in self._factories:
             load_plugins()
         return self._factories.get(name)
@@ -80,19 +87,26 @@ class Registry(Generic[T]):
         """Return the factory of a name.
 
         Raises:
-            ValueError: The name is unknown (the message lists the known names), or its plug-in cannot be loaded.
+            ValueError: The name is unknown (the message lists the known names), or its plug-in
+                cannot be loaded.
         """
         if registered := self.registered(name):
             return registered
         plugins = self._plugins()
         if name not in plugins:
-            raise ValueError(f"unknown {self.kind} {short(repr(name))}{suggest(name, self.names())}")
+            raise ValueError(
+                f"unknown {self.kind} {short(repr(name))}{suggest(name, self.names())}"
+            )
         try:
             factory = plugins[name].load()
         except (Exception, SystemExit) as error:  # a foreign package can raise anything on import
-            raise ValueError(f"{self.kind} {name!r} comes from {_describe_failure(plugins[name], error)}") from error
+            raise ValueError(
+                f"{self.kind} {name!r} comes from {_describe_failure(plugins[name], error)}"
+            ) from error
         if not callable(factory):
-            raise ValueError(f"{self.kind} {name!r} comes from {plugins[name].value!r}, which cannot be called")
+            raise ValueError(
+                f"{self.kind} {name!r} comes from {plugins[name].value!r}, which cannot be called"
+            )
         loaded: Callable[..., T] = factory
         return loaded
 
@@ -108,10 +122,13 @@ class Registry(Generic[T]):
         try:
             cls = EntryPoint(name, text, self.group).load()
         except (Exception, SystemExit) as error:  # a foreign module can raise anything on import
-            raise ValueError(f"{self.kind} {text!r} cannot be loaded: {_describe_import_error(error)}") from error
+            raise ValueError(
+                f"{self.kind} {text!r} cannot be loaded: {_describe_import_error(error)}"
+            ) from error
         if requirement := _unmet_requirement(cls, self.base):
             raise ValueError(
-                f"{self.kind} {text!r} must make a {self.base.__name__}, so it must be a class {requirement}"
+                f"{self.kind} {text!r} must make a {self.base.__name__}, so it must be a class "
+                f"{requirement}"
             )
         return self.with_only(name, cls)
 
@@ -135,19 +152,23 @@ class Registry(Generic[T]):
         """Make the object of a name, with these parameters.
 
         Raises:
-            ValueError: The name is unknown, the factory does not accept these parameters, or it makes an object that
-                does not belong into this registry.
+            ValueError: The name is unknown, the factory does not accept these parameters, or it
+                makes an object that does not belong into this registry.
         """
         factory = self.factory(name)
         signature = inspect.signature(factory)
         accepted = self.accepted_parameters(name, parameters)
         for parameter in parameters:
             if parameter not in accepted:
-                raise ValueError(unknown_parameter(f"{self.kind} {name!r}", parameter, signature.parameters))
+                raise ValueError(
+                    unknown_parameter(f"{self.kind} {name!r}", parameter, signature.parameters)
+                )
         try:
             signature.bind(**parameters)
         except TypeError as error:
-            raise ValueError(f"{self.kind} {name!r}: {error}; it takes {', '.join(signature.parameters)}") from None
+            raise ValueError(
+                f"{self.kind} {name!r}: {error}; it takes {', '.join(signature.parameters)}"
+            ) from None
         try:
             made = factory(**parameters)
         except UnknownParameterError as error:  # the factory passed an unknown parameter on
@@ -155,7 +176,9 @@ class Registry(Generic[T]):
         except ValidationError as error:
             raise ValueError(f"{self.kind} {name!r}: {explain(error)}") from None
         if isinstance(made, type) or not isinstance(made, self.base):
-            raise ValueError(f"{self.kind} {name!r} made {made!r}; it must make a {self.base.__name__}")
+            raise ValueError(
+                f"{self.kind} {name!r} made {made!r}; it must make a {self.base.__name__}"
+            )
         return made
 
     def described(self, made: T) -> dict[str, Any]:
@@ -164,12 +187,19 @@ class Registry(Generic[T]):
         Raises:
             ValueError: Its class is not registered, or it cannot be made again from its parameters.
         """
-        name = next((name for name, factory in self._factories.items() if factory is type(made)), None)
+        name = next(
+            (name for name, factory in self._factories.items() if factory is type(made)), None
+        )
         own = [field.name for field in fields(cast(Any, made)) if field.init] if name else []
         given = {key: getattr(made, key) for key in own}
-        found = {key: self.described(one) if isinstance(one, self.base) else one for key, one in given.items()}
+        found = {
+            key: self.described(one) if isinstance(one, self.base) else one
+            for key, one in given.items()
+        }
         if name is None or self.read({"name": name, **found}) != made:
-            raise ValueError(f"{made!r} is no {self.kind} that is registered with a name and parameters")
+            raise ValueError(
+                f"{made!r} is no {self.kind} that is registered with a name and parameters"
+            )
         return {"name": name, **found}
 
     def read(self, table: Mapping[str, Any]) -> T:
@@ -182,11 +212,17 @@ class Registry(Generic[T]):
             raise ValueError(f"{dict(table)} has no name of a {self.kind}")
         parameters = {key: one for key, one in table.items() if key != "name"}
         return self.make(
-            name, **{k: self.read(one) if isinstance(one, Mapping) else one for k, one in parameters.items()}
+            name,
+            **{
+                k: self.read(one) if isinstance(one, Mapping) else one
+                for k, one in parameters.items()
+            },
         )
 
     def describe(self) -> dict[str, str]:
-        """Return the summary of each name: the first line of its docstring, or the source of an unloaded plug-in."""
+        """Return the summary of each name: the first line of its docstring, or the source of an
+        unloaded plug-in.
+        """
         load_plugins()
         described = {name: summary(factory) for name, factory in self._factories.items()}
         for name, plugin in self._plugins().items():
@@ -203,7 +239,9 @@ _LOADING: set[int] = set()
 
 @cache
 def load_plugins() -> None:
-    """Import the modules of the entry-point group `roletrust_env.plugins`; a broken one is a warning."""
+    """Import the modules of the entry-point group `roletrust_env.plugins`; a broken one is a
+    warning.
+    """
     if get_ident() in _LOADING:  # a plug-in looks a name up while it is imported
         return
     _LOADING.add(get_ident())
@@ -218,7 +256,10 @@ def _import_plugins() -> None:
         try:
             plugin.load()
         except (Exception, SystemExit) as error:  # a foreign package can raise anything on import
-            warnings.warn(f"plug-in {plugin.name!r} comes from {_describe_failure(plugin, error)}", stacklevel=3)
+            warnings.warn(
+                f"plug-in {plugin.name!r} comes from {_describe_failure(plugin, error)}",
+                stacklevel=3,
+            )
 
 
 def summary(factory: Any) -> str:
@@ -227,7 +268,9 @@ def summary(factory: Any) -> str:
 
 
 def _describe_failure(plugin: EntryPoint, error: BaseException) -> str:
-    """Return why a plug-in cannot be loaded, and the extra to install if the entry point declares one."""
+    """Return why a plug-in cannot be loaded, and the extra to install if the entry point declares
+    one.
+    """
     target = plugin.value.partition(" ")[0]
     if isinstance(error, ModuleNotFoundError) and plugin.extras and plugin.dist:
         requirement = f"{plugin.dist.name}[{','.join(plugin.extras)}]"
@@ -236,16 +279,27 @@ def _describe_failure(plugin: EntryPoint, error: BaseException) -> str:
 
 
 def _describe_import_error(error: BaseException) -> str:
-    """Return the reason in words. A script without an import guard can exit, and then has no message."""
-    return "importing it ends Python" if isinstance(error, SystemExit) else str(error) or type(error).__name__
+    """Return the reason in words. A script without an import guard can exit, and then has no
+    message.
+    """
+    return (
+        "importing it ends Python"
+        if isinstance(error, SystemExit)
+        else str(error) or type(error).__name__
+    )
 
 
 def _unmet_requirement(candidate: Any, base: type[Any]) -> str:
-    """Return what a class must have to belong to a base class or protocol, in words; empty if it has it."""
+    """Return what a class must have to belong to a base class or protocol, in words; empty if it
+    has it.
+    """
     cls = candidate if isinstance(candidate, type) else object
     if not getattr(base, "_is_protocol", False):
         return "" if issubclass(cls, base) else f"derived from {base.__name__}"
-    # An instance can have attributes of the protocol that its class does not have, so only methods are checked.
-    methods = [name for name, part in vars(base).items() if inspect.isfunction(part) and name[0] != "_"]
+    # An instance can have attributes of the protocol that its class does not have, so only methods
+    # are checked.
+    methods = [
+        name for name, part in vars(base).items() if inspect.isfunction(part) and name[0] != "_"
+    ]
     fits = all(callable(getattr(cls, name, None)) for name in methods)
     return "" if fits else f"with the method{'s' * (len(methods) > 1)} {', '.join(methods)}"

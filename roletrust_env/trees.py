@@ -1,4 +1,6 @@
-"""Nested tuples of arrays, such as the state of a game, of a trust model or of a policy: their leaves, and new ones."""
+"""Nested tuples of arrays, such as the state of a game, of a trust model or of a policy: their
+leaves, and new ones.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -11,16 +13,19 @@ import numpy as np
 from roletrust_env.arrays import Array
 
 Kind: TypeAlias = Literal["rater", "provider", "pair", "age"]
-"""What an entry of a field of a state is about, by the annotation of the field; an age is about a pair."""
+"""What an entry of a field of a state is about, by the annotation of the field; an age is about a
+pair."""
 
 
 @dataclass(frozen=True)
 class ValueRange:
-    """Annotation of a field of a state: the range of its values, both ends included. Others hold any finite values.
+    """Annotation of a field of a state: the range of its values, both ends included. Others hold
+    any finite values.
 
     Attributes:
         low: Least value.
-        high: Largest value, or the name of a field of the same state that has the largest value in each place.
+        high: Largest value, or the name of a field of the same state that has the largest value in
+            each place.
         whole: Whether the values are whole numbers.
     """
 
@@ -36,12 +41,18 @@ class ValueRange:
 _MOST = 2.0**53  # whole numbers up to it are exact in float64
 
 SHARES, SIGNED = ValueRange(0, 1), ValueRange(-1, 1)
-AMOUNTS, BALANCES, POSITIVE = ValueRange(0, _MOST), ValueRange(-_MOST, _MOST), ValueRange(1e-9, _MOST)
+AMOUNTS, BALANCES, POSITIVE = (
+    ValueRange(0, _MOST),
+    ValueRange(-_MOST, _MOST),
+    ValueRange(1e-9, _MOST),
+)
 COUNTS, FLAGS = ValueRange(0, _MOST, whole=True), ValueRange(0, 1, whole=True)
 
 
 def leaves(tree: Any) -> Iterator[Any]:
-    """Iterate over what is in nested tuples and is no tuple, in order: arrays, numbers, flags and None."""
+    """Iterate over what is in nested tuples and is no tuple, in order: arrays, numbers, flags and
+    None.
+    """
     if isinstance(tree, tuple):
         for part in tree:
             yield from leaves(part)
@@ -74,11 +85,12 @@ def map_leaves(change: Callable[..., Any], tree: Any, *others: Any) -> Any:
 
 
 def kinds(state: Any) -> Iterator[tuple[Kind, Array]]:
-    """Iterate over the arrays of a state that are about agents or pairs, each with its kind, in order.
+    """Iterate over the arrays of a state that are about agents or pairs, each with its kind, in
+    order.
 
     Args:
-        state: NamedTuple whose fields are annotated, see `roletrust_env.trust.ratings.PerRater`; it may hold further
-            such states.
+        state: NamedTuple whose fields are annotated, see `roletrust_env.trust.ratings.PerRater`; it
+            may hold further such states.
     """
     for (kind, _), part in zip(_marks(cast(Any, type(state))), state, strict=True):
         if kind is not None:
@@ -88,10 +100,12 @@ def kinds(state: Any) -> Iterator[tuple[Kind, Array]]:
 
 
 def map_kinds(change: Callable[..., Array], state: Any, *others: Any) -> Any:
-    """Return a state whose arrays about agents or pairs are changed; all else, such as a flag, stays.
+    """Return a state whose arrays about agents or pairs are changed; all else, such as a flag,
+    stays.
 
     Args:
-        change: Function of the kind and of the array, and of the arrays of the other states in the same place.
+        change: Function of the kind and of the array, and of the arrays of the other states in the
+            same place.
         state: State, see `kinds`.
         *others: Further states of the same type.
     """
@@ -127,15 +141,23 @@ def check_ranges(state: Any, rounds: int) -> None:
         if allowed is not None:
             high = getattr(state, allowed.high) if isinstance(allowed.high, str) else allowed.high
             values = np.asarray(part)
-            wrong = ~((values >= allowed.low) & (values <= high) & (not allowed.whole or np.rint(values) == values))
+            wrong = ~(
+                (values >= allowed.low)
+                & (values <= high)
+                & (not allowed.whole or np.rint(values) == values)
+            )
             if wrong.any():
-                raise ValueError(f"{name} of {type(state).__name__} is {values[wrong][0]}; it must {allowed}")
+                raise ValueError(
+                    f"{name} of {type(state).__name__} is {values[wrong][0]}; it must {allowed}"
+                )
         else:
             check_ranges(part, rounds)
 
 
 class _Marks(NamedTuple):
-    """Content of the annotation of a field: what an entry is about, and the range; None where it does not say it."""
+    """Content of the annotation of a field: what an entry is about, and the range; None where it
+    does not say it.
+    """
 
     kind: Kind | None
     allowed: ValueRange | None

@@ -1,8 +1,10 @@
-"""What every test leaves as it found it, the settings of Hypothesis, and a browser for those that want one."""
+"""What every test leaves as it found it, the settings of Hypothesis, and a browser for those that
+want one."""
 
 import os
 
-# Before NumPy and torch are loaded: threads of one process that wait for a busy core cost many times their work.
+# Before NumPy and torch are loaded: threads of one process that wait for a busy core cost many
+# times their work.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import re
@@ -21,7 +23,8 @@ from roletrust_env.registry import load_plugins
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import registry as scenarios
 
-# No deadline, for a busy machine takes longer; the same examples on every machine, so that a failure can be repeated.
+# No deadline, for a busy machine takes longer; the same examples on every machine, so that a
+# failure can be repeated.
 for _name, _examples in (("roletrust", 25), ("thorough", 200)):
     hypothesis.settings.register_profile(
         _name,
@@ -40,12 +43,15 @@ def pytest_collection_modifyitems(config, items):
     left_out = set(re.findall(r"not (\w+)", config.getini("addopts")[-1]))
     for item in items:
         if len(found := left_out & {mark.name for mark in item.iter_markers()}) > 1:
-            raise pytest.UsageError(f"{item.nodeid} is marked with {', '.join(sorted(found))}; one of them is enough")
+            raise pytest.UsageError(
+                f"{item.nodeid} is marked with {', '.join(sorted(found))}; one of them is enough"
+            )
 
 
 @pytest.fixture(autouse=True)
 def _no_wait_for_the_disk(monkeypatch):
-    """Journals and states are written without waiting for the disk, which would be most of their time."""
+    """Journals and states are written without waiting for the disk, which would be most of their
+    time."""
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
@@ -61,10 +67,20 @@ def _registries(monkeypatch):
 def browser():
     """A real Chromium; it may take long to start where the machine is busy."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    chromium = (
+        shutil.which("chromium")
+        or shutil.which("chromium-browser")
+        or shutil.which("google-chrome")
+    )
     if chromium is None:
         pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
-    flags = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+    flags = [
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-quic",
+        "--no-first-run",
+        "--disable-background-networking",
+    ]
     with playwright.sync_playwright() as driver:
         found = driver.chromium.launch(executable_path=chromium, args=flags, timeout=240_000)
         yield found
@@ -73,13 +89,15 @@ def browser():
 
 @pytest.fixture(autouse=True)
 def _own_clock(monkeypatch):
-    """Let no test see a clock of the nodes that another test has moved, since it never goes back."""
+    """Let no test see a clock of the nodes that another test has moved, since it never goes
+    back."""
     monkeypatch.setattr("roletrust_env.live.clock._last", (0, 0))
 
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """Return a function that puts a package with one module and one entry point where Python finds packages."""
+    """Return a function that puts a package with one module and one entry point where Python finds
+    packages."""
 
     def install(module: str, group: str, code: str, entry: str = "") -> None:
         monkeypatch.syspath_prepend(tmp_path)
@@ -87,6 +105,8 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., No
         about = tmp_path / f"{module}-1.0.dist-info"
         about.mkdir()
         (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
-        (about / "entry_points.txt").write_text(f"[{group}]\n{entry or f'{module} = {module}:made'}\n")
+        (about / "entry_points.txt").write_text(
+            f"[{group}]\n{entry or f'{module} = {module}:made'}\n"
+        )
 
     return install

@@ -1,12 +1,14 @@
-"""What the code computes, as SHA-256 digests, so that a change of form can be told from a change of numbers.
+"""What the code computes, as SHA-256 digests, so that a change of form can be told from a change of
+numbers.
 
     python tests/freeze.py write base.json
     python tests/freeze.py compare base.json --only games --sample 10
 
-`write` computes the digests of all cases, or of those of some sections, and puts them into a file; sections that it
-has are replaced. `compare` computes the cases that the file has and names those that differ. With `--sample N` one case
-in N is computed, the same ones at each call; `--quick` is `--sample 25`. Digests hold for one machine and one set of
-versions: another processor may round otherwise.
+`write` computes the digests of all cases, or of those of some sections, and puts them into a file;
+sections that it has are replaced. `compare` computes the cases that the file has and names those
+that differ. With `--sample N` one case in N is computed, the same ones at each call; `--quick` is
+`--sample 25`. Digests hold for one machine and one set of versions: another processor may round
+otherwise.
 
 Only what the package exports is used, but for the functions in the first part of the file.
 """
@@ -39,14 +41,16 @@ from roletrust_env.trust import Traits
 torch.set_num_threads(1)
 DOCS = Path(__file__).parent.parent / "docs"
 Case = tuple[str, Callable[[], Any]]
-"""The name of a case, and a function that computes its numbers: arrays, numbers, texts, or containers of them."""
+"""The name of a case, and a function that computes its numbers: arrays, numbers, texts, or
+containers of them."""
 
 
 # What is not exported, and may get other names.
 
 
 def board(models: list[str]) -> list[Any]:
-    """The leaderboard of the suite `quick`: its rows as in a CSV file, and the games of each cell, without times."""
+    """The leaderboard of the suite `quick`: its rows as in a CSV file, and the games of each cell,
+    without times."""
     from roletrust_env.benchmarking import benchmark
 
     result = benchmark(models, "quick", workers=0, progress=False)
@@ -54,7 +58,13 @@ def board(models: list[str]) -> list[Any]:
         result.to_csv(Path(folder) / "board.csv")
         rows = list(csv.reader((Path(folder) / "board.csv").open()))
     cells = sorted(result.cells, key=lambda one: repr(one.cell))
-    return [rows, [[tuple(one.cell), one.result.rows, one.result.env_steps, one.result.failed] for one in cells]]
+    return [
+        rows,
+        [
+            [tuple(one.cell), one.result.rows, one.result.env_steps, one.result.failed]
+            for one in cells
+        ],
+    ]
 
 
 def zoo_names() -> list[str]:
@@ -74,7 +84,8 @@ def zoo_scores(name: str) -> Any:
 
 
 def journal(model: Any, path: Path, rounds: Any, teams: list[Any]) -> list[Any]:
-    """The bytes of a manager's journal, and the trust after its replay. `rounds` has one entry for each of `teams`."""
+    """The bytes of a manager's journal, and the trust after its replay. `rounds` has one entry for
+    each of `teams`."""
     from roletrust_env.live.journal import Journal, JournalEntry, read_journal
     from roletrust_env.live.team import Team
     from roletrust_env.live.team_run import TeamRun, grows
@@ -88,10 +99,16 @@ def journal(model: Any, path: Path, rounds: Any, teams: list[Any]) -> list[Any]:
             if team_run.team != team:
                 team_run.grow(team)
             team_run.play_named(ratings)
-            file.append(JournalEntry(number, 500 * number, 500 * number + 20, team, ratings, (), team_run.trust))
+            file.append(
+                JournalEntry(
+                    number, 500 * number, 500 * number + 20, team, ratings, (), team_run.trust
+                )
+            )
     return [
         path.read_bytes(),
-        tuple(replay_rounds(model, read_journal(path), None if growing else team_run.team, path).trust),
+        tuple(
+            replay_rounds(model, read_journal(path), None if growing else team_run.team, path).trust
+        ),
     ]
 
 
@@ -103,7 +120,8 @@ def search_names() -> list[str]:
 
 
 def searched(name: str, arguments: dict[str, Any], budget: int) -> Any:
-    """The attack that a search method finds: its words, its rounds, and its rewards in held-out games."""
+    """The attack that a search method finds: its words, its rounds, and its rewards in held-out
+    games."""
     from roletrust_env.evaluation.search import UnsuitableError, find, search_methods
 
     try:
@@ -134,16 +152,21 @@ def rate(arguments: list[str]) -> Any:
 BAD = {"on-off": {"period": 4}, "bad-mouthing": {"start": 3}}
 LIKES = {"numpy": np.zeros(()), "torch": torch.zeros((), dtype=torch.float64)}
 ROUNDS = {"paper-3x3-hog": 4, "crowd-100x100": 4, "market": 16}
-CENTRAL = [name for name in rt.trust_models() if Traits.of(rt.make_trust_model(name)).family == "central"]
+CENTRAL = [
+    name for name in rt.trust_models() if Traits.of(rt.make_trust_model(name)).family == "central"
+]
 
 
 def games() -> Iterator[Case]:
-    """Whole games in every preset, under every trust model, on every library: one game, and a batch."""
+    """Whole games in every preset, under every trust model, on every library: one game, and a
+    batch."""
     for preset in rt.scenarios():
         for model in rt.trust_models():
             for library, like in LIKES.items():
                 for batch in ((), (3,)):
-                    if preset == "city" or (preset == "paper-3x3-hog" and (batch or library == "torch")):
+                    if preset == "city" or (
+                        preset == "paper-3x3-hog" and (batch or library == "torch")
+                    ):
                         continue  # a city is a sparse game; cameras are slow, and need NumPy
                     name = f"{preset} {model} {library} {'batch' if batch else 'one'}"
                     yield name, lambda p=preset, m=model, k=like, b=batch: played(p, m, k, b)
@@ -154,30 +177,47 @@ def played(preset: str, model: str, like: Any, batch: tuple[int, ...]) -> Any:
     game = rt.Game(rt.make_scenario(preset).change(max_cycles=ROUNDS.get(preset, 24)), model, like)
     provider, rater = game.roster.provider_names[0], game.roster.rater_names[-1]
     policies = {
-        agent: rt.make_attacker(name, **BAD[name]) for agent, name in ((provider, "on-off"), (rater, "bad-mouthing"))
+        agent: rt.make_attacker(name, **BAD[name])
+        for agent, name in ((provider, "on-off"), (rater, "bad-mouthing"))
     }
     return rt.record(rt.JointPolicy(game, policies), game.random(0), batch)
 
 
 def edges() -> Iterator[Case]:
-    """Every central model on a million ratings in five rounds: four large ones, and one of few agents."""
+    """Every central model on a million ratings in five rounds: four large ones, and one of few
+    agents."""
     for model in CENTRAL:
         for same in (False, True):
-            yield f"{model} {'one role' if not same else 'same agents'}", lambda m=model, s=same: million(m, s)
+            yield (
+                f"{model} {'one role' if not same else 'same agents'}",
+                lambda m=model, s=same: million(m, s),
+            )
 
 
 def million(model: str, same_agents: bool) -> Any:
     """The trust of all agents after each round."""
-    random, stream = np.random.default_rng(0), TrustStream(rt.make_trust_model(model), same_agents=same_agents)
+    random, stream = (
+        np.random.default_rng(0),
+        TrustStream(rt.make_trust_model(model), same_agents=same_agents),
+    )
     known, trust = (np.zeros(0, np.int64),) * 2, []
     for size in (400_000, 300_000, 200_000, 99_500, 500):
         half = min(len(known[0]), size) // 8
-        raters = np.concatenate([known[0][:half], (120_000 * random.random(size - half) ** 2).astype(np.int64)])
-        providers = np.concatenate([known[1][:half], (30_000 * random.random(size - half) ** 2).astype(np.int64)])
+        raters = np.concatenate(
+            [known[0][:half], (120_000 * random.random(size - half) ** 2).astype(np.int64)]
+        )
+        providers = np.concatenate(
+            [known[1][:half], (30_000 * random.random(size - half) ** 2).astype(np.int64)]
+        )
         providers[raters == providers] += 30_000 * same_agents
         known = raters, providers
         stream.update(raters, providers, random.integers(0, 11, size) / 10)
-        trust.append([[list(side), list(side.values())] for side in (stream.rater_trust(), stream.provider_trust())])
+        trust.append(
+            [
+                [list(side), list(side.values())]
+                for side in (stream.rater_trust(), stream.provider_trust())
+            ]
+        )
     return [np.array(column) for pair in trust for side in pair for column in side]
 
 
@@ -185,9 +225,20 @@ def streams() -> Iterator[Case]:
     """Streams that are saved and go on, and what `roletrust rate` makes of a log."""
     for model in CENTRAL:
         for same in (False, True):
-            yield f"{model} {'one role' if not same else 'same agents'}", lambda m=model, s=same: saved(m, s)
+            yield (
+                f"{model} {'one role' if not same else 'same agents'}",
+                lambda m=model, s=same: saved(m, s),
+            )
     log = [("--every", "10"), ("--count", "37"), ()]
-    for model in ("role-trust", "leave-one-out", "eigentrust", "beta-filtered", "travos", "fire", "qor"):
+    for model in (
+        "role-trust",
+        "leave-one-out",
+        "eigentrust",
+        "beta-filtered",
+        "travos",
+        "fire",
+        "qor",
+    ):
         for rounds in log:
             for same in ((), ("--same-agents",)):
                 name = " ".join(["rate", model, *rounds, *same])
@@ -198,7 +249,12 @@ def ratings(seed: int, size: int = 300) -> Any:
     """Raters, providers, ratings from 1 to 5, and ascending times."""
     random = np.random.default_rng(seed)
     raters, providers = random.integers(0, 25, size), random.integers(0, 15, size)
-    return raters, providers + (raters == providers), random.integers(1, 6, size), np.sort(random.random(size) * 100)
+    return (
+        raters,
+        providers + (raters == providers),
+        random.integers(1, 6, size),
+        np.sort(random.random(size) * 100),
+    )
 
 
 def saved(model: str, same_agents: bool) -> Any:
@@ -207,13 +263,17 @@ def saved(model: str, same_agents: bool) -> Any:
     stream, found = TrustStream(rt.make_trust_model(model), **settings), []
     for part in range(6):
         raters, providers, values, times = ratings(part)
-        stream.update([f"a{n}" for n in raters], [f"a{n}" for n in providers], values, times + 100 * part)
+        stream.update(
+            [f"a{n}" for n in raters], [f"a{n}" for n in providers], values, times + 100 * part
+        )
         if part in (1, 4):
             stream.remove(raters=["a3", "a4"], providers=["a7"])
         if part == 3:
             with tempfile.TemporaryDirectory() as folder:
                 stream.save(Path(folder) / "state.npz")
-                stream = TrustStream.load(Path(folder) / "state.npz", rt.make_trust_model(model), **settings)
+                stream = TrustStream.load(
+                    Path(folder) / "state.npz", rt.make_trust_model(model), **settings
+                )
         found.append([stream.rater_trust(), stream.provider_trust(), stream.rounds])
     stream.finish()
     return [found, stream.rater_trust(), stream.provider_trust()]
@@ -230,8 +290,15 @@ def rated(arguments: list[str]) -> Any:
 
 def sparse() -> Iterator[Case]:
     """Sparse games, and the same scenario on a grid."""
-    groups = [{"role": "SR", "count": 40, "noise": 0.1}, {"role": "SP", "count": 12, "ability": [0.3, 1.0]}]
-    fields: dict[str, Any] = {"agents": groups, "access": {"kind": "encounters", "providers": 3}, "values": [1.0, 2.0]}
+    groups = [
+        {"role": "SR", "count": 40, "noise": 0.1},
+        {"role": "SP", "count": 12, "ability": [0.3, 1.0]},
+    ]
+    fields: dict[str, Any] = {
+        "agents": groups,
+        "access": {"kind": "encounters", "providers": 3},
+        "values": [1.0, 2.0],
+    }
     market = rt.Scenario.model_validate({**fields, "ratings": {"lost": 0.2}, "max_cycles": 20})
     city = rt.make_scenario("city").change(max_cycles=4)
     for model in CENTRAL:
@@ -242,7 +309,10 @@ def sparse() -> Iterator[Case]:
 
 def walked(game: rt.Game) -> Any:
     """All rounds of a game: trust, ratings, qualities and rewards."""
-    attacks = {"sp_0": rt.make_attacker("on-off", period=4), "sr_3": rt.make_attacker("bad-mouthing")}
+    attacks = {
+        "sp_0": rt.make_attacker("on-off", period=4),
+        "sr_3": rt.make_attacker("bad-mouthing"),
+    }
     policy, random, found = rt.JointPolicy(game, attacks), game.random(0), []
     state = game.start(game.draw(random, start=True))
     memory = policy.begin(random, ())
@@ -250,7 +320,14 @@ def walked(game: rt.Game) -> Any:
         actions, memory = policy.checked_act(state, memory, random)
         state, rewards = game.step(state, actions, game.draw(random))
         found.append(
-            [*game.published(state), game.agent_trust(state), rewards, state.ratings, state.rated, state.quality]
+            [
+                *game.published(state),
+                game.agent_trust(state),
+                rewards,
+                state.ratings,
+                state.rated,
+                state.quality,
+            ]
         )
     return found
 
@@ -274,7 +351,9 @@ def kept_journal(model: str) -> Any:
     for number in range(20):
         size = 3 + number // 8
         teams.append((tuple(f"r{n}" for n in range(size)), tuple(f"p{n}" for n in range(size))))
-        table = [[float(x) if x < 0.85 else None for x in row] for row in random.random((size, size))]
+        table = [
+            [float(x) if x < 0.85 else None for x in row] for row in random.random((size, size))
+        ]
         rounds.append({f"r{n}": row for n, row in enumerate(table)})
     with tempfile.TemporaryDirectory() as folder:
         return journal(rt.make_trust_model(model), Path(folder) / "journal.jsonl", rounds, teams)
@@ -302,12 +381,20 @@ def attacks() -> Iterator[Case]:
         for library, like in LIKES.items():
             for model in ("role-trust", "wary-role-trust", "travos"):
                 if name != "learned":
-                    yield f"{name} {library} {model}", lambda n=name, k=like, m=model: attacked(n, k, m)
+                    yield (
+                        f"{name} {library} {model}",
+                        lambda n=name, k=like, m=model: attacked(n, k, m),
+                    )
 
 
 def attacked(name: str, like: Any, model: str) -> Any:
-    """The record of games in which a provider, a rater, or an agent of both roles attacks, whoever can."""
-    fields = {"agents": GROUPS, "values": [1.0, 5.0], "access": {"kind": "choice", "providers": 3, "temperature": 0.2}}
+    """The record of games in which a provider, a rater, or an agent of both roles attacks, whoever
+    can."""
+    fields = {
+        "agents": GROUPS,
+        "values": [1.0, 5.0],
+        "access": {"kind": "choice", "providers": 3, "temperature": 0.2},
+    }
     game, found = rt.Game(rt.Scenario.model_validate({**fields, "max_cycles": 30}), model, like), []
     for agent in ("sr_3", "sp_3", "sr_4", "sp_4", "srsp_1"):
         try:
@@ -327,12 +414,20 @@ def searches() -> Iterator[Case]:
         "compromised": ("sr_8", "sr_9", "sp_9"),
         "objective": "damage",
     }
-    alone = {"scenario": "paper-3x3", "max_cycles": 20, "compromised": ("sp_2",), "objective": "exploit"}
+    alone = {
+        "scenario": "paper-3x3",
+        "max_cycles": 20,
+        "compromised": ("sp_2",),
+        "objective": "exploit",
+    }
     certain = {**alone, "noise": 0.0, "perturbations": ()}
     budgets = {"SAC": 3_000, "evolution": 80_000, "evolution strategy": 40_000, "gradients": 2_000}
     for name in search_names():
         for task, arguments in (("crowd", crowd), ("alone", alone), ("certain", certain)):
-            yield f"{name} {task}", lambda n=name, a=arguments: searched(n, a, budgets.get(n, 12_000))
+            yield (
+                f"{name} {task}",
+                lambda n=name, a=arguments: searched(n, a, budgets.get(n, 12_000)),
+            )
 
 
 def tables() -> Iterator[Case]:
@@ -351,7 +446,8 @@ SECTIONS: dict[str, Callable[[], Iterator[Case]]] = {
 
 
 def digest(value: Any) -> str:
-    """The SHA-256 of numbers, in hexadecimal: dtypes, shapes and bits, in order, without the names of fields."""
+    """The SHA-256 of numbers, in hexadecimal: dtypes, shapes and bits, in order, without the names
+    of fields."""
     sha = hashlib.sha256()
 
     def add(value: Any) -> None:
@@ -360,7 +456,9 @@ def digest(value: Any) -> str:
         if isinstance(value, torch.Tensor):
             value = value.numpy()
         if isinstance(value, np.ndarray):
-            sha.update(f"{value.dtype}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
+            sha.update(
+                f"{value.dtype}{value.shape}".encode() + np.ascontiguousarray(value).tobytes()
+            )
         elif isinstance(value, list | tuple):
             sha.update(f"[{len(value)}".encode())
             for one in value:
@@ -379,7 +477,9 @@ def digest(value: Any) -> str:
 def compute(section: str, sample: int, wanted: set[str] | None = None) -> dict[str, str]:
     """The digests of a section; a failure is one too."""
     found: dict[str, str] = {}
-    cases = [(name, run) for name, run in SECTIONS[section]() if zlib.crc32(name.encode()) % sample == 0]
+    cases = [
+        (name, run) for name, run in SECTIONS[section]() if zlib.crc32(name.encode()) % sample == 0
+    ]
     cases = [(name, run) for name, run in cases if wanted is None or name in wanted]
     began = time.perf_counter()
     for number, (name, run) in enumerate(cases, 1):
@@ -388,7 +488,11 @@ def compute(section: str, sample: int, wanted: set[str] | None = None) -> dict[s
         except Exception as error:
             found[name] = f"{type(error).__name__}: {error}"
             print(f"\n{section}: {name}: {found[name]}", file=sys.stderr)
-        print(f"\r{section}: {number} of {len(cases)}, {time.perf_counter() - began:.0f} s", end="", file=sys.stderr)
+        print(
+            f"\r{section}: {number} of {len(cases)}, {time.perf_counter() - began:.0f} s",
+            end="",
+            file=sys.stderr,
+        )
     print(file=sys.stderr)
     return found
 
@@ -404,14 +508,23 @@ def write(path: Path, sections: list[str], sample: int) -> int:
 
 
 def compare(path: Path, sections: list[str], sample: int) -> int:
-    """Name the cases whose digests differ and those that are gone; 1 if any, but for tables that left."""
+    """Name the cases whose digests differ and those that are gone; 1 if any, but for tables that
+    left."""
     stored, wrong = json.loads(path.read_text()), 0
     for section in sections:
-        before = {name: one for name, one in stored.get(section, {}).items() if zlib.crc32(name.encode()) % sample == 0}
-        after = compute(section, sample, None if section == "tables" else set(before))  # a table may have moved
+        before = {
+            name: one
+            for name, one in stored.get(section, {}).items()
+            if zlib.crc32(name.encode()) % sample == 0
+        }
+        after = compute(
+            section, sample, None if section == "tables" else set(before)
+        )  # a table may have moved
         differ = [name for name in before if name in after and after[name] != before[name]]
         gone = [name for name in before if name not in after and before[name] not in after.values()]
-        lines = [f"{section}: {name} differs" for name in differ] + [f"{section}: {name} is gone" for name in gone]
+        lines = [f"{section}: {name} differs" for name in differ] + [
+            f"{section}: {name} is gone" for name in gone
+        ]
         print(*lines, f"{section}: {len(before) - len(lines)} of {len(before)} equal", sep="\n")
         wrong += len(differ) + (0 if section == "tables" else len(gone))
     return int(wrong > 0)
@@ -420,13 +533,18 @@ def compare(path: Path, sections: list[str], sample: int) -> int:
 def main() -> int:
     """Read the command line."""
     parser = argparse.ArgumentParser(
-        description=inspect.getdoc(sys.modules[__name__]), formatter_class=argparse.RawTextHelpFormatter
+        description=inspect.getdoc(sys.modules[__name__]),
+        formatter_class=argparse.RawTextHelpFormatter,
     )
     parser.add_argument("command", choices=("write", "compare"))
     parser.add_argument("file", type=Path)
-    parser.add_argument("--only", action="append", choices=SECTIONS, help="a section; it may be given again")
+    parser.add_argument(
+        "--only", action="append", choices=SECTIONS, help="a section; it may be given again"
+    )
     parser.add_argument("--sample", type=int, default=1, metavar="N", help="one case in N")
-    parser.add_argument("--quick", action="store_const", dest="sample", const=25, help="one case in 25")
+    parser.add_argument(
+        "--quick", action="store_const", dest="sample", const=25, help="one case in 25"
+    )
     chosen = parser.parse_args()
     command = {"write": write, "compare": compare}[chosen.command]
     return command(chosen.file, chosen.only or list(SECTIONS), chosen.sample)

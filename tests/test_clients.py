@@ -45,7 +45,9 @@ def test_what_did_not_come_to_an_end_has_failed(monkeypatch, tmp_path, step):
 
     def run(command: list[str], **_: object) -> None:
         if "--inside" in command:
-            (tmp_path / "minari.json").write_text('{"minari": "9.9"}\n["All is well.", true, 1.0]\n')
+            (tmp_path / "minari.json").write_text(
+                '{"minari": "9.9"}\n["All is well.", true, 1.0]\n'
+            )
         if step in command or (step == "checks" and "--inside" in command):
             raise subprocess.CalledProcessError(-11, command)
 

@@ -30,16 +30,24 @@ def words_of(like: object, found: list[np.ndarray]) -> list[object]:
     return [torch.asarray(word.view(np.int32)) for word in found]
 
 
-def rounds(seed: int, made: Callable[..., np.ndarray], cells: int, games: int, number: int) -> np.ndarray:
+def rounds(
+    seed: int, made: Callable[..., np.ndarray], cells: int, games: int, number: int
+) -> np.ndarray:
     """The numbers of some rounds as a game draws them, (rounds, cells, games)."""
     random, like = Random(np.random.default_rng(seed)), np.zeros(())
     keys = [random.round_key() for _ in range(number)]
     return np.stack(
-        [made(like, cells, counter_rng.counters(like, games), [k[0, i : i + 1] for i in range(4)]) for k in keys]
+        [
+            made(
+                like, cells, counter_rng.counters(like, games), [k[0, i : i + 1] for i in range(4)]
+            )
+            for k in keys
+        ]
     )
 
 
-# --- the same everywhere ----------------------------------------------------------------------------
+# --- the same everywhere
+# ----------------------------------------------------------------------------
 
 
 def test_the_hash_is_pcg4d() -> None:
@@ -70,7 +78,9 @@ def test_every_library_makes_the_same_numbers(like: object, made: Callable) -> N
     numbers = made(like, 10, counter_rng.counters(like, 33), words_of(like, found))
     assert numbers.shape == (10, 33)
     assert numbers.dtype == like.dtype
-    np.testing.assert_allclose(np.asarray(numbers), expected, rtol=0, atol=1e-13 if "64" in str(like.dtype) else 1e-5)
+    np.testing.assert_allclose(
+        np.asarray(numbers), expected, rtol=0, atol=1e-13 if "64" in str(like.dtype) else 1e-5
+    )
 
 
 @pytest.mark.parametrize("made", [counter_rng.normal, counter_rng.uniform])
@@ -95,10 +105,12 @@ def test_the_first_game_of_a_batch_has_the_luck_of_a_game_alone(preset: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("preset", "expected"), [("robots-that-move", "57ad67e29ba5f426"), ("open-system", "345829c3be8090db")]
+    ("preset", "expected"),
+    [("robots-that-move", "57ad67e29ba5f426"), ("open-system", "345829c3be8090db")],
 )
 def test_seeds_deal_what_they_have_always_dealt(preset: str, expected: str) -> None:
-    """Uniform numbers are whole multiples of 2 ** -24, the same on every machine; these are of version 0.1.0."""
+    """Uniform numbers are whole multiples of 2 ** -24, the same on every machine; these are of
+    version 0.1.0."""
     game, digest = Game(make_scenario(preset)), sha256()
     random = game.random(0)
     for start in (True, False, False):
@@ -117,8 +129,12 @@ def test_what_policies_draw_does_not_change_the_luck_of_the_game() -> None:
 
 def test_policies_that_play_at_random_have_the_same_luck_alone_and_in_a_batch() -> None:
     game = Game(make_scenario("crowd-10x10").change(max_cycles=30))
-    joint_policy = JointPolicy(game, {f"sp_{i}": OnOff(switching="random", period=6) for i in range(5)})
-    alone, few, many = (record(joint_policy, game.random(0), batch).quality for batch in ((), (3,), (70,)))
+    joint_policy = JointPolicy(
+        game, {f"sp_{i}": OnOff(switching="random", period=6) for i in range(5)}
+    )
+    alone, few, many = (
+        record(joint_policy, game.random(0), batch).quality for batch in ((), (3,), (70,))
+    )
     assert np.array_equal(alone, few[..., 0])
     assert np.array_equal(few, many[..., :3])
     assert not np.array_equal(few[..., 0], few[..., 1])
@@ -135,12 +151,14 @@ def test_nothing_warns() -> None:
             random.normal(())
 
 
-# --- as random as can be told -----------------------------------------------------------------------
+# --- as random as can be told
+# -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_uniform_numbers_are_uniform_and_pairs_of_them_independent(seed: int) -> None:
-    """Neighbours in every direction: cells, those of one hash among them, games, rounds; and other streams."""
+    """Neighbours in every direction: cells, those of one hash among them, games, rounds; and other
+    streams."""
     numbers = rounds(seed, counter_rng.uniform, 9, 64, 512)
     assert numbers.min() >= 0
     assert numbers.max() < 1
@@ -184,7 +202,9 @@ def test_streams_of_a_round_have_nothing_in_common() -> None:
     random, like = Random(np.random.default_rng(0)), np.zeros(())
     found = random.round_key()
     games = counter_rng.counters(like, 20_000)
-    a, b = (counter_rng.uniform(like, 4, games, [found[k, i : i + 1] for i in range(4)]) for k in (0, 1))
+    a, b = (
+        counter_rng.uniform(like, 4, games, [found[k, i : i + 1] for i in range(4)]) for k in (0, 1)
+    )
     assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 5 / np.sqrt(a.size)
 
 

@@ -31,7 +31,9 @@ def message(**fields: Any) -> str:
 
 def test_a_missing_field_a_wrong_value_and_a_rule_of_the_whole() -> None:
     assert message() == "field name is missing"
-    assert message(name="a", parts=[{"size": "x"}]).startswith("parts.0.size is 'x': it must be an integer")
+    assert message(name="a", parts=[{"size": "x"}]).startswith(
+        "parts.0.size is 'x': it must be an integer"
+    )
     assert message(name="bad") == "bad is not a name"
     assert message(name=3, parts=3) == "name is 3: it must be a text; parts is 3: it must be a list"
     assert message(name="a", parts=[3]) == "parts.0 is 3: it must be a table of names and values"

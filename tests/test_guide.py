@@ -38,7 +38,9 @@ def imported(page, name):
 
 
 def test_the_batch_shows_the_closed_form(games):
-    np.testing.assert_allclose(games["history"].tor[-1, :, 0], 1 - np.sqrt([1 / 6, 1 / 6, 1 / 3]), atol=1e-6)
+    np.testing.assert_allclose(
+        games["history"].tor[-1, :, 0], 1 - np.sqrt([1 / 6, 1 / 6, 1 / 3]), atol=1e-6
+    )
 
 
 def test_tensors_show_the_same(games):
@@ -53,14 +55,22 @@ def test_the_attacker_plays(extended):
 def test_the_search_method_stands_in_a_suite(extended):
     market = {"preset": "market", "set": {"max_cycles": 20}}
     tracks = {"providers": {"roles": ["SP"], "shares": [0.3]}}
-    suite = Suite(scenarios={"market": market}, tracks=tracks, methods=["few-falls:games=2"], games=2, models=["mean"])
+    suite = Suite(
+        scenarios={"market": market},
+        tracks=tracks,
+        methods=["few-falls:games=2"],
+        games=2,
+        models=["mean"],
+    )
     (row,) = benchmark(suite=suite, workers=0, progress=False).rows
     assert (row.missing, row.worst_attack) == (0, "few-falls:games=2")
 
 
 def test_the_scenario_is_valid(tmp_path):
     path = tmp_path / "drones.toml"
-    path.write_text(next(block for block in blocks(GUIDE / "extend.md", "toml") if "max_cycles" in block))
+    path.write_text(
+        next(block for block in blocks(GUIDE / "extend.md", "toml") if "max_cycles" in block)
+    )
     assert load_scenario(path).name == "drones"
 
 
@@ -88,7 +98,9 @@ def test_your_model_resists_a_liar_better_than_the_mean():
     model = imported("your-model.md", "mymodel").WeightedMean
     liar = {"sr_0": BadMouthing(level=0.0)}
     plays = [Game(make_scenario("crowd-10x10"), kind) for kind in (model(), model(power=0.0))]
-    defended, undefended = (record(JointPolicy(game, liar), game.random(seed=0)).top[-1].mean() for game in plays)
+    defended, undefended = (
+        record(JointPolicy(game, liar), game.random(seed=0)).top[-1].mean() for game in plays
+    )
     assert defended > undefended + 0.05
 
 
@@ -102,7 +114,9 @@ def test_the_models_of_the_tutorials_pass_the_check_for_plug_ins(page, module, n
 
 def test_the_coalition_runs_down_the_best_providers_and_keeps_its_trust():
     names = {}
-    exec(next(cell for cell in cells(TUTORIALS / "attacker.md") if "attacked_rollout" in cell), names)
+    exec(
+        next(cell for cell in cells(TUTORIALS / "attacker.md") if "attacked_rollout" in cell), names
+    )
     by_place, tor = names["by_place"].mean(axis=1), names["tor"]
     assert (np.diff(by_place) > 0).all()
     assert by_place[0] < -0.8 < 0.3 < by_place[-1]
@@ -114,7 +128,9 @@ def test_your_learner_learns():
     task = SuiteTask(task="RaterAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
     method = LearnerTraining(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
     rounds = {"seed": 0, "games": 2}
-    begun, learned = (find(method, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
+    begun, learned = (
+        find(method, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800)
+    )
     assert isinstance(method.learner, Learner)
     assert learned.rounds == 12_800
     assert learned.scores.mean() > begun.scores.mean() + 0.05

@@ -8,7 +8,11 @@ import pytest
 
 def imported(statement: str) -> set[str]:
     code = f"import sys; {statement}; print(*{{name.partition('.')[0] for name in sys.modules}})"
-    return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
+    return set(
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.split()
+    )
 
 
 LIVE = {"cyclonedds", "rosbags", "cryptography"}
@@ -25,14 +29,26 @@ LIVE = {"cyclonedds", "rosbags", "cryptography"}
         ),
         ("import roletrust_agents, roletrust_baselines", set()),
         (
-            "import roletrust_env.live.nodes.manager_node, roletrust_experiments.commands.live.nodes",
+            "import roletrust_env.live.nodes.manager_node, "
+            "roletrust_experiments.commands.live.nodes",
             {"rich", "typer", *LIVE},
         ),
     ],
     ids=["import", "play", "players", "live manager"],
 )
 def test_no_heavy_package_is_imported(statement: str, needed: set[str]) -> None:
-    heavy = {"torch", "cv2", "stable_baselines3", "matplotlib", "ray", "imageio", "yaml", "pygame", "rich", "typer"}
+    heavy = {
+        "torch",
+        "cv2",
+        "stable_baselines3",
+        "matplotlib",
+        "ray",
+        "imageio",
+        "yaml",
+        "pygame",
+        "rich",
+        "typer",
+    }
     heavy |= {"bokeh", "pandas", "scipy", "ruamel", *LIVE}
     modules = imported(statement)
     assert "numpy" in modules
@@ -41,7 +57,9 @@ def test_no_heavy_package_is_imported(statement: str, needed: set[str]) -> None:
 
 def test_the_library_imports_what_is_used() -> None:
     code = "import sys; import roletrust_env; print(*sys.modules)"
-    names = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    names = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
     assert not {"pydantic", "scipy", "pandas"} & set(names)
     assert {name for name in names if name.startswith("roletrust")} == {
         "roletrust_env",
@@ -55,8 +73,10 @@ def test_the_library_imports_what_is_used() -> None:
 def test_the_command_line_imports_a_command_when_it_is_called(option: str) -> None:
     code = f"""import sys; from roletrust_experiments import main; sys.argv = ["roletrust", "{option}"]
 try: main()
-except SystemExit: print(*sys.modules)"""
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+except SystemExit: print(*sys.modules)"""  # noqa: E501
+    shown = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
     modules = shown.splitlines()[-1].split()
     assert not {"roletrust_env", "numpy", "pydantic", "gymnasium", "pettingzoo"} & set(modules)
     assert sum(name.startswith("roletrust") for name in modules) < 8  # no command
@@ -64,19 +84,25 @@ except SystemExit: print(*sys.modules)"""
 
 
 @pytest.mark.parametrize(("arguments", "status"), [(["list"], 0), (["train", "RaterAttack"], 2)])
-def test_without_the_extra_train_a_line_says_what_is_needed(arguments: list[str], status: int) -> None:
+def test_without_the_extra_train_a_line_says_what_is_needed(
+    arguments: list[str], status: int
+) -> None:
     code = f"""import sys; sys.modules["safetensors"] = None; sys.argv = ["roletrust", *{arguments}]
 from roletrust_experiments import main; main()"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == status
-    assert "safetensors: pip install 'roletrust-env[train]'" in " ".join((done.stdout + done.stderr).split())
+    assert "safetensors: pip install 'roletrust-env[train]'" in " ".join(
+        (done.stdout + done.stderr).split()
+    )
 
 
 def test_dir_shows_the_public_names_and_no_others() -> None:
     import roletrust_env
 
     assert sorted(dir(roletrust_env)) == sorted([*roletrust_env.__all__, "__version__"])
-    assert {"TrustModel", "History", "AttackTask", "WindowedAttack", "metrics"} <= set(dir(roletrust_env))
+    assert {"TrustModel", "History", "AttackTask", "WindowedAttack", "metrics"} <= set(
+        dir(roletrust_env)
+    )
     assert all(hasattr(roletrust_env, name) for name in dir(roletrust_env))
 
 
@@ -89,22 +115,39 @@ def test_a_package_of_the_command_line_that_is_missing_is_named_in_one_line(
     def run(missing: str) -> None:
         raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
 
-    for missing in ("matplotlib.figure", "jinja2", "yaml"):  # commands import them when they are called
+    for missing in (
+        "matplotlib.figure",
+        "jinja2",
+        "yaml",
+    ):  # commands import them when they are called
         monkeypatch.setattr(cli, "main", lambda missing=missing: run(missing))
         with pytest.raises(SystemExit, match="2"):
             roletrust_experiments.main()
-        assert capsys.readouterr().err == f"roletrust needs {missing}: pip install 'roletrust-env[cli]'\n"
+        assert (
+            capsys.readouterr().err
+            == f"roletrust needs {missing}: pip install 'roletrust-env[cli]'\n"
+        )
     monkeypatch.setattr(cli, "main", lambda: run("elsewhere"))
     with pytest.raises(ModuleNotFoundError):
         roletrust_experiments.main()
 
 
 def test_help_needs_the_command_line_alone() -> None:
-    others = ("torch", "stable_baselines3", "sb3_contrib", "safetensors", "scipy", "cma", "pyarrow", "pandas", "cv2")
+    others = (
+        "torch",
+        "stable_baselines3",
+        "sb3_contrib",
+        "safetensors",
+        "scipy",
+        "cma",
+        "pyarrow",
+        "pandas",
+        "cv2",
+    )
     code = f"""import sys, typer
 for name in {(*others, "cyclonedds", "rosbags", "cryptography", "bokeh", "imageio", "ray")}: sys.modules[name] = None
 from roletrust_experiments.cli import app
-for name, command in typer.main.get_command(app).commands.items(): command.loaded; print(name)"""
+for name, command in typer.main.get_command(app).commands.items(): command.loaded; print(name)"""  # noqa: E501
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.returncode == 0, shown.stderr
     assert len(shown.stdout.split()) == 15
@@ -126,6 +169,6 @@ for name in ("AttackVecEnv", "RoleVecEnv", "AttackJaxEnv", "RoleTrustJaxEnv", "b
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.count("DependencyNotInstalled") == 10
     assert (
-        "AttackVecEnv needs stable_baselines3, which is not installed: pip install 'roletrust-env[train]'"
-        in done.stdout
+        "AttackVecEnv needs stable_baselines3, which is not installed: pip install "
+        "'roletrust-env[train]'" in done.stdout
     )

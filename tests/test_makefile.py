@@ -1,4 +1,5 @@
-"""`make test` and `make test-all` run every test once: the marked ones are looked for in some folders only."""
+"""`make test` and `make test-all` run every test once: the marked ones are looked for in some
+folders only."""
 
 import re
 import tomllib
@@ -8,7 +9,9 @@ import pytest
 
 HOUSE = Path(__file__).parent.parent
 MAKEFILE = (HOUSE / "Makefile").read_text(encoding="utf-8")
-OPTIONS = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
+OPTIONS = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"][
+    "ini_options"
+]
 MARKERS = [line.partition(":")[0] for line in OPTIONS["markers"]]
 
 
@@ -25,7 +28,9 @@ def test_what_is_left_out_is_marked_and_is_run_by_the_other_target():
     assert not [line for line in recipe("test") if "-m " in line or "$(MAKE)" in line]
     before_a_release = {"soak"}
     others = {"doctests", "studies"}
-    assert set(recipe("test-all")) == {f"$(MAKE) test-{name}" for name in set(MARKERS) - before_a_release | others}
+    assert set(recipe("test-all")) == {
+        f"$(MAKE) test-{name}" for name in set(MARKERS) - before_a_release | others
+    }
     for marker in MARKERS:
         assert [line for line in recipe(f"test-{marker}") if f" -m {marker} " in line]
 
@@ -34,7 +39,9 @@ def test_what_is_left_out_is_marked_and_is_run_by_the_other_target():
 def test_marked_tests_lie_where_they_are_looked_for(marker):
     (folders,) = set(re.findall(rf"pytest .*-m {marker} (.+)", MAKEFILE))
     places = [HOUSE / folder for folder in folders.split()]
-    marked = [path for path in HOUSE.glob("tests/**/*.py") if f"pytest.mark.{marker}" in path.read_text()]
+    marked = [
+        path for path in HOUSE.glob("tests/**/*.py") if f"pytest.mark.{marker}" in path.read_text()
+    ]
     assert marked
     for path in marked:
         assert any(place == path or place in path.parents for place in places), path

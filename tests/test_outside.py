@@ -1,6 +1,8 @@
-"""A trust model and an attack of a package outside: one file each, one line each, and every command and face has them.
+"""A trust model and an attack of a package outside: one file each, one line each, and every command
+and face has them.
 
-The package is installed as Python sees it: a folder, and beside it what a wheel leaves of its entry points.
+The package is installed as Python sees it: a folder, and beside it what a wheel leaves of its entry
+points.
 """
 
 import json
@@ -55,7 +57,7 @@ class Grudge:
 
     def provider_trust(self, state):
         return state.providers
-'''
+'''  # noqa: E501
 
 ATTACK = '''
 from typing import Annotated, ClassVar
@@ -137,7 +139,10 @@ def test_they_play(command: Callable) -> None:
 
 def test_the_attack_is_searched_under_the_model(tmp_path: Path) -> None:
     task = ["task", "--task", "RaterAttack", "--model", "grudge", "--attack", "gossip"]
-    run("studies.ladder", [*task, *CERTAIN, "--budget", "1000", "--games", "2", "--out", str(tmp_path)])
+    run(
+        "studies.ladder",
+        [*task, *CERTAIN, "--budget", "1000", "--games", "2", "--out", str(tmp_path)],
+    )
     rows = {row["rung"]: row for row in csv_rows(tmp_path / "ladder.csv")}
     scores = {rung: float(row["score"]) for rung, row in rows.items()}
     assert scores["scripted, best of grid"] > scores["scripted, default"] > scores["honest play"]
@@ -159,7 +164,9 @@ def test_environments_have_them_by_name() -> None:
     env.reset(seed=0)
     env.step({agent: env.action_space(agent).high for agent in env.agents})
     others = {"sr_1": make_attacker("gossip", harm=0.9, since=0)}
-    task = gymnasium.make("RoleTrust/RaterAttack-v0", trust_model="grudge", others=others, max_cycles=3)
+    task = gymnasium.make(
+        "RoleTrust/RaterAttack-v0", trust_model="grudge", others=others, max_cycles=3
+    )
     task.reset(seed=0)
     for _ in range(2):
         reward = task.step(task.action_space.high)[1]

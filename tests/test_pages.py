@@ -1,4 +1,5 @@
-"""What people wrote: Python blocks run, commands are there, TOML and YAML are valid, links lead somewhere."""
+"""What people wrote: Python blocks run, commands are there, TOML and YAML are valid, links lead
+somewhere."""
 
 import re
 import subprocess
@@ -22,18 +23,32 @@ def test_its_python_runs(page, tmp_path, monkeypatch):
 
 
 def test_commands_are_there():
-    wrong = {(page.name, line): why for page in WRITTEN for line in commands(page) if (why := refused(line))}
+    wrong = {
+        (page.name, line): why
+        for page in WRITTEN
+        for line in commands(page)
+        if (why := refused(line))
+    }
     assert wrong == {}
 
 
 def test_blocks_are_of_languages_that_are_tried():
     """A block in another language would be looked at by nobody."""
     known = {"", "python", "bash", "toml", "yaml", "text", "mermaid"}
-    known |= {"{code-cell}", "{toctree}", "{include}", "{literalinclude}", "{bibliography}", "{eval-rst}"}
+    known |= {
+        "{code-cell}",
+        "{toctree}",
+        "{include}",
+        "{literalinclude}",
+        "{bibliography}",
+        "{eval-rst}",
+    }
     known |= {"json", "javascript"}  # tests/trust/test_outside.py tries them
     for page in WRITTEN:
         text = page.read_text(encoding="utf-8")
-        found = re.findall(r"^```(\S*)$|^```(\{literalinclude\}|\{include\}) ", text, flags=re.MULTILINE)
+        found = re.findall(
+            r"^```(\S*)$|^```(\{literalinclude\}|\{include\}) ", text, flags=re.MULTILINE
+        )
         assert {fence or directive for fence, directive in found} <= known, page
         for block in blocks(page, "toml"):
             tomllib.loads(block)
@@ -58,9 +73,17 @@ def test_links_lead_somewhere_and_pictures_are_described():
 
 @pytest.mark.skipif(not (HOUSE / ".git").exists(), reason="this is no clone")
 def test_no_file_names_a_folder_of_the_machine_that_made_it():
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=HOUSE, check=True, capture_output=True, text=True).stdout
-    private = re.compile(rb"(?<![\w.])(?:[A-Z]:\\Users\\|/(?:home|Users|root|work|tmp(?=/pytest))/)(\w+)")
-    found = {(name, path) for name in listed.split("\0")[:-1] for path in private.findall((HOUSE / name).read_bytes())}
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=HOUSE, check=True, capture_output=True, text=True
+    ).stdout
+    private = re.compile(
+        rb"(?<![\w.])(?:[A-Z]:\\Users\\|/(?:home|Users|root|work|tmp(?=/pytest))/)(\w+)"
+    )
+    found = {
+        (name, path)
+        for name in listed.split("\0")[:-1]
+        for path in private.findall((HOUSE / name).read_bytes())
+    }
     assert found == {("docs/guide/mcp.md", b"ann")}  # an example
 
 

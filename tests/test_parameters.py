@@ -8,7 +8,13 @@ import pydantic.dataclasses
 import pytest
 
 from roletrust_env.game.policy import WindowedAttack
-from roletrust_env.parameters import Share, UnknownParameterError, checked_dataclass, refuse_unknown, unknown_parameter
+from roletrust_env.parameters import (
+    Share,
+    UnknownParameterError,
+    checked_dataclass,
+    refuse_unknown,
+    unknown_parameter,
+)
 from roletrust_env.registry import Registry
 from roletrust_env.trust import make_trust_model, trust_models
 from roletrust_env.trust.model import registry
@@ -52,7 +58,11 @@ class Standard:
 @pytest.mark.parametrize(
     ("name", "known", "message"),
     [
-        ("lvl", ["level", "words"], "It has no parameter 'lvl'; did you mean 'level'? It takes level, words"),
+        (
+            "lvl",
+            ["level", "words"],
+            "It has no parameter 'lvl'; did you mean 'level'? It takes level, words",
+        ),
         ("zzz", ["level"], "It has no parameter 'zzz'. It takes level"),
         ("zzz", [], "It has no parameter 'zzz'. It takes none"),
     ],
@@ -64,7 +74,10 @@ def test_the_message_suggests_the_near_name(name: str, known: list[str], message
 @pytest.mark.parametrize("cls", [Plain, Undecorated])
 def test_unknown_parameters_are_refused(cls: type[Plain]) -> None:
     assert cls(0.2).level == cls(level=0.2).level == 0.2
-    with pytest.raises(UnknownParameterError, match=rf"^{cls.__name__} has no parameter 'lvl'; did you mean 'level'\?"):
+    with pytest.raises(
+        UnknownParameterError,
+        match=rf"^{cls.__name__} has no parameter 'lvl'; did you mean 'level'\?",
+    ):
         cls(lvl=0.2)  # type: ignore[call-arg]
 
 
@@ -134,14 +147,16 @@ def test_the_example_of_a_trust_model() -> None:
 def test_every_trust_model_refuses(name: str) -> None:
     cls = registry.factory(name)
     parameters = list(inspect.signature(cls).parameters)
-    with pytest.raises(TypeError, match=f"has no parameter 'initail'[;.] .*{', '.join(parameters) or 'none'}$"):
+    with pytest.raises(
+        TypeError, match=f"has no parameter 'initail'[;.] .*{', '.join(parameters) or 'none'}$"
+    ):
         cls(initail=0.5)
     with pytest.raises(ValueError, match=f"^trust model '{name}' has no parameter 'initail'[;.] "):
         make_trust_model(name, initail=0.5)
 
 
 def test_the_registry_suggests_in_one_line() -> None:
-    message = r"^trust model 'role-trust' has no parameter 'lamb'; did you mean 'lam'\? It takes lam, initial$"
+    message = r"^trust model 'role-trust' has no parameter 'lamb'; did you mean 'lam'\? It takes lam, initial$"  # noqa: E501
     with pytest.raises(ValueError, match=message):
         make_trust_model("role-trust", lamb=0.7)
 
@@ -150,5 +165,7 @@ def test_a_factory_that_passes_everything_on_gives_one_line_too() -> None:
     things: Registry[Plain] = Registry("thing", "roletrust_env.tests.things", Plain)
     things.register("any", lambda **parameters: Plain(**parameters))
     assert things.make("any", level=0.1) == Plain(0.1)
-    with pytest.raises(ValueError, match=r"^thing 'any': Plain has no parameter 'lvl'; did you mean 'level'\?"):
+    with pytest.raises(
+        ValueError, match=r"^thing 'any': Plain has no parameter 'lvl'; did you mean 'level'\?"
+    ):
         things.make("any", lvl=0.1)

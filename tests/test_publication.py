@@ -34,9 +34,13 @@ def test_every_source_of_the_paper_is_in_the_bibliography():
 def test_the_citation_is_of_this_version_and_a_doi_can_be_added():
     text = (HOUSE / "CITATION.cff").read_text(encoding="utf-8")
     citation = yaml.safe_load(text)
-    assert {"cff-version", "message", "title", "authors", "version", "license", "keywords"} <= set(citation)
+    assert {"cff-version", "message", "title", "authors", "version", "license", "keywords"} <= set(
+        citation
+    )
     assert citation["version"] == PROJECT["version"]
-    added = yaml.safe_load(re.sub(r"^# (date-released|identifiers|  )", r"\1", text, flags=re.MULTILINE))
+    added = yaml.safe_load(
+        re.sub(r"^# (date-released|identifiers|  )", r"\1", text, flags=re.MULTILINE)
+    )
     assert added["identifiers"][0]["type"] == "doi"
     assert re.fullmatch(r"10\.\d{4,}/\S+", added["identifiers"][0]["value"])
 
@@ -78,13 +82,20 @@ def test_the_same_commit_gives_the_same_archive(tmp_path):
     sums = []
     for name, environment in ("one", {}), ("two", {"GIT_CONFIG_GLOBAL": str(settings)}):
         command = ["make", "archive", f"ARCHIVE={tmp_path / name}"]
-        subprocess.run(command, cwd=HOUSE, check=True, capture_output=True, env=os.environ | environment)
+        subprocess.run(
+            command, cwd=HOUSE, check=True, capture_output=True, env=os.environ | environment
+        )
         sums.append(hashlib.sha256((tmp_path / name / "roletrust.tar.gz").read_bytes()).hexdigest())
     assert sums[0] == sums[1]
     assert sums[0] in (tmp_path / "one" / "roletrust.sha256").read_text()
-    listed = dict(reversed(line.split("  ")) for line in (tmp_path / "one" / "SHA256SUMS").read_text().splitlines())
+    listed = dict(
+        reversed(line.split("  "))
+        for line in (tmp_path / "one" / "SHA256SUMS").read_text().splitlines()
+    )
     board = "docs/leaderboards/standard/leaderboard.csv"
-    stored = subprocess.run(["git", "show", f"HEAD:{board}"], cwd=HOUSE, check=True, capture_output=True).stdout
+    stored = subprocess.run(
+        ["git", "show", f"HEAD:{board}"], cwd=HOUSE, check=True, capture_output=True
+    ).stdout
     assert listed[f"roletrust/{board}"] == hashlib.sha256(stored).hexdigest()
     assert sorted(path.name for path in (tmp_path / "one").iterdir()) == [
         "SHA256SUMS",
@@ -99,9 +110,15 @@ def test_the_published_results_and_the_attackers_are_described():
     tables = {file["contentUrl"]: file["sha256"] for file in described["distribution"]}
     board = HOUSE / "docs/leaderboards/standard/leaderboard.csv"
     assert tables["leaderboard.csv"] == hashlib.sha256(board.read_bytes()).hexdigest()
-    fields = {field["@id"]: field["dataType"] for records in described["recordSet"] for field in records["field"]}
+    fields = {
+        field["@id"]: field["dataType"]
+        for records in described["recordSet"]
+        for field in records["field"]
+    }
     assert (fields["leaderboard/worst"], fields["leaderboard/model"]) == ("sc:Float", "sc:Text")
-    headings = re.findall(r"^## ", (HOUSE / "docs/release/datasheet.md").read_text(encoding="utf-8"), re.MULTILINE)
+    headings = re.findall(
+        r"^## ", (HOUSE / "docs/release/datasheet.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     said = {key: words for key, words in described.items() if key.startswith("rai:")}
     assert len(said) == len(headings)
     assert all(said.values())

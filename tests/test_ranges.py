@@ -26,7 +26,10 @@ from roletrust_env.parameters import GridValues, Lam, NotSearched, SearchRange, 
         (str, "text"),
         (Policy, "Policy"),
         (Annotated[Literal["a", "b"], GridValues("a")], "a or b"),
-        (Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)] | None, "several: whole number from 0, or None"),
+        (
+            Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)] | None,
+            "several: whole number from 0, or None",
+        ),
     ],
 )
 def test_what_is_allowed(hint, description):
@@ -42,7 +45,11 @@ LIMITS = [
     (parameters.LessThanHalf, [0, 0.5 - 1e-9], [-1e-9, 0.5]),
     (parameters.Tail, [1e-6, 0.5 - 1e-9], [0.999e-6, 0.5]),
     (parameters.Power, [0, 8], [-1e-9, 8 + 1e-9]),
-    (parameters.ShareOrRange, [0, 1, (0, 1), (0.5, 0.5)], [-1e-9, 1 + 1e-9, (0.6, 0.5), (0, 1.1), (False, 1)]),
+    (
+        parameters.ShareOrRange,
+        [0, 1, (0, 1), (0.5, 0.5)],
+        [-1e-9, 1 + 1e-9, (0.6, 0.5), (0, 1.1), (False, 1)],
+    ),
     (parameters.BiasOrRange, [-1, 1, (-1, 1)], [-1 - 1e-9, 1 + 1e-9, (1, -1)]),
     (parameters.ScaleOrRange, [0, 1e6, (0, 2)], [-1e-9, 1.1e6, float("inf"), (2, 1)]),
     (parameters.Amount, [0, 1e-30, 1e6], [-1e-30, 1.1e6, float("nan")]),
@@ -52,7 +59,9 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(("hint", "allowed_values", "refused_values"), LIMITS)
-def test_the_limits_of_each_range(hint: Any, allowed_values: list[Any], refused_values: list[Any]) -> None:
+def test_the_limits_of_each_range(
+    hint: Any, allowed_values: list[Any], refused_values: list[Any]
+) -> None:
     reader = TypeAdapter(hint, config=ConfigDict(strict=True))
     for value in allowed_values:
         assert reader.validate_python(value) == value
@@ -61,7 +70,9 @@ def test_the_limits_of_each_range(hint: Any, allowed_values: list[Any], refused_
             reader.validate_python(value)
 
 
-@pytest.mark.parametrize(("low", "high"), [(1, 0), (float("-inf"), 0), (0, float("inf")), (float("nan"), 1)])
+@pytest.mark.parametrize(
+    ("low", "high"), [(1, 0), (float("-inf"), 0), (0, float("inf")), (float("nan"), 1)]
+)
 def test_a_search_range_is_finite_and_in_order(low: float, high: float) -> None:
     assert SearchRange(1, 1).high == 1
     with pytest.raises(ValueError, match="is not a range"):
@@ -70,7 +81,13 @@ def test_a_search_range_is_finite_and_in_order(low: float, high: float) -> None:
 
 @pytest.mark.parametrize(
     ("name", "field"),
-    [("travos", "bins"), ("yu-singh", "memory"), ("sybil-rank", "steps"), ("blade", "levels"), ("habit", "levels")],
+    [
+        ("travos", "bins"),
+        ("yu-singh", "memory"),
+        ("sybil-rank", "steps"),
+        ("blade", "levels"),
+        ("habit", "levels"),
+    ],
 )
 def test_what_sizes_a_memory_has_an_end(name: str, field: str) -> None:
     with pytest.raises(ValueError, match=f"{field} is 100000: .* less than or equal to 1000?"):

@@ -46,4 +46,6 @@ def test_on_a_package_index_links_are_absolute(absolute):
         assert re.findall(CODE, shown_text, re.M | re.S) == re.findall(CODE, text, re.M | re.S)
     assert "game.gif" not in without
     assert "| Tutorials |" in without
-    assert re.findall(r"\]\((?!https://)[^)#]*\)", re.sub(CODE, "", without, flags=re.M | re.S)) == []
+    assert (
+        re.findall(r"\]\((?!https://)[^)#]*\)", re.sub(CODE, "", without, flags=re.M | re.S)) == []
+    )

@@ -58,9 +58,14 @@ def test_a_name_is_given_once(registry: Registry) -> None:
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("bax", "unknown thing 'bax'; did you mean 'box'? Known: box"), ("zebra", "unknown thing 'zebra'. Known: box")],
+    [
+        ("bax", "unknown thing 'bax'; did you mean 'box'? Known: box"),
+        ("zebra", "unknown thing 'zebra'. Known: box"),
+    ],
 )
-def test_an_unknown_name_is_answered_with_the_known_ones(registry: Registry, name: str, message: str) -> None:
+def test_an_unknown_name_is_answered_with_the_known_ones(
+    registry: Registry, name: str, message: str
+) -> None:
     with pytest.raises(ValueError, match="unknown") as error:
         registry.make(name)
     assert str(error.value) == message
@@ -80,13 +85,19 @@ def test_what_a_plug_in_brings_is_found_last(registry: Registry, install: Callab
         registry.make("crat")
 
 
-def test_a_plug_in_does_not_shadow_what_is_registered(registry: Registry, install: Callable) -> None:
+def test_a_plug_in_does_not_shadow_what_is_registered(
+    registry: Registry, install: Callable
+) -> None:
     install("box", registry.group, "raise RuntimeError")
     assert registry.make("box") == ("box", 1)
 
 
-@pytest.mark.parametrize("code", ["raise RuntimeError('half installed')", "raise SystemExit", "made = 3"])
-def test_a_broken_plug_in_harms_only_who_asks_for_it(registry: Registry, install: Callable, code: str) -> None:
+@pytest.mark.parametrize(
+    "code", ["raise RuntimeError('half installed')", "raise SystemExit", "made = 3"]
+)
+def test_a_broken_plug_in_harms_only_who_asks_for_it(
+    registry: Registry, install: Callable, code: str
+) -> None:
     install("shattered", registry.group, code)
     assert registry.make("box") == ("box", 1)
     assert "shattered" in registry.describe()
@@ -95,18 +106,24 @@ def test_a_broken_plug_in_harms_only_who_asks_for_it(registry: Registry, install
 
 
 @pytest.mark.parametrize("code", ["def made(): return 3", "made = tuple[int]", "class made: pass"])
-def test_what_a_plug_in_makes_is_looked_at(registry: Registry, install: Callable, code: str) -> None:
+def test_what_a_plug_in_makes_is_looked_at(
+    registry: Registry, install: Callable, code: str
+) -> None:
     install("changeling", registry.group, code)
     with pytest.raises(ValueError, match=r"thing 'changeling' made .*; it must make a tuple"):
         registry.make("changeling")
 
 
-def test_a_plug_in_may_say_which_extra_brings_what_it_lacks(registry: Registry, install: Callable) -> None:
+def test_a_plug_in_may_say_which_extra_brings_what_it_lacks(
+    registry: Registry, install: Callable
+) -> None:
     install("hungry", registry.group, "import no_such_food")
     install("frugal", registry.group, "import no_such_food", "frugal = frugal:made [food,drink]")
     with pytest.raises(ValueError, match=r"'hungry:made', which cannot be loaded: .*no_such_food"):
         registry.make("hungry")
-    with pytest.raises(ValueError, match=r"needs no_such_food: pip install 'frugal\[food,drink\]'$"):
+    with pytest.raises(
+        ValueError, match=r"needs no_such_food: pip install 'frugal\[food,drink\]'$"
+    ):
         registry.make("frugal")
 
 
@@ -116,7 +133,9 @@ def test_plug_ins_are_imported_once_though_one_of_them_looks_names_up(
     asking = "from roletrust_env.trust.model import registry\nmade = registry.names()\n"
     install("broken_module", "roletrust_env.plugins", "raise RuntimeError('broken')")
     install("asking_module", "roletrust_env.plugins", asking)
-    ours = [one for one in entry_points(group="roletrust_env.plugins") if one.name.endswith("_module")]
+    ours = [
+        one for one in entry_points(group="roletrust_env.plugins") if one.name.endswith("_module")
+    ]
     monkeypatch.setattr("roletrust_env.registry.entry_points", lambda group: ours)
     load_plugins.cache_clear()
     with pytest.warns(UserWarning, match="plug-in") as caught:
@@ -128,13 +147,20 @@ def test_a_class_named_by_hand_is_one_of_the_kind(registry: Registry) -> None:
     own = registry.for_class(__name__, "Crate")
     assert own.make("Crate", items=(1, 2)) == (1, 2)
     for name in ("box", "OnOff", "Registry"):
-        with pytest.raises(ValueError, match=f":{name}' must make a tuple, so it must be a class derived from tuple"):
+        with pytest.raises(
+            ValueError,
+            match=f":{name}' must make a tuple, so it must be a class derived from tuple",
+        ):
             registry.for_class(__name__, name)
 
 
-def test_a_script_that_ends_python_does_not_end_the_command(registry: Registry, install: Callable) -> None:
+def test_a_script_that_ends_python_does_not_end_the_command(
+    registry: Registry, install: Callable
+) -> None:
     install("script", "nobody", "import sys\nsys.exit(0)")
-    with pytest.raises(ValueError, match="thing 'script:made' cannot be loaded: importing it ends Python"):
+    with pytest.raises(
+        ValueError, match="thing 'script:made' cannot be loaded: importing it ends Python"
+    ):
         registry.for_class("script", "made")
 
 
@@ -148,7 +174,10 @@ def test_a_scenario_from_user_code_is_known_by_name() -> None:
 
 
 def test_scenarios_of_installed_packages(install: Callable) -> None:
-    code = "from roletrust_env import make_scenario\ndef made(): return make_scenario('peers').change(max_cycles=3)"
+    code = (
+        "from roletrust_env import make_scenario\ndef made(): return "
+        "make_scenario('peers').change(max_cycles=3)"
+    )
     install("faraway", "roletrust_env.scenarios", code)
     assert make_scenario("faraway").max_cycles == 3
     assert {"faraway", "paper-3x3"} <= set(scenarios())

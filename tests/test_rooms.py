@@ -1,4 +1,5 @@
-"""The rooms of the house: who imports whom, as `pyproject.toml` has it and as the documentation draws it."""
+"""The rooms of the house: who imports whom, as `pyproject.toml` has it and as the documentation
+draws it."""
 
 import re
 import subprocess
@@ -22,7 +23,8 @@ LONGEST = 600
 
 @cache
 def arrows() -> dict[str, set[str]]:
-    """Which room imports from which other; what a folder's `__init__` hands on is nobody's import."""
+    """Which room imports from which other; what a folder's `__init__` hands on is nobody's
+    import."""
     graph = grimp.build_graph(*FOLDERS)
     found: dict[str, set[str]] = {}
     for importer in graph.modules:
@@ -34,14 +36,18 @@ def arrows() -> dict[str, set[str]]:
 
 
 def room(module: str) -> str:
-    """The room of a module: a folder, a file beside folders, or the small files of the library, which are one.
+    """The room of a module: a folder, a file beside folders, or the small files of the library,
+    which are one.
 
-    The rooms of the other packages are called after the folder at the top, such as `agents/learned`; studies are one.
+    The rooms of the other packages are called after the folder at the top, such as
+    `agents/learned`; studies are one.
     """
     package, *below = module.split(".")[:2]
     if package == "studies":
         return package
-    name = "/".join([package if package == "roletrust_env" else package.removeprefix("roletrust_"), *below])
+    name = "/".join(
+        [package if package == "roletrust_env" else package.removeprefix("roletrust_"), *below]
+    )
     if FOLDERS[package].joinpath(*below).is_dir():
         return name
     return package if package == "roletrust_env" else f"{name}.py"
@@ -54,7 +60,12 @@ def reduced(arrows: dict[str, set[str]]) -> set[tuple[str, str]]:
         direct = arrows.get(start, set())
         return direct.union(*map(reach, direct))
 
-    return {(a, b) for a, below in arrows.items() for b in below if not any(b in reach(c) for c in below - {b})}
+    return {
+        (a, b)
+        for a, below in arrows.items()
+        for b in below
+        if not any(b in reach(c) for c in below - {b})
+    }
 
 
 def drawn() -> set[tuple[str, str]]:
@@ -66,7 +77,11 @@ def drawn() -> set[tuple[str, str]]:
 
 def test_imports_go_down_only_and_in_no_circle():
     found = subprocess.run(
-        [sys.executable, "-c", "from importlinter.cli import lint_imports; raise SystemExit(lint_imports())"],
+        [
+            sys.executable,
+            "-c",
+            "from importlinter.cli import lint_imports; raise SystemExit(lint_imports())",
+        ],
         cwd=HOUSE,
         capture_output=True,
         text=True,

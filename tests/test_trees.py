@@ -36,7 +36,9 @@ def test_leaves_come_in_order_and_arrays_leave_out_flags_and_none():
 def test_a_mapped_tree_has_the_same_structure():
     other = map_leaves(lambda leaf: (leaf,) and 1, ONE)
     assert other == Outer(1, 1, Inner(1, 1), (1, 1))
-    assert map_leaves(lambda a, b: (a, b), other, map_leaves(lambda _: 2, ONE)).inner == Inner((1, 2), (1, 2))
+    assert map_leaves(lambda a, b: (a, b), other, map_leaves(lambda _: 2, ONE)).inner == Inner(
+        (1, 2), (1, 2)
+    )
     with pytest.raises(ValueError, match="zip"):
         map_leaves(lambda a, b: a, ONE, ONE[:2])
 
@@ -48,7 +50,15 @@ def test_kinds_are_those_of_the_annotations():
 
 
 def test_ranges_are_those_of_the_annotations_and_states_without_any_have_none():
-    for state in (ONE, ONE._replace(inner=Inner(np.array([0, 3]))), (np.array([-1.0]),), np.array([-1.0]), ()):
+    for state in (
+        ONE,
+        ONE._replace(inner=Inner(np.array([0, 3]))),
+        (np.array([-1.0]),),
+        np.array([-1.0]),
+        (),
+    ):
         check_ranges(state, 2)
-    with pytest.raises(ValueError, match=r"age of Inner is 4\.0; it must be whole and lie in \[0, 3\]"):
+    with pytest.raises(
+        ValueError, match=r"age of Inner is 4\.0; it must be whole and lie in \[0, 3\]"
+    ):
         check_ranges(ONE._replace(inner=Inner(np.array([0.0, 4.0]))), 2)

@@ -11,7 +11,8 @@ from roletrust_env.randomness import Random
 
 @checked_dataclass
 class Honest(Policy):
-    """Honest play: a provider serves as well as it can, and a rater reports the quality that it perceived.
+    """Honest play: a provider serves as well as it can, and a rater reports the quality that it
+    perceived.
 
     Attributes:
         best: Highest quality that the provider can reach, in [0, 1].

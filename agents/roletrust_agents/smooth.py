@@ -1,6 +1,8 @@
-"""Games that are smooth enough for gradients: a smooth root, and consumers that choose almost the most trusted.
+"""Games that are smooth enough for gradients: a smooth root, and consumers that choose almost the
+most trusted.
 
-The games are on torch, so that a backward pass through a whole game gives the gradient of all decisions in it.
+The games are on torch, so that a backward pass through a whole game gives the gradient of all
+decisions in it.
 """
 
 import math
@@ -27,24 +29,30 @@ SOFT = 1e-8
 
 
 _ANYWHERE, _TRIED = 1_000_000, 2
-"""Pairs of agents in all rounds of all games whose gradients fit into any memory, and rounds that are tried out."""
+"""Pairs of agents in all rounds of all games whose gradients fit into any memory, and rounds that
+are tried out."""
 
 
 class SmoothRoleTrust(RoleTrust):
     """Role-trust with sqrt(|d| + s) - sqrt(s) instead of sqrt(|d|), for gradients only.
 
-    The slope of sqrt(|d|) is infinite at d = 0, where honest raters agree and where cells are masked, and infinity
-    times 0 is NaN. Here the slope is 0 at d = 0, like that of |d|, and never above 1 / (2 sqrt(s)). The trust differs
-    from that of role-trust by at most sqrt(s), see `SOFT`. Attacks that are found are scored by the exact role-trust.
+    The slope of sqrt(|d|) is infinite at d = 0, where honest raters agree and where cells are
+    masked, and infinity times 0 is NaN. Here the slope is 0 at d = 0, like that of |d|, and never
+    above 1 / (2 sqrt(s)). The trust differs from that of role-trust by at most sqrt(s), see `SOFT`.
+    Attacks that are found are scored by the exact role-trust.
     """
 
     def _rater_quality(self, ratings: Ratings) -> Array:
-        return rater_quality(ratings, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
+        return rater_quality(
+            ratings, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT)
+        )
 
 
 def smooth_model(model: TrustModel[Any]) -> TrustModel[Any]:
     """Return a trust model, or its smooth copy if it has one."""
-    return SmoothRoleTrust(lam=model.lam, initial=model.initial) if type(model) is RoleTrust else model
+    return (
+        SmoothRoleTrust(lam=model.lam, initial=model.initial) if type(model) is RoleTrust else model
+    )
 
 
 def check_service(scenario: Scenario) -> None:
@@ -60,8 +68,8 @@ def check_service(scenario: Scenario) -> None:
 class SmoothTask(AttackTask):
     """An attack task with the same rules on torch in single precision, for gradients.
 
-    The objective `mislead` has the slope 0 almost everywhere, since consumers go to the most trusted provider. Here a
-    consumer chooses at random, in proportion to exp(trust / temperature).
+    The objective `mislead` has the slope 0 almost everywhere, since consumers go to the most
+    trusted provider. Here a consumer chooses at random, in proportion to exp(trust / temperature).
 
     Args:
         task: Task of which it is the copy.
@@ -89,7 +97,8 @@ class SmoothTask(AttackTask):
 
 
 def check_graph(task: AttackTask, attacker: Attacker, games: int) -> None:
-    """Refuse games whose gradients do not fit into the memory: a backward pass keeps arrays of all rounds.
+    """Refuse games whose gradients do not fit into the memory: a backward pass keeps arrays of all
+    rounds.
 
     What fits anywhere is not tried out.
 
@@ -108,7 +117,8 @@ def check_graph(task: AttackTask, attacker: Attacker, games: int) -> None:
 
 
 def _kept(task: AttackTask, attacker: Attacker) -> int:
-    """Return the size of the arrays that a round of a game keeps for its gradients, in bytes: the largest of the first.
+    """Return the size of the arrays that a round of a game keeps for its gradients, in bytes: the
+    largest of the first.
 
     In the first round there is nothing to rate, so that it keeps less.
     """
@@ -133,7 +143,8 @@ def _kept(task: AttackTask, attacker: Attacker) -> int:
 
 @contextmanager
 def flat_roots() -> Iterator[None]:
-    """Let every square root of torch have the slope 0 at 0, where it is infinite, and infinity times 0 is NaN.
+    """Let every square root of torch have the slope 0 at 0, where it is infinite, and infinity
+    times 0 is NaN.
 
     Trust models take roots of distances between ratings. Elsewhere roots and slopes are as before.
     """
@@ -141,7 +152,9 @@ def flat_roots() -> Iterator[None]:
     from torch.overrides import TorchFunctionMode
 
     class FlatRoots(TorchFunctionMode):
-        def __torch_function__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        def __torch_function__(
+            self, func: Any, types: Any, args: Any = (), kwargs: Any = None
+        ) -> Any:
             if func in (torch.sqrt, torch.Tensor.sqrt):
                 zero = args[0] == 0
                 return func(torch.where(zero, 1.0, args[0])) * ~zero
@@ -153,7 +166,9 @@ def flat_roots() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch use one thread. The arrays are small, and on a busy machine more threads take four times as long."""
+    """Let torch use one thread. The arrays are small, and on a busy machine more threads take four
+    times as long.
+    """
     import torch
 
     threads = torch.get_num_threads()

@@ -13,7 +13,13 @@ from roletrust_baselines.coalition import (
     Sleeper,
     SwapEnds,
 )
-from roletrust_baselines.identity import PersonalSybilRing, Sybil, SybilRing, Whitewashing, WhitewashingRing
+from roletrust_baselines.identity import (
+    PersonalSybilRing,
+    Sybil,
+    SybilRing,
+    Whitewashing,
+    WhitewashingRing,
+)
 from roletrust_baselines.provider import (
     Camouflage,
     Exit,
@@ -36,7 +42,13 @@ from roletrust_baselines.rater import (
     Silent,
     TransitiveLying,
 )
-from roletrust_baselines.treatment import Conflicting, Discrimination, PersonalMilking, QuietDiscrimination, Rotation
+from roletrust_baselines.treatment import (
+    Conflicting,
+    Discrimination,
+    PersonalMilking,
+    QuietDiscrimination,
+    Rotation,
+)
 from roletrust_env.game.policy import registry
 
 registry.register("on-off", OnOff)

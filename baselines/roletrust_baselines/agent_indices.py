@@ -12,7 +12,9 @@ AgentIndices = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
 """Indices of providers or of raters, at least one."""
 
 
-def index_mask(indices: tuple[int, ...], rows: Array, parameter: str, axis: str = "provider") -> Array:
+def index_mask(
+    indices: tuple[int, ...], rows: Array, parameter: str, axis: str = "provider"
+) -> Array:
     """Return a mask over the providers or the raters that is true at some indices.
 
     Args:
@@ -30,7 +32,9 @@ def index_mask(indices: tuple[int, ...], rows: Array, parameter: str, axis: str 
     count = rows.shape[0]
     if max(indices, default=0) >= count:
         raise ValueError(f"{parameter} is {indices}; the last {axis} is {count - 1}")
-    mask = namespace(rows).asarray([index in indices for index in range(count)], device=device_of(rows))
+    mask = namespace(rows).asarray(
+        [index in indices for index in range(count)], device=device_of(rows)
+    )
     return mask.reshape(-1, *[1] * (rows.ndim - 1))
 
 
@@ -43,10 +47,15 @@ def provider_mask(indices: tuple[int, ...], view: RaterView, parameter: str) -> 
         parameter: Name of the parameter with the indices, for error messages.
 
     Returns:
-        Boolean array of shape (P, 1 ...); of shape (K, ...) in a `SparseGame`, where a rater sees whom it met.
+        Boolean array of shape (P, 1 ...); of shape (K, ...) in a `SparseGame`, where a rater sees
+        whom it met.
 
     Raises:
         ValueError: An index is too large. In a `SparseGame`, such a provider is just never met.
     """
     met = getattr(view, "met", None)
-    return index_mask(indices, view.service, parameter) if met is None else np.isin(met, np.asarray(indices))
+    return (
+        index_mask(indices, view.service, parameter)
+        if met is None
+        else np.isin(met, np.asarray(indices))
+    )

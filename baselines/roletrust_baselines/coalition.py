@@ -24,7 +24,8 @@ from roletrust_env.parameters import (
 from roletrust_env.randomness import Random
 
 STEPS = 1e6
-"""Number of steps of [0, 1] that ranks tell apart, so that the rounding of means does not order equal providers."""
+"""Number of steps of [0, 1] that ranks tell apart, so that the rounding of means does not order
+equal providers."""
 
 
 class Estimates(NamedTuple):
@@ -42,11 +43,12 @@ class Estimates(NamedTuple):
     def nothing(cls, random: Random, shape: tuple[int, ...]) -> Self:
         """Return the memory before the first service.
 
-        The number of providers is not known yet. Its axis has the length 1, which also suits the reset of single games
-        of a batch.
+        The number of providers is not known yet. Its axis has the length 1, which also suits the
+        reset of single games of a batch.
 
         Args:
-            random: Random numbers with the array library, dtype and device of the game; none is drawn.
+            random: Random numbers with the array library, dtype and device of the game; none is
+                drawn.
             shape: Shape of the agents and the batch.
         """
         like = random.like
@@ -59,13 +61,16 @@ class Estimates(NamedTuple):
         return type(self)(self.total + perceived * view.service, self.count + perceived)
 
     def means(self, unknown: Array) -> Array:
-        """Return the mean perceived quality of each provider; `unknown` where nothing was perceived."""
+        """Return the mean perceived quality of each provider; `unknown` where nothing was
+        perceived.
+        """
         known = self.count > 0
         return namespace(unknown).where(known, self.total / (self.count + ~known), unknown)
 
 
 def ranks(values: Array, left_out: Array | None = None) -> Array:
-    """Return the ranks of the providers, 0 for the highest value and 1 for the lowest. Equal values share a mean rank.
+    """Return the ranks of the providers, 0 for the highest value and 1 for the lowest. Equal values
+    share a mean rank.
 
     Args:
         values: Values in [0, 1], shape (P, ...).
@@ -87,17 +92,18 @@ def ranks(values: Array, left_out: Array | None = None) -> Array:
 class AgreeingRater(WindowedAttack):
     """Rater of a coalition that lies about each provider by its rank.
 
-    Raters need no messages to agree: all of them see the same published trust, and the means of their perceptions come
-    closer to each other with every service.
+    Raters need no messages to agree: all of them see the same published trust, and the means of
+        their perceptions come closer to each other with every service.
 
-    They have no noise of their own, also outside the attack: in place of its last perception, a rater reports the mean
-    of all its perceptions of a provider. It looks more consistent than an honest rater.
+    They have no noise of their own, also outside the attack: in place of its last perception, a
+        rater reports the mean of all its perceptions of a provider. It looks more consistent than
+        an honest rater.
 
     Attributes:
-        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or published trust before the
-            first; `"published"` is published trust.
-        accomplices: Indices of the accomplices among the providers. They are always rated 1 and have no rank. None is
-            a coalition without accomplices.
+        by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or
+            published trust before the first; `"published"` is published trust.
+        accomplices: Indices of the accomplices among the providers. They are always rated 1 and
+            have no rank. None is a coalition without accomplices.
     """
 
     by: Annotated[Literal["perceived", "published"], GridValues("perceived")] = "perceived"
@@ -109,7 +115,8 @@ class AgreeingRater(WindowedAttack):
 
         Args:
             estimates: Mean perceived quality of the providers, shape (P, ...).
-            ranks: Their ranks from 0, the best, to 1, shape (P, ...). Ranks of accomplices have no meaning.
+            ranks: Their ranks from 0, the best, to 1, shape (P, ...). Ranks of accomplices have no
+                meaning.
         """
         raise NotImplementedError
 
@@ -131,7 +138,9 @@ class AgreeingRater(WindowedAttack):
             lying: Whether the rater lies, boolean, shape (...).
         """
         means = estimates.means(view.published)
-        mine = None if self.accomplices is None else index_mask(self.accomplices, means, "accomplices")
+        mine = (
+            None if self.accomplices is None else index_mask(self.accomplices, means, "accomplices")
+        )
         xp = namespace(means)
         lies = self.lies(means, ranks(means if self.by == "perceived" else view.published, mine))
         if mine is not None:
@@ -141,21 +150,26 @@ class AgreeingRater(WindowedAttack):
 
 @checked_dataclass
 class RankLies(AgreeingRater):
-    """Lies by rank: raters that agree on a rating for each rank, by default the worst provider's is the highest.
+    """Lies by rank: raters that agree on a rating for each rank, by default the worst provider's is
+    the highest.
 
-    After Mukherjee, Liu and Glance (2012), "Spotting Fake Reviewer Groups in Consumer Reviews": groups of reviewers
-    work together to promote or to demote targets. The curve from rank to rating is our choice. Complementary ratings
-    bring the means of all providers closer together; these ratings turn their order around.
+    After Mukherjee, Liu and Glance (2012), "Spotting Fake Reviewer Groups in Consumer Reviews":
+    groups of reviewers work together to promote or to demote targets. The curve from rank to rating
+    is our choice. Complementary ratings bring the means of all providers closer together; these
+    ratings turn their order around.
 
     Attributes:
         best: Rating of the best provider, in [0, 1].
         worst: Rating of the worst provider, in [0, 1].
-        bend: Exponent of the rank in the curve between them, in (0, 8]. Above 1 only the worst providers are praised.
+        bend: Exponent of the rank in the curve between them, in (0, 8]. Above 1 only the worst
+            providers are praised.
     """
 
     best: Annotated[Share, GridValues(0.0, 0.3)] = 0.0
     worst: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
-    bend: Annotated[float, Field(gt=0, le=8), SearchRange(0.25, 4), GridValues(0.25, 1.0, 2.0)] = 2.0
+    bend: Annotated[float, Field(gt=0, le=8), SearchRange(0.25, 4), GridValues(0.25, 1.0, 2.0)] = (
+        2.0
+    )
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
         """Return the rating of each rank. See `AgreeingRater.lies`."""
@@ -164,15 +178,18 @@ class RankLies(AgreeingRater):
 
 @checked_dataclass
 class SelfPromotion(LyingRater):
-    """Self-promotion: a ring whose providers serve badly, and whose raters praise them and are honest otherwise.
+    """Self-promotion: a ring whose providers serve badly, and whose raters praise them and are
+    honest otherwise.
 
-    Hoffman, Zage and Nita-Rotaru (2009), "A Survey of Attack and Defense Techniques for Reputation Systems". No agent
-    rates itself in this game, so the attack needs two agents: assign it to the raters and the providers of the ring.
+    Hoffman, Zage and Nita-Rotaru (2009), "A Survey of Attack and Defense Techniques for Reputation
+    Systems". No agent rates itself in this game, so the attack needs two agents: assign it to the
+    raters and the providers of the ring.
 
     Attributes:
         accomplices: Indices of the providers of the ring among all providers.
         bad: Quality of their services, in [0, 1].
-        lift: Share of the distance to 1 that is added to a rating of the ring's providers, in [0, 1].
+        lift: Share of the distance to 1 that is added to a rating of the ring's providers, in [0,
+            1].
     """
 
     accomplices: Annotated[AgentIndices, Accomplices()] = field(kw_only=True)
@@ -186,19 +203,24 @@ class SelfPromotion(LyingRater):
         return namespace(zero).where(self.active(view.round), zero + self.bad, zero + 1), memory
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return praise of the accomplices, and `of_others` for the others. See `LyingRater.lies`."""
+        """Return praise of the accomplices, and `of_others` for the others. See
+        `LyingRater.lies`.
+        """
         own = provider_mask(self.accomplices, view, "accomplices")
         praised = praise(view.service, self.lift)
         return namespace(praised).where(own, praised, self.of_others(view)), memory
 
     def of_others(self, view: RaterView) -> Array:
-        """Return the ratings of providers outside the ring, shape (P, ...): the perceived quality."""
+        """Return the ratings of providers outside the ring, shape (P, ...): the perceived
+        quality.
+        """
         return view.service
 
 
 @checked_dataclass
 class Collusion(SelfPromotion):
-    """Collusion: a ring whose providers serve badly, and whose raters praise them and bad-mouth all others.
+    """Collusion: a ring whose providers serve badly, and whose raters praise them and bad-mouth all
+    others.
 
     The ring combines ballot stuffing and bad-mouthing, as in Hoffman, Zage and Nita-Rotaru (2009).
 
@@ -215,11 +237,12 @@ class Collusion(SelfPromotion):
 
 @checked_dataclass
 class Orchestrated(Collusion):
-    """Orchestrated attack: a ring of teams that attack in turn, while the other teams repair their trust.
+    """Orchestrated attack: a ring of teams that attack in turn, while the other teams repair their
+    trust.
 
-    This is the oscillation attack of Hoffman, Zage and Nita-Rotaru (2009). The team in turn colludes. The other teams
-    serve well and rate outsiders honestly, but still praise the providers of the ring. Each agent has the number of its
-    team as a parameter.
+    This is the oscillation attack of Hoffman, Zage and Nita-Rotaru (2009). The team in turn
+    colludes. The other teams serve well and rate outsiders honestly, but still praise the providers
+    of the ring. Each agent has the number of its team as a parameter.
 
     Attributes:
         teams: Number of teams.
@@ -249,14 +272,16 @@ class Orchestrated(Collusion):
 
 @checked_dataclass
 class Promotion(AgreeingRater):
-    """Promotion: raters that lift one mediocre honest provider above all better ones, and are honest about the rest.
+    """Promotion: raters that lift one mediocre honest provider above all better ones, and are
+    honest about the rest.
 
-    After the push and nuke attacks on recommender systems of O'Mahony et al. (2004), "Collaborative Recommendation: A
-    Robustness Analysis", which promote and demote items. A lie about few providers costs the raters little trust.
+    After the push and nuke attacks on recommender systems of O'Mahony et al. (2004), "Collaborative
+    Recommendation: A Robustness Analysis", which promote and demote items. A lie about few
+    providers costs the raters little trust.
 
     Attributes:
-        place: Rank of the promoted provider from 0, the best, to 1. It is the provider with the nearest rank, the
-            better one of two.
+        place: Rank of the promoted provider from 0, the best, to 1. It is the provider with the
+            nearest rank, the better one of two.
         lift: Share of the distance to 1 that is added to its rating, in [0, 1].
         sink: Share by which ratings of better providers are reduced, in [0, 1].
     """
@@ -268,7 +293,9 @@ class Promotion(AgreeingRater):
     def lies(self, estimates: Array, ranks: Array) -> Array:
         """Return raised, reduced and honest ratings by rank. See `AgreeingRater.lies`."""
         xp = namespace(ranks)
-        distance = xp.round(abs(ranks - self.place) * STEPS) + ranks / 2  # whole steps, and the better one of two
+        distance = (
+            xp.round(abs(ranks - self.place) * STEPS) + ranks / 2
+        )  # whole steps, and the better one of two
         promoted = distance == xp.min(distance, axis=0, keepdims=True)
         better = ranks < xp.min(xp.where(promoted, ranks, 1 + 0 * ranks), axis=0)
         lies = xp.where(better, estimates * (1 - self.sink), estimates)
@@ -277,22 +304,26 @@ class Promotion(AgreeingRater):
 
 @checked_dataclass
 class SwapEnds(AgreeingRater):
-    """Swap of the ends: raters that sink the best provider and lift the worst, and are honest about the rest.
+    """Swap of the ends: raters that sink the best provider and lift the worst, and are honest about
+    the rest.
 
-    `RankLies` lies about all providers, and `Promotion` about all that are better than one. These raters lie about two
-    providers, however many there are. If two are equally good, neither is the best or the worst. This attack is not
-    from a paper.
+    `RankLies` lies about all providers, and `Promotion` about all that are better than one. These
+    raters lie about two providers, however many there are. If two are equally good, neither is the
+    best or the worst. This attack is not from a paper.
 
     Attributes:
         sink: Share by which the rating of the best provider is reduced, in [0, 1].
-        lift: Share of the distance to 1 that is added to the rating of the worst provider, in [0, 1].
+        lift: Share of the distance to 1 that is added to the rating of the worst provider, in [0,
+            1].
     """
 
     sink: Annotated[Share, GridValues(0.6, 1.0)] = 1.0
     lift: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
-        """Return the ratings with those of the ends reduced and raised. See `AgreeingRater.lies`."""
+        """Return the ratings with those of the ends reduced and raised. See
+        `AgreeingRater.lies`.
+        """
         xp = namespace(ranks)
         lies = xp.where(ranks == 1, estimates * (1 - self.lift) + self.lift, estimates)
         return xp.where(ranks == 0, estimates * (1 - self.sink), lies)
@@ -300,13 +331,15 @@ class SwapEnds(AgreeingRater):
 
 @checked_dataclass
 class Sleeper(RankLies):
-    """Sleepers: raters that are honest until they are trusted, and lie by rank together from then on.
+    """Sleepers: raters that are honest until they are trusted, and lie by rank together from then
+    on.
 
-    The camouflage attack of Irissappane, Jiang and Zhang (2012) by a coalition. Sleepers have no noise of their own, so
-    that they are trusted more than honest raters when they wake up.
+    The camouflage attack of Irissappane, Jiang and Zhang (2012) by a coalition. Sleepers have no
+    noise of their own, so that they are trusted more than honest raters when they wake up.
 
     Attributes:
-        wakes_at: Own ToR from which on a rater lies, permanently, in [0, 1]. With 0 it wakes up at the start.
+        wakes_at: Own ToR from which on a rater lies, permanently, in [0, 1]. With 0 it wakes up at
+            the start.
         start: First round in which a rater can wake up.
     """
 
@@ -327,10 +360,12 @@ class Sleeper(RankLies):
 
 @checked_dataclass
 class ReviewBurst(Promotion):
-    """Review bursts: raters that promote a mediocre provider at the same time, for a few rounds of every period.
+    """Review bursts: raters that promote a mediocre provider at the same time, for a few rounds of
+    every period.
 
-    Spammers often review together in bursts: Fei et al. (2013), "Exploiting Burstiness in Reviews for Review Spammer
-    Detection". Between two bursts the raters are honest and repair their trust. The rule of the lies is our choice.
+    Spammers often review together in bursts: Fei et al. (2013), "Exploiting Burstiness in Reviews
+        for Review Spammer Detection". Between two bursts the raters are honest and repair their
+        trust. The rule of the lies is our choice.
 
     Attributes:
         burst: Number of rounds of lies at the beginning of each period.
@@ -348,15 +383,17 @@ class ReviewBurst(Promotion):
 
 @checked_dataclass
 class Ring(AgreeingRater):
-    """Ring whose providers cheat above a threshold of trust, while its raters lift them and sink the best others.
+    """Ring whose providers cheat above a threshold of trust, while its raters lift them and sink
+    the best others.
 
     Attributes:
         threshold: Own ToP from which on a provider cheats, in [0, 1].
         bad: Quality of bad service, in [0, 1].
-        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of them.
+        cut: Rank down to which other providers are sunk, from 0, the best one only, to 1, all of
+            them.
         sink: Share by which their ratings are reduced, in [0, 1].
-        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
-            None is a ring without providers.
+        accomplices: Indices of the ring's providers among all providers. They are always rated 1
+            and have no rank. None is a ring without providers.
     """
 
     threshold: Annotated[Share, GridValues(0.5, 0.7)] = 0.7
@@ -370,24 +407,31 @@ class Ring(AgreeingRater):
         return self.service(view, view.trust >= self.threshold), memory
 
     def service(self, view: ProviderView, trusted: Array) -> Array:
-        """Return bad quality where the ring is active and the provider is trusted, and 1 elsewhere, shape (...)."""
+        """Return bad quality where the ring is active and the provider is trusted, and 1 elsewhere,
+        shape (...).
+        """
         zero = 0 * view.trust
         return namespace(zero).where(self.active(view.round) & trusted, zero + self.bad, zero + 1)
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
-        """Return reduced ratings of the best providers, and honest ones of the rest. See `AgreeingRater.lies`."""
+        """Return reduced ratings of the best providers, and honest ones of the rest. See
+        `AgreeingRater.lies`.
+        """
         return namespace(ranks).where(ranks <= self.cut, estimates * (1 - self.sink), estimates)
 
 
 @checked_dataclass
 class CheatingRing(Ring):
-    """Cheating ring: a ring whose providers cheat while they are trusted, and whose raters lift them.
+    """Cheating ring: a ring whose providers cheat while they are trusted, and whose raters lift
+    them.
 
-    The raters sink the best of the other providers and are honest about the rest. This joins the slander and the
-    self-promotion of Hoffman, Zage and Nita-Rotaru (2009) with the opportunistic service of Chen, Bao and Guo (2016).
+    The raters sink the best of the other providers and are honest about the rest. This joins the
+    slander and the self-promotion of Hoffman, Zage and Nita-Rotaru (2009) with the opportunistic
+    service of Chen, Bao and Guo (2016).
 
     Attributes:
-        accomplices: Indices of the ring's providers among all providers. They are always rated 1 and have no rank.
+        accomplices: Indices of the ring's providers among all providers. They are always rated 1
+            and have no rank.
     """
 
     accomplices: Annotated[AgentIndices, Accomplices()] = field(kw_only=True)
@@ -395,13 +439,15 @@ class CheatingRing(Ring):
 
 @checked_dataclass
 class MilkingRing(CheatingRing):
-    """Milking ring: a cheating ring whose providers cheat while their trust is near the highest that they have had.
+    """Milking ring: a cheating ring whose providers cheat while their trust is near the highest
+    that they have had.
 
-    A cheating ring has to know how high trust rises under a trust model. This ring finds it out: its threshold is a
-    share of the highest trust so far. This variant is not from a paper.
+    A cheating ring has to know how high trust rises under a trust model. This ring finds it out:
+    its threshold is a share of the highest trust so far. This variant is not from a paper.
 
     Attributes:
-        patience: Number of rounds in which its providers build up trust, while its raters already lie.
+        patience: Number of rounds in which its providers build up trust, while its raters already
+            lie.
         threshold: Share of the highest own ToP so far from which on a provider cheats, in [0, 1].
     """
 
@@ -415,33 +461,42 @@ class MilkingRing(CheatingRing):
         return estimates, estimates.total[0]
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return bad quality while active and near its highest trust, and 1 otherwise. See `Policy.quality`."""
+        """Return bad quality while active and near its highest trust, and 1 otherwise. See
+        `Policy.quality`.
+        """
         highest = namespace(view.trust).maximum(memory[1], view.trust)
-        trusted = (view.trust >= self.threshold * highest) & (view.round >= self.start + self.patience)
+        trusted = (view.trust >= self.threshold * highest) & (
+            view.round >= self.start + self.patience
+        )
         return self.service(view, trusted), (memory[0], highest)
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return praise of the ring and lies about the best others while active. See `AgreeingRater.ratings`."""
+        """Return praise of the ring and lies about the best others while active. See
+        `AgreeingRater.ratings`.
+        """
         ratings, estimates = super().ratings(view, memory[0], random)
         return ratings, (estimates, memory[1])
 
 
 @checked_dataclass
 class PersonalMilkingRing(MilkingRing):
-    """Personal milking ring: a milking ring whose providers cheat exactly those raters that think well of them.
+    """Personal milking ring: a milking ring whose providers cheat exactly those raters that think
+    well of them.
 
-    Its providers serve by `personal-milking`, and share their accounts: only that provider cheats a rater of which it
-    thinks best, since it goes to no other. The others serve it well, and take over when it is disappointed. The raters
-    of the ring praise its providers, sink the best of the others and lift the rest. Where access is by trust, more
-    raters come to know the ring, and fewer the best. This variant is not from a paper.
+    Its providers serve by `personal-milking`, and share their accounts: only that provider cheats a
+    rater of which it thinks best, since it goes to no other. The others serve it well, and take
+    over when it is disappointed. The raters of the ring praise its providers, sink the best of the
+    others and lift the rest. Where access is by trust, more raters come to know the ring, and fewer
+    the best. This variant is not from a paper.
 
     Attributes:
         patience: Number of ratings by a rater before a provider cheats it.
         threshold: Mean rating of a provider by a rater from which on it is cheated, in [0, 1].
         bad: Quality for a cheated rater as a share of the quality for the others, in [0, 1].
         lift: Share of the distance to 1 that is added to the ratings of the rest, in [0, 1].
-        prior: Number of further ratings of 0.5 in the mean of each rater, in [0, 1000]. The threshold is a share of the
-            mean of a perfect provider with as many ratings by a rater as this one has on average.
+        prior: Number of further ratings of 0.5 in the mean of each rater, in [0, 1000]. The
+            threshold is a share of the mean of a perfect provider with as many ratings by a rater
+            as this one has on average.
     """
 
     patience: Annotated[PositiveInt, SearchRange(1, 10), GridValues(1)] = 1
@@ -460,12 +515,16 @@ class PersonalMilkingRing(MilkingRing):
         return 0 * view.trust + 1, memory
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
-        """Return reduced ratings of the best providers, and raised ones of the rest. See `AgreeingRater.lies`."""
+        """Return reduced ratings of the best providers, and raised ones of the rest. See
+        `AgreeingRater.lies`.
+        """
         reduced, raised = estimates * (1 - self.sink), praise(estimates, self.lift)
         return namespace(ranks).where(ranks <= self.cut, reduced, raised)
 
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
-        """Return bad shares for the raters that think well of it while active, and 1 else. See `Policy.treats`."""
+        """Return bad shares for the raters that think well of it while active, and 1 else. See
+        `Policy.treats`.
+        """
         accounts = memory[1].hear(view.ratings, view.rated)
         means, usual = accounts.with_prior(self.prior).mean, accounts.count.mean(axis=0)
         rival = Accounts(usual, usual, usual).with_prior(self.prior).mean

@@ -32,7 +32,8 @@ def renewed(view: IdentityView, reserve: int, threshold: float) -> Array:
 
     Args:
         view: View of the identities.
-        reserve: Number of identities in reserve that are taken. The last one stays, even with low trust.
+        reserve: Number of identities in reserve that are taken. The last one stays, even with low
+            trust.
         threshold: Trust below which an identity leaves, in [0, 1].
     """
     its_turn = (view.turn == 0) | view.succeeds & (view.turn <= reserve)
@@ -42,7 +43,8 @@ def renewed(view: IdentityView, reserve: int, threshold: float) -> Array:
 
 @checked_dataclass(config=ConfigDict(arbitrary_types_allowed=True))
 class IdentityAttack(ByChannel):
-    """Attacker that cheats in each of its identities, on the channels that the role of the identity has.
+    """Attacker that cheats in each of its identities, on the channels that the role of the identity
+    has.
 
     Attributes:
         reserve: Number of identities in reserve that it takes besides its first one, 1 or more.
@@ -60,14 +62,15 @@ class IdentityAttack(ByChannel):
 class Whitewashing(IdentityAttack):
     """Whitewashing: an attacker that leaves when its trust is low, and comes back as a newcomer.
 
-    After Friedman and Resnick (2001), "The Social Cost of Cheap Pseudonyms". When an identity has left or was cut off,
-    the next one joins in the next round. The last identity stays, even with low trust.
+    After Friedman and Resnick (2001), "The Social Cost of Cheap Pseudonyms". When an identity has
+    left or was cut off, the next one joins in the next round. The last identity stays, even with
+    low trust.
 
     Attributes:
-        reserve: Number of identities in reserve that it takes besides its first one, 1 or more. This is how often it
-            can come back.
-        threshold: Trust below which an identity leaves, in [0, 1]. If it is above the trust of newcomers, an identity
-            leaves in every round.
+        reserve: Number of identities in reserve that it takes besides its first one, 1 or more.
+            This is how often it can come back.
+        threshold: Trust below which an identity leaves, in [0, 1]. If it is above the trust of
+            newcomers, an identity leaves in every round.
     """
 
     threshold: Annotated[Share, GridValues(0.2, 0.3, 0.4)] = 0.3
@@ -81,10 +84,12 @@ class Whitewashing(IdentityAttack):
 class Sybil(IdentityAttack):
     """Sybil attack: an attacker with many identities, which can outnumber the honest agents.
 
-    After Douceur (2002), "The Sybil Attack". For camouflage, give `serves` and `rates` a `start` later than this one.
+    After Douceur (2002), "The Sybil Attack". For camouflage, give `serves` and `rates` a `start`
+    later than this one.
 
     Attributes:
-        start: Round in which it calls its first identity in reserve, which is present after this round.
+        start: Round in which it calls its first identity in reserve, which is present after this
+            round.
         every: Number of rounds between two identities; 0 calls all at once.
     """
 
@@ -92,7 +97,9 @@ class Sybil(IdentityAttack):
     every: Annotated[NonNegativeInt, SearchRange(0, 10), GridValues(0, 3)] = 0
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return the identities called until now: all at once, or one after the other. See `Policy.presence`."""
+        """Return the identities called until now: all at once, or one after the other. See
+        `Policy.presence`.
+        """
         return called(view, self.reserve, self.start, self.every), memory
 
 
@@ -100,13 +107,13 @@ class Sybil(IdentityAttack):
 class WhitewashingRing(Ring):
     """Whitewashing ring: a ring whose agents come back as newcomers when their trust is low.
 
-    After Friedman and Resnick (2001), "The Social Cost of Cheap Pseudonyms". The identities that provide cheat while
-    they are trusted. Those that rate lift them, sink the best of the other providers and are honest about the rest. The
-    last identity of an agent stays.
+    After Friedman and Resnick (2001), "The Social Cost of Cheap Pseudonyms". The identities that
+    provide cheat while they are trusted. Those that rate lift them, sink the best of the other
+    providers and are honest about the rest. The last identity of an agent stays.
 
     Attributes:
-        reserve: Number of identities in reserve that it takes besides its first one, 1 or more. This is how often it
-            can come back.
+        reserve: Number of identities in reserve that it takes besides its first one, 1 or more.
+            This is how often it can come back.
         leaves_below: Trust below which an identity leaves, in [0, 1].
         stop: First round after the attack; the agents still come back. None attacks to the end.
     """
@@ -124,8 +131,9 @@ class WhitewashingRing(Ring):
 class SybilRing(Ring):
     """Sybil ring: an attacker with many identities that are a ring, whose raters lie together.
 
-    After Douceur (2002), "The Sybil Attack". The identities that provide cheat while they are trusted. Those that rate
-    lift them, sink the best of the other providers and are honest about the rest.
+    After Douceur (2002), "The Sybil Attack". The identities that provide cheat while they are
+    trusted. Those that rate lift them, sink the best of the other providers and are honest about
+    the rest.
 
     Attributes:
         reserve: Number of identities in reserve that it takes besides its first one, 1 or more.
@@ -147,9 +155,11 @@ class SybilRing(Ring):
 
 @checked_dataclass
 class PersonalSybilRing(PersonalMilkingRing):
-    """Personal Sybil ring: an attacker with many identities that cheat exactly those raters that think well of them.
+    """Personal Sybil ring: an attacker with many identities that cheat exactly those raters that
+    think well of them.
 
-    A `sybil-ring` whose providers serve as those of a `personal-milking-ring`. This variant is not from a paper.
+    A `sybil-ring` whose providers serve as those of a `personal-milking-ring`. This variant is not
+    from a paper.
 
     Attributes:
         reserve: Number of identities in reserve that it takes besides its first one, 1 or more.

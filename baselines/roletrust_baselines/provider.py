@@ -8,7 +8,15 @@ from pydantic import NonNegativeInt, PositiveInt
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView
-from roletrust_env.parameters import GameLength, GridValues, Lam, NotSearched, SearchRange, Share, checked_dataclass
+from roletrust_env.parameters import (
+    GameLength,
+    GridValues,
+    Lam,
+    NotSearched,
+    SearchRange,
+    Share,
+    checked_dataclass,
+)
 from roletrust_env.randomness import Random
 
 
@@ -28,22 +36,28 @@ class CheatingProvider(WindowedAttack):
         raise NotImplementedError
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return bad quality in the active rounds in which it cheats, and 1 otherwise. See `Policy.quality`."""
+        """Return bad quality in the active rounds in which it cheats, and 1 otherwise. See
+        `Policy.quality`.
+        """
         zero = 0 * view.trust
         cheats, memory = self.cheats(view, memory, random)
-        return namespace(zero).where(cheats & self.active(view.round), zero + self.bad, zero + 1), memory
+        return namespace(zero).where(
+            cheats & self.active(view.round), zero + self.bad, zero + 1
+        ), memory
 
 
 @checked_dataclass
 class OnOff(WindowedAttack):
     """On-off attack (OOA): a provider that serves badly and well in turn.
 
-    Su and Saint-Jore (EWSN 2023), section 3, Figure 3. With `switching="random"` the phases of bad and of good service
-    have geometrically distributed lengths, with the same means as in the regular attack.
+    Su and Saint-Jore (EWSN 2023), section 3, Figure 3. With `switching="random"` the phases of bad
+    and of good service have geometrically distributed lengths, with the same means as in the
+    regular attack.
 
     Attributes:
         period: Number of rounds of a bad and a good phase together.
-        duty: Share of the period with bad service, in [0, 1]. A regular period begins with its bad rounds, rounded up.
+        duty: Share of the period with bad service, in [0, 1]. A regular period begins with its bad
+            rounds, rounded up.
         bad: Quality of bad service, in [0, 1].
         good: Quality of good service during the attack, in [0, 1].
         switching: Switching between the phases, `"regular"` or `"random"`.
@@ -61,14 +75,20 @@ class OnOff(WindowedAttack):
         return None if self.switching == "regular" else random.uniform(shape) < self.duty
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return bad and good quality in turn while active, and 1 otherwise. See `Policy.quality`."""
+        """Return bad and good quality in turn while active, and 1 otherwise. See
+        `Policy.quality`.
+        """
         xp, zero = namespace(view.trust), 0 * view.trust
         bad_rounds = self.duty * self.period
         if self.switching == "regular":
-            bad = (view.round - self.start) % self.period < bad_rounds - 1e-9  # as 0.07 * 100 is slightly above 7
+            bad = (
+                view.round - self.start
+            ) % self.period < bad_rounds - 1e-9  # as 0.07 * 100 is slightly above 7
         else:
             bad = memory
-            switches = xp.where(bad, _switch_probability(bad_rounds), _switch_probability(self.period - bad_rounds))
+            switches = xp.where(
+                bad, _switch_probability(bad_rounds), _switch_probability(self.period - bad_rounds)
+            )
             memory = bad ^ (random.uniform(view.trust.shape) < switches)
         quality = xp.where(bad, zero + self.bad, zero + self.good)
         return xp.where(self.active(view.round), quality, zero + 1), memory
@@ -83,8 +103,9 @@ def _switch_probability(mean_rounds: float) -> float:
 class Camouflage(CheatingProvider):
     """Camouflage: a provider that serves well until it is trusted, and badly from then on.
 
-    This is the sleeper of the literature on unfair ratings (Irissappane, Jiang and Zhang 2012), applied to services.
-    With `wakes_at=0` it depends on the round only, like `OnOff(start=..., duty=1)`.
+    This is the sleeper of the literature on unfair ratings (Irissappane, Jiang and Zhang 2012),
+    applied to services. With `wakes_at=0` it depends on the round only, like `OnOff(start=...,
+    duty=1)`.
 
     Attributes:
         wakes_at: Own ToP from which on it cheats, permanently, in [0, 1].
@@ -98,7 +119,9 @@ class Camouflage(CheatingProvider):
         return asleep(random, shape)
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return whether its trust has been high enough in an active round. See `CheatingProvider.cheats`."""
+        """Return whether its trust has been high enough in an active round. See
+        `CheatingProvider.cheats`.
+        """
         return wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)
 
 
@@ -106,9 +129,9 @@ class Camouflage(CheatingProvider):
 class Exit(CheatingProvider):
     """Exit: a provider that serves well until the last rounds of the game, in which it cheats.
 
-    A provider that is about to leave has no trust to lose. With a new identity afterwards, this is the re-entry of Kerr
-    and Cohen (2009), "Smart Cheaters Do Prosper". The attack has to know the length of the game, which the command line
-    and the searches fill in.
+    A provider that is about to leave has no trust to lose. With a new identity afterwards, this is
+    the re-entry of Kerr and Cohen (2009), "Smart Cheaters Do Prosper". The attack has to know the
+    length of the game, which the command line and the searches fill in.
 
     Attributes:
         length: Length of the game, in rounds.
@@ -127,8 +150,9 @@ class Exit(CheatingProvider):
 class Opportunistic(CheatingProvider):
     """Opportunistic service: a provider that serves well only while its own trust is low.
 
-    Chen, Bao and Guo (2016), "Trust-Based Service Management for Social Internet of Things Systems": good service when
-    its reputation drops, bad service when it is high. The paper gives no formula; the threshold is our interpretation.
+    Chen, Bao and Guo (2016), "Trust-Based Service Management for Social Internet of Things
+    Systems": good service when its reputation drops, bad service when it is high. The paper gives
+    no formula; the threshold is our interpretation.
 
     Attributes:
         threshold: Own ToP from which on it cheats, in [0, 1].
@@ -143,12 +167,13 @@ class Opportunistic(CheatingProvider):
 
 @checked_dataclass
 class ReputationLag(CheatingProvider):
-    """Reputation lag: a provider that cheats until the first bad ratings arrive, and then serves well.
+    """Reputation lag: a provider that cheats until the first bad ratings arrive, and then serves
+    well.
 
-    Kerr and Cohen (2009), "Smart Cheaters Do Prosper": until bad ratings arrive, a provider still sells on its old
-    trust. In our interpretation it cheats while it is trusted and the mean of the ratings that arrived in the last
-    round is not low, or no ratings arrived. An opportunistic provider stops when its trust falls; this one stops
-    earlier.
+    Kerr and Cohen (2009), "Smart Cheaters Do Prosper": until bad ratings arrive, a provider still
+    sells on its old trust. In our interpretation it cheats while it is trusted and the mean of the
+    ratings that arrived in the last round is not low, or no ratings arrived. An opportunistic
+    provider stops when its trust falls; this one stops earlier.
 
     Attributes:
         threshold: Own ToP from which on it cheats, in [0, 1].
@@ -159,19 +184,25 @@ class ReputationLag(CheatingProvider):
     noticed: Annotated[Share, GridValues(0.5, 0.8)] = 0.5
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return whether it is trusted and its bad service is not noticed. See `CheatingProvider.cheats`."""
+        """Return whether it is trusted and its bad service is not noticed. See
+        `CheatingProvider.cheats`.
+        """
         arrived = cast(view.rated, view.trust.dtype).sum(axis=0)
-        total = namespace(view.ratings).where(view.rated, view.ratings, 0 * view.ratings).sum(axis=0)
+        total = (
+            namespace(view.ratings).where(view.rated, view.ratings, 0 * view.ratings).sum(axis=0)
+        )
         return (view.trust >= self.threshold) & ~(total < self.noticed * arrived), memory
 
 
 @checked_dataclass
 class ThresholdSurfing(WindowedAttack):
-    """Threshold surfing: a provider that serves just well enough to stay above the trust at which it is cut off.
+    """Threshold surfing: a provider that serves just well enough to stay above the trust at which
+    it is cut off.
 
-    This strategy against admission control (`Scenario.admission`) is not from a paper. It predicts its trust as the
-    exponential mean of the quality that it delivers. Its last service is not rated yet, so it chooses the quality of
-    the next one such that its trust after both is the threshold plus the margin.
+    This strategy against admission control (`Scenario.admission`) is not from a paper. It predicts
+    its trust as the exponential mean of the quality that it delivers. Its last service is not rated
+    yet, so it chooses the quality of the next one such that its trust after both is the threshold
+    plus the margin.
 
     Attributes:
         threshold: Trust below which admission control can cut it off, in [0, 1].
@@ -185,7 +216,9 @@ class ThresholdSurfing(WindowedAttack):
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return the quality that keeps its trust at the target while active, else 1. See `Policy.quality`."""
+        """Return the quality that keeps its trust at the target while active, else 1. See
+        `Policy.quality`.
+        """
         xp, zero = namespace(view.trust), 0 * view.trust
         predicted = (1 - self.lam) * view.trust + self.lam * view.quality
         needed = (self.threshold + self.margin - (1 - self.lam) * predicted) / self.lam
@@ -196,11 +229,12 @@ class ThresholdSurfing(WindowedAttack):
 class ValueImbalance(CheatingProvider):
     """Value imbalance: a provider that is honest on cheap services and cheats on expensive ones.
 
-    Kerr and Cohen (2009), "Smart Cheaters Do Prosper". It needs a scenario with different `values`. If all services
-    have the same value, each of them counts as expensive.
+    Kerr and Cohen (2009), "Smart Cheaters Do Prosper". It needs a scenario with different `values`.
+    If all services have the same value, each of them counts as expensive.
 
     Attributes:
-        threshold: Value of a service, as a share of the highest value, above which it cheats, in [0, 1].
+        threshold: Value of a service, as a share of the highest value, above which it cheats, in
+            [0, 1].
     """
 
     threshold: Share = 0.5

@@ -9,7 +9,14 @@ from roletrust_baselines.agent_indices import AgentIndices, provider_mask
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView, RaterView
-from roletrust_env.parameters import Accomplices, GridValues, SearchRange, Share, Victims, checked_dataclass
+from roletrust_env.parameters import (
+    Accomplices,
+    GridValues,
+    SearchRange,
+    Share,
+    Victims,
+    checked_dataclass,
+)
 from roletrust_env.randomness import Random
 
 
@@ -24,7 +31,9 @@ class LyingRater(WindowedAttack):
         raise NotImplementedError
 
     def about(self, view: RaterView) -> Array:
-        """Return a mask of the providers that it lies about in this round, boolean, shape (P, ...) or (...)."""
+        """Return a mask of the providers that it lies about in this round, boolean, shape (P, ...)
+        or (...).
+        """
         return self.active(view.round)
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -37,8 +46,8 @@ class LyingRater(WindowedAttack):
 class TargetedLyingRater(LyingRater):
     """Rater that lies about chosen providers and is honest about the others.
 
-    With targets, such an attack is discriminatory (Dellarocas 2000). Discrimination by providers is to serve chosen
-    raters badly, see `Conflicting`.
+    With targets, such an attack is discriminatory (Dellarocas 2000). Discrimination by providers is
+    to serve chosen raters badly, see `Conflicting`.
 
     Attributes:
         targets: Indices of the victims among the providers; None lies about all of them.
@@ -49,7 +58,11 @@ class TargetedLyingRater(LyingRater):
     def about(self, view: RaterView) -> Array:
         """Return a mask of the targets while active. See `LyingRater.about`."""
         active = self.active(view.round)
-        return active if self.targets is None else active & provider_mask(self.targets, view, "targets")
+        return (
+            active
+            if self.targets is None
+            else active & provider_mask(self.targets, view, "targets")
+        )
 
 
 @checked_dataclass
@@ -59,8 +72,10 @@ class BadMouthing(TargetedLyingRater):
     Su and Saint-Jore (EWSN 2023), section 3, Figure 4, with a constant rating of 0.5.
 
     Attributes:
-        lie: Kind of lie: `"constant"` always rates `level`; `"relative"` rates (1 - level) * perceived quality.
-        level: Rating of the constant lie, or share by which the relative lie reduces a rating; in [0, 1].
+        lie: Kind of lie: `"constant"` always rates `level`; `"relative"` rates (1 - level) *
+            perceived quality.
+        level: Rating of the constant lie, or share by which the relative lie reduces a rating; in
+            [0, 1].
     """
 
     lie: Annotated[Literal["constant", "relative"], GridValues("constant")] = "constant"
@@ -68,15 +83,17 @@ class BadMouthing(TargetedLyingRater):
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the constant rating, or the reduced perceived quality. See `LyingRater.lies`."""
-        return view.service * (1 - self.level) if self.lie == "relative" else 0 * view.service + self.level, memory
+        return view.service * (
+            1 - self.level
+        ) if self.lie == "relative" else 0 * view.service + self.level, memory
 
 
 @checked_dataclass
 class BallotStuffing(LyingRater):
     """Ballot stuffing: a rater that rates its accomplices better than they are.
 
-    Dellarocas (2000), "Immunizing Online Reputation Reporting Systems"; the formula v (1 - k) + k is the exaggerated
-    praise of Yu and Singh (2003).
+    Dellarocas (2000), "Immunizing Online Reputation Reporting Systems"; the formula v (1 - k) + k
+    is the exaggerated praise of Yu and Singh (2003).
 
     Attributes:
         level: Share k of the distance to 1 that is added to a rating, in [0, 1].
@@ -105,11 +122,12 @@ def praise(service: Array, level: float) -> Array:
 
 @checked_dataclass
 class CamouflageRating(BadMouthing):
-    """Camouflage: a sleeper, which is a rater that is honest until it is trusted, and bad-mouths from then on.
+    """Camouflage: a sleeper, which is a rater that is honest until it is trusted, and bad-mouths
+    from then on.
 
-    Irissappane, Jiang and Zhang (2012), "Towards a Comprehensive Testbed to Evaluate the Robustness of Reputation
-    Systems against Unfair Rating Attacks". With `wakes_at=0` it depends on the round only, like
-    `BadMouthing(start=...)`.
+    Irissappane, Jiang and Zhang (2012), "Towards a Comprehensive Testbed to Evaluate the Robustness
+    of Reputation Systems against Unfair Rating Attacks". With `wakes_at=0` it depends on the round
+    only, like `BadMouthing(start=...)`.
 
     Attributes:
         wakes_at: Own ToR from which on it lies, permanently, in [0, 1].
@@ -124,7 +142,9 @@ class CamouflageRating(BadMouthing):
         return asleep(random, shape)
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return the lies of `BadMouthing` once it is awake, and honest ratings before. See `LyingRater.lies`."""
+        """Return the lies of `BadMouthing` once it is awake, and honest ratings before. See
+        `LyingRater.lies`.
+        """
         lies, _ = super().lies(view, None, random)
         awake, memory = wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)
         return namespace(lies).where(awake, lies, view.service), memory
@@ -146,11 +166,12 @@ class Complementary(TargetedLyingRater):
 class FlipFlop(TargetedLyingRater):
     """Flip-flop ratings: a rater that rates 1 and 0 in turn, whatever it perceives.
 
-    It exploits the stability term of a model: the trust of the providers oscillates although their service does not.
-    The attack is strongest if several raters play it in step.
+    It exploits the stability term of a model: the trust of the providers oscillates although their
+        service does not. The attack is strongest if several raters play it in step.
 
     Attributes:
-        period: Number of successive rounds with a rating of 1, followed by as many with a rating of 0.
+        period: Number of successive rounds with a rating of 1, followed by as many with a rating of
+            0.
     """
 
     period: Annotated[PositiveInt, SearchRange(1, 12), GridValues(1, 2, 5)] = 1
@@ -163,7 +184,8 @@ class FlipFlop(TargetedLyingRater):
 
 @checked_dataclass
 class Optimistic(TargetedLyingRater):
-    """Optimistic ratings: a rater that halves the distance of each rating to the best, (x + 1) / 2 on [-1, 1].
+    """Optimistic ratings: a rater that halves the distance of each rating to the best, (x + 1) / 2
+    on [-1, 1].
 
     The ratings are those of `BallotStuffing(level=0.5)`, but for honest providers, the targets.
     """
@@ -175,9 +197,11 @@ class Optimistic(TargetedLyingRater):
 
 @checked_dataclass
 class Pessimistic(TargetedLyingRater):
-    """Pessimistic ratings: a rater that halves the distance of each rating to the worst, (x - 1) / 2 on [-1, 1].
+    """Pessimistic ratings: a rater that halves the distance of each rating to the worst, (x - 1) /
+    2 on [-1, 1].
 
-    The ratings are those of `BadMouthing(lie="relative", level=0.5)`. Searches vary the targets only.
+    The ratings are those of `BadMouthing(lie="relative", level=0.5)`. Searches vary the targets
+    only.
     """
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -199,12 +223,13 @@ class RandomRating(TargetedLyingRater):
 
 @checked_dataclass
 class RepTrap(TargetedLyingRater):
-    """RepTrap: a rater that lies where a verdict is easily flipped, so that honest raters look like liars.
+    """RepTrap: a rater that lies where a verdict is easily flipped, so that honest raters look like
+    liars.
 
-    Yang, Feng, Sun and Dai (2008), "RepTrap: A Novel Attack on Feedback-Based Reputation Systems". In the paper, the
-    traps are objects with few ratings. A rater does not see the number of ratings in this game. In our interpretation,
-    a trap is the target with the published trust nearest to 0.5. The rater is honest about all other providers, which
-    keeps its own trust high.
+    Yang, Feng, Sun and Dai (2008), "RepTrap: A Novel Attack on Feedback-Based Reputation Systems".
+    In the paper, the traps are objects with few ratings. A rater does not see the number of ratings
+    in this game. In our interpretation, a trap is the target with the published trust nearest to
+    0.5. The rater is honest about all other providers, which keeps its own trust high.
 
     Attributes:
         traps: Number of providers that it lies about at a time.
@@ -213,19 +238,25 @@ class RepTrap(TargetedLyingRater):
     traps: Annotated[PositiveInt, SearchRange(1, 5), GridValues(1, 2, 3)] = 1
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Return the opposite verdict on the traps, 0 or 1, and honest ratings otherwise. See `LyingRater.lies`."""
+        """Return the opposite verdict on the traps, 0 or 1, and honest ratings otherwise. See
+        `LyingRater.lies`.
+        """
         xp, service = namespace(view.service), view.service
-        unsettled = xp.where(view.awaiting & self.about(view), abs(view.published - 0.5), 1 + 0 * service)
+        unsettled = xp.where(
+            view.awaiting & self.about(view), abs(view.published - 0.5), 1 + 0 * service
+        )
         trap = xp.argsort(xp.argsort(unsettled, axis=0, stable=True), axis=0) < self.traps
         return xp.where(trap, cast(service < 0.5, service.dtype), service), memory
 
 
 @checked_dataclass
 class Silent(WindowedAttack):
-    """Silence: a rater that uses services but withholds its ratings, of all providers or of chosen ones.
+    """Silence: a rater that uses services but withholds its ratings, of all providers or of chosen
+    ones.
 
-    A reputation system collects, distributes and aggregates feedback (Resnick et al. 2000, "Reputation Systems"), so it
-    learns nothing from ratings that are not sent. Silence as an attack is not from a paper.
+    A reputation system collects, distributes and aggregates feedback (Resnick et al. 2000,
+    "Reputation Systems"), so it learns nothing from ratings that are not sent. Silence as an attack
+    is not from a paper.
 
     Attributes:
         targets: Indices of the providers that it does not rate; None rates no provider.
@@ -235,18 +266,23 @@ class Silent(WindowedAttack):
     attacks: ClassVar[frozenset[Channel]] = frozenset({"silence"})
 
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
-        """Return a mask of the ratings that it withholds while active: all, or the targets. See `Policy.withholds`."""
+        """Return a mask of the ratings that it withholds while active: all, or the targets. See
+        `Policy.withholds`.
+        """
         due = view.awaiting & self.active(view.round)
-        return due if self.targets is None else due & provider_mask(self.targets, view, "targets"), memory
+        return due if self.targets is None else due & provider_mask(
+            self.targets, view, "targets"
+        ), memory
 
 
 @checked_dataclass
 class TransitiveLying(TargetedLyingRater):
     """Transitive lying: an agent that is as honest as a rater as it is good as a provider.
 
-    This is the transitive scenario of ATB (Jelenc et al. 2013), in which the trust in a provider also applies to it as
-    a rater. As a provider the agent serves at its own quality. As a rater it is honest with a probability of this
-    quality, drawn for each service, and rates the complement otherwise. A pure rater has such a quality, too.
+    This is the transitive scenario of ATB (Jelenc et al. 2013), in which the trust in a provider
+    also applies to it as a rater. As a provider the agent serves at its own quality. As a rater it
+    is honest with a probability of this quality, drawn for each service, and rates the complement
+    otherwise. A pure rater has such a quality, too.
 
     Attributes:
         own: Own quality, in [0, 1].

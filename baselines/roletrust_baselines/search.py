@@ -1,4 +1,6 @@
-"""Search methods over the parameters of attacks: default parameters, grid search, random search, and CMA-ES."""
+"""Search methods over the parameters of attacks: default parameters, grid search, random search,
+and CMA-ES.
+"""
 
 import warnings
 from abc import ABC, abstractmethod
@@ -11,7 +13,13 @@ import numpy.typing as npt
 
 from roletrust_env.evaluation.attackers import Scripted, side_by_side
 from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, is_certain, mean_rewards
-from roletrust_env.evaluation.scripts import AttackKind, Scripts, describe_attack, paper_attacks, with_paper
+from roletrust_env.evaluation.scripts import (
+    AttackKind,
+    Scripts,
+    describe_attack,
+    paper_attacks,
+    with_paper,
+)
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
@@ -35,8 +43,8 @@ _CELLS, _ROWS = 400_000, 256  # limits on the ratings of a round and on the atta
 class ScriptTrial:
     """Trial of scripted attacks within a budget.
 
-    If the task is random, an attack is tried in `GAMES` games, and the best attacks are tried again with a part of the
-    budget, because the best of many noisy scores is biased upwards.
+    If the task is random, an attack is tried in `GAMES` games, and the best attacks are tried again
+    with a part of the budget, because the best of many noisy scores is biased upwards.
 
     Args:
         arguments: Arguments of the task.
@@ -59,7 +67,8 @@ class ScriptTrial:
         if self.left < GENERATION:
             needed = 2 * GENERATION * self._games * self._rounds
             raise UnsuitableError(
-                f"the budget of {budget.rounds} rounds is too small for a search; give {needed} or more"
+                f"the budget of {budget.rounds} rounds is too small for a search; give {needed} or "
+                "more"
             )
 
     @property
@@ -69,7 +78,9 @@ class ScriptTrial:
         return max(0, spare // (self._rounds * self._games))
 
     def scores(self, attacks: Sequence[Attack], games: int | None = None) -> Scores:
-        """Return the mean score of each attack. All attacks of a batch meet the same random numbers."""
+        """Return the mean score of each attack. All attacks of a batch meet the same random
+        numbers.
+        """
         games = games or self._games
         cells = self.task.game.roster.n_raters * self.task.game.roster.n_providers * games
         rows = max(1, min(_ROWS, _CELLS // cells))
@@ -77,14 +88,20 @@ class ScriptTrial:
         for at in range(0, len(attacks), rows):
             chunk = attacks[at : at + rows]
             self._batches += 1
-            attacker, batch, seed = Scripted(side_by_side(chunk)), (len(chunk), games), (self._seed, self._batches)
+            attacker, batch, seed = (
+                Scripted(side_by_side(chunk)),
+                (len(chunk), games),
+                (self._seed, self._batches),
+            )
             means.append(mean_rewards(self.task, attacker, seed, batch, SEARCHED)[0].mean(axis=1))
             self._budget.spend(len(chunk) * games * self._rounds)
         scores: Scores = np.concatenate(means).astype(np.float64)
         return scores
 
     def best(self, attacks: Sequence[Attack], scores: Scores) -> SearchResult:
-        """Return the best of the attacks that were tried. The leading ones are tried again if the task is random."""
+        """Return the best of the attacks that were tried. The leading ones are tried again if the
+        task is random.
+        """
         leading = np.argsort(-scores)[:_FINALISTS]
         if self._again:
             leading = leading[np.argsort(-self.scores([attacks[k] for k in leading], self._again))]
@@ -133,7 +150,9 @@ class ScriptSearch(ABC):
         return trial.best(*self._tried(trial, generator(seed)))
 
     @abstractmethod
-    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+    def _tried(
+        self, trial: ScriptTrial, random: np.random.Generator
+    ) -> tuple[list[Attack], Scores]:
         """Return the attacks that are tried, and their scores."""
 
     def _scripts(self, trial: ScriptTrial) -> Scripts:
@@ -151,7 +170,9 @@ class GridSearch(ScriptSearch):
 
     name: str = "scripted, best of grid"
 
-    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+    def _tried(
+        self, trial: ScriptTrial, random: np.random.Generator
+    ) -> tuple[list[Attack], Scores]:
         attacks: list[Attack] = list(Scripts.of(trial.task, self.attacks).grid)
         if len(attacks) > trial.left:
             attacks = [attacks[k] for k in random.permutation(len(attacks))[: trial.left]]
@@ -161,20 +182,27 @@ class GridSearch(ScriptSearch):
 @refuse_unknown
 @dataclass(frozen=True)
 class RandomSearch(ScriptSearch):
-    """Random search: the best of points drawn uniformly from the unit cube of the parameters of scripted attackers."""
+    """Random search: the best of points drawn uniformly from the unit cube of the parameters of
+    scripted attackers.
+    """
 
     name: str = "random search"
 
-    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+    def _tried(
+        self, trial: ScriptTrial, random: np.random.Generator
+    ) -> tuple[list[Attack], Scores]:
         scripts = self._scripts(trial)
-        attacks: list[Attack] = [scripts.decode(point) for point in random.random((trial.left, scripts.size))]
+        attacks: list[Attack] = [
+            scripts.decode(point) for point in random.random((trial.left, scripts.size))
+        ]
         return attacks, trial.scores(attacks)
 
 
 @refuse_unknown
 @dataclass(frozen=True)
 class CmaEs(ScriptSearch):
-    """CMA-ES (Hansen and Ostermeier, 2001) in the same cube as the random search, restarted at random on convergence.
+    """CMA-ES (Hansen and Ostermeier, 2001) in the same cube as the random search, restarted at
+    random on convergence.
 
     The implementation is the package `cma` (Hansen, Akimoto and Baudis).
 
@@ -185,14 +213,17 @@ class CmaEs(ScriptSearch):
     name: str = "CMA-ES"
     spread: float = 0.3
 
-    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+    def _tried(
+        self, trial: ScriptTrial, random: np.random.Generator
+    ) -> tuple[list[Attack], Scores]:
         return cma_es(trial, self._scripts(trial), trial.left, self.spread, random)
 
 
 def cma_es(
     trial: ScriptTrial, scripts: Scripts, tries: int, spread: float, random: np.random.Generator
 ) -> tuple[list[Attack], Scores]:
-    """Return the attacks that CMA-ES has tried, and their scores. It begins again at random on convergence.
+    """Return the attacks that CMA-ES has tried, and their scores. It begins again at random on
+    convergence.
 
     Args:
         trial: Trial of attacks.
@@ -218,7 +249,12 @@ def _begin(size: int, spread: float, random: np.random.Generator) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns about missing plots
         import cma  # type: ignore[import-untyped]
-    options = {"bounds": [0, 1], "popsize": GENERATION, "seed": int(random.integers(1, 2**31)), "verbose": -9}
+    options = {
+        "bounds": [0, 1],
+        "popsize": GENERATION,
+        "seed": int(random.integers(1, 2**31)),
+        "verbose": -9,
+    }
     return cma.CMAEvolutionStrategy(random.uniform(0.2, 0.8, size), spread, options)
 
 
@@ -233,9 +269,9 @@ _LEADERS = 3  # groups that are searched
 class AgreedCmaEs(ScriptSearch):
     """Search over scripted attacks that all agents of a role play alike.
 
-    Every kind is tried at its defaults, while a role that it leaves out plays the attack of the paper. CMA-ES then
-    searches the parameters of the three best kinds in turn. If both roles attack, the best kind of each also form a
-    pair, which is searched, too.
+    Every kind is tried at its defaults, while a role that it leaves out plays the attack of the
+    paper. CMA-ES then searches the parameters of the three best kinds in turn. If both roles
+    attack, the best kind of each also form a pair, which is searched, too.
 
     Attributes:
         spread: Standard deviation of the first generation of CMA-ES.
@@ -244,7 +280,9 @@ class AgreedCmaEs(ScriptSearch):
     name: str = "agreed CMA-ES"
     spread: float = 0.3
 
-    def _tried(self, trial: ScriptTrial, random: np.random.Generator) -> tuple[list[Attack], Scores]:
+    def _tried(
+        self, trial: ScriptTrial, random: np.random.Generator
+    ) -> tuple[list[Attack], Scores]:
         kinds = self.attacks or _paper(trial.task)
         groups = [with_paper(trial.task, kind) for kind in kinds[: trial.left]]
         attacks: list[Attack] = [_alike(trial.task, group).default for group in groups]
@@ -264,7 +302,9 @@ def _alike(task: AttackTask, kinds: Sequence[AttackKind]) -> Scripts:
 
 def _paper(task: AttackTask) -> Group:
     """Return the attacks of the paper that compromised agents can play."""
-    return tuple(kind for kind, plays in zip(paper_attacks(), Scripts.of(task).roles, strict=True) if plays)
+    return tuple(
+        kind for kind, plays in zip(paper_attacks(), Scripts.of(task).roles, strict=True) if plays
+    )
 
 
 def _leaders(task: AttackTask, groups: Sequence[Group]) -> list[Group]:

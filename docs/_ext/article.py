@@ -1,6 +1,7 @@
 """Write the technical report: `python docs/_ext/article.py docs build/report`.
 
-Its text is `article.html` beside this file. Every number and many sentences come from the results in `docs/`.
+Its text is `article.html` beside this file. Every number and many sentences come from the results
+in `docs/`.
 """
 
 import base64
@@ -62,7 +63,10 @@ def main(folder: Path, out: Path) -> None:
         print_page(html, pdf, program)
         print(f"Written: {html}, {pdf}")
     else:
-        print(f"Written: {html}. There is no Chromium, which prints report.pdf (Debian: apt-get install chromium).")
+        print(
+            f"Written: {html}. There is no Chromium, which prints report.pdf (Debian: apt-get "
+            "install chromium)."
+        )
 
 
 def page(folder: Path) -> str:
@@ -77,19 +81,27 @@ def page(folder: Path) -> str:
     """
     loader = FileSystemLoader(Path(__file__).parent)
     environment = Environment(
-        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
+        loader=loader,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
     )
     results, sources = Results(folder), Sources(folder / "references.bib")
     given = {name: getattr(results, name) for name in dir(results) if not name.startswith("_")}
-    names = {"cite": sources.cite, "references": sources.listed, "picture": partial(_picture, folder)}
+    names = {
+        "cite": sources.cite,
+        "references": sources.listed,
+        "picture": partial(_picture, folder),
+    }
     return environment.get_template("article.html").render(**given, **names, version=__version__)
 
 
 class Results:
     """The results in a folder.
 
-    Numbers are marked with the file that they come from, as `<data data-from="...">0.746</data>`, and copied sentences
-    as `<q data-from="...">`. So a test can look for each of them in its file.
+    Numbers are marked with the file that they come from, as `<data data-from="...">0.746</data>`,
+    and copied sentences as `<q data-from="...">`. So a test can look for each of them in its file.
 
     Args:
         folder: Folder with the files of `FILES`, which is `docs`.
@@ -109,7 +121,11 @@ class Results:
         table = _read(self._folder / FILES[name])
         for column in where:
             _cell(name, table[0], column)
-        return [row for row in table if all(_same(row[column], value) for column, value in where.items())]
+        return [
+            row
+            for row in table
+            if all(_same(row[column], value) for column, value in where.items())
+        ]
 
     def row(self, name: str, **where: Any) -> Row:
         """Return the only row of a table whose cells are as given.
@@ -119,7 +135,9 @@ class Results:
         """
         found = self.rows(name, **where)
         if len(found) != 1:
-            raise ValueError(f"{FILES[name]} has {len(found)} rows with {where}; exactly one is needed")
+            raise ValueError(
+                f"{FILES[name]} has {len(found)} rows with {where}; exactly one is needed"
+            )
         return found[0]
 
     def mark(self, name: str, cell: str, form: str = ".3f") -> Markup:
@@ -133,7 +151,11 @@ class Results:
         if cell == "":
             return Markup("\N{EN DASH}")
         text = format(float(cell) + 0.0, form)
-        text = text.lstrip("-") if not re.search("[1-9]", text) else text.replace("-", "\N{MINUS SIGN}")
+        text = (
+            text.lstrip("-")
+            if not re.search("[1-9]", text)
+            else text.replace("-", "\N{MINUS SIGN}")
+        )
         return Markup('<data value="{}" data-from="{}">{}</data>').format(cell, FILES[name], text)
 
     def number(self, name: str, column: str, form: str = ".3f", **where: Any) -> Markup:
@@ -152,7 +174,9 @@ class Results:
         return self.number(name, column, **where) + " (" + low + ", " + high + ")"
 
     def falling(self, name: str, column: str, **where: Any) -> list[Row]:
-        """Return rows of a table, the highest number in a column first; those without one are left out."""
+        """Return rows of a table, the highest number in a column first; those without one are left
+        out.
+        """
         found = [row for row in self.rows(name, **where) if _cell(name, row, column) != ""]
         return sorted(found, key=lambda row: -float(row[column]))
 
@@ -169,7 +193,8 @@ class Results:
         return next(row for row in self.rows(name, **where) if row[column] == chosen)
 
     def breaking(self) -> list[tuple[Markup, Markup]]:
-        """Return the models of the answer about the breaking shares by range of shares, see `answer`.
+        """Return the models of the answer about the breaking shares by range of shares, see
+        `answer`.
 
         Raises:
             ValueError: The answer names no shares.
@@ -177,15 +202,20 @@ class Results:
         found = re.findall(r"(\d+% to \d+%) lie with ([^;.]+)", self.answer("breaking"))
         if not found:
             raise ValueError("findings.md names no shares in its answer 'breaking'")
-        return [(_quote("findings.md", share), _quote("findings.md", models)) for share, models in found]
+        return [
+            (_quote("findings.md", share), _quote("findings.md", models)) for share, models in found
+        ]
 
     def answer(self, question: str) -> Markup:
-        """Return the sentence that answers a question of `python -m studies findings`, by the name of its figure.
+        """Return the sentence that answers a question of `python -m studies findings`, by the name
+        of its figure.
 
         Raises:
             ValueError: There is no such answer.
         """
-        return self._sentence("findings.md", rf"\]\(findings/{re.escape(question)}\.png\)\n\n(.+)\n", question)
+        return self._sentence(
+            "findings.md", rf"\]\(findings/{re.escape(question)}\.png\)\n\n(.+)\n", question
+        )
 
     def fact(self, what: str) -> Markup:
         """Return a value of the table of facts about the equilibrium, by its name there.
@@ -193,7 +223,9 @@ class Results:
         Raises:
             ValueError: There is no such fact.
         """
-        return self._sentence("equilibrium/equilibrium.md", rf"\n\| {re.escape(what)} \| (.+) \|\n", what)
+        return self._sentence(
+            "equilibrium/equilibrium.md", rf"\n\| {re.escape(what)} \| (.+) \|\n", what
+        )
 
     def _sentence(self, path: str, pattern: str, name: str) -> Markup:
         found = re.search(pattern, (self._folder / path).read_text(encoding="utf-8"))
@@ -229,10 +261,15 @@ class Sources:
 
     def listed(self) -> Markup:
         """Return the list of the sources that have been cited so far."""
-        style, html = find_plugin("pybtex.style.formatting", "plain")(), find_plugin("pybtex.backends", "html")()
+        style, html = (
+            find_plugin("pybtex.style.formatting", "plain")(),
+            find_plugin("pybtex.backends", "html")(),
+        )
         data = BibliographyData({key: self._entries[key] for key in self._cited})
         written = {one.key: one.text.render(html) for one in style.format_bibliography(data)}
-        items = (Markup('<li id="{}">{}</li>').format(key, Markup(written[key])) for key in self._cited)
+        items = (
+            Markup('<li id="{}">{}</li>').format(key, Markup(written[key])) for key in self._cited
+        )
         return Markup('<ol class="references">{}</ol>').format(Markup("\n").join(items))
 
 
@@ -256,7 +293,9 @@ def print_page(page: Path, pdf: Path, program: str) -> None:
     with tempfile.TemporaryDirectory() as profile, replacing(pdf) as temporary:
         options += [f"--user-data-dir={profile}", f"--print-to-pdf={temporary.resolve()}"]
         command = [program, *options, page.resolve().as_uri()]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT_S, check=False)
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_TIMEOUT_S, check=False
+        )
         if not temporary.is_file():
             raise ValueError(f"{program} printed no PDF: {done.stderr.strip()[-300:]}")
 

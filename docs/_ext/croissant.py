@@ -1,4 +1,6 @@
-"""The published tables and their Croissant description: `python docs/_ext/croissant.py FOLDER`, or `make cards`."""
+"""The published tables and their Croissant description: `python docs/_ext/croissant.py FOLDER`, or
+`make cards`.
+"""
 
 import csv
 import hashlib
@@ -15,11 +17,23 @@ import yaml
 _HOUSE = Path(__file__).parents[2]
 _TABLES = "docs/leaderboards/standard"
 _LICENSE = "https://opensource.org/license/mit"
-_LISTS = ("dataCollectionType", "dataPreprocessingProtocol", "dataLimitations", "dataBiases", "dataUseCases")
+_LISTS = (
+    "dataCollectionType",
+    "dataPreprocessingProtocol",
+    "dataLimitations",
+    "dataBiases",
+    "dataUseCases",
+)
 _LISTS += ("personalSensitiveInformation",)
 _FORMS = {"sc:Integer": r"-?\d+", "sc:Float": r"(-?\d+(\.\d+)?(e-?\d+)?|nan|-?inf)?"}
-_TERMS = "citeAs column equivalentProperty extract field fileObject fileProperty fileSet format includes isLiveDataset"
-_TERMS += " jsonPath key md5 parentField path recordSet references regex repeated replace samplingRate separator source"
+_TERMS = (
+    "citeAs column equivalentProperty extract field fileObject fileProperty fileSet format "
+    "includes isLiveDataset"
+)
+_TERMS += (
+    " jsonPath key md5 parentField path recordSet references regex repeated replace "
+    "samplingRate separator source"
+)
 _TERMS += " subField transform"
 _CONTEXT = {  # that of the standard, also for what is not used here: readers compare it
     "@language": "en",
@@ -37,7 +51,8 @@ _CONTEXT = {  # that of the standard, also for what is not used here: readers co
 
 
 def croissant(house: Path = _HOUSE) -> dict[str, Any]:
-    """Return the description: each table with its checksum and columns, and the sections of the datasheet.
+    """Return the description: each table with its checksum and columns, and the sections of the
+    datasheet.
 
     Tables are named as files beside the description, as they are among the assets of a release.
 
@@ -46,15 +61,21 @@ def croissant(house: Path = _HOUSE) -> dict[str, Any]:
     """
     project = tomllib.loads((house / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     citation = yaml.safe_load((house / "CITATION.cff").read_text(encoding="utf-8"))
-    names = ", ".join(one.get("name") or f"{one['given-names']} {one['family-names']}" for one in citation["authors"])
+    names = ", ".join(
+        one.get("name") or f"{one['given-names']} {one['family-names']}"
+        for one in citation["authors"]
+    )
     day = citation.get("date-released")
     tables = tables_of(house)
     return {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
-        "conformsTo": ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"],
+        "conformsTo": [
+            "http://mlcommons.org/croissant/1.0",
+            "http://mlcommons.org/croissant/RAI/1.0",
+        ],
         "name": "RoleTrust-standard",
-        "description": "Robustness of trust models against searched and learned attackers, suite standard.",
+        "description": "Robustness of trust models against searched and learned attackers, suite standard.",  # noqa: E501
         "license": _LICENSE,
         "version": project["version"],
         "url": project["urls"].get("Repository", project["urls"]["Paper"]),
@@ -74,9 +95,13 @@ def tables_of(house: Path = _HOUSE) -> list[Path]:
 def _responsible(house: Path) -> dict[str, Any]:
     """Return the fields on responsible use, which are sections of the datasheet."""
     text = (house / "docs/release/datasheet.md").read_text(encoding="utf-8")
-    sections = re.findall(r"^`(rai:\w+)`\n\n(.*?)(?=\n+## |\Z)", text, flags=re.MULTILINE | re.DOTALL)
+    sections = re.findall(
+        r"^`(rai:\w+)`\n\n(.*?)(?=\n+## |\Z)", text, flags=re.MULTILINE | re.DOTALL
+    )
     words = {key: " ".join(said.split()) for key, said in sections}
-    return {key: [said] if key.removeprefix("rai:") in _LISTS else said for key, said in words.items()}
+    return {
+        key: [said] if key.removeprefix("rai:") in _LISTS else said for key, said in words.items()
+    }
 
 
 def _file(path: Path) -> dict[str, Any]:
@@ -109,7 +134,10 @@ def _records(path: Path) -> dict[str, Any]:
 
 
 def _data_type(texts: list[str]) -> str:
-    return next((name for name, form in _FORMS.items() if all(re.fullmatch(form, text) for text in texts)), "sc:Text")
+    return next(
+        (name for name, form in _FORMS.items() if all(re.fullmatch(form, text) for text in texts)),
+        "sc:Text",
+    )
 
 
 if __name__ == "__main__":

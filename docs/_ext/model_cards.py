@@ -1,4 +1,6 @@
-"""Model cards of the attackers in the zoo: `python docs/_ext/model_cards.py FOLDER`; `make cards` calls it."""
+"""Model cards of the attackers in the zoo: `python docs/_ext/model_cards.py FOLDER`; `make cards`
+calls it.
+"""
 
 import sys
 from pathlib import Path
@@ -14,7 +16,7 @@ games only, and are for tests of trust models: they see and change ratings and s
 else. The score is the mean reward in games that were not used for training, ± half of its 95% interval, which is 0
 where no chance is in a game. In other worlds and against other models it is another. `roletrust list zoo NAME --games
 256` measures it again.
-"""
+"""  # noqa: E501
 _CARD = """
 ## {name}
 
@@ -26,7 +28,7 @@ _CARD = """
 - **Score per round**: {card.score.mean:.4f} ± {card.score.half_95:.4f} in {card.score.games} games
 - **Score of honest play**: {card.score.honest:.4f}
 - **Weights**: SHA-256 `{card.weights_sha256}`
-"""
+"""  # noqa: E501
 
 
 def page(cards: dict[str, Card]) -> str:

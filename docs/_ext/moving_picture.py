@@ -33,9 +33,20 @@ def write_moving_picture(path: Path, *, rounds: int = _ROUNDS) -> None:
     first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     times = [_FRAME_MS] * (len(frames) - 1) + [_LAST_MS]
     with replacing(path) as temporary:
-        first.save(temporary, "GIF", save_all=True, append_images=others, duration=times, loop=0, optimize=True)
+        first.save(
+            temporary,
+            "GIF",
+            save_all=True,
+            append_images=others,
+            duration=times,
+            loop=0,
+            optimize=True,
+        )
         if temporary.stat().st_size > LARGEST:
-            raise ValueError(f"{path} would have {temporary.stat().st_size:,} bytes; at most {LARGEST:,} are allowed")
+            raise ValueError(
+                f"{path} would have {temporary.stat().st_size:,} bytes; at most {LARGEST:,} are "
+                "allowed"
+            )
 
 
 def _pictures(rounds: int) -> Iterator[np.ndarray]:
@@ -43,16 +54,23 @@ def _pictures(rounds: int) -> Iterator[np.ndarray]:
     attackers = {"sr_2": BadMouthing(start=rounds // 3)}
     environment = parallel_env(scenario, render_mode="rgb_array")
     seen, _ = environment.reset(seed=0, options={"attackers": list(attackers)})
-    players = {agent: Player(attackers.get(agent, Policy()), agent, environment.layout) for agent in environment.agents}
+    players = {
+        agent: Player(attackers.get(agent, Policy()), agent, environment.layout)
+        for agent in environment.agents
+    }
     with closing(environment):
         while environment.agents:
-            seen, *_ = environment.step({agent: players[agent](seen[agent]) for agent in environment.agents})
+            seen, *_ = environment.step(
+                {agent: players[agent](seen[agent]) for agent in environment.agents}
+            )
             yield np.asarray(environment.render(), np.uint8)
 
 
 def _small(picture: np.ndarray) -> Image.Image:
     image = Image.fromarray(picture)
-    return image.resize((_WIDTH, round(image.height * _WIDTH / image.width)), Image.Resampling.LANCZOS)
+    return image.resize(
+        (_WIDTH, round(image.height * _WIDTH / image.width)), Image.Resampling.LANCZOS
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Tutorials as notebooks for a hosted machine: `python docs/_ext/notebooks.py FOLDER`, or `make notebooks`."""
+"""Tutorials as notebooks for a hosted machine: `python docs/_ext/notebooks.py FOLDER`, or `make
+notebooks`.
+"""
 
 import re
 import sys
@@ -22,13 +24,16 @@ _INSTALL = """\
 
 
 def notebook(name: str) -> nbformat.NotebookNode:
-    """Return a notebook: the tutorial without links that lead nowhere, with a cell that installs the package.
+    """Return a notebook: the tutorial without links that lead nowhere, with a cell that installs
+    the package.
 
     Args:
         name: Name of the notebook, one of `NOTEBOOKS`.
     """
     page, extras = NOTEBOOKS[name]
-    book = read_myst_markdown_notebook((_TUTORIALS / f"{page}.md").read_text(encoding="utf-8"), MdParserConfig())
+    book = read_myst_markdown_notebook(
+        (_TUTORIALS / f"{page}.md").read_text(encoding="utf-8"), MdParserConfig()
+    )
     book.cells.insert(1, nbformat.v4.new_code_cell(_INSTALL.format(extras=extras)))
     for number, cell in enumerate(book.cells):
         cell.id = f"cell-{number}"  # the same bytes each time

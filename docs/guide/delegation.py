@@ -1,8 +1,10 @@
-"""Agents without a language model that delegate by trust: `python docs/guide/delegation.py http://127.0.0.1:8000`.
+"""Agents without a language model that delegate by trust: `python docs/guide/delegation.py
+http://127.0.0.1:8000`.
 
-The consumer, ann, has the tools of `roletrust mcp`. Two workers, each a process of its own, multiply; one of them is
-often wrong. Before each task ann asks how far each worker can be trusted. It gives the task to one that nobody has
-rated, else to the one with the highest lower end of the interval, checks the product, and rates the work.
+The consumer, ann, has the tools of `roletrust mcp`. Two workers, each a process of its own,
+multiply; one of them is often wrong. Before each task ann asks how far each worker can be trusted.
+It gives the task to one that nobody has rated, else to the one with the highest lower end of the
+interval, checks the product, and rates the work.
 """
 
 import argparse
@@ -39,7 +41,9 @@ def work(url: str, keys: Path, name: str) -> None:
 
 async def delegate(url: str, keys: Path, tasks: int, pause_s: float) -> list[str]:
     """Give tasks to workers, by trust, and return who got them."""
-    own = StdioServerParameters(command="roletrust", args=["mcp", url, "--name", "ann", "--keys", str(keys)])
+    own = StdioServerParameters(
+        command="roletrust", args=["mcp", url, "--name", "ann", "--keys", str(keys)]
+    )
     chosen: list[str] = []
     async with AsyncExitStack() as stack:
         trust, workers = await stack.enter_async_context(Client(own)), {}
@@ -50,7 +54,9 @@ async def delegate(url: str, keys: Path, tasks: int, pause_s: float) -> list[str
         await call(trust, "register")
         for task in range(tasks):
             answers = {name: (await call(trust, "ask", name=name))["provider"] for name in workers}
-            best = max(answers, key=lambda name: (answers[name]["ratings"] == 0, answers[name]["low"]))
+            best = max(
+                answers, key=lambda name: (answers[name]["ratings"] == 0, answers[name]["low"])
+            )
             product = await call(workers[best], "multiply", a=task, b=7)
             await call(trust, "rate", name=best, rating=float(product["result"] == task * 7))
             chosen.append(best)
@@ -75,11 +81,17 @@ async def call(client: Client, tool: str, **arguments: Any) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> list[str]:
     """Run the command, and return who got the tasks."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("url", help="Address of the trust manager.")
-    parser.add_argument("--keys", type=Path, default=Path("keys"), help="Folder with the keys of the agents.")
+    parser.add_argument(
+        "--keys", type=Path, default=Path("keys"), help="Folder with the keys of the agents."
+    )
     parser.add_argument("--tasks", type=int, default=8, help="Number of tasks.")
-    parser.add_argument("--pause", type=float, default=1.5, help="Time between tasks, seconds: a round and a bit.")
+    parser.add_argument(
+        "--pause", type=float, default=1.5, help="Time between tasks, seconds: a round and a bit."
+    )
     parser.add_argument("--work", metavar="NAME", choices=sorted(WORKERS), help="Be this worker.")
     given = parser.parse_args(arguments)
     if given.work:

@@ -1,9 +1,10 @@
 """PPO (Schulman et al., 2017) for a coalition in one file: `python docs/guide/ppo_coalition.py`.
 
-Half of ten raters lie together, in the world `crowd` of the suite `two-worlds`. The file prints the reward during the
-training and the utility of consumers in fresh games at the end: 1 if they always got the best service. The actor is a
-`DeepSet` in torch, and its noise is held over each episode: noise drawn anew in each round would cancel in smoothed
-trust. Copy the file to try other algorithms; `CoalitionPpo` does the same with Stable-Baselines3.
+Half of ten raters lie together, in the world `crowd` of the suite `two-worlds`. The file prints the
+reward during the training and the utility of consumers in fresh games at the end: 1 if they always
+got the best service. The actor is a `DeepSet` in torch, and its noise is held over each episode:
+noise drawn anew in each round would cancel in smoothed trust. Copy the file to try other
+algorithms; `CoalitionPpo` does the same with Stable-Baselines3.
 """
 
 import argparse
@@ -37,7 +38,8 @@ class Settings:
         track: Track of the suite: `raters`, `providers` or `coalition`.
         share: Share of compromised agents of each role.
         rounds: Number of rounds of a training, over all games.
-        starts: Number of trainings; the best agent counts, since from some random networks PPO finds nothing.
+        starts: Number of trainings; the best agent counts, since from some random networks PPO
+            finds nothing.
         seed: Random seed.
         games: Number of games at once.
         learning_rate: Initial learning rate; it falls linearly to a tenth of it.
@@ -109,8 +111,12 @@ class Agent(nn.Module):
     def actions(self, observations: torch.Tensor) -> Normal:
         """Return the distribution of the actions, (B, A), before they are cut to [-1, 1]."""
         features = by_provider(observations)
-        decided = torch.tanh(GAIN * (self.decision(self.actor(features)) + self.skip(features.transpose(1, 2))))
-        lie, quality, gate = decided.unbind(-1)  # a gate lets a liar tell the truth, and so keep its trust
+        decided = torch.tanh(
+            GAIN * (self.decision(self.actor(features)) + self.skip(features.transpose(1, 2)))
+        )
+        lie, quality, gate = decided.unbind(
+            -1
+        )  # a gate lets a liar tell the truth, and so keep its trust
         mean = torch.stack([lie * (0.5 + 0.5 * gate), quality], dim=1)[:, self.channels]
         spread = self.log_std.exp()[self.channels, None].expand_as(mean)
         return Normal(mean.flatten(1), spread.flatten(1))
@@ -133,13 +139,17 @@ class Agent(nn.Module):
             "layer2.bias": self.decision.bias,
         }
         architecture = DeepSetArchitecture(units=len(self.actor.first.bias))
-        weights = {name: np.zeros(shape, np.float32) for name, shape in architecture.shapes().items()}
+        weights = {
+            name: np.zeros(shape, np.float32) for name, shape in architecture.shapes().items()
+        }
         weights |= {name: tensor.detach().numpy().copy() for name, tensor in tensors.items()}
         return CoalitionAttacker(DeepSet(architecture, weights))
 
 
 def linear(inputs: int, outputs: int, scale: float = 1.0, bias: bool = True) -> nn.Linear:
-    """Return a layer with normal weights of the variance 1 over the number of inputs, times the square of a scale."""
+    """Return a layer with normal weights of the variance 1 over the number of inputs, times the
+    square of a scale.
+    """
     layer = nn.Linear(inputs, outputs, bias=bias)
     nn.init.normal_(layer.weight, std=scale * inputs**-0.5)
     if bias:
@@ -185,14 +195,18 @@ class Player:
         seed: Random seed.
     """
 
-    def __init__(self, envs: gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray], seed: int) -> None:
+    def __init__(
+        self, envs: gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray], seed: int
+    ) -> None:
         self.envs = envs
         self.observation = torch.as_tensor(envs.reset(seed=seed)[0])
         self.begins = torch.ones(envs.num_envs, dtype=torch.bool)
         self.noise = torch.zeros(envs.action_space.shape or ())
 
     @torch.no_grad()
-    def play(self, agent: Agent, rounds: int, gamma: float, gae_lambda: float) -> tuple[Rollout, float]:
+    def play(
+        self, agent: Agent, rounds: int, gamma: float, gae_lambda: float
+    ) -> tuple[Rollout, float]:
         """Return a rollout of so many rounds of each game, and the mean reward of a round."""
         observations, actions, log_probs, values, rewards, ends = [], [], [], [], [], []
         for _ in range(rounds):
@@ -204,8 +218,13 @@ class Player:
             actions.append(action)
             log_probs.append(log_prob(chances, action))
             values.append(agent.values(self.observation))
-            after, reward, terminated, truncated, _ = self.envs.step((0.5 + 0.5 * action.clip(-1, 1)).numpy())
-            self.observation, self.begins = torch.as_tensor(after), torch.as_tensor(terminated | truncated)
+            after, reward, terminated, truncated, _ = self.envs.step(
+                (0.5 + 0.5 * action.clip(-1, 1)).numpy()
+            )
+            self.observation, self.begins = (
+                torch.as_tensor(after),
+                torch.as_tensor(terminated | truncated),
+            )
             rewards.append(torch.as_tensor(reward, dtype=torch.float32))
             ends.append(self.begins)
         advantages, following = [], agent.values(self.observation)
@@ -218,10 +237,14 @@ class Player:
             advantages.append(advantage)
         better = torch.cat(advantages[::-1])
         seen, done, chance = (torch.cat(parts) for parts in (observations, actions, log_probs))
-        return Rollout(seen, done, chance, better, better + torch.cat(values)), torch.cat(rewards).mean().item()
+        return Rollout(seen, done, chance, better, better + torch.cat(values)), torch.cat(
+            rewards
+        ).mean().item()
 
 
-def update(agent: Agent, optimiser: torch.optim.Optimizer, rollout: Rollout, settings: Settings) -> None:
+def update(
+    agent: Agent, optimiser: torch.optim.Optimizer, rollout: Rollout, settings: Settings
+) -> None:
     """Improve an agent by a rollout."""
     for _ in range(settings.epochs):
         for rows in torch.randperm(len(rollout.actions)).chunk(settings.batches):
@@ -231,7 +254,9 @@ def update(agent: Agent, optimiser: torch.optim.Optimizer, rollout: Rollout, set
             advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
             clipped = ratio.clip(1 - settings.clip, 1 + settings.clip)
             gain = torch.min(ratio * advantage, clipped * advantage).mean()
-            error = (agent.values(rollout.observations[rows]) - rollout.returns[rows]).square().mean()
+            error = (
+                (agent.values(rollout.observations[rows]) - rollout.returns[rows]).square().mean()
+            )
             optimiser.zero_grad()
             (settings.value_weight * error - gain).backward()  # type: ignore[no-untyped-call]
             nn.utils.clip_grad_norm_(agent.parameters(), settings.gradient)
@@ -239,7 +264,9 @@ def update(agent: Agent, optimiser: torch.optim.Optimizer, rollout: Rollout, set
 
 
 def condition(settings: Settings) -> TaskArguments:
-    """Return the arguments of the task: the condition of the benchmark with the coalition as one mind."""
+    """Return the arguments of the task: the condition of the benchmark with the coalition as one
+    mind.
+    """
     cell = Cell(settings.model, "crowd", settings.track, settings.share, "scripted", settings.seed)
     suite = load_suite(SUITES / "two-worlds.toml")
     assert isinstance(suite, Suite)  # not one for learners
@@ -248,7 +275,10 @@ def condition(settings: Settings) -> TaskArguments:
 
 def train(settings: Settings) -> Agent:
     """Return the best of several trained agents, as validation games choose it."""
-    agents = [train_once(settings, settings.seed * settings.starts + start) for start in range(settings.starts)]
+    agents = [
+        train_once(settings, settings.seed * settings.starts + start)
+        for start in range(settings.starts)
+    ]
     return min(agents, key=lambda agent: utility(agent, settings, VALIDATED))
 
 
@@ -262,7 +292,9 @@ def train_once(settings: Settings, seed: int) -> Agent:
         raise ValueError(f"rounds is {settings.rounds}; give {settings.games * rounds} or more")
     roles = {task.game.roster.role(name) for name in task.compromised}
     torch.manual_seed(seed)
-    agent = Agent(settings, tuple(k for k, role in enumerate(("SR", "SP")) if {role, "SR+SP"} & roles))
+    agent = Agent(
+        settings, tuple(k for k, role in enumerate(("SR", "SP")) if {role, "SR+SP"} & roles)
+    )
     optimiser = torch.optim.Adam(agent.parameters(), lr=settings.learning_rate, eps=1e-5)
     envs = gymnasium.make_vec(
         "RoleTrust/RaterAttack-v0", num_envs=settings.games, autoreset_mode="SameStep", **arguments
@@ -283,17 +315,24 @@ def train_once(settings: Settings, seed: int) -> Agent:
 def utility(agent: Agent, settings: Settings, seed: int = MEASURED) -> float:
     """Return the mean utility of consumers in fresh games against the trained coalition."""
     task = exact_task(condition(settings))
-    return float(score(task, agent.attacker(), seed, (1, settings.measured)).scores["utility"].mean())
+    return float(
+        score(task, agent.attacker(), seed, (1, settings.measured)).scores["utility"].mean()
+    )
 
 
 def main(words: list[str] | None = None) -> None:
     """Train and measure a coalition with the settings of the command line."""
     parser = argparse.ArgumentParser(description="PPO for a coalition in one file.")
     for field in fields(Settings):
-        parser.add_argument(f"--{field.name.replace('_', '-')}", type=type(field.default), default=field.default)
+        parser.add_argument(
+            f"--{field.name.replace('_', '-')}", type=type(field.default), default=field.default
+        )
     settings = Settings(**vars(parser.parse_args(words)))
     agent = train(settings)
-    print(f"utility {utility(agent, settings):.3f} in {settings.measured} fresh games, {settings.model}")
+    print(
+        f"utility {utility(agent, settings):.3f} in {settings.measured} fresh games, "
+        f"{settings.model}"
+    )
 
 
 if __name__ == "__main__":

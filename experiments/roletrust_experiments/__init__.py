@@ -7,7 +7,9 @@ _PACKAGES = ("typer", "filelock", "rich", "jinja2", "matplotlib", "yaml")  # of 
 
 
 def main() -> None:
-    """Run `roletrust`; without the extra `cli` or a working directory, leave with 2 and one line that says so."""
+    """Run `roletrust`; without the extra `cli` or a working directory, leave with 2 and one line
+    that says so.
+    """
     try:
         os.getcwd()  # PettingZoo asks for it
     except FileNotFoundError:

@@ -41,10 +41,14 @@ _HERE = "roletrust_experiments.commands"
 )
 def app(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit.")
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Print the version and exit."
+        ),
     ] = False,
 ) -> None:
-    """Attack and measure [bold]role-based trust models[/]: raters rate providers, and a model decides whom to believe.
+    """Attack and measure [bold]role-based trust models[/]: raters rate providers, and a model
+    decides whom to believe.
 
     [bold]Examples[/]
 

@@ -1,4 +1,6 @@
-"""Studies: what made the pages of results in `docs/`. Each runs from a checkout, as `python -m studies NAME`."""
+"""Studies: what made the pages of results in `docs/`. Each runs from a checkout, as `python -m
+studies NAME`.
+"""
 
 from pathlib import Path
 

@@ -1,14 +1,16 @@
 """How much worse the worst case of a trust model gets if its attacker may search longer.
 
-Each method searches with each budget of game rounds. The attack that it finds is measured in fresh games, the same
-ones for all methods: the utility of a consumer that goes to the most trusted provider, as a share of the best possible.
-Lower is a better attack. The interval is over the runs.
+Each method searches with each budget of game rounds. The attack that it finds is measured in fresh
+games, the same ones for all methods: the utility of a consumer that goes to the most trusted
+provider, as a share of the best possible. Lower is a better attack. The interval is over the runs.
 
-The method `scripts` is the best of all scripted attacks at their defaults; its rounds are those that choose it. A
-search that does not suit a budget is left out, and a line says why. Learners on torch get at most 100,000 rounds.
-Seconds are those of the search alone; other processes make them longer.
+The method `scripts` is the best of all scripted attacks at their defaults; its rounds are those
+that choose it. A search that does not suit a budget is left out, and a line says why. Learners on
+torch get at most 100,000 rounds. Seconds are those of the search alone; other processes make them
+longer.
 
-Six models and eight methods with up to two million rounds take two hours on two cores, the other recipes half an hour.
+Six models and eight methods with up to two million rounds take two hours on two cores, the other
+recipes half an hour.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,11 +48,23 @@ class Options(NamedTuple):
     """
 
     model: tuple[str, ...] = (
-        *("wary-role-trust", "beta", "role-trust", "qor", "subjective-logic", "iterative-filtering"),
+        *(
+            "wary-role-trust",
+            "beta",
+            "role-trust",
+            "qor",
+            "subjective-logic",
+            "iterative-filtering",
+        ),
     )
     method: tuple[str, ...] = (
         *(SCRIPTS, "random search", "agreed CMA-ES", "PPO"),
-        *("evolution:wide=false", "evolution strategy:wide=false", "gradients:wide=false", "coalition PPO:wide=false"),
+        *(
+            "evolution:wide=false",
+            "evolution strategy:wide=false",
+            "gradients:wide=false",
+            "coalition PPO:wide=false",
+        ),
     )
     budget: tuple[int, ...] = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
     suite: str = "two-worlds"
@@ -79,15 +93,25 @@ _STANDARD = Options(
     track="identities",
     runs=2,
 )
-_FILES = {"budget.png": "budget.png", "budget.md": "budget.md", "budget.csv": "budget.csv", "runs.json": "budget.json"}
+_FILES = {
+    "budget.png": "budget.png",
+    "budget.md": "budget.md",
+    "budget.csv": "budget.csv",
+    "runs.json": "budget.json",
+}
 RECIPES = {
     "budget": Recipe(Options(), {name: f"attackers/{place}" for name, place in _FILES.items()}),
-    "crowd-raters": Recipe(_FIVE_RUNS._replace(track="raters", share=0.5), {"budget.md": "attackers/crowd-raters.md"}),
+    "crowd-raters": Recipe(
+        _FIVE_RUNS._replace(track="raters", share=0.5), {"budget.md": "attackers/crowd-raters.md"}
+    ),
     "crowd-coalition": Recipe(_FIVE_RUNS, {"budget.md": "attackers/crowd-coalition.md"}),
     "market-raters": Recipe(
-        _FIVE_RUNS._replace(scenario="market", track="raters"), {"budget.md": "attackers/market-raters.md"}
+        _FIVE_RUNS._replace(scenario="market", track="raters"),
+        {"budget.md": "attackers/market-raters.md"},
     ),
-    "standard": Recipe(_STANDARD, {name: f"attackers/standard-{place}" for name, place in _FILES.items()}),
+    "standard": Recipe(
+        _STANDARD, {name: f"attackers/standard-{place}" for name, place in _FILES.items()}
+    ),
     "ppo": Recipe(_PPO._replace(track="raters", share=0.5), {"budget.md": "attackers/ppo.md"}),
 }
 
@@ -96,7 +120,9 @@ _GAMES = 40  # for each script, to choose the best
 
 
 class Point(NamedTuple):
-    """One search: spec of the trust model, method, game rounds that it may play (0 for the scripts), and seed."""
+    """One search: spec of the trust model, method, game rounds that it may play (0 for the
+    scripts), and seed.
+    """
 
     model: str
     method: str
@@ -148,8 +174,22 @@ def main(study: Study[Options]) -> None:
     jobs = {one.key: (condition, one, asked.games) for one in searches}
     kept = study.play(play_point, jobs, {"condition": condition.describe(), "games": asked.games})
     found, reasons = levels(searches, kept), list(left_out(searches, kept))
-    header = ("model", "method", "budget", "seed", "utility", "rounds", "seconds", "attack", "left_out")
-    rows = [[*one, *(kept[one.key].get(name) for name in header[4:])] for one in searches if one.key in kept]
+    header = (
+        "model",
+        "method",
+        "budget",
+        "seed",
+        "utility",
+        "rounds",
+        "seconds",
+        "attack",
+        "left_out",
+    )
+    rows = [
+        [*one, *(kept[one.key].get(name) for name in header[4:])]
+        for one in searches
+        if one.key in kept
+    ]
     study.csv("budget.csv", header, rows)
     title = f"Worst case by rounds of the search ({condition})"
     note = "lower is a better attack; 95% intervals over the runs"
@@ -157,8 +197,10 @@ def main(study: Study[Options]) -> None:
     study.page(
         "budget.md",
         markdown_table(*_table(found), names=2),
-        f"Utility of the consumer in {asked.games} fresh games, mean ± half the 95% interval over the runs "
-        f"({asked.runs}); in brackets the seconds of a search. Lower is a better attack. Condition: {condition}.",
+        f"Utility of the consumer in {asked.games} fresh games, mean ± half the 95% interval over "
+        "the runs "
+        f"({asked.runs}); in brackets the seconds of a search. Lower is a better attack. "
+        f"Condition: {condition}.",
         "\n".join(f"- Left out: {line}." for line in reasons),
         f"Made by `{study.command}`.",
     )
@@ -168,20 +210,30 @@ def play_point(condition: Condition, point: Point, games: int) -> Run:
     """Search for an attack and measure it in fresh games.
 
     Returns:
-        The utility with rounds, seconds and the attack in a few words, or `left_out` with the reason.
+        The utility with rounds, seconds and the attack in a few words, or `left_out` with the
+        reason.
     """
     began = perf_counter()
     try:
-        found = _best_script(condition, point) if point.method == SCRIPTS else _search(condition, point)
+        found = (
+            _best_script(condition, point) if point.method == SCRIPTS else _search(condition, point)
+        )
     except UnsuitableError as error:
         return {"left_out": str(error)}
     seconds = perf_counter() - began
     utility = condition.utility(point.model, found.attacker, point.seed, games)
-    return {"utility": utility, "rounds": found.rounds, "seconds": round(seconds, 3), "attack": found.description}
+    return {
+        "utility": utility,
+        "rounds": found.rounds,
+        "seconds": round(seconds, 3),
+        "attack": found.description,
+    }
 
 
 def levels(searches: Sequence[Point], runs: Mapping[str, Run]) -> list[Level]:
-    """Return the worst case of each model, method and budget over the seeds, in the order of the searches."""
+    """Return the worst case of each model, method and budget over the seeds, in the order of the
+    searches.
+    """
     groups: dict[tuple[str, str, int], list[Run]] = {}
     for point in searches:
         if "utility" in runs.get(point.key, {}):
@@ -198,7 +250,9 @@ def levels(searches: Sequence[Point], runs: Mapping[str, Run]) -> list[Level]:
 
 
 def left_out(searches: Sequence[Point], runs: Mapping[str, Run]) -> Iterator[str]:
-    """Yield a line for each method that is left out, with the budgets, the models and the reason."""
+    """Yield a line for each method that is left out, with the budgets, the models and the
+    reason.
+    """
     lines: dict[tuple[str, int, str], list[str]] = {}
     for point in searches:
         if reason := runs.get(point.key, {}).get("left_out"):
@@ -214,9 +268,13 @@ def left_out(searches: Sequence[Point], runs: Mapping[str, Run]) -> Iterator[str
 
 def _search(condition: Condition, point: Point) -> SearchResult:
     if _base(point.method) in _LONG and point.budget > _MOST:
-        raise UnsuitableError(f"a learner on torch gets {_MOST:,} rounds at most, because it takes long")
+        raise UnsuitableError(
+            f"a learner on torch gets {_MOST:,} rounds at most, because it takes long"
+        )
     method = make_search(point.method, list(condition.kinds(point.model).values()))
-    return method.search(condition.arguments(point.model, _base(point.method)), Budget(point.budget), point.seed)
+    return method.search(
+        condition.arguments(point.model, _base(point.method)), Budget(point.budget), point.seed
+    )
 
 
 def _base(method: str) -> str:
@@ -235,22 +293,31 @@ def _best_script(condition: Condition, point: Point) -> SearchResult:
         rounds += shape[0] * _GAMES * task.game.scenario.max_cycles
         for mean, single in zip(means, batch.split(), strict=True):
             if mean > highest:
-                highest, best = mean, SearchResult(single.attacker, 0, f"{single.names[0]} at its defaults")
+                highest, best = (
+                    mean,
+                    SearchResult(single.attacker, 0, f"{single.names[0]} at its defaults"),
+                )
     if best is None:
         raise UnsuitableError("no scripted attack suits the compromised agents")
     return best._replace(rounds=rounds)
 
 
 def _table(found: Sequence[Level]) -> tuple[list[str], list[list[str]]]:
-    """Return the headings, and a row for each model and method; scripts stand at the first budget that covers them."""
-    budgets = sorted({one.budget for one in found if one.budget}) or [max(one.rounds for one in found)]
+    """Return the headings, and a row for each model and method; scripts stand at the first budget
+    that covers them.
+    """
+    budgets = sorted({one.budget for one in found if one.budget}) or [
+        max(one.rounds for one in found)
+    ]
     rows: dict[tuple[str, str], list[str]] = {}
     for one in found:
         name = one.method if one.budget else f"{one.method}, {one.rounds:,} rounds"
         cells = rows.setdefault((one.model, name), ["-"] * len(budgets))
         at = next((k for k, limit in enumerate(budgets) if limit >= one.at), len(budgets) - 1)
         cells[at] = f"{plus_minus(one.utility)} ({one.seconds:,.0f} s)"
-    return ["model", "method", *(f"{limit:,}" for limit in budgets)], [[*names, *row] for names, row in rows.items()]
+    return ["model", "method", *(f"{limit:,}" for limit in budgets)], [
+        [*names, *row] for names, row in rows.items()
+    ]
 
 
 def _panels(found: Sequence[Level]) -> list[Panel]:
@@ -260,6 +327,10 @@ def _panels(found: Sequence[Level]) -> list[Panel]:
         series = []
         for method in dict.fromkeys(one.method for one in found if one.model == model):
             line = [one for one in found if (one.model, one.method) == (model, method)]
-            series.append(Series(method, [one.at for one in line], [one.utility.interval for one in line]))
-        panels.append(Panel(model, "rounds of the search", "utility of the consumer", series, "log"))
+            series.append(
+                Series(method, [one.at for one in line], [one.utility.interval for one in line])
+            )
+        panels.append(
+            Panel(model, "rounds of the search", "utility of the consumer", series, "log")
+        )
     return panels

@@ -1,4 +1,6 @@
-"""The condition of a suite in which attackers or defences are compared, and their score in fresh games."""
+"""The condition of a suite in which attackers or defences are compared, and their score in fresh
+games.
+"""
 
 import math
 from typing import Any, NamedTuple, Self
@@ -18,11 +20,15 @@ _FRESH = 1_000_000  # added to the seed of a search: no search has seen the game
 
 
 def suite_of(name: str) -> Suite:
-    """Return a suite of trust models: one that only studies play, or else one of the project, or from a TOML file."""
+    """Return a suite of trust models: one that only studies play, or else one of the project, or
+    from a TOML file.
+    """
     own = SUITES / f"{name}.toml"
     suite = load_suite(own if own.exists() else name)
     if not isinstance(suite, Suite):
-        raise ValueError(f"the suite {suite.name} is one for {suite.kind}; choose one for trust models")
+        raise ValueError(
+            f"the suite {suite.name} is one for {suite.kind}; choose one for trust models"
+        )
     return suite
 
 
@@ -58,11 +64,19 @@ class Condition(NamedTuple):
         """
         found = suite_of(suite)
         tracks = [name for name, one in found.tracks.items() if one.roles]
-        for what, name, known in (("scenario", scenario, list(found.scenarios)), ("track", track, tracks)):
+        for what, name, known in (
+            ("scenario", scenario, list(found.scenarios)),
+            ("track", track, tracks),
+        ):
             if name not in known:
-                raise ValueError(f"suite {found.name} has no {what} {name!r} with attackers{suggest(name, known)}")
+                raise ValueError(
+                    f"suite {found.name} has no {what} {name!r} with "
+                    f"attackers{suggest(name, known)}"
+                )
         if not 0 < share < 1:
-            raise ValueError(f"the share of compromised agents is {share:g}; it must lie between 0 and 1")
+            raise ValueError(
+                f"the share of compromised agents is {share:g}; it must lie between 0 and 1"
+            )
         return cls(found, scenario, track, share)
 
     def __str__(self) -> str:
@@ -83,12 +97,14 @@ class Condition(NamedTuple):
         return cell_kinds(self.suite, self._cell(model), exact_task(self.arguments(model)))
 
     def utility(self, model: str, attacker: Attacker, seed: int, games: int) -> float | None:
-        """Return the mean utility of a consumer in fresh games; None if it is undefined in all of them.
+        """Return the mean utility of a consumer in fresh games; None if it is undefined in all of
+        them.
 
         Args:
             model: Spec of the trust model.
             attacker: The attacker.
-            seed: Seed of the search, so that attackers with the same seed meet the same fresh games.
+            seed: Seed of the search, so that attackers with the same seed meet the same fresh
+                games.
             games: Number of games.
         """
         scored = score(exact_task(self.arguments(model)), attacker, _FRESH + seed, (1, games))

@@ -1,9 +1,10 @@
 """What the trust models cost: time per rating by size, and its growth with raters and providers.
 
-The models take turns, so that other work on the machine affects all alike. All models are compiled before a compiled
-one is timed, two at a time, in processes that are stopped after two minutes; what takes longer is left out, and a line
-says so. Compiled code stays in torch's cache on disk (its TORCHINDUCTOR_CACHE_DIR), so that a second study is quick. On
-a quiet machine up to 20 minutes, of which most is compiling.
+The models take turns, so that other work on the machine affects all alike. All models are compiled
+before a compiled one is timed, two at a time, in processes that are stopped after two minutes; what
+takes longer is left out, and a line says so. Compiled code stays in torch's cache on disk (its
+TORCHINDUCTOR_CACHE_DIR), so that a second study is quick. On a quiet machine up to 20 minutes, of
+which most is compiling.
 """
 
 import math
@@ -19,7 +20,17 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, TrustModel, trust_models
 from studies.study import Recipe, Study
-from studies.timing import COMPILED, Contestant, Size, Timing, machine, measure, spread, times_figure, trust_update
+from studies.timing import (
+    COMPILED,
+    Contestant,
+    Size,
+    Timing,
+    machine,
+    measure,
+    spread,
+    times_figure,
+    trust_update,
+)
 
 
 class Options(NamedTuple):
@@ -37,7 +48,9 @@ class Options(NamedTuple):
 
 
 RECIPES = {
-    "model-costs": Recipe(Options(), {name: name for name in ("model-costs.md", "model-costs.csv", "model-costs.png")})
+    "model-costs": Recipe(
+        Options(), {name: name for name in ("model-costs.md", "model-costs.csv", "model-costs.png")}
+    )
 }
 
 _BELOW = "```{toctree}\n:hidden:\n\nedge-costs\n```"
@@ -95,10 +108,14 @@ def main(study: Study[Options]) -> None:
     study.figure("model-costs.png", times_figure(pictured))
     parts = [
         "# What the trust models cost",
-        "![Nanoseconds per rating of each trust model, on NumPy and on compiled torch](model-costs.png)",
-        "Each line of the grid is ten times the one before. One update in float32 in which all raters rate all "
-        "providers, the median of the repeats. S^ and P^ are the powers of the numbers of raters and of providers "
-        f"that its time grows by on NumPy, from {sides[-2]:,} to {sides[-1]:,} of one with {sides[-1]:,} of the "
+        "![Nanoseconds per rating of each trust model, on NumPy and on compiled "
+        "torch](model-costs.png)",
+        "Each line of the grid is ten times the one before. One update in float32 in which all "
+        "raters rate all "
+        "providers, the median of the repeats. S^ and P^ are the powers of the numbers of raters "
+        "and of providers "
+        f"that its time grows by on NumPy, from {sides[-2]:,} to {sides[-1]:,} of one with "
+        f"{sides[-1]:,} of the "
         "other; fixed costs make them less than the model's own.",
     ]
     for library in asked.library:
@@ -109,7 +126,13 @@ def main(study: Study[Options]) -> None:
         for (name, library, size), cell in found.items()
         if cell.left_out
     ]
-    study.page("model-costs.md", *parts, "\n".join(reasons), f"Made by `{study.command}` on {machine()}.", _BELOW)
+    study.page(
+        "model-costs.md",
+        *parts,
+        "\n".join(reasons),
+        f"Made by `{study.command}` on {machine()}.",
+        _BELOW,
+    )
 
 
 def sizes(sides: Sequence[int], library: str) -> list[Size]:
@@ -119,8 +142,11 @@ def sizes(sides: Sequence[int], library: str) -> list[Size]:
     return squares if library != "NumPy" else [*squares[:-1], Size(b, c), Size(c, b), squares[-1]]
 
 
-def measure_models(models: Mapping[str, TrustModel[Any]], sides: Sequence[int], library: str, seed: int = 0) -> Found:
-    """Time every model at every size, with the models of one size in turn, and for torch after all compilations.
+def measure_models(
+    models: Mapping[str, TrustModel[Any]], sides: Sequence[int], library: str, seed: int = 0
+) -> Found:
+    """Time every model at every size, with the models of one size in turn, and for torch after all
+    compilations.
 
     Args:
         models: Trust models by name.
@@ -129,7 +155,11 @@ def measure_models(models: Mapping[str, TrustModel[Any]], sides: Sequence[int], 
         seed: Random seed of the ratings.
     """
     found: Found = {}
-    jobs = {(name, s): (name, model, s, library, seed) for s in sizes(sides, library) for name, model in models.items()}
+    jobs = {
+        (name, s): (name, model, s, library, seed)
+        for s in sizes(sides, library)
+        for name, model in models.items()
+    }
     undone = compile_ahead(jobs) if library == COMPILED else {}
     for size in sizes(sides, library):
         ready: list[Contestant] = []
@@ -147,7 +177,8 @@ def measure_models(models: Mapping[str, TrustModel[Any]], sides: Sequence[int], 
 
 
 def compile_ahead(jobs: Mapping[tuple[str, Size], tuple[Any, ...]]) -> dict[tuple[str, Size], str]:
-    """Compile models into torch's cache, and return the reason for each that does not come to its end.
+    """Compile models into torch's cache, and return the reason for each that does not come to its
+    end.
 
     Args:
         jobs: Arguments of `trust_update`.
@@ -173,7 +204,9 @@ def _load_torch() -> None:
 
 
 def growth(found: Found, name: str) -> tuple[float, float]:
-    """Return the powers of S and P in the time of an update on NumPy, at the largest sizes; NaN if unknown."""
+    """Return the powers of S and P in the time of an update on NumPy, at the largest sizes; NaN if
+    unknown.
+    """
     seconds = {
         size: spread(cell.timing.seconds).value
         for (model, library, size), cell in found.items()
@@ -182,7 +215,9 @@ def growth(found: Found, name: str) -> tuple[float, float]:
 
     def power(grows: int) -> float:
         stays = 1 - grows
-        pairs = [(a, b) for a in seconds for b in seconds if a[stays] == b[stays] and a[grows] < b[grows]]
+        pairs = [
+            (a, b) for a in seconds for b in seconds if a[stays] == b[stays] and a[grows] < b[grows]
+        ]
         if not pairs:
             return math.nan
         a, b = max(pairs, key=lambda pair: math.prod(pair[1]))
@@ -191,10 +226,19 @@ def growth(found: Found, name: str) -> tuple[float, float]:
     return power(0), power(1)
 
 
-def _lines(models: Mapping[str, TrustModel[Any]], found: Found, sides: Sequence[int], library: str) -> list[list[str]]:
+def _lines(
+    models: Mapping[str, TrustModel[Any]], found: Found, sides: Sequence[int], library: str
+) -> list[list[str]]:
     """Return the table of a library: its headings, and a row for each model."""
     grows = library == "NumPy"
-    lines = [["model", "grows as", *(f"{side}x{side}" for side in sides), *(["S^", "P^"] if grows else [])]]
+    lines = [
+        [
+            "model",
+            "grows as",
+            *(f"{side}x{side}" for side in sides),
+            *(["S^", "P^"] if grows else []),
+        ]
+    ]
     for name, model in models.items():
         cells = [_nanoseconds(found[name, library, Size(side, side)]) for side in sides]
         powers = ["-" if math.isnan(power) else f"{power:.2f}" for power in growth(found, name)]

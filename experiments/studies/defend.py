@@ -1,16 +1,18 @@
-"""Trust models that are trained against a population of attackers, and attackers against the models, in turn.
+"""Trust models that are trained against a population of attackers, and attackers against the
+models, in turn.
 
-The payoffs of all known models against all known attackers are a matrix, whose equilibrium is solved. Then an attacker
-is trained in each condition against the models' mixture, and each learner against the attackers' mixture, and all join
-the matrix. What the best responses win in other games is a lower bound of the NashConv.
+The payoffs of all known models against all known attackers are a matrix, whose equilibrium is
+solved. Then an attacker is trained in each condition against the models' mixture, and each learner
+against the attackers' mixture, and all join the matrix. What the best responses win in other games
+is a lower bound of the NashConv.
 
-At the end, the learned models stand beside the fixed ones: under the attackers that were found, one that is trained
-against each model alone with the same budget, and attackers and worlds that no training has met. The number is skill: 1
-for the best choice of a consumer, 0 for a blind one. With several runs, all is trained again with other seeds, and
-intervals cover games and trainings.
+At the end, the learned models stand beside the fixed ones: under the attackers that were found, one
+that is trained against each model alone with the same budget, and attackers and worlds that no
+training has met. The number is skill: 1 for the best choice of a consumer, 0 for a blind one. With
+several runs, all is trained again with other seeds, and intervals cover games and trainings.
 
-The best model of each learner is written into the folder of its seed, as the text that `--model` takes or as a network.
-Half an hour on one core for three runs.
+The best model of each learner is written into the folder of its seed, as the text that `--model`
+takes or as a network. Half an hour on one core for three runs.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -42,7 +44,9 @@ Key = TypeVar("Key", bound=Hashable)
 
 _TABLES = ("defence.md", "defence.png", "iterations.csv", "comparison.csv", "leads.csv")
 _SAVED = ("leave-one-out.txt", "first-hand.txt", "network.json", "network.safetensors")
-FILES = {name: f"defence/{name}" for name in _TABLES} | {f"seed-0/{name}": f"defence/{name}" for name in _SAVED}
+FILES = {name: f"defence/{name}" for name in _TABLES} | {
+    f"seed-0/{name}": f"defence/{name}" for name in _SAVED
+}
 RECIPES = {"defence": Recipe(Options(), FILES)}
 
 _SHOWN = 0.005  # least probability of a model in the text
@@ -56,14 +60,23 @@ _WINS = {
     "single": "best model alone",
 }
 _WINS_LEGEND = (
-    "Skill: 1 for the best choice of a consumer, 0 for a blind one; means ± half of the 95% interval. "
-    "Value: of both mixtures against each other. Attackers and defence win: by their best responses; NashConv: both "
+    "Skill: 1 for the best choice of a consumer, 0 for a blind one; means ± half of the 95% "
+    "interval. "
+    "Value: of both mixtures against each other. Attackers and defence win: by their best "
+    "responses; NashConv: both "
     "together. Mixture at worst, best model alone: under the best responses."
 )
-_SKILLS = {"clean": "clean", "worst": "worst found", "strangers": "strangers", "worlds": "other worlds"}
+_SKILLS = {
+    "clean": "clean",
+    "worst": "worst found",
+    "strangers": "strangers",
+    "worlds": "other worlds",
+}
 _SKILLS_LEGEND = (
-    "Clean: nobody attacks. Worst found: under the worst attacker of the game, or one that is trained against this "
-    "model alone. Strangers: under the worst attacker that no training has met. Other worlds: the same in other "
+    "Clean: nobody attacks. Worst found: under the worst attacker of the game, or one that is "
+    "trained against this "
+    "model alone. Strangers: under the worst attacker that no training has met. Other worlds: the "
+    "same in other "
     "conditions."
 )
 _LEADS_LEGEND = "Skill of the learned model less that of the one beside it, in the same games."
@@ -73,15 +86,23 @@ def main(study: Study[Options]) -> None:
     """Play all games and comparisons, and write what they come to."""
     asked = study.options
     seeds = range(study.seed, study.seed + asked.runs)
-    played = study.play(play_game, {f"seed-{seed}": (asked, seed) for seed in seeds}, {**asked._asdict(), "runs": None})
+    played = study.play(
+        play_game,
+        {f"seed-{seed}": (asked, seed) for seed in seeds},
+        {**asked._asdict(), "runs": None},
+    )
     for key, run in played.items():
         _save(study, key, run)
     runs = list(played.values())
-    iterations = over_runs({k: [run["iterations"][k] for run in runs] for k in range(asked.iterations)})
+    iterations = over_runs(
+        {k: [run["iterations"][k] for run in runs] for k in range(asked.iterations)}
+    )
     models, over = compare(runs, list(dict.fromkeys((*asked.model, *asked.beside))))
     leads = [(name, other, row) for name, others in over.items() for other, row in others.items()]
     study.csv(
-        "iterations.csv", ["iteration", *with_ends(_WINS)], [[k, *_cells(row, _WINS)] for k, row in iterations.items()]
+        "iterations.csv",
+        ["iteration", *with_ends(_WINS)],
+        [[k, *_cells(row, _WINS)] for k, row in iterations.items()],
     )
     study.csv(
         "comparison.csv",
@@ -101,13 +122,21 @@ def main(study: Study[Options]) -> None:
     study.page(
         "defence.md",
         markdown_table(
-            ["iteration", *_WINS.values()], [[str(k + 1), *_texts(row, _WINS)] for k, row in iterations.items()], 1
+            ["iteration", *_WINS.values()],
+            [[str(k + 1), *_texts(row, _WINS)] for k, row in iterations.items()],
+            1,
         ),
         _WINS_LEGEND,
-        markdown_table(["model", *skills], [[f"`{name}`", *_texts(row, _SKILLS)] for name, row in models.items()], 1),
+        markdown_table(
+            ["model", *skills],
+            [[f"`{name}`", *_texts(row, _SKILLS)] for name, row in models.items()],
+            1,
+        ),
         _SKILLS_LEGEND,
         markdown_table(
-            ["model", "beside", *skills], [[f"`{a}`", f"`{b}`", *_texts(row, _SKILLS)] for a, b, row in leads], 2
+            ["model", "beside", *skills],
+            [[f"`{a}`", f"`{b}`", *_texts(row, _SKILLS)] for a, b, row in leads],
+            2,
         ),
         _LEADS_LEGEND,
         _mixture(runs),
@@ -116,7 +145,8 @@ def main(study: Study[Options]) -> None:
 
 
 def over_runs(measured: Mapping[Key, Sequence[Measured]]) -> dict[Key, Row]:
-    """Return means with 95% intervals over games, and over runs if there are several, see `over_seeds`.
+    """Return means with 95% intervals over games, and over runs if there are several, see
+    `over_seeds`.
 
     Args:
         measured: What each run has measured, by what it is about.
@@ -129,8 +159,11 @@ def over_runs(measured: Mapping[Key, Sequence[Measured]]) -> dict[Key, Row]:
     return found
 
 
-def compare(runs: Sequence[Run], fixed: Sequence[str]) -> tuple[dict[str, Row], dict[str, dict[str, Row]]]:
-    """Return the models over all runs, the best worst case first, and the lead of each learned one over each fixed one.
+def compare(
+    runs: Sequence[Run], fixed: Sequence[str]
+) -> tuple[dict[str, Row], dict[str, dict[str, Row]]]:
+    """Return the models over all runs, the best worst case first, and the lead of each learned one
+    over each fixed one.
 
     The name of a learned model of several runs does not say in which iteration it came.
     """
@@ -139,7 +172,10 @@ def compare(runs: Sequence[Run], fixed: Sequence[str]) -> tuple[dict[str, Row], 
     for learner, k in runs[0]["learned"].items():
         name = f"{learner}, trained" if len(runs) > 1 else label(learner, k)
         ours[name] = [run["compared"][label(learner, run["learned"][learner])] for run in runs]
-        apart = {o: [_apart(*pair) for pair in zip(ours[name], each, strict=True)] for o, each in theirs.items()}
+        apart = {
+            o: [_apart(*pair) for pair in zip(ours[name], each, strict=True)]
+            for o, each in theirs.items()
+        }
         leads[name] = over_runs(apart)
     # Apart from the fixed ones: each run trains its own learned models, so their means vary more.
     rows = over_runs(ours) | over_runs(theirs)
@@ -174,10 +210,16 @@ def _save(study: Study[Options], folder: str, run: Run) -> None:
 def _panels(iterations: Mapping[int, Row], models: Mapping[str, Row]) -> list[Panel]:
     def lines(columns: Mapping[str, str]) -> list[Series]:
         at = [k + 1 for k in iterations]
-        return [Series(label, at, [row[name] for row in iterations.values()]) for label, name in columns.items()]
+        return [
+            Series(label, at, [row[name] for row in iterations.values()])
+            for label, name in columns.items()
+        ]
 
     def rows(columns: Mapping[str, str]) -> list[Series]:
-        return [Series(label, list(models), [row[name] for row in models.values()]) for label, name in columns.items()]
+        return [
+            Series(label, list(models), [row[name] for row in models.values()])
+            for label, name in columns.items()
+        ]
 
     wins = {"either side": "nash_conv", "attackers": "attack", "defence": "defence"}
     worst = {"mixture, attackers respond": "worst", "best model alone": "single"}
@@ -196,7 +238,9 @@ def _panels(iterations: Mapping[int, Row], models: Mapping[str, Row]) -> list[Pa
 
 def _mixture(runs: Sequence[Run]) -> str:
     """Return the mean equilibrium at the end in words."""
-    weights = {name: float(np.mean([run["mixture"][name] for run in runs])) for name in runs[0]["mixture"]}
+    weights = {
+        name: float(np.mean([run["mixture"][name] for run in runs])) for name in runs[0]["mixture"]
+    }
     parts = [f"{name}: {weight:.0%}" for name, weight in weights.items() if weight >= _SHOWN]
     return f"The defence's mixture at the end: {'; '.join(parts)}."
 
@@ -206,4 +250,7 @@ def _cells(row: Row, columns: Mapping[str, str]) -> list[float]:
 
 
 def _texts(row: Row, columns: Mapping[str, str]) -> list[str]:
-    return [f"{one.value + 0.0:.3f} ± {(one.high - one.low) / 2:.3f}" for one in (row[name] for name in columns)]
+    return [
+        f"{one.value + 0.0:.3f} ± {(one.high - one.low) / 2:.3f}"
+        for one in (row[name] for name in columns)
+    ]

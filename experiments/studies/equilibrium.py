@@ -1,12 +1,14 @@
-"""The game between trust models and attackers that a benchmark has played: is a mixture worth more than the best model?
+"""The game between trust models and attackers that a benchmark has played: is a mixture worth more
+than the best model?
 
-The payoff is the score of the suite, a zero-sum game. The defender picks a trust model for each game at random, with
-one set of probabilities for all conditions, since it does not know who attacks. The attacker knows the probabilities
-and the condition, but not the model that was drawn. Only attacks that were played on every model are its strategies: a
-search that was trained on one model has no payoff against the others. Each condition counts alike.
+The payoff is the score of the suite, a zero-sum game. The defender picks a trust model for each
+game at random, with one set of probabilities for all conditions, since it does not know who
+attacks. The attacker knows the probabilities and the condition, but not the model that was drawn.
+Only attacks that were played on every model are its strategies: a search that was trained on one
+model has no payoff against the others. Each condition counts alike.
 
-Mixtures and attacks are chosen in one set of games, and scored in another. Intervals resample games. A minute, once
-`make benchmark` has run.
+Mixtures and attacks are chosen in one set of games, and scored in another. Intervals resample
+games. A minute, once `make benchmark` has run.
 """
 
 from collections.abc import Iterable, Sequence
@@ -84,7 +86,8 @@ FACTS = {
     "informed": "best model alone in each condition, if the condition is known",
     "informed_mixture": "best mixture in each condition, if the condition is known",
 }
-"""Scores of a defender, by name. One that knows the condition takes the best model, or the mixture, of each."""
+"""Scores of a defender, by name. One that knows the condition takes the best model, or the mixture,
+of each."""
 
 
 def main(study: Study[Options]) -> None:
@@ -93,19 +96,32 @@ def main(study: Study[Options]) -> None:
     suite, stored = read_run(results)
     names = suite.model_names
     games = payoffs(attack_scores(suite, stored), names)
-    found, attacks = equilibrium(games, resamples, study.seed), solve(_means(games, None)[0]).attacks
+    found, attacks = (
+        equilibrium(games, resamples, study.seed),
+        solve(_means(games, None)[0]).attacks,
+    )
     order = sorted(range(len(names)), key=lambda k: -found["alone"][k].value)
     rows = [(names[k], [found[column][k] for column in _COLUMNS]) for k in order]
     header = ("model", *with_ends(_COLUMNS))
-    study.csv("equilibrium.csv", header, [[name, *(x for one in parts for x in one)] for name, parts in rows])
+    study.csv(
+        "equilibrium.csv",
+        header,
+        [[name, *(x for one in parts for x in one)] for name, parts in rows],
+    )
     mixed = [
-        (game.condition, {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST})
+        (
+            game.condition,
+            {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST},
+        )
         for game, weights in zip(games, attacks, strict=True)
     ]
     lines = [(*where, name, weight) for where, mixture in mixed for name, weight in mixture.items()]
     study.csv("attacks.csv", ("scenario", "track", "share", "attack", "weight"), lines)
     mixtures = [
-        [where.description, ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN)]
+        [
+            where.description,
+            ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN),
+        ]
         for where, of in mixed
     ]
     weights = [[f"`{name}`", *map(_text, parts)] for name, parts in rows]
@@ -132,7 +148,8 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
     """Return the payoffs of each condition in which agents attack.
 
     Raises:
-        ValueError: No attack was played on all models in some condition, or in none an agent attacks.
+        ValueError: No attack was played on all models in some condition, or in none an agent
+            attacks.
     """
     groups: dict[Condition, dict[tuple[str, str], dict[str, AttackScores]]] = {}
     games = 0  # of every attack; the worst ones of a model may have more
@@ -150,12 +167,22 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
             name: rows
             for (_, name), rows in group.items()
             if len(rows) == len(models)
-            and not any(np.isnan([one.chosen[:, :games], one.score[:, :games]]).any() for one in rows.values())
+            and not any(
+                np.isnan([one.chosen[:, :games], one.score[:, :games]]).any()
+                for one in rows.values()
+            )
         }
         if not common:
-            raise ValueError(f"no attack was played on all {len(models)} models in {condition.description}")
+            raise ValueError(
+                f"no attack was played on all {len(models)} models in {condition.description}"
+            )
         chosen, measured = (
-            np.array([[np.ravel(getattr(rows[m], part)[:, :games]) for rows in common.values()] for m in models])
+            np.array(
+                [
+                    [np.ravel(getattr(rows[m], part)[:, :games]) for rows in common.values()]
+                    for m in models
+                ]
+            )
             for part in ("chosen", "score")
         )
         found.append(Payoffs(condition, tuple(common), chosen, measured))
@@ -163,10 +190,11 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
 
 
 def solve(games: Sequence[Floats]) -> Solution:
-    """Return the equilibrium of mean scores, one matrix of shape (M, A) for each condition, by linear programming.
+    """Return the equilibrium of mean scores, one matrix of shape (M, A) for each condition, by
+    linear programming.
 
-    The defender's program is: maximise the mean of v[c] with v[c] <= sum over the models of x[m] U[c][m, a] for every
-    attack a. The attacker's mixtures are its dual.
+    The defender's program is: maximise the mean of v[c] with v[c] <= sum over the models of x[m]
+    U[c][m, a] for every attack a. The attacker's mixtures are its dual.
 
     Example:
         >>> rock_paper = np.array([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]])
@@ -175,7 +203,10 @@ def solve(games: Sequence[Floats]) -> Solution:
         (0.0, [0.333, 0.333, 0.333])
     """
     models, conditions = len(games[0]), len(games)
-    rows = [np.hstack([-game.T, np.eye(conditions)[[c] * game.shape[1]]]) for c, game in enumerate(games)]
+    rows = [
+        np.hstack([-game.T, np.eye(conditions)[[c] * game.shape[1]]])
+        for c, game in enumerate(games)
+    ]
     cost = np.r_[np.zeros(models), np.full(conditions, -1 / conditions)]
     whole = np.r_[np.ones(models), np.zeros(conditions)][None]
     bounds = [(0.0, None)] * models + [(None, None)] * conditions
@@ -190,7 +221,8 @@ def solve(games: Sequence[Floats]) -> Solution:
 
 
 def responded(weights: Floats, chosen: Sequence[Floats], measured: Sequence[Floats]) -> float:
-    """Return the mean score of a mixture over the conditions, each under the attack that is worst when it is chosen.
+    """Return the mean score of a mixture over the conditions, each under the attack that is worst
+    when it is chosen.
 
     Args:
         weights: Probability of each model, shape (M,).
@@ -198,21 +230,26 @@ def responded(weights: Floats, chosen: Sequence[Floats], measured: Sequence[Floa
         measured: Mean scores in the games for measuring.
     """
     worst = [
-        weights @ measure[:, np.argmin(weights @ choose)] for choose, measure in zip(chosen, measured, strict=True)
+        weights @ measure[:, np.argmin(weights @ choose)]
+        for choose, measure in zip(chosen, measured, strict=True)
     ]
     return float(np.mean(worst))
 
 
-def equilibrium(games: Sequence[Payoffs], resamples: int = 200, seed: int = 0) -> dict[str, list[Interval]]:
-    """Return the equilibrium with 95% intervals: games are drawn anew, and all is chosen and measured in the draw.
+def equilibrium(
+    games: Sequence[Payoffs], resamples: int = 200, seed: int = 0
+) -> dict[str, list[Interval]]:
+    """Return the equilibrium with 95% intervals: games are drawn anew, and all is chosen and
+    measured in the draw.
 
-    Mixtures and attacks are chosen in the games for choosing, and all scores are of the games for measuring.
+    Mixtures and attacks are chosen in the games for choosing, and all scores are of the games for
+    measuring.
 
     Returns:
-        For each model `weight`, its probability in the equilibrium; `alone`, its score alone under the best response to
-        it; `exploitability`, what the mixture has over it. Single numbers are `mixture`, the score of the mixture under
-        the best response to it, `gain`, what it has over the model that is the best one alone, `informed` and
-        `informed_mixture`, see `FACTS`.
+        For each model `weight`, its probability in the equilibrium; `alone`, its score alone under
+        the best response to it; `exploitability`, what the mixture has over it. Single numbers are
+        `mixture`, the score of the mixture under the best response to it, `gain`, what it has over
+        the model that is the best one alone, `informed` and `informed_mixture`, see `FACTS`.
     """
     rng = np.random.default_rng(seed)
     numbers = _numbers(*_means(games, None))
@@ -232,15 +269,26 @@ def _numbers(chosen: Sequence[Floats], measured: Sequence[Floats]) -> dict[str, 
     mixture = responded(weights, chosen, measured)
     least = np.array([game.min(axis=1) for game in chosen])  # (C, M)
     best = alone[np.argmax(least.mean(axis=0))]
-    informed = np.mean([responded(single[np.argmax(row)], *pair) for row, pair in zip(least, pairs, strict=True)])
+    informed = np.mean(
+        [responded(single[np.argmax(row)], *pair) for row, pair in zip(least, pairs, strict=True)]
+    )
     mixed = np.mean([responded(solve(pair[0]).models, *pair) for pair in pairs])
-    singles = {"mixture": mixture, "gain": mixture - best, "informed": informed, "informed_mixture": mixed}
+    singles = {
+        "mixture": mixture,
+        "gain": mixture - best,
+        "informed": informed,
+        "informed_mixture": mixed,
+    }
     of_models = {"weight": weights, "alone": alone, "exploitability": mixture - alone}
     return of_models | {name: np.array([value]) for name, value in singles.items()}
 
 
-def _means(games: Sequence[Payoffs], rng: np.random.Generator | None) -> tuple[list[Floats], list[Floats]]:
-    """Return the mean scores of each condition for choosing and for measuring, (M, A), or those of a draw of games."""
+def _means(
+    games: Sequence[Payoffs], rng: np.random.Generator | None
+) -> tuple[list[Floats], list[Floats]]:
+    """Return the mean scores of each condition for choosing and for measuring, (M, A), or those of
+    a draw of games.
+    """
 
     def mean(scores: Floats) -> Floats:
         count = scores.shape[2]

@@ -1,17 +1,28 @@
-"""Answers to what the paper claims or leaves open, each with a figure, numbers with intervals and a sentence.
+"""Answers to what the paper claims or leaves open, each with a figure, numbers with intervals and a
+sentence.
 
-The questions are about the harm by raters and by providers (`roles`), larger systems (`dilution`), honest agents
-(`noise`), the share of liars that breaks a model (`breaking`) or from which on no model can know better (`mirrored`),
-ToA (`both-roles`), cutting agents off (`admission`), and raters that see only the providers near them (`movement`).
+The questions are about the harm by raters and by providers (`roles`), larger systems (`dilution`),
+honest agents (`noise`), the share of liars that breaks a model (`breaking`) or from which on no
+model can know better (`mirrored`), ToA (`both-roles`), cutting agents off (`admission`), and raters
+that see only the providers near them (`movement`).
 
-Compared games use the same random numbers. A rule turns the numbers into a sentence, and the sentence says where a
-difference is not shown. Minutes on two cores.
+Compared games use the same random numbers. A rule turns the numbers into a sentence, and the
+sentence says where a difference is not shown. Minutes on two cores.
 """
 
 from typing import NamedTuple
 
 from roletrust_experiments.plots.charts import Panel, Series, panels_figure
-from studies.questions import admission, both_roles, breaking, dilution, mirrored, movement, noise, roles
+from studies.questions import (
+    admission,
+    both_roles,
+    breaking,
+    dilution,
+    mirrored,
+    movement,
+    noise,
+    roles,
+)
 from studies.questions.answers import Effort
 from studies.study import Recipe, Run, Study
 
@@ -34,7 +45,7 @@ whose interval contains 0 is not shown, and the sentence says "neither more nor 
 multiple comparisons: of twenty differences that do not exist, one is shown by chance. The code is in
 `experiments/studies/questions`; `python -m studies findings` also writes a table of the numbers of each figure.
 `roletrust figures` repeats the experiment of the paper with rendered cameras and a people detector, and compares each
-statement about its Figures 3 and 4 with the measurement."""
+statement about its Figures 3 and 4 with the measurement."""  # noqa: E501
 
 
 class Options(NamedTuple):
@@ -76,9 +87,16 @@ def main(study: Study[Options]) -> None:
         study.csv(f"findings/{name}.csv", ("figure", "series", "at", "value", "low", "high"), rows)
         note = f"{found['games']} games for each value; 95% intervals"
         study.figure(f"findings/{name}.png", panels_figure(found["question"], panels, note))
-        command = f"findings --question {name} --games {games} --seed {study.seed}{' --quick' * quick}"
+        command = (
+            f"findings --question {name} --games {games} --seed {study.seed}{' --quick' * quick}"
+        )
         picture = f"![{found['question']}](findings/{name}.png)"
-        parts += [f"## {found['question']}", picture, found["sentence"], f"    python -m studies {command}"]
+        parts += [
+            f"## {found['question']}",
+            picture,
+            found["sentence"],
+            f"    python -m studies {command}",
+        ]
     study.page("findings.md", *parts)
 
 

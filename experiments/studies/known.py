@@ -1,9 +1,11 @@
-"""The known attacks of the suite `standard`: what longer searches find on each trust model, and what is kept of it.
+"""The known attacks of the suite `standard`: what longer searches find on each trust model, and
+what is kept of it.
 
-Searches start from the attacks that the suite knows, so a second run goes on where the first ended. All attacks that
-are known or found in a condition play against all models. A greedy choice keeps those that together leave the models
-the least, the first half among attacks that serve all raters alike. In scenarios without searches the first attacks of
-each condition with the same roles are candidates, too. Three to four hours on two cores.
+Searches start from the attacks that the suite knows, so a second run goes on where the first ended.
+All attacks that are known or found in a condition play against all models. A greedy choice keeps
+those that together leave the models the least, the first half among attacks that serve all raters
+alike. In scenarios without searches the first attacks of each condition with the same roles are
+candidates, too. Three to four hours on two cores.
 """
 
 from collections.abc import Iterator, Sequence
@@ -52,12 +54,18 @@ def main(study: Study[Options]) -> None:
         matrix = _matrix(suite, searches, candidates, asked.games)
         board = benchmark(None, matrix, workers=workers, out=study.out / name, force=study.again)
         for condition in dict.fromkeys(one.condition for one in candidates):
-            names = choice([one for one in board.attacks if tuple(one.condition) == condition], many)
-            yield from (one for one in candidates if one.condition == condition and one.name in names)
+            names = choice(
+                [one for one in board.attacks if tuple(one.condition) == condition], many
+            )
+            yield from (
+                one for one in candidates if one.condition == condition and one.name in names
+            )
 
     known = tuple(one for one in suite.known if one.condition in searches.conditions)
     searches = searches.model_copy(update={"known": known})
-    found = benchmark(None, searches, workers=workers, out=study.out / "searches", force=study.again)
+    found = benchmark(
+        None, searches, workers=workers, out=study.out / "searches", force=study.again
+    )
     new = [
         KnownAttack(
             name=f"{cell.method} against {cell.model}",
@@ -82,7 +90,8 @@ def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
 
     Args:
         scores: Scores of all attacks in a condition.
-        many: Largest number of attacks. From half of it on, no attack is kept that lowers the mean by little.
+        many: Largest number of attacks. From half of it on, no attack is kept that lowers the mean
+            by little.
     """
     treats: dict[str, bool] = {}
     for one in scores:
@@ -97,7 +106,10 @@ def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
         alike = [k for k in rest if not treats[names[k]]]
         pool = alike if alike and len(chosen) < many // 2 else rest
         best = min(pool, key=lambda k: float(np.minimum(worst, left[k]).sum()))
-        if len(chosen) >= many // 2 and float((worst - np.minimum(worst, left[best])).mean()) < _LEAST:
+        if (
+            len(chosen) >= many // 2
+            and float((worst - np.minimum(worst, left[best])).mean()) < _LEAST
+        ):
             break
         chosen.append(best)
         worst = np.minimum(worst, left[best])
@@ -124,11 +136,19 @@ def _matrix(suite: Suite, searches: Suite, candidates: Sequence[KnownAttack], ga
     return suite.model_copy(update=changes)
 
 
-def _elsewhere(suite: Suite, searches: Suite, chosen: Sequence[KnownAttack]) -> Iterator[KnownAttack]:
-    """Yield attacks for the conditions of the suite that have no searches: the first of each condition of the track."""
+def _elsewhere(
+    suite: Suite, searches: Suite, chosen: Sequence[KnownAttack]
+) -> Iterator[KnownAttack]:
+    """Yield attacks for the conditions of the suite that have no searches: the first of each
+    condition of the track.
+    """
     for scenario, track, share in suite.conditions:
         if scenario not in searches.scenarios:
             for at in dict.fromkeys(one.condition for one in chosen if one.track == track):
                 for one in [one for one in chosen if one.condition == at][:6]:
-                    place = {"scenario": scenario, "share": share, "name": f"{one.name}, of {one.scenario}"}
+                    place = {
+                        "scenario": scenario,
+                        "share": share,
+                        "name": f"{one.name}, of {one.scenario}",
+                    }
                     yield one.model_copy(update=place)

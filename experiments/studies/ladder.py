@@ -1,21 +1,22 @@
 """Every way to attack a task, from honest play to the optimum, in one table and one picture.
 
-Each rung of the ladder looks for an attack with the same budget of game rounds. All attacks are then measured in the
-same held-out games. The score is the mean reward per round with its 95% confidence interval, over the runs or, for a
-single run, over its games. The share is 0 for honest play. It is 1 for the exact optimum, for a proven bound, or for
-the best attack found where neither is known.
+Each rung of the ladder looks for an attack with the same budget of game rounds. All attacks are
+then measured in the same held-out games. The score is the mean reward per round with its 95%
+confidence interval, over the runs or, for a single run, over its games. The share is 0 for honest
+play. It is 1 for the exact optimum, for a proven bound, or for the best attack found where neither
+is known.
 
-scripted: on-off and bad-mouthing, as in the paper and as the best of a grid, or the attacks of `--attack`.
-random search, CMA-ES: over the parameters that the scripted attacks declare.
-universal, evolution: coalitions as one mind, ready ones of the project, and one that evolves for this task.
-white-box planner: follows the gradient through the game. learned: the attackers of `--learned`, folders that
-`roletrust train` has written with as many runs and the same seeds.
-exact: dynamic programming, for one provider (exploit, no stealth) in a game without randomness.
-best known: planned lies, for raters (damage) in a game without randomness; for one rater with a bound that no attack
-exceeds.
+scripted: on-off and bad-mouthing, as in the paper and as the best of a grid, or the attacks of
+`--attack`. random search, CMA-ES: over the parameters that the scripted attacks declare. universal,
+evolution: coalitions as one mind, ready ones of the project, and one that evolves for this task.
+white-box planner: follows the gradient through the game. learned: the attackers of `--learned`,
+folders that `roletrust train` has written with as many runs and the same seeds. exact: dynamic
+programming, for one provider (exploit, no stealth) in a game without randomness. best known:
+planned lies, for raters (damage) in a game without randomness; for one rater with a bound that no
+attack exceeds.
 
-The recipe `ladder` has three colluders in a crowd, whose trainings are those of the recipe `colluders` of the study
-`pages`; half an hour on two cores for both.
+The recipe `ladder` has three colluders in a crowd, whose trainings are those of the recipe
+`colluders` of the study `pages`; half an hour on two cores for both.
 """
 
 from collections.abc import Sequence
@@ -35,7 +36,14 @@ from roletrust_env import make_scenario
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.scripts import Scripts
-from roletrust_env.evaluation.search import Budget, HonestPlay, MeasuredSearch, SearchMethod, UnsuitableError, find
+from roletrust_env.evaluation.search import (
+    Budget,
+    HonestPlay,
+    MeasuredSearch,
+    SearchMethod,
+    UnsuitableError,
+    find,
+)
 from roletrust_env.evaluation.specs import parse_kinds, parse_settings, parse_trust_model
 from roletrust_env.metrics.confidence import Interval, over_games
 from roletrust_env.storage.markdown import markdown_table
@@ -129,11 +137,22 @@ def main(study: Study[Options]) -> None:
     }
     kinds = parse_kinds(list(asked.attack), rules) if asked.attack else None
     Scripts.of(exact_task(task), kinds)  # an attack that does not fit is refused before the games
-    scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)]
-    searches = [HonestPlay(), *scripted, Universal(wide=False), EvolutionSearch(wide=False), Planner()]
+    scripted: list[SearchMethod] = [
+        rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)
+    ]
+    searches = [
+        HonestPlay(),
+        *scripted,
+        Universal(wide=False),
+        EvolutionSearch(wide=False),
+        Planner(),
+    ]
     seeds = range(seed, seed + asked.runs)
     trained = [learned_methods(path, seeds, "learned") for path in asked.learned]
-    ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(asked.runs)]
+    ladders = [
+        [*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()]
+        for run in range(asked.runs)
+    ]
     found, missing = climb(ladders, task, asked.budget, seed, asked.games)
     rows = ranked(found)
     about = f"{task_id.removeprefix('RoleTrust/')}, {rules.name}, {defaults['objective']}"
@@ -150,7 +169,8 @@ def main(study: Study[Options]) -> None:
         "ladder.md",
         f"# {about}",
         markdown_table(["rung", "score", "share", "rounds", "seconds"], map(_cells, rows), 1),
-        f"Share: 0 is honest play, 1 is {what}, {score:.4f}; ± half the 95% interval {over}, rounded up.",
+        f"Share: 0 is honest play, 1 is {what}, {score:.4f}; ± half the 95% interval {over}, "
+        "rounded up.",
         "\n".join(f"- {_run_name(row, seed)}: {row.runs[row.best].description}." for row in rows),
         "\n".join(f"- Left out: {name}: {why}." for name, why in missing.items()),
         f"Made by `{study.command}`.",
@@ -158,7 +178,11 @@ def main(study: Study[Options]) -> None:
 
 
 def climb(
-    ladders: Sequence[Sequence[SearchMethod]], arguments: TaskArguments, budget: int, seed: int, games: int
+    ladders: Sequence[Sequence[SearchMethod]],
+    arguments: TaskArguments,
+    budget: int,
+    seed: int,
+    games: int,
 ) -> tuple[list[list[MeasuredSearch]], dict[str, str]]:
     """Run every rung.
 
@@ -187,13 +211,23 @@ def climb(
 
 
 def ranked(found: Sequence[Sequence[MeasuredSearch]]) -> list[Row]:
-    """Return the rungs with their runs and shares: 0 is honest play, the first rung, and 1 is the top, see `top`."""
+    """Return the rungs with their runs and shares: 0 is honest play, the first rung, and 1 is the
+    top, see `top`.
+    """
     rows = []
     for runs in found:
         means = np.array([run.scores.mean() for run in runs])
         score, half, _ = over_games(means if len(runs) > 1 else runs[0].scores)
         # Games without randomness differ only by rounding.
-        rows.append(Row(runs[0].name, tuple(runs), float(score), float(half) if half > 1e-12 else 0.0, np.nan))
+        rows.append(
+            Row(
+                runs[0].name,
+                tuple(runs),
+                float(score),
+                float(half) if half > 1e-12 else 0.0,
+                np.nan,
+            )
+        )
     foot, highest = rows[0].score, top(rows)[0]
     if highest <= foot:
         return rows
@@ -201,7 +235,9 @@ def ranked(found: Sequence[Sequence[MeasuredSearch]]) -> list[Row]:
 
 
 def top(rows: Sequence[Row]) -> tuple[float, str]:
-    """Return the score with share 1, and its meaning: the exact optimum, a bound, or the best score found."""
+    """Return the score with share 1, and its meaning: the exact optimum, a bound, or the best score
+    found.
+    """
     for row in rows:
         bound = row.runs[0].bound
         if bound is not None:
@@ -215,19 +251,31 @@ def lines(rows: Sequence[Row], seed: int) -> list[tuple[Any, ...]]:
     for row in rows:
         for run, found in enumerate(row.runs, start=seed):
             score, half, _ = over_games(found.scores)
-            parts = (float(score), float(half), float(found.objective.mean()), float(found.cost.mean()))
+            parts = (
+                float(score),
+                float(half),
+                float(found.objective.mean()),
+                float(found.cost.mean()),
+            )
             table.append((row.name, run, *parts, found.rounds, found.seconds, found.description))
     return table
 
 
 def _run_name(row: Row, seed: int) -> str:
     """Return the name of the best run of a rung. The first run has the given seed."""
-    return f"{row.name}, seed {seed + row.best}" if len(row.runs) > 1 and row.runs[0].rounds else row.name
+    return (
+        f"{row.name}, seed {seed + row.best}"
+        if len(row.runs) > 1 and row.runs[0].rounds
+        else row.name
+    )
 
 
 def _cells(row: Row) -> list[str]:
     """Return a row of the table; half an interval is rounded up."""
     score = f"{row.score:.4f}" + (f" ± {ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
-    rounds, seconds = max(run.rounds for run in row.runs), float(np.mean([run.seconds for run in row.runs]))
+    rounds, seconds = (
+        max(run.rounds for run in row.runs),
+        float(np.mean([run.seconds for run in row.runs])),
+    )
     share = "" if np.isnan(row.share) else f"{row.share:.3f}"
     return [row.name, score, share, f"{rounds:,}" if rounds else "-", f"{seconds:.1f}"]

@@ -1,8 +1,8 @@
 """Every trust model under the same three attacks, in one row each, with the same random numbers.
 
-Ten raters rate ten providers for a minute. The attacks last from 15 s to 45 s: a provider that alternates between bad
-and good service every 5 s; four raters that rate everybody 0; and a ring of four raters and two providers that serves
-badly, praises its own members and rates all others 0.
+Ten raters rate ten providers for a minute. The attacks last from 15 s to 45 s: a provider that
+alternates between bad and good service every 5 s; four raters that rate everybody 0; and a ring of
+four raters and two providers that serves badly, praises its own members and rates all others 0.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,12 +22,23 @@ from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.playing.group_measures import attack_rounds
-from roletrust_experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, QUIET, shade, tidy
+from roletrust_experiments.plots.style import (
+    ATTACKED,
+    ATTACKER,
+    DASHES,
+    HONEST,
+    INK,
+    QUIET,
+    shade,
+    tidy,
+)
 from studies.study import Recipe, Study
 
 
 class Options(NamedTuple):
-    """Trust models, all that are installed if left out, and the number of games whose mean is drawn."""
+    """Trust models, all that are installed if left out, and the number of games whose mean is
+    drawn.
+    """
 
     model: tuple[str, ...] = ()
     games: int = 8
@@ -40,7 +51,10 @@ _WINDOW = "start=30,stop=90"
 ATTACKS = {
     "one provider is on-off": [f"sp_0=on-off:period=20,{_WINDOW}"],
     "4 of 10 raters bad-mouth": [f"sr_[0-3]=bad-mouthing:level=0,{_WINDOW}"],
-    "a ring: 4 raters, 2 providers": [f"sr_[0-3]=collusion:{_WINDOW}", f"sp_[01]=collusion:{_WINDOW}"],
+    "a ring: 4 raters, 2 providers": [
+        f"sr_[0-3]=collusion:{_WINDOW}",
+        f"sp_[01]=collusion:{_WINDOW}",
+    ],
 }
 """Attacks as `--attack` takes them, by their titles on the page."""
 
@@ -62,8 +76,8 @@ class Panel(NamedTuple):
 
     Attributes:
         time_s: seconds, (T,).
-        lines: mean trust over agents and games, (T,), by the trust, `"ToR"` or `"ToP"`, and whose, `"honest"` or
-            `"attackers"`, as far as there are such agents and the model rates them.
+        lines: mean trust over agents and games, (T,), by the trust, `"ToR"` or `"ToP"`, and whose,
+            `"honest"` or `"attackers"`, as far as there are such agents and the model rates them.
         attacked: seconds from and to which the attack lasts.
     """
 
@@ -77,7 +91,10 @@ def main(study: Study[Options]) -> None:
     rules = make_scenario(SCENARIO).change(max_cycles=ROUNDS)
     attacks = {name: parse_attacks(texts, rules) for name, texts in ATTACKS.items()}
     games = study.options.games
-    models = {name: Game(rules, parse_trust_model(name, rules)) for name in study.options.model or trust_models()}
+    models = {
+        name: Game(rules, parse_trust_model(name, rules))
+        for name in study.options.model or trust_models()
+    }
     panels = {
         name: {
             attack: play_panel(JointPolicy(game, attackers), study.seed, games=games)
@@ -85,7 +102,10 @@ def main(study: Study[Options]) -> None:
         }
         for name, game in models.items()
     }
-    note = f"shaded: during the attack; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"
+    note = (
+        f"shaded: during the attack; means over agents and {games} game{'s' * (games > 1)} of "
+        f"{rules.name}"
+    )
     families = {name: Traits.of(game.model).family for name, game in models.items()}
     study.figure("models.png", models_figure(panels, families, note))
     rows = [
@@ -103,14 +123,19 @@ def play_panel(joint_policy: JointPolicy, seed: int, *, games: int) -> Panel:
     game = joint_policy.game
     curves = record_curves(joint_policy, seed, games=games)
     lines = mean_lines(game.roster, curves, joint_policy.attackers, game.model.rates_raters)
-    start, stop = (r * game.scenario.period_s for r in attack_rounds(joint_policy.policies, game.scenario.max_cycles))
+    start, stop = (
+        r * game.scenario.period_s
+        for r in attack_rounds(joint_policy.policies, game.scenario.max_cycles)
+    )
     return Panel(curves.time_s, lines, (start, stop))
 
 
 def mean_lines(
     roster: Roster, curves: Curves, attackers: Sequence[str], rates_raters: bool
 ) -> dict[tuple[str, str], Floats]:
-    """Return the lines of a panel from the curves of games; `rates_raters` says whether the model does."""
+    """Return the lines of a panel from the curves of games; `rates_raters` says whether the model
+    does.
+    """
     sides = [("ToP", roster.provider_names, curves.top)]
     sides += [("ToR", roster.rater_names, curves.tor)] if rates_raters else []
     found = {}
@@ -122,8 +147,12 @@ def mean_lines(
     return found
 
 
-def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[str, str], note: str) -> Figure:
-    """Return small multiples: a row for each model, a column for each attack, and what is shown at the foot."""
+def models_figure(
+    panels: Mapping[str, Mapping[str, Panel]], families: Mapping[str, str], note: str
+) -> Figure:
+    """Return small multiples: a row for each model, a column for each attack, and what is shown at
+    the foot.
+    """
     attacks = list(next(iter(panels.values())))
     size = 2.6 + 2.5 * len(attacks), _HEAD + _ROW * len(panels)
     figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.03, hspace=0.02))
@@ -131,7 +160,9 @@ def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[s
     for row, (model, by_attack) in zip(grid, panels.items(), strict=True):
         for axes, attack in zip(row, attacks, strict=True):
             draw_panel(axes, by_attack[attack])
-        row[0].set_ylabel(model, rotation=0, ha="right", va="center", labelpad=12, color=INK, fontweight="bold")
+        row[0].set_ylabel(
+            model, rotation=0, ha="right", va="center", labelpad=12, color=INK, fontweight="bold"
+        )
         row[0].annotate(
             families[model],
             (0, 0.5),
@@ -149,7 +180,12 @@ def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[s
         axes.set_xlabel("time (s)", color=INK, fontsize=9)
     shown = [panel for by_attack in panels.values() for panel in by_attack.values()]
     figure.legend(
-        handles=legend_keys(shown), loc="outside upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK
+        handles=legend_keys(shown),
+        loc="outside upper right",
+        ncols=4,
+        frameon=False,
+        fontsize=9,
+        labelcolor=INK,
     )
     figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
     return figure
@@ -170,7 +206,14 @@ def legend_keys(panels: Iterable[Panel]) -> list[Line2D]:
     """Return an entry of the legend for each kind of line."""
     shown = {key for panel in panels for key in panel.lines}
     return [
-        Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=f"{WORDS[trust, whose]}, {trust}")
+        Line2D(
+            [],
+            [],
+            color=colour,
+            linestyle=dashes,
+            linewidth=width,
+            label=f"{WORDS[trust, whose]}, {trust}",
+        )
         for whose, colour in _COLOURS.items()
         for trust, (dashes, width) in _TRUSTS.items()
         if (trust, whose) in shown

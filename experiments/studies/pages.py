@@ -1,8 +1,9 @@
 """Pages, pictures and attackers that commands of `roletrust` make alone.
 
-Each recipe is a list of commands and of the files that they publish. Recipes on logs of real ratings take a folder of
-them, `--logs`, since they are not in the repository. A training whose folder is there is not repeated without
-`--force`. Minutes each; `attackers` and `universal` take half an hour to an hour on two cores.
+Each recipe is a list of commands and of the files that they publish. Recipes on logs of real
+ratings take a folder of them, `--logs`, since they are not in the repository. A training whose
+folder is there is not repeated without `--force`. Minutes each; `attackers` and `universal` take
+half an hour to an hour on two cores.
 """
 
 import shlex
@@ -38,7 +39,8 @@ _OTHERS = [
 ]
 _PARTS = ["own=1", "limit=0", "modesty=0", "power=0", "keep=1", "prior=0.001"]
 _BESIDE = " ".join(
-    f"--model {name}" for name in ["leave-one-out", *(f"leave-one-out:{part}" for part in _PARTS), *_OTHERS]
+    f"--model {name}"
+    for name in ["leave-one-out", *(f"leave-one-out:{part}" for part in _PARTS), *_OTHERS]
 )
 _BESIDE_OTHERS = " ".join(f"--model {name}" for name in _OTHERS)
 _LEARNED = "--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network"
@@ -46,14 +48,17 @@ _LEARNED = "--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/
 _LLMBAR = "panel {logs}/llm-judges/llmbar-votes.csv.gz --truth truth --kind subset --judge model"
 _PEERS = "panel {logs}/llm-judges/peer-rank-votes.csv.gz --item question --peers"
 _PRODUCT = "panel {logs}/crowd-product/answer.csv.gz --truth {logs}/crowd-product/truth.csv.gz"
-_BELIEVED = "--method role-trust --method leave-one-out --method first-hand --method yu-singh --method fire"
+_BELIEVED = (
+    "--method role-trust --method leave-one-out --method first-hand --method yu-singh --method fire"
+)
 _JUDGED = f"--method majority --method labels-only {_BELIEVED}"
 _ELECTED = f"--method win-rate --method eigentrust {_BELIEVED}"
 _TRIALS = ("all", "bought", "one", "peers", "elected", "product")
 
 _EVOLVE = (
     "train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead "
-    "--model wary-role-trust --model beta --model role-trust --model qor --model median --set max_cycles=50"
+    "--model wary-role-trust --model beta --model role-trust --model qor --model median --set "
+    "max_cycles=50"
 )
 _ABLE = 'role="SP",ability=[0.3,1.0]'
 _RATERS = '{role="SR",count=10,noise=0.05}'
@@ -63,38 +68,54 @@ UNIVERSAL = {
     "raters": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", ["sr_5", "sr_6", *_LIARS]),
     "providers": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", _CHEATS),
     "coalition": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", [*_LIARS, *_CHEATS]),
-    "identities": ("crowd-10x10", f"{_SPARE},{{{_ABLE},count=7}},{{{_ABLE},count=3,reserve=3}}", [*_LIARS, *_CHEATS]),
+    "identities": (
+        "crowd-10x10",
+        f"{_SPARE},{{{_ABLE},count=7}},{{{_ABLE},count=3,reserve=3}}",
+        [*_LIARS, *_CHEATS],
+    ),
     "raters-market": ("market", f"{_RATERS},{{{_ABLE},count=6}}", _LIARS),
     "coalition-market": ("market", f"{_RATERS},{{{_ABLE},count=6}}", [*_LIARS, *_OF_6]),
-    "identities-market": ("market", f"{_SPARE},{{{_ABLE},count=4}},{{{_ABLE},count=2,reserve=3}}", [*_LIARS, *_OF_6]),
+    "identities-market": (
+        "market",
+        f"{_SPARE},{{{_ABLE},count=4}},{{{_ABLE},count=2,reserve=3}}",
+        [*_LIARS, *_OF_6],
+    ),
 }
-"""Universal coalitions: one network each for liars, cheats, both, and both with identities in reserve.
+"""Universal coalitions: one network each for liars, cheats, both, and both with identities in
+reserve.
 
-They are trained in the crowd and in the market of the suite two-worlds, against five trust models in turn. Each has its
-scenario, its agents and the compromised ones.
+They are trained in the crowd and in the market of the suite two-worlds, against five trust models
+in turn. Each has its scenario, its agents and the compromised ones.
 """
 
 _TREAT = (
-    "train CollusionAttack --learner evolution-strategy:wide=true,start=alike,games=8,pairs=16 --steps 3000000 "
-    "--objective mislead --consumers raters --scenario market --set max_cycles=60 --set continuation=0.97 "
-    "--set ratings={{lost=0.8}} --model own-experience --model first-hand --model subjective-logic --model fire "
+    "train CollusionAttack --learner evolution-strategy:wide=true,start=alike,games=8,pairs=16 "
+    "--steps 3000000 "
+    "--objective mislead --consumers raters --scenario market --set max_cycles=60 --set "
+    "continuation=0.97 "
+    "--set ratings={{lost=0.8}} --model own-experience --model first-hand --model subjective-logic "
+    "--model fire "
     "--model yu-singh"
 )
-_OF_12 = f'{{role="SR",count=9,noise=0.05}},{{role="SR",count=3,noise=0.05}},{{{_ABLE},count=5}},{{{_ABLE},count=2}}'
-_SPARE_12 = _OF_12.replace("count=3,noise=0.05", "count=3,noise=0.05,reserve=2").replace("count=2", "count=2,reserve=2")
+_OF_12 = f'{{role="SR",count=9,noise=0.05}},{{role="SR",count=3,noise=0.05}},{{{_ABLE},count=5}},{{{_ABLE},count=2}}'  # noqa: E501
+_SPARE_12 = _OF_12.replace("count=3,noise=0.05", "count=3,noise=0.05,reserve=2").replace(
+    "count=2", "count=2,reserve=2"
+)
 _TWO, _THREE = ["sp_5", "sp_6"], ["sr_9", "sr_10", "sr_11"]
 TREATMENT = {
     "providers": (_OF_12, _TWO),
     "coalition": (_OF_12, [*_THREE, *_TWO]),
     "identities": (_SPARE_12, [*_THREE, *_TWO]),
 }
-"""Universal coalitions that treat each rater by its account, against five personal models: agents, compromised ones."""
+"""Universal coalitions that treat each rater by its account, against five personal models: agents,
+compromised ones."""
 
 
 COMMANDS = {
     "pictures": [
         "figures --out {out}",
-        "play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out {out}/play",
+        "play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out "
+        "{out}/play",
     ],
     "better-model": ["benchmark --suite {suites}/development.toml --force --out {out}"],
     "leave-one-out": ["benchmark --suite {suites}/leave-one-out.toml --force --out {out}"],
@@ -117,7 +138,8 @@ COMMANDS = {
         f"rate {{logs}} --compare {_BESIDE} --every 604800 --out {{out}}/7",
     ],
     "defence-logs": [
-        f"rate {{logs}} --compare --model leave-one-out --model {{learned}} {_LEARNED} {_BESIDE_OTHERS} --out {{out}}"
+        f"rate {{logs}} --compare --model leave-one-out --model {{learned}} {_LEARNED} "
+        f"{_BESIDE_OTHERS} --out {{out}}"
     ],
     "judges": [
         f"{_LLMBAR} --judge prompt --measure --out {{out}}/all",
@@ -146,16 +168,22 @@ COMMANDS = {
         "train CollusionAttack --stealth-weight 2 --out {out}/collusion-10x10",
     ],
 }
-"""Commands of each recipe. `{out}` is its folder, `{learned}` the leave-one-out of the study `defend`."""
+"""Commands of each recipe. `{out}` is its folder, `{learned}` the leave-one-out of the study
+`defend`."""
 
 
 def _attackers(names: Sequence[str], prefix: str = "") -> dict[str, str]:
     kinds = ("json", "safetensors")
-    return {f"{name}/attacker.{kind}": f"{ZOO}/{prefix}{name}.{kind}" for name in names for kind in kinds}
+    return {
+        f"{name}/attacker.{kind}": f"{ZOO}/{prefix}{name}.{kind}"
+        for name in names
+        for kind in kinds
+    }
 
 
 FILES = {
-    "pictures": {f"{name}.png": f"{name}.png" for name in ("figure3", "figure4")} | {"play/play.png": "render.png"},
+    "pictures": {f"{name}.png": f"{name}.png" for name in ("figure3", "figure4")}
+    | {"play/play.png": "render.png"},
     "better-model": {"leaderboard.csv": "better-model.csv"},
     "leave-one-out": {"leaderboard.csv": "leave-one-out.csv"},
     "first-hand": {
@@ -168,7 +196,9 @@ FILES = {
     "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},
     "audit": {"audit/audit.png": "audit.png"},
     "real": {f"comparison.{kind}": f"real/real.{kind}" for kind in ("md", "csv")},
-    "leave-one-out-logs": {f"{days}/comparison.csv": f"leave-one-out-{days}.csv" for days in (30, 7)},
+    "leave-one-out-logs": {
+        f"{days}/comparison.csv": f"leave-one-out-{days}.csv" for days in (30, 7)
+    },
     "defence-logs": {"comparison.csv": "defence/logs.csv"},
     "judges": {
         "bought/panel.png": "judges/panel.png",
@@ -198,5 +228,7 @@ def main(study: Study[Options]) -> None:
         if words[0] == "train" and Path(words[-1]).exists():
             continue
         print(f"roletrust {shlex.join(words)}", flush=True)
-        if code := subprocess.run([Path(sys.executable).with_name("roletrust"), *words], check=False).returncode:
+        if code := subprocess.run(
+            [Path(sys.executable).with_name("roletrust"), *words], check=False
+        ).returncode:
             raise SystemExit(code)

@@ -1,9 +1,11 @@
-"""How fast the games run: one environment, batches on NumPy, torch and JAX; mpe2, VMAS and JaxMARL beside them.
+"""How fast the games run: one environment, batches on NumPy, torch and JAX; mpe2, VMAS and JaxMARL
+beside them.
 
-Peers are measured if they are installed; all contestants take turns. A step includes all that a learner needs: drawing
-noise, playing the round, and computing observations and rewards. The table shows the median of the repeats, the least
-and the greatest; and the ratio to the peer, which is the first of its group: the lower quartile over the turns. Some
-minutes. `--device cuda` measures the batches that run on a GPU.
+Peers are measured if they are installed; all contestants take turns. A step includes all that a
+learner needs: drawing noise, playing the round, and computing observations and rewards. The table
+shows the median of the repeats, the least and the greatest; and the ratio to the peer, which is the
+first of its group: the lower quartile over the turns. Some minutes. `--device cuda` measures the
+batches that run on a GPU.
 """
 
 import contextlib
@@ -36,8 +38,17 @@ _BEFORE = 100  # rounds before the clock starts, in which our games are traced
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
 _ROUNDS = 16  # of a batch in one step
 _HEADINGS = ["contestant", "games", "M agent-steps/s", "least", "greatest", "times the peer"]
-_FORMS = ["scenario", "forms of a round", "s to trace", "s to compile", "s to find them in the cache"]
-_ABOUT_FORMS = "All forms of the rounds of one scenario; they are compiled beside the play, and nobody waits for it."
+_FORMS = [
+    "scenario",
+    "forms of a round",
+    "s to trace",
+    "s to compile",
+    "s to find them in the cache",
+]
+_ABOUT_FORMS = (
+    "All forms of the rounds of one scenario; they are compiled beside the play, and "
+    "nobody waits for it."
+)
 _PREPARE = """
 import sys, time
 from roletrust_env import parallel_env
@@ -61,7 +72,9 @@ class Options(NamedTuple):
     device: str = "cpu"
 
 
-_Entry = tuple[str, Callable[..., Contestant]]  # the package that a contestant needs, and what makes it
+_Entry = tuple[
+    str, Callable[..., Contestant]
+]  # the package that a contestant needs, and what makes it
 RECIPES = {"speed": Recipe(Options())}
 
 
@@ -70,7 +83,9 @@ def main(study: Study[Options]) -> None:
     """Time all contestants, the peer of each size first, and write the table."""
     device = study.options.device
     os.environ.setdefault("JAX_PLATFORMS", device)  # before JAX is imported
-    os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+    os.environ.setdefault(
+        "XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+    )
     groups: list[tuple[int, list[_Entry]]] = []
     if device == "cpu":
         for turns in (False, True):
@@ -80,7 +95,11 @@ def main(study: Study[Options]) -> None:
         groups.append((1, [("mpe2", partial(simple_adversary, False)), *tasks]))
     for games in study.options.games:
         on_torch = [("torch", partial(batch, library, device)) for library in ("torch", COMPILED)]
-        entries: list[_Entry] = [("jaxmarl", simple_spread_on_jax), ("jax", batch_on_jax), *on_torch]
+        entries: list[_Entry] = [
+            ("jaxmarl", simple_spread_on_jax),
+            ("jax", batch_on_jax),
+            *on_torch,
+        ]
         if device == "cpu":
             on_numpy = [partial(attack_tasks, threads) for threads in (0, 1)]
             on_numpy += [partial(batch, library, device) for library in ("NumPy", "C")]
@@ -91,7 +110,9 @@ def main(study: Study[Options]) -> None:
         made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
         found = measure(made, _REPEATS, _SLICE_S)
         peer = found[0] if importlib.util.find_spec(entries[0][0]) else None
-        rows += [(one.contestant.name, games, *one.rate(), peer and one.ratio(peer)) for one in found]
+        rows += [
+            (one.contestant.name, games, *one.rate(), peer and one.ratio(peer)) for one in found
+        ]
     study.csv("speed.csv", _HEADINGS, rows)
     lines = [
         [name, f"{games:,}", *(f"{x:.3f}" for x in rate), f"{ratio:.1f}" if ratio else "-"]
@@ -99,15 +120,26 @@ def main(study: Study[Options]) -> None:
     ]
     times = [[preset, *preparation(preset)] for preset in _PRESETS if device == "cpu"]
     forms = [_ABOUT_FORMS, markdown_table(_FORMS, times, 1)] if times else []
-    table, made_by = markdown_table(_HEADINGS, lines, 1), f"Made by `{study.command}` on {machine()}."
+    table, made_by = (
+        markdown_table(_HEADINGS, lines, 1),
+        f"Made by `{study.command}` on {machine()}.",
+    )
     study.page("speed.md", "# Speed", table, *forms, made_by)
 
 
 def preparation(preset: str) -> list[str]:
-    """Return the number of forms of a round, and the seconds to trace them, to compile them, and to find them again."""
+    """Return the number of forms of a round, and the seconds to trace them, to compile them, and to
+    find them again.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        command, environment = [sys.executable, "-c", _PREPARE, preset], {**os.environ, "XDG_CACHE_HOME": folder}
-        runs = [subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
+        command, environment = (
+            [sys.executable, "-c", _PREPARE, preset],
+            {**os.environ, "XDG_CACHE_HOME": folder},
+        )
+        runs = [
+            subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+            for _ in range(2)
+        ]
     first, then = (run.stdout.split() for run in runs)
     return [*first, then[-1]]
 
@@ -137,7 +169,9 @@ def simple_adversary(in_turn: bool, seed: int) -> Contestant:
     """Return the environment of mpe2, with episodes of the same length as ours."""
     from mpe2 import simple_adversary_v3 as peer
 
-    made = (peer.env if in_turn else peer.parallel_env)(max_cycles=make_scenario("paper-3x3").max_cycles)
+    made = (peer.env if in_turn else peer.parallel_env)(
+        max_cycles=make_scenario("paper-3x3").max_cycles
+    )
     return _in_pettingzoo("mpe2 simple_adversary", made, in_turn, seed)
 
 
@@ -147,7 +181,9 @@ def _in_pettingzoo(name: str, env: Any, in_turn: bool, seed: int) -> Contestant:
     spaces = {agent: env.action_space(agent) for agent in env.possible_agents}
     for i, space in enumerate(spaces.values()):
         space.seed(seed + i)
-    actions = itertools.cycle([{agent: space.sample() for agent, space in spaces.items()} for _ in range(_SAMPLES)])
+    actions = itertools.cycle(
+        [{agent: space.sample() for agent, space in spaces.items()} for _ in range(_SAMPLES)]
+    )
 
     def step() -> None:
         if not env.agents:
@@ -162,7 +198,10 @@ def _in_pettingzoo(name: str, env: Any, in_turn: bool, seed: int) -> Contestant:
             _, _, terminated, truncated, _ = env.last()
             env.step(None if terminated or truncated else chosen[env.agent_selection])
 
-    name, own = f"{name}, {'in turn' if in_turn else 'parallel'}", getattr(env.unwrapped, "rounds", None)
+    name, own = (
+        f"{name}, {'in turn' if in_turn else 'parallel'}",
+        getattr(env.unwrapped, "rounds", None),
+    )
     return _warm(name, turns if in_turn else step, len(spaces), own)
 
 
@@ -171,21 +210,31 @@ def simple_spread(games: int, seed: int) -> Contestant:
     with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings(action="ignore"):
         import vmas  # and the old gym, which prints that it is no longer maintained
 
-        env = vmas.make_env("simple_spread", num_envs=games, device="cpu", continuous_actions=True, seed=seed)
-    actions = itertools.cycle([[env.get_random_action(agent) for agent in env.agents] for _ in range(_BATCH_SAMPLES)])
-    return Contestant("VMAS simple_spread", lambda: env.step(next(actions)), games * len(env.agents))
+        env = vmas.make_env(
+            "simple_spread", num_envs=games, device="cpu", continuous_actions=True, seed=seed
+        )
+    actions = itertools.cycle(
+        [[env.get_random_action(agent) for agent in env.agents] for _ in range(_BATCH_SAMPLES)]
+    )
+    return Contestant(
+        "VMAS simple_spread", lambda: env.step(next(actions)), games * len(env.agents)
+    )
 
 
 def batch(library: str, device: str, games: int, seed: int) -> Contestant:
-    """Return a batch of games of the paper's scenario in float32, with all that a learner needs of a step.
+    """Return a batch of games of the paper's scenario in float32, with all that a learner needs of
+    a step.
 
-    A step draws noise, plays the round, and computes observations and rewards. Finished games start again. The library
-    is `NumPy`, `C`, which is a kernel, `torch` or `COMPILED`.
+    A step draws noise, plays the round, and computes observations and rewards. Finished games start
+    again. The library is `NumPy`, `C`, which is a kernel, `torch` or `COMPILED`.
     """
     like, random = source(library, seed, device)
     game = Game(make_scenario("paper-3x3"), like=like)
     s, p = game.roster.n_raters, game.roster.n_providers
-    samples = [Actions(random.uniform((p, games)), random.uniform((s, p, games))) for _ in range(_BATCH_SAMPLES)]
+    samples = [
+        Actions(random.uniform((p, games)), random.uniform((s, p, games)))
+        for _ in range(_BATCH_SAMPLES)
+    ]
     actions = itertools.cycle(samples)
 
     def advance(state: Any, joint: Actions, key: Any) -> tuple[Any, ...]:
@@ -224,26 +273,44 @@ def batch_on_jax(games: int, seed: int) -> Contestant:
 
 
 def simple_spread_on_jax(games: int, seed: int) -> Contestant:
-    """Return a batch of JaxMARL's environment with three agents and continuous actions, see `_on_jax`."""
+    """Return a batch of JaxMARL's environment with three agents and continuous actions, see
+    `_on_jax`.
+    """
     import jaxmarl
 
-    return _on_jax("JaxMARL simple_spread", jaxmarl.make("MPE_simple_spread_v3", action_type="Continuous"), games, seed)
+    return _on_jax(
+        "JaxMARL simple_spread",
+        jaxmarl.make("MPE_simple_spread_v3", action_type="Continuous"),
+        games,
+        seed,
+    )
 
 
 def _on_jax(name: str, env: Any, games: int, seed: int) -> Contestant:
-    """Return a batch of an environment in JaxMARL's form: one call plays rounds and carries what agents see along."""
+    """Return a batch of an environment in JaxMARL's form: one call plays rounds and carries what
+    agents see along.
+    """
     import jax
 
     key = jax.random.key(seed)
     shapes = {agent: (_ROUNDS, games, *env.action_space(agent).shape) for agent in env.agents}
-    actions = {agent: jax.random.uniform(jax.random.fold_in(key, i), shapes[agent]) for i, agent in enumerate(shapes)}
+    actions = {
+        agent: jax.random.uniform(jax.random.fold_in(key, i), shapes[agent])
+        for i, agent in enumerate(shapes)
+    }
 
     def play(begun: tuple[Any, Any], sample: tuple[Any, Any]) -> tuple[Any, Any]:
         key, actions = sample
-        seen, states, rewards, *_ = jax.vmap(env.step)(jax.random.split(key, games), begun[1], actions)
+        seen, states, rewards, *_ = jax.vmap(env.step)(
+            jax.random.split(key, games), begun[1], actions
+        )
         return (seen, states), rewards
 
-    rounds = jax.jit(lambda begun, key, actions: jax.lax.scan(play, begun, (jax.random.split(key, _ROUNDS), actions)))
+    rounds = jax.jit(
+        lambda begun, key, actions: jax.lax.scan(
+            play, begun, (jax.random.split(key, _ROUNDS), actions)
+        )
+    )
     begun = jax.jit(jax.vmap(env.reset))(jax.random.split(key, games))
 
     def step() -> None:
@@ -255,7 +322,9 @@ def _on_jax(name: str, env: Any, games: int, seed: int) -> Contestant:
 
 
 def attack_tasks(threads: int, games: int, seed: int) -> Contestant:
-    """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, on NumPy or by the threads of a kernel."""
+    """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, on NumPy or by the threads
+    of a kernel.
+    """
     env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games, threads=threads)
     env.reset(seed=seed)
     env.action_space.seed(seed)
@@ -265,7 +334,9 @@ def attack_tasks(threads: int, games: int, seed: int) -> Contestant:
 
 
 def _warm(name: str, step: Callable[[], None], amount: int, rounds: Rounds | None) -> Contestant:
-    """Return a contestant that has played some rounds, and has compiled its own if the machine has a compiler."""
+    """Return a contestant that has played some rounds, and has compiled its own if the machine has
+    a compiler.
+    """
     for _ in range(2):  # compiled rounds are compared with the rules, too
         for _ in range(_BEFORE):
             step()

@@ -1,13 +1,15 @@
 """Whether honest service stays the best response when providers and raters learn, too.
 
-Agents earn what the environment rewards: trust, less the cost of their services. A provider chooses a level of quality
-and how it reacts to its own trust; a rater chooses how far it lifts or sinks its ratings and how far it follows
-published trust. All agents learn at once, each for itself, from honest play and from random strategies. With shuffled
-rewards nothing can be learnt, and what happens is drift.
+Agents earn what the environment rewards: trust, less the cost of their services. A provider chooses
+a level of quality and how it reacts to its own trust; a rater chooses how far it lifts or sinks its
+ratings and how far it follows published trust. All agents learn at once, each for itself, from
+honest play and from random strategies. With shuffled rewards nothing can be learnt, and what
+happens is drift.
 
-Measured: welfare, which is the quality that consumers get less its cost; the price of anarchy, which is the best
-welfare over the welfare of what was learnt; the share of honest agents; and the gain of the best deviation of one
-agent, with everybody honest and with what was learnt. Some ten minutes on one core.
+Measured: welfare, which is the quality that consumers get less its cost; the price of anarchy,
+which is the best welfare over the welfare of what was learnt; the share of honest agents; and the
+gain of the best deviation of one agent, with everybody honest and with what was learnt. Some ten
+minutes on one core.
 """
 
 from collections.abc import Mapping
@@ -15,7 +17,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_agents.strategic.learning import MEASURED, LearningSettings, best_response, best_welfare, learn, play
+from roletrust_agents.strategic.learning import (
+    MEASURED,
+    LearningSettings,
+    best_response,
+    best_welfare,
+    learn,
+    play,
+)
 from roletrust_agents.strategic.strategies import (
     Floats,
     Side,
@@ -42,7 +51,8 @@ class Options(NamedTuple):
         cost: Costs of a service of quality 1, see `Rewards.quality_cost`.
         runs: Number of runs side by side, with other random numbers and other learners.
         steps: Number of steps of the learners.
-        games: Number of games that measure each run, an even number: one half chooses, the other one measures.
+        games: Number of games that measure each run, an even number: one half chooses, the other
+            one measures.
     """
 
     model: tuple[str, ...] = (
@@ -65,7 +75,8 @@ STARTS = {
     "honest, shuffled": "the same, shuffled",
     "random": "from random",
 }
-"""Starts of the learners with their labels. In the first everybody stays honest; in the third rewards are shuffled."""
+"""Starts of the learners with their labels. In the first everybody stays honest; in the third
+rewards are shuffled."""
 
 HONEST_WITHIN = 0.1
 """Departure from honest play up to which a strategy counts as honest."""
@@ -81,11 +92,16 @@ _COLUMNS = {
 }
 _ROUNDS = 30
 _SMALL = 0.01  # of the best welfare: what is less is nothing
-_WORDS: dict[Side, tuple[str, str]] = {"providers": ("level", "reaction"), "raters": ("lift", "following")}
+_WORDS: dict[Side, tuple[str, str]] = {
+    "providers": ("level", "reaction"),
+    "raters": ("lift", "following"),
+}
 
 
 class Point(NamedTuple):
-    """A population under a trust model: scenario, spec of the model, cost of a service, and start of the learners."""
+    """A population under a trust model: scenario, spec of the model, cost of a service, and start
+    of the learners.
+    """
 
     scenario: str
     model: str
@@ -97,7 +113,9 @@ class Point(NamedTuple):
         scenario = scenario_of("four-worlds", self.scenario)
         rewards = {**scenario.rewards.model_dump(), "quality_cost": self.cost}
         scenario = scenario.change(max_cycles=_ROUNDS, rewards=rewards)
-        return Game(scenario, parse_trust_model(self.model, scenario), like=np.zeros((), np.float32))
+        return Game(
+            scenario, parse_trust_model(self.model, scenario), like=np.zeros((), np.float32)
+        )
 
 
 def main(study: Study[Options]) -> None:
@@ -120,8 +138,13 @@ def main(study: Study[Options]) -> None:
     study.csv("strategic.csv", header, [_line(*one) for one in found.items()])
     rows = [_cells(*one) for one in found.items()]
     headings = ["world", "model", "start", *_COLUMNS, "price of anarchy"]
-    note = f"{asked.runs} runs of {asked.steps} steps, {asked.games} games each; 95% intervals over the runs"
-    study.page("strategic.md", markdown_table(headings, rows, 3), f"{note}. Made by `{study.command}`.")
+    note = (
+        f"{asked.runs} runs of {asked.steps} steps, {asked.games} games each; 95% intervals "
+        "over the runs"
+    )
+    study.page(
+        "strategic.md", markdown_table(headings, rows, 3), f"{note}. Made by `{study.command}`."
+    )
     title = "What is left of welfare when providers and raters learn, by trust model?"
     figure = panels_figure(title, _panels(found), f"{asked.runs} runs; 95% intervals")
     study.figure("strategic.png", figure)
@@ -131,11 +154,12 @@ def play_point(point: Point, effort: Mapping[str, int]) -> Run:
     """Let a population learn and measure it.
 
     Returns:
-        One value for each run. `welfare`, `quality`, `utility`: see `roletrust_agents.strategic.learning`.
-        `best_welfare`: the highest one of populations that play alike. `honest_providers`, `honest_raters`: share of
-        the agents with an honest strategy. `provider_gain`, `rater_gain`: what the best deviation of one agent brings
-        it; `DEVIATIONS` has it in words. `moved`: mean change of the departure from honest play in the last quarter of
-        the learning.
+        One value for each run. `welfare`, `quality`, `utility`: see
+        `roletrust_agents.strategic.learning`. `best_welfare`: the highest one of populations that
+        play alike. `honest_providers`, `honest_raters`: share of the agents with an honest
+        strategy. `provider_gain`, `rater_gain`: what the best deviation of one agent brings it;
+        `DEVIATIONS` has it in words. `moved`: mean change of the departure from honest play in the
+        last quarter of the learning.
     """
     game, (runs, steps, games, seed) = point.game(), effort.values()
     batch = (runs,)
@@ -143,7 +167,9 @@ def play_point(point: Point, effort: Mapping[str, int]) -> Run:
     if point.start != "nobody learns":
         begin = random_population(game, batch, seed) if point.start == "random" else population
         shuffled = point.start.endswith("shuffled")
-        population, course = learn(game, begin, LearningSettings(steps=steps), seed, shuffled=shuffled)[:2]
+        population, course = learn(
+            game, begin, LearningSettings(steps=steps), seed, shuffled=shuffled
+        )[:2]
         moved = np.abs(course[-1] - course[-1 - (steps - 1) // 4]).mean(axis=0)
     spread = StrategyProfile(*(part[:, :, None, :, None] for part in population))
     played = play(game, spread, (MEASURED, seed), (runs, games), rows=1)
@@ -156,21 +182,27 @@ def play_point(point: Point, effort: Mapping[str, int]) -> Run:
         "utility": played.utility[0].mean(axis=-1),
         "provider_reward": game.roster.providers(rewards).mean(axis=0),
         "rater_reward": game.roster.raters(rewards).mean(axis=0),
-        "honest_providers": (departure("providers", population.providers) <= HONEST_WITHIN).mean(axis=0),
+        "honest_providers": (departure("providers", population.providers) <= HONEST_WITHIN).mean(
+            axis=0
+        ),
         "honest_raters": (departure("raters", population.raters) <= HONEST_WITHIN).mean(axis=0),
         "provider_gain": provider.gain,
         "rater_gain": rater.gain,
         "moved": moved,
     }
     words = [_in_words("providers", provider.parameters), _in_words("raters", rater.parameters)]
-    return {name: values.tolist() for name, values in found.items()} | dict(zip(DEVIATIONS, words, strict=True))
+    return {name: values.tolist() for name, values in found.items()} | dict(
+        zip(DEVIATIONS, words, strict=True)
+    )
 
 
 def price_of_anarchy(best: Floats, welfare: Floats) -> Interval:
-    """Return the price of anarchy of R runs with its 95% interval: mean best welfare over mean welfare.
+    """Return the price of anarchy of R runs with its 95% interval: mean best welfare over mean
+    welfare.
 
-    Around the quotient p the runs vary as (best - p welfare) / mean welfare, to first order. Where the interval of
-    welfare reaches down to a hundredth of the best one, nothing is left of it, and the price is infinite.
+    Around the quotient p the runs vary as (best - p welfare) / mean welfare, to first order. Where
+    the interval of welfare reaches down to a hundredth of the best one, nothing is left of it, and
+    the price is infinite.
 
     Example:
         >>> price_of_anarchy(np.array([0.9, 0.9]), np.array([0.45, 0.45])).value
@@ -189,7 +221,9 @@ def price_of_anarchy(best: Floats, welfare: Floats) -> Interval:
 def _in_words(side: Side, parameters: Floats) -> list[str]:
     """Return a strategy of each run in words."""
     return [
-        ", ".join(f"{n} {round(float(v), 2) + 0.0:g}" for n, v in zip(_WORDS[side], one, strict=True))
+        ", ".join(
+            f"{n} {round(float(v), 2) + 0.0:g}" for n, v in zip(_WORDS[side], one, strict=True)
+        )
         for one in parameters.T
     ]
 
@@ -207,7 +241,9 @@ def _anarchy(run: Run) -> Interval:
 
 
 def _line(point: Point, run: Run) -> list[Any]:
-    """Return a row of the table of numbers, with the most frequent best deviation of a provider and of a rater."""
+    """Return a row of the table of numbers, with the most frequent best deviation of a provider and
+    of a rater.
+    """
     numbers = [part for name in _measures(run) for part in estimate(_measured(run, name))[:2]]
     words = [max(sorted(set(run[name])), key=run[name].count) for name in DEVIATIONS]
     return [*point, *numbers, *(None if x == np.inf else x for x in _anarchy(run)), *words]
@@ -217,7 +253,13 @@ def _cells(point: Point, run: Run) -> list[str]:
     price, low, high = _anarchy(run)
     measures = [plus_minus(estimate(_measured(run, name))) for name in _COLUMNS.values()]
     anarchy = "∞" if price == np.inf else f"{price:.2f} ({low:.2f}, {high:.2f})"
-    return [f"{point.scenario}, {point.cost:g}", f"`{point.model}`", point.start, *measures, anarchy]
+    return [
+        f"{point.scenario}, {point.cost:g}",
+        f"`{point.model}`",
+        point.start,
+        *measures,
+        anarchy,
+    ]
 
 
 def _panels(found: Mapping[Point, Run]) -> list[Panel]:
@@ -226,7 +268,11 @@ def _panels(found: Mapping[Point, Run]) -> list[Panel]:
     for scenario, cost in dict.fromkeys((point.scenario, point.cost) for point in found):
         series = []
         for start, label in STARTS.items():
-            runs = {one.model: run for one, run in found.items() if (*one[::2], one.start) == (scenario, cost, start)}
+            runs = {
+                one.model: run
+                for one, run in found.items()
+                if (*one[::2], one.start) == (scenario, cost, start)
+            }
             welfare = [estimate(_measured(run, "welfare")).interval for run in runs.values()]
             series.append(Series(label, list(runs), welfare))
         panels.append(Panel(f"{scenario}, cost {cost:g}", "", "welfare", series))

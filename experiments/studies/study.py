@@ -1,4 +1,6 @@
-"""The runner of all studies: their options, the runs that they keep, and the files that they write and publish."""
+"""The runner of all studies: their options, the runs that they keep, and the files that they write
+and publish.
+"""
 
 import json
 import math
@@ -44,7 +46,8 @@ class Recipe(NamedTuple, Generic[Options]):
     """What makes some published files.
 
     Attributes:
-        options: Options of the study, a `NamedTuple`: a tuple is an option that may be repeated, False is a flag.
+        options: Options of the study, a `NamedTuple`: a tuple is an option that may be repeated,
+            False is a flag.
         files: Path below `docs/` of each published file, by its name in the folder of the study.
     """
 
@@ -56,7 +59,8 @@ class Study(Generic[Options]):
     """A study that is being run.
 
     Args:
-        module: Module of the study. Its documentation is the help, and the first of its `RECIPES` the default.
+        module: Module of the study. Its documentation is the help, and the first of its `RECIPES`
+            the default.
         arguments: Arguments of the command.
 
     Attributes:
@@ -74,7 +78,11 @@ class Study(Generic[Options]):
         program, first = f"python -m {self._name.replace('.', ' ')}", next(iter(recipes))
         given = _parser(program, module.__doc__, recipes).parse_args(arguments)
         self.recipe: str = given.recipe or first
-        self._published, self._publish, self.again = recipes[self.recipe].files, given.publish, given.force
+        self._published, self._publish, self.again = (
+            recipes[self.recipe].files,
+            given.publish,
+            given.force,
+        )
         options: tuple[Options, list[str]] = _given(recipes[self.recipe].options, given)
         self.options, words = options
         self.seed: int = given.seed
@@ -87,22 +95,29 @@ class Study(Generic[Options]):
         self._failed = False
 
     def play(
-        self, work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], settings: Mapping[str, Any]
+        self,
+        work: Callable[..., Run],
+        jobs: Mapping[str, tuple[Any, ...]],
+        settings: Mapping[str, Any],
     ) -> dict[str, Run]:
-        """Play the runs that are not kept in `runs.json`, each in a process, and return all that did not fail.
+        """Play the runs that are not kept in `runs.json`, each in a process, and return all that
+        did not fail.
 
         The file is written after each run, so that an interrupted study continues.
 
         Args:
             work: Function of a module that plays a run.
             jobs: Arguments of each run, by key.
-            settings: Settings that runs must share to be compared; the seed and the version of the software are added.
+            settings: Settings that runs must share to be compared; the seed and the version of the
+                software are added.
 
         Raises:
             ValueError: All runs failed, or the file has runs with other settings.
         """
         path = self.out / "runs.json"
-        made_with = json.loads(json.dumps({"study": self._name, "seed": self.seed, **settings, **software()}))
+        made_with = json.loads(
+            json.dumps({"study": self._name, "seed": self.seed, **settings, **software()})
+        )
         kept = {} if self.again or not path.exists() else _kept(path, made_with)
         missing = {key: arguments for key, arguments in jobs.items() if key not in kept}
         with progress_bar() as bar:
@@ -113,7 +128,10 @@ class Study(Generic[Options]):
                     self._failed = True
                 else:
                     kept[key] = run
-                    write_json(path, {"made_with": made_with, "runs": {key: kept[key] for key in sorted(kept)}})
+                    write_json(
+                        path,
+                        {"made_with": made_with, "runs": {key: kept[key] for key in sorted(kept)}},
+                    )
                 bar.update(task, advance=1)
         if not any(key in kept for key in jobs):
             raise ValueError("no run was finished, so there is nothing to show")
@@ -141,9 +159,13 @@ class Study(Generic[Options]):
         print(text)
 
     def end(self) -> None:
-        """Write `study.json`, say what was written, and copy the published files to `docs/` if `--publish` is given."""
+        """Write `study.json`, say what was written, and copy the published files to `docs/` if
+        `--publish` is given.
+        """
         about = {"command": self.command, "options": self.options._asdict(), "seed": self.seed}  # type: ignore[attr-defined]
-        write_json(self.out / "study.json", json.loads(json.dumps({**about, **software()}, default=str)))
+        write_json(
+            self.out / "study.json", json.loads(json.dumps({**about, **software()}, default=str))
+        )
         print(f"Written to {self.out}: {', '.join([*self._written, 'study.json'])}")
         for name, place in self._published.items() if self._publish else ():
             (DOCS / place).parent.mkdir(parents=True, exist_ok=True)
@@ -153,7 +175,9 @@ class Study(Generic[Options]):
 
 
 def run(name: str, arguments: Sequence[str]) -> None:
-    """Run the `main` of a module such as `studies.budget`. An error of the user is one line, with exit code 2."""
+    """Run the `main` of a module such as `studies.budget`. An error of the user is one line, with
+    exit code 2.
+    """
     module = import_module(name)
     study: Study[Any] = Study(module, arguments)
     try:
@@ -180,10 +204,15 @@ def with_ends(columns: Iterable[str], ends: Sequence[str] = ("", "_low", "_high"
 
 def _parser(program: str, about: str | None, recipes: Mapping[str, Recipe[Any]]) -> ArgumentParser:
     default = next(iter(recipes.values())).options
-    parser = ArgumentParser(program, description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False)
+    parser = ArgumentParser(
+        program, description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False
+    )
     if len(recipes) > 1:
         parser.add_argument(
-            "recipe", nargs="?", choices=recipes, help=f"what is made; {next(iter(recipes))} if left out"
+            "recipe",
+            nargs="?",
+            choices=recipes,
+            help=f"what is made; {next(iter(recipes))} if left out",
         )
     else:
         parser.set_defaults(recipe=None)
@@ -194,13 +223,19 @@ def _parser(program: str, about: str | None, recipes: Mapping[str, Recipe[Any]])
             parser.add_argument(option, dest=field, action="store_true", default=None)
         elif isinstance(value, tuple):
             kind, shown = get_args(types[field])[0], ", ".join(map(str, value)) or "none"
-            parser.add_argument(option, dest=field, action="append", type=kind, help=f"repeat for more; {shown}")
+            parser.add_argument(
+                option, dest=field, action="append", type=kind, help=f"repeat for more; {shown}"
+            )
         else:
             parser.add_argument(option, dest=field, type=type(value), help=str(value))
     parser.add_argument("--seed", type=int, default=0, help="random seed")
-    parser.add_argument("--workers", type=int, help="number of processes; by default one for each core")
+    parser.add_argument(
+        "--workers", type=int, help="number of processes; by default one for each core"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results")
-    parser.add_argument("--force", action="store_true", help="begin again, and overwrite runs that are kept")
+    parser.add_argument(
+        "--force", action="store_true", help="begin again, and overwrite runs that are kept"
+    )
     parser.add_argument("--publish", action="store_true", help="copy the published files to docs/")
     return parser
 
@@ -217,7 +252,11 @@ def _given(default: Options, given: Namespace) -> tuple[Options, list[str]]:
         changed[field] = tuple(dict.fromkeys(value)) if isinstance(value, list) else value
         if changed[field] != usual:
             several = changed[field] if isinstance(changed[field], tuple) else (changed[field],)
-            words += [option] if value is True else [word for one in several for word in (option, str(one))]
+            words += (
+                [option]
+                if value is True
+                else [word for one in several for word in (option, str(one))]
+            )
     return default._replace(**changed), words  # type: ignore[attr-defined]
 
 
@@ -226,25 +265,43 @@ def _kept(path: Path, made_with: Run) -> dict[str, Run]:
     else_ = "give --force to begin again, or another --out"
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
-        before, runs = {"seed": 0, **stored["made_with"]}, {str(key): dict(run) for key, run in stored["runs"].items()}
+        before, runs = (
+            {"seed": 0, **stored["made_with"]},
+            {str(key): dict(run) for key, run in stored["runs"].items()},
+        )
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"{path} is damaged, or no file of runs ({type(error).__name__}: {error}); {else_}") from None
-    if other := [name for name in {**before, **made_with} if before.get(name) != made_with.get(name)]:
-        told = "; ".join(f"{name} is {before.get(name)!r} there and {made_with.get(name)!r} here" for name in other)
+        raise ValueError(
+            f"{path} is damaged, or no file of runs ({type(error).__name__}: {error}); {else_}"
+        ) from None
+    if other := [
+        name for name in {**before, **made_with} if before.get(name) != made_with.get(name)
+    ]:
+        told = "; ".join(
+            f"{name} is {before.get(name)!r} there and {made_with.get(name)!r} here"
+            for name in other
+        )
         raise ValueError(f"{path} holds runs with other settings: {told}; {else_}")
     return runs
 
 
-def _played(work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], workers: int) -> Iterator[tuple[str, Run]]:
-    """Play runs and yield each with its key when it is finished; a single worker is this process."""
+def _played(
+    work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], workers: int
+) -> Iterator[tuple[str, Run]]:
+    """Play runs and yield each with its key when it is finished; a single worker is this
+    process.
+    """
     if workers == 1:
         for key, arguments in jobs.items():
             yield key, _play_safely(work, *arguments)
         return
     pool: WorkerPool[str] = WorkerPool(_play_safely, workers, ONE_THREAD)
     with pool:
-        for key, result in pool.run({key: (work, *arguments) for key, arguments in jobs.items()}, math.inf, TRIES):
-            died = {"failed": f"its process died {TRIES} times, the last time with exit code {result.exit_code}"}
+        for key, result in pool.run(
+            {key: (work, *arguments) for key, arguments in jobs.items()}, math.inf, TRIES
+        ):
+            died = {
+                "failed": f"its process died {TRIES} times, the last time with exit code {result.exit_code}"  # noqa: E501
+            }
             yield key, died if result.exit_code is not None else result.value
 
 

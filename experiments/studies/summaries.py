@@ -1,4 +1,5 @@
-"""The first picture of those pages of results that are about trust models, from their published numbers.
+"""The first picture of those pages of results that are about trust models, from their published
+numbers.
 
 Seconds. Each picture shows columns of a CSV file in `docs/`, in the order of the rows.
 """
@@ -27,7 +28,15 @@ class Options(NamedTuple):
 STANDARD = "leaderboards/standard/leaderboard"
 """Picture and table of the suite `standard`, which `make benchmark` makes, too."""
 
-PICTURES = (STANDARD, "better-model", "leave-one-out", "first-hand", "real", "model-costs", "edge-costs")
+PICTURES = (
+    STANDARD,
+    "better-model",
+    "leave-one-out",
+    "first-hand",
+    "real",
+    "model-costs",
+    "edge-costs",
+)
 """Such pictures."""
 
 RECIPES = {"summaries": Recipe(Options(), {f"{name}.png": f"{name}.png" for name in PICTURES})}
@@ -63,16 +72,27 @@ def figures(docs: Path) -> dict[str, Figure]:
         if (row["protocol"], row["measure"]) == ("rated before", "r") and row["value"]
     ]
     forecasts.sort(key=lambda row: -float(row["value"]))
-    intervals = [Interval(*(float(row[name] or "nan") for name in ("value", "low", "high"))) for row in forecasts]
+    intervals = [
+        Interval(*(float(row[name] or "nan") for name in ("value", "low", "high")))
+        for row in forecasts
+    ]
     one = Series("rated before", [row["model"] for row in forecasts], intervals)
-    found["real"] = [Panel("", "", "correlation of trust with ratings of members that have earlier ones", [one])]
+    found["real"] = [
+        Panel("", "", "correlation of trust with ratings of members that have earlier ones", [one])
+    ]
     costs = [row for row in rows("model-costs.csv") if row["raters"] == row["providers"] == "300"]
     return {
-        STANDARD: leaderboard_figure([_standing(row) for row in rows(f"{STANDARD}.csv")], "skill", alike=True),
-        **{name: panels_figure("", panels, "bars: 95% intervals") for name, panels in found.items()},
+        STANDARD: leaderboard_figure(
+            [_standing(row) for row in rows(f"{STANDARD}.csv")], "skill", alike=True
+        ),
+        **{
+            name: panels_figure("", panels, "bars: 95% intervals") for name, panels in found.items()
+        },
         "model-costs": times_figure(_times((f"{row['library']}, 300 x 300", row) for row in costs)),
         "edge-costs": times_figure(
-            _times((f"{int(row['ratings_asked']):,} ratings", row) for row in rows("edge-costs.csv"))
+            _times(
+                (f"{int(row['ratings_asked']):,} ratings", row) for row in rows("edge-costs.csv")
+            )
         ),
     }
 
@@ -80,14 +100,20 @@ def figures(docs: Path) -> dict[str, Figure]:
 def _standing(row: dict[str, str]) -> LeaderboardRow:
     """Return a row of a leaderboard, from its values as text."""
     values: dict[str, Any] = {
-        name: _estimate(row, name) if kind is Estimate else int(row[name]) if kind in (int, int | None) else row[name]
+        name: _estimate(row, name)
+        if kind is Estimate
+        else int(row[name])
+        if kind in (int, int | None)
+        else row[name]
         for name, kind in LeaderboardRow.__annotations__.items()
     }
     return LeaderboardRow(**{**values, "holds": float(row["holds"])})
 
 
 def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str, Interval]]:
-    """Return the nanoseconds per rating of each model, by the labels of the rows; without those that were left out."""
+    """Return the nanoseconds per rating of each model, by the labels of the rows; without those
+    that were left out.
+    """
     found: dict[str, dict[str, Interval]] = {}
     for label, row in labelled:
         if row["ns_per_rating"]:

@@ -1,10 +1,11 @@
 """Whether `roletrust rate --suspects` finds rings of accounts, and whether it accuses honest clubs.
 
-New accounts are planted in a log of real ratings. Each rates five of some targets, which have 2 to 20 ratings, and as
-cover some of the agents with at least 30 ratings, as one of their raters did. The members of a ring give targets the
-best rating, those of an honest club what one of their raters gave. They are found if they are among the groups of
-raters that rate alike, and accused if that group also moves ranks more, and is further from what others say, than in
-each of 19 shuffled logs. The rate of groups in other shuffled logs is measured, too. Ten minutes on one core.
+New accounts are planted in a log of real ratings. Each rates five of some targets, which have 2 to
+20 ratings, and as cover some of the agents with at least 30 ratings, as one of their raters did.
+The members of a ring give targets the best rating, those of an honest club what one of their raters
+gave. They are found if they are among the groups of raters that rate alike, and accused if that
+group also moves ranks more, and is further from what others say, than in each of 19 shuffled logs.
+The rate of groups in other shuffled logs is measured, too. Ten minutes on one core.
 """
 
 from functools import lru_cache
@@ -24,7 +25,8 @@ from roletrust_env.trust.key_index import Floats, Ints
 from studies.study import Recipe, Run, Study
 
 FEW, MANY = (2, 20), 30
-"""Numbers of ratings of targets, at least and at most, and of the agents that are cover, at least."""
+"""Numbers of ratings of targets, at least and at most, and of the agents that are cover, at
+least."""
 
 _QUARTER = 90 * 86_400.0  # seconds
 _LOGS = 10  # shuffled logs of a run
@@ -60,11 +62,20 @@ RECIPES = {"suspects": Recipe(Options(), {"suspects.md": "real/suspects.md"})}
 @lru_cache(1)
 def read(path: Path) -> RatingLog:
     """Return the log of Bitcoin OTC."""
-    return read_ratings(path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True, repeats=True)
+    return read_ratings(
+        path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True, repeats=True
+    )
 
 
 def planted(
-    log: RatingLog, size: int, targets: int, rated: int, cover: int, rng: np.random.Generator, *, honest: bool
+    log: RatingLog,
+    size: int,
+    targets: int,
+    rated: int,
+    cover: int,
+    rng: np.random.Generator,
+    *,
+    honest: bool,
 ) -> tuple[RatingLog, Ints]:
     """Return a log with new accounts that rate targets in its second half, and their places.
 
@@ -79,10 +90,14 @@ def planted(
     """
     accounts, count = len(log.rater_names) + np.arange(size), np.bincount(log.ratees)
     order, starts = np.argsort(log.ratees, kind="stable"), np.cumsum(count) - count
-    few, popular = np.flatnonzero((count >= FEW[0]) & (count <= FEW[1])), np.flatnonzero(count >= MANY)
+    few, popular = (
+        np.flatnonzero((count >= FEW[0]) & (count <= FEW[1])),
+        np.flatnonzero(count >= MANY),
+    )
     chosen = rng.choice(few, targets, replace=False)
     parts = (
-        (rng.choice(one, many, replace=False) for one, many in ((chosen, rated), (popular, cover))) for _ in accounts
+        (rng.choice(one, many, replace=False) for one, many in ((chosen, rated), (popular, cover)))
+        for _ in accounts
     )
     ratees = np.concatenate([part for both in parts for part in both])
     values: Floats = log.values[order[starts[ratees] + rng.integers(0, count[ratees])]]
@@ -96,16 +111,28 @@ def planted(
     who, whom, what = (np.concatenate(parts)[by_time] for parts in columns)
     names = [*log.rater_names, *(f"planted {n}" for n in range(size))]
     return log._replace(
-        raters=who, ratees=whom, values=what, times=when[by_time], rater_names=names, ratee_names=names
+        raters=who,
+        ratees=whom,
+        values=what,
+        times=when[by_time],
+        rater_names=names,
+        ratee_names=names,
     ), accounts
 
 
 def plant(options: Options, size: int, targets: int, honest: bool, seed: int) -> Run:
     """Return the share of the accounts of one log in one group, and whether it is accused."""
     rng = np.random.default_rng(seed)
-    log, accounts = planted(read(options.log), size, targets, options.rated, options.cover, rng, honest=honest)
-    search = find_suspects(make_trust_model(options.model), log, log_rounds(log, _QUARTER), seed=seed)
-    found = [(np.isin(accounts, group.raters).sum() / size, group.p * (SHUFFLES + 1) <= 1) for group in search.groups]
+    log, accounts = planted(
+        read(options.log), size, targets, options.rated, options.cover, rng, honest=honest
+    )
+    search = find_suspects(
+        make_trust_model(options.model), log, log_rounds(log, _QUARTER), seed=seed
+    )
+    found = [
+        (np.isin(accounts, group.raters).sum() / size, group.p * (SHUFFLES + 1) <= 1)
+        for group in search.groups
+    ]
     share, accused = max(found, default=(0.0, False))
     return {"found": float(share), "accused": bool(share and accused)}
 
@@ -114,7 +141,9 @@ def count_groups(options: Options, seed: int) -> Run:
     """Return the number of groups in shuffled logs."""
     rng = np.random.default_rng(seed)
     joined, _ = threshold([shuffled(read(options.log), rng) for _ in range(SHUFFLES)])
-    return {"groups": sum(len(alike(shuffled(read(options.log), rng), joined)) for _ in range(_LOGS))}
+    return {
+        "groups": sum(len(alike(shuffled(read(options.log), rng), joined)) for _ in range(_LOGS))
+    }
 
 
 def main(study: Study[Options]) -> None:
@@ -131,17 +160,32 @@ def main(study: Study[Options]) -> None:
     }
     found = study.play(plant, jobs, settings)
     chance = study.play(
-        count_groups, {f"shuffled {n}": (options, study.seed + n) for n in range(options.shuffles // _LOGS)}, settings
+        count_groups,
+        {f"shuffled {n}": (options, study.seed + n) for n in range(options.shuffles // _LOGS)},
+        settings,
     )
     rows = []
     for kind, targets, size in product(kinds, options.targets, options.size):
         keys = (f"{kind} {targets} {size} {run}" for run in range(options.runs))
         runs = [found[key] for key in keys if key in found]
-        share, accused = np.mean([run["found"] for run in runs]), sum(run["accused"] for run in runs)
-        rows.append([kind, f"{options.rated} of {targets}", f"{size}", f"{share:.2f}", f"{accused} of {len(runs)}"])
+        share, accused = (
+            np.mean([run["found"] for run in runs]),
+            sum(run["accused"] for run in runs),
+        )
+        rows.append(
+            [
+                kind,
+                f"{options.rated} of {targets}",
+                f"{size}",
+                f"{share:.2f}",
+                f"{accused} of {len(runs)}",
+            ]
+        )
     groups = sum(run["groups"] for run in chance.values())
     study.page(
         "suspects.md",
-        markdown_table(["planted", "targets", "accounts", "share found in one group", "accused"], rows, names=1),
+        markdown_table(
+            ["planted", "targets", "accounts", "share found in one group", "accused"], rows, names=1
+        ),
         f"In {len(chance) * _LOGS} shuffled logs there were {groups} groups.",
     )

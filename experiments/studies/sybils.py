@@ -1,7 +1,9 @@
-"""What Sybils gain where members rate members: trust for one attacker, by its Sybils and by the honest members it wins.
+"""What Sybils gain where members rate members: trust for one attacker, by its Sybils and by the
+honest members it wins.
 
-The attacker's identities vouch for one another in four ways (`roletrust_baselines.logs.sybil_graphs`), in a synthetic
-community or at the end of a log of real ratings (`--log`). Minutes of a core.
+The attacker's identities vouch for one another in four ways
+(`roletrust_baselines.logs.sybil_graphs`), in a synthetic community or at the end of a log of real
+ratings (`--log`). Minutes of a core.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,9 +26,17 @@ from studies.study import Recipe, Run, Study, mean_of, with_ends
 
 EIGENTRUST = "personalized-pagerank:alpha=0.5"
 """EigenTrust with its pre-trusted peers, the seeds."""
-MODELS = ("eigentrust", "leave-one-out", EIGENTRUST, "personalized-pagerank", "merit-rank", "sybil-rank")
+MODELS = (
+    "eigentrust",
+    "leave-one-out",
+    EIGENTRUST,
+    "personalized-pagerank",
+    "merit-rank",
+    "sybil-rank",
+)
 PERSONAL = "first-hand"
-"""Model in which the seeds judge by their own experience; too large for a log of thousands of members."""
+"""Model in which the seeds judge by their own experience; too large for a log of thousands of
+members."""
 TOPOLOGIES: tuple[Topology, ...] = get_args(Topology)
 SYBILS, BRIDGES = (0, 1, 3, 10, 30, 100), (0, 1, 3, 10, 30)
 USUAL = 30, 3
@@ -42,7 +52,8 @@ class Options(NamedTuple):
         low: Worst rating of the log.
         high: Best rating of the log.
         members: Number of members of the synthetic community.
-        runs: Number of runs, each with another community, or with other honest members that are won.
+        runs: Number of runs, each with another community, or with other honest members that are
+            won.
         seeds: Number of seeds: the first members.
     """
 
@@ -58,13 +69,14 @@ FILES = ("gains.md", "gains.png", "gains.csv")
 RECIPES = {
     "sybils": Recipe(Options(), {name: f"sybils/{name}" for name in FILES}),
     "sybils-log": Recipe(
-        Options(log="logs/bitcoin-otc/otc_network.csv.gz", runs=10), {name: f"sybils/log/{name}" for name in FILES}
+        Options(log="logs/bitcoin-otc/otc_network.csv.gz", runs=10),
+        {name: f"sybils/log/{name}" for name in FILES},
     ),
 }
 
 GAINS = ("share", "rank")
-"""Share of the trust of all but the seeds that the attacker's identities have, and share of the honest members
-that are no seeds and have less trust than its target."""
+"""Share of the trust of all but the seeds that the attacker's identities have, and share of the
+honest members that are no seeds and have less trust than its target."""
 
 Found = Mapping[str, Mapping[str, Estimate]]
 """Gains by model, topology, number of Sybils and of bridge edges."""
@@ -75,19 +87,29 @@ def main(study: Study[Options]) -> None:
     options = study.options
     jobs = {str(k): (options, study.seed, k) for k in range(options.runs)}
     runs = list(study.play(measured, jobs, {"seed": study.seed, **options._asdict()}).values())
-    found = {key: {name: mean_of([run[key][name] for run in runs]) for name in GAINS} for key in runs[0]}
-    rows = [[*key.split(), *(x for name in GAINS for x in one[name].interval)] for key, one in found.items()]
+    found = {
+        key: {name: mean_of([run[key][name] for run in runs]) for name in GAINS} for key in runs[0]
+    }
+    rows = [
+        [*key.split(), *(x for name in GAINS for x in one[name].interval)]
+        for key, one in found.items()
+    ]
     study.csv("gains.csv", ["model", "topology", "sybils", "bridges", *with_ends(GAINS)], rows)
-    study.figure("gains.png", sybils_figure(found, f"{len(runs)} runs, 95% intervals; the worst topology for each"))
+    study.figure(
+        "gains.png",
+        sybils_figure(found, f"{len(runs)} runs, 95% intervals; the worst topology for each"),
+    )
     made = f"{len(runs)} runs, made by `{study.command}`."
     study.page("gains.md", sentence(found), table(found), made)
 
 
 def community(members: int, rng: np.random.Generator) -> RatingLog:
-    """Return the ratings of a synthetic community: members join one after the other and trade with six others.
+    """Return the ratings of a synthetic community: members join one after the other and trade with
+    six others.
 
-    They choose these by how many partners those have. A partner returns the rating with probability 0.8. A tenth are
-    cheats of quality 0.1, and the quality of others is uniform from 0.7 to 1. Ratings have a noise of 0.1.
+    They choose these by how many partners those have. A partner returns the rating with probability
+    0.8. A tenth are cheats of quality 0.1, and the quality of others is uniform from 0.7 to 1.
+    Ratings have a noise of 0.1.
     """
     quality = np.where(rng.random(members) < 0.1, 0.1, rng.uniform(0.7, 1, members))
     partners, pairs = np.ones(members), list[tuple[int, int]]()
@@ -103,14 +125,18 @@ def community(members: int, rng: np.random.Generator) -> RatingLog:
 
 
 def measured(options: Options, seed: int, run: int) -> Run:
-    """Return the gains of all cases in one run. The first members are seeds; any others may be won."""
+    """Return the gains of all cases in one run. The first members are seeds; any others may be
+    won.
+    """
     rng = np.random.default_rng([seed, run])
     if options.log:
         log = read_ratings(Path(options.log), scale=(options.low, options.high), same_agents=True)
     else:
         log = community(options.members, rng)
     members = (options.seeds + rng.permutation(len(log.rater_names) - options.seeds)).tolist()
-    cases: list[tuple[int, int | str, list[int], int | None]] = [(n, k, members[:k], None) for n, k in CASES]
+    cases: list[tuple[int, int | str, list[int], int | None]] = [
+        (n, k, members[:k], None) for n, k in CASES
+    ]
     found = {}
     for model in MODELS if options.log else (*MODELS, PERSONAL):
         for topology in TOPOLOGIES:
@@ -123,9 +149,16 @@ def measured(options: Options, seed: int, run: int) -> Run:
 
 
 def gains(
-    model: str, attack: SybilGraph, log: RatingLog, seeds: int, helpers: Sequence[int] = (), bought: int | None = None
+    model: str,
+    attack: SybilGraph,
+    log: RatingLog,
+    seeds: int,
+    helpers: Sequence[int] = (),
+    bought: int | None = None,
 ) -> dict[str, float]:
-    """Return what an attack gains, see `GAINS`; under a personal model by the mean trust of the seeds as judges."""
+    """Return what an attack gains, see `GAINS`; under a personal model by the mean trust of the
+    seeds as judges.
+    """
     attacked, own = attack.added_to(log, helpers, bought), attack.identities(log, bought)
     made: Any = parse_named(registry, model, {"seeds": tuple(range(seeds))})
     run: Any = make_run(made, attacked.shape, one_role=False)
@@ -135,7 +168,10 @@ def gains(
     honest = np.delete(trust, [*range(seeds), *own])
     all_trust = honest.sum() + trust[own].sum()
     below = np.mean(honest < trust[own[0]]) + np.mean(honest == trust[own[0]]) / 2
-    return {"share": float(trust[own].sum() / all_trust) if all_trust else 0.0, "rank": float(below)}
+    return {
+        "share": float(trust[own].sum() / all_trust) if all_trust else 0.0,
+        "rank": float(below),
+    }
 
 
 def models_of(found: Found) -> list[str]:
@@ -143,9 +179,13 @@ def models_of(found: Found) -> list[str]:
     return list(dict.fromkeys(key.split()[0] for key in found))
 
 
-def worst(found: Found, model: str, sybils: int, bridges: int | str, gain: str) -> tuple[str, Estimate]:
+def worst(
+    found: Found, model: str, sybils: int, bridges: int | str, gain: str
+) -> tuple[str, Estimate]:
     """Return the topology with the highest mean gain, and this gain."""
-    cases = {topology: found[f"{model} {topology} {sybils} {bridges}"][gain] for topology in TOPOLOGIES}
+    cases = {
+        topology: found[f"{model} {topology} {sybils} {bridges}"][gain] for topology in TOPOLOGIES
+    }
     return max(cases.items(), key=lambda case: case[1].mean)
 
 
@@ -157,10 +197,16 @@ def sybils_figure(found: Found, note: str) -> Figure:
             series = []
             for model in models_of(found):
                 pairs = [(n, USUAL[1]) if along == "Sybils" else (USUAL[0], n) for n in at]
-                series.append(Series(model, at, [worst(found, model, *pair, gain)[1].interval for pair in pairs]))
+                series.append(
+                    Series(
+                        model, at, [worst(found, model, *pair, gain)[1].interval for pair in pairs]
+                    )
+                )
             title = f"{USUAL[1]} bridge edges" if along == "Sybils" else f"{USUAL[0]} Sybils"
             panels.append(Panel(title, along, what, series, "symlog"))
-    return panels_figure("What does an attacker gain by Sybils, and by honest members that it wins?", panels, note)
+    return panels_figure(
+        "What does an attacker gain by Sybils, and by honest members that it wins?", panels, note
+    )
 
 
 def percent(share: Estimate) -> str:
@@ -174,24 +220,32 @@ def table(found: Found) -> str:
     for model in models_of(found):
         cells = [found[f"{model} line 0 {USUAL[1]}"]]
         cells += [found[f"{model} {topology} {USUAL[0]} {USUAL[1]}"] for topology in TOPOLOGIES]
-        for gain, label in zip(GAINS, (f"`{model}`: share", "members below the target"), strict=True):
+        for gain, label in zip(
+            GAINS, (f"`{model}`: share", "members below the target"), strict=True
+        ):
             rows.append([label, *(percent(one[gain]) for one in cells)])
     return markdown_table(["", "no Sybils", *TOPOLOGIES], rows, 1)
 
 
 def sentence(found: Found) -> str:
-    """Return what the most Sybils gain with the usual bridge edges, and the usual Sybils without any."""
+    """Return what the most Sybils gain with the usual bridge edges, and the usual Sybils without
+    any.
+    """
     models = models_of(found)
     many = {model: worst(found, model, SYBILS[-1], USUAL[1], "share") for model in models}
     none = {model: worst(found, model, USUAL[0], 0, "share")[1].mean for model in models}
     sold = {model: worst(found, model, USUAL[0], "bought", "share")[1] for model in models}
     order = sorted(many, key=lambda model: many[model][1].mean)
-    shares = ", ".join(f"{percent(many[model][1])} under `{model}` ({many[model][0]})" for model in order)
+    shares = ", ".join(
+        f"{percent(many[model][1])} under `{model}` ({many[model][0]})" for model in order
+    )
     accounts = ", ".join(f"{percent(sold[model])} under `{model}`" for model in order)
     free = ", ".join(f"{none[model]:.1%} under `{model}`" for model in order if none[model] > 0)
     rest = ", and nothing under the others" if free else ""
     return (
-        f"With {SYBILS[-1]} Sybils and {USUAL[1]} bridge edges an attacker has this share of all trust, in the worst "
-        f"topology: {shares}. Without a bridge edge, {USUAL[0]} Sybils have {free or 'nothing'}{rest}. Behind the "
+        f"With {SYBILS[-1]} Sybils and {USUAL[1]} bridge edges an attacker has this share of all "
+        "trust, in the worst "
+        f"topology: {shares}. Without a bridge edge, {USUAL[0]} Sybils have "
+        f"{free or 'nothing'}{rest}. Behind the "
         f"bought account of a member that is drawn, they and it have {accounts}."
     )

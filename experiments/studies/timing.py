@@ -1,4 +1,6 @@
-"""Timing: contestants that take turns, in this process, so that other work on the machine affects all alike."""
+"""Timing: contestants that take turns, in this process, so that other work on the machine affects
+all alike.
+"""
 
 import math
 import os
@@ -85,7 +87,10 @@ def measure(contestants: Sequence[Contestant], repeats: int, slice_s: float) -> 
     for _ in range(repeats):
         for contestant, n, found in zip(contestants, steps, seconds, strict=True):
             found.append(_time(contestant, n))
-    return [Timing(contestant, tuple(found)) for contestant, found in zip(contestants, seconds, strict=True)]
+    return [
+        Timing(contestant, tuple(found))
+        for contestant, found in zip(contestants, seconds, strict=True)
+    ]
 
 
 def _time(contestant: Contestant, steps: int) -> float:
@@ -98,7 +103,9 @@ def _time(contestant: Contestant, steps: int) -> float:
 
 def _steps_in(contestant: Contestant, seconds: float) -> int:
     """Return the number of steps that fill a time."""
-    _time(contestant, 3)  # torch compiles one graph for the first round and one for those that follow
+    _time(
+        contestant, 3
+    )  # torch compiles one graph for the first round and one for those that follow
     steps = 1
     while (elapsed := _time(contestant, steps) * steps) < seconds / 4:
         steps *= 2
@@ -106,7 +113,9 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
 
 
 def times_figure(found: Mapping[str, Mapping[str, Interval]]) -> Figure:
-    """Return the nanoseconds per rating of contestants, in a row each; the outer keys are the labels of the series."""
+    """Return the nanoseconds per rating of contestants, in a row each; the outer keys are the
+    labels of the series.
+    """
     series = [Series(label, list(times), list(times.values())) for label, times in found.items()]
     panel = Panel("", "", "nanoseconds per rating", series, "log")
     return panels_figure("", [panel], "bars: least to greatest of the repeats")
@@ -126,7 +135,8 @@ def compiled(step: Callable[..., Any]) -> Callable[..., Any]:
     import torch
 
     settings: dict[str, Any] = {
-        # Steps of several sizes share their code, and torch limits the compilations of a code by default.
+        # Steps of several sizes share their code, and torch limits the compilations of a code by
+        # default.
         "isolate_recompiles": True,
         # The library does not change during the timing; guards on the arguments stay.
         "options": {"guard_filter_fn": torch.compiler.skip_guard_on_globals_unsafe},
@@ -137,7 +147,9 @@ def compiled(step: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def source(library: str, seed: int, device: str = "cpu") -> tuple[Any, Random]:
-    """Return an array with the library, device and dtype, and a matching source of random numbers."""
+    """Return an array with the library, device and dtype, and a matching source of random
+    numbers.
+    """
     like: Any = np.zeros((), np.float32)
     if "torch" in library:
         import torch
@@ -146,12 +158,16 @@ def source(library: str, seed: int, device: str = "cpu") -> tuple[Any, Random]:
     return like, Random(np.random.default_rng(seed), like)
 
 
-def trust_update(name: str, model: TrustModel[Any], size: Size, library: str, seed: int) -> Contestant:
-    """Return a trust model as a contestant: one update in float32 in which all rate all, and the published trust.
+def trust_update(
+    name: str, model: TrustModel[Any], size: Size, library: str, seed: int
+) -> Contestant:
+    """Return a trust model as a contestant: one update in float32 in which all rate all, and the
+    published trust.
 
     Args:
         name: Name of the contestant.
-        model: Trust model. If it takes peers, rater i is provider i, and peers do not rate themselves.
+        model: Trust model. If it takes peers, rater i is provider i, and peers do not rate
+            themselves.
         size: Size of the game.
         library: `NumPy` or `COMPILED`.
         seed: Random seed of the ratings.

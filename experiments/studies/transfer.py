@@ -1,13 +1,13 @@
 """Whether an attacker of one trust model harms the others, too.
 
-A coalition is trained by evolution, from random networks, against each trust model (rows), and plays against every
-trust model (columns) in fresh games, the same ones for all rows. The number is the utility of a consumer that goes to
-the most trusted provider, as a share of the best possible. Lower is a better attack. A frame or a star marks the trust
-models of the training.
+A coalition is trained by evolution, from random networks, against each trust model (rows), and
+plays against every trust model (columns) in fresh games, the same ones for all rows. The number is
+the utility of a consumer that goes to the most trusted provider, as a share of the best possible.
+Lower is a better attack. A frame or a star marks the trust models of the training.
 
-The universal coalitions that come with the project are further rows. They are not trained here, and were trained in
-turn against the marked trust models. `--on` adds columns without training on them, such as a model of another package
-or, as a URL, a service. Hours for all models.
+The universal coalitions that come with the project are further rows. They are not trained here, and
+were trained in turn against the marked trust models. `--on` adds columns without training on them,
+such as a model of another package or, as a URL, a service. Hours for all models.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,8 @@ class Options(NamedTuple):
     """Rows and columns of the table, and the condition.
 
     Attributes:
-        model: Specs of the trust models to train on and to play on; all that are installed if left out.
+        model: Specs of the trust models to train on and to play on; all that are installed if left
+            out.
         on: Specs of further trust models to play on.
         budget: Rounds x games of each training.
         suite: Suite with the scenario and the track.
@@ -81,7 +82,9 @@ class Coalition(NamedTuple):
     universal: bool = False
 
     def knows(self, model: str) -> bool:
-        """Return whether a trust model was among those of the training, with any parameters if it is universal."""
+        """Return whether a trust model was among those of the training, with any parameters if it
+        is universal.
+        """
         if not self.universal:
             return model == self.name
         return model.partition(":")[0] in self.models
@@ -92,7 +95,8 @@ class Coalition(NamedTuple):
 
 
 Table = Mapping[Coalition, Mapping[str, Estimate]]
-"""Utility of the consumer in fresh games, over the seeds, by coalition and by the trust model that it plays against."""
+"""Utility of the consumer in fresh games, over the seeds, by coalition and by the trust model that
+it plays against."""
 
 
 def main(study: Study[Options]) -> None:
@@ -106,7 +110,10 @@ def main(study: Study[Options]) -> None:
     jobs = {row.key(seed): (condition, row, seed, *effort) for row in rows for seed in seeds}
     played = study.play(play_row, jobs, {"condition": condition.describe(), "effort": effort})
     found = {
-        row: {name: mean_of([played[row.key(seed)]["utility"][name] for seed in seeds]) for name in columns}
+        row: {
+            name: mean_of([played[row.key(seed)]["utility"][name] for seed in seeds])
+            for name in columns
+        }
         for row in rows
         if all(row.key(seed) in played for seed in seeds)
     }
@@ -114,7 +121,10 @@ def main(study: Study[Options]) -> None:
     study.csv(
         "transfer.csv",
         ("trained_on", "universal", "played_on", "seen", "utility", "half_95"),
-        [(row.name, row.universal, name, row.knows(name), *utility[:2]) for row, name, utility in cells],
+        [
+            (row.name, row.universal, name, row.knows(name), *utility[:2])
+            for row, name, utility in cells
+        ],
     )
     title = f"Trained on one trust model, played on others ({condition})"
     study.figure("transfer.png", _figure(title, found), colours=None)
@@ -125,8 +135,10 @@ def main(study: Study[Options]) -> None:
     study.page(
         "transfer.md",
         markdown_table(["trained on", *columns], table, names=1),
-        f"Utility of the consumer in {asked.games} fresh games, mean over the runs ({asked.runs}), with "
-        f"{asked.budget:,} rounds of training each. Lower is a better attack. A star: trained on this trust model. "
+        f"Utility of the consumer in {asked.games} fresh games, mean over the runs ({asked.runs}), "
+        "with "
+        f"{asked.budget:,} rounds of training each. Lower is a better attack. A star: trained on "
+        "this trust model. "
         f"Condition: {condition}.",
         *sentences(found),
         f"Made by `{study.command}`.",
@@ -134,17 +146,24 @@ def main(study: Study[Options]) -> None:
 
 
 def coalitions(models: Sequence[str]) -> list[Coalition]:
-    """Return the rows: a coalition for each trust model, and the universal coalitions that come with the project."""
+    """Return the rows: a coalition for each trust model, and the universal coalitions that come
+    with the project.
+    """
     rows = [Coalition(model, (model,)) for model in models]
     for name in universal_coalitions(wide=False):
         card = load_attacker(name).card
         known = (card.trust_model, *card.further_models)
-        rows.append(Coalition(name, tuple(dict.fromkeys(model.name for model in known)), universal=True))
+        rows.append(
+            Coalition(name, tuple(dict.fromkeys(model.name for model in known)), universal=True)
+        )
     return rows
 
 
-def play_row(condition: Condition, row: Coalition, seed: int, models: Sequence[str], budget: int, games: int) -> Run:
-    """Train the coalition of a row, unless it is universal, and measure it against trust models in fresh games.
+def play_row(
+    condition: Condition, row: Coalition, seed: int, models: Sequence[str], budget: int, games: int
+) -> Run:
+    """Train the coalition of a row, unless it is universal, and measure it against trust models in
+    fresh games.
 
     Args:
         condition: Condition of the attack.
@@ -160,25 +179,29 @@ def play_row(condition: Condition, row: Coalition, seed: int, models: Sequence[s
     if row.universal:
         found = SearchResult(CoalitionAttacker(universal_coalitions()[row.name]), 0, row.name)
     else:
-        found = EvolutionSearch(start="random", wide=False).search(condition.arguments(row.name), Budget(budget), seed)
+        found = EvolutionSearch(start="random", wide=False).search(
+            condition.arguments(row.name), Budget(budget), seed
+        )
     utility = {model: condition.utility(model, found.attacker, seed, games) for model in models}
     return {"attack": found.description, "utility": utility}
 
 
 def sentences(found: Table) -> list[str]:
-    """Return what the table says about unseen models: of all trained coalitions, and of each universal one.
+    """Return what the table says about unseen models: of all trained coalitions, and of each
+    universal one.
 
     Example:
         >>> sentences({Coalition("mean", ("mean",)): {"mean": Estimate(0.2, 0.1), "beta": Estimate(0.4, 0.1)}})
         ['Coalitions trained on one model, on the others: mean utility 0.400; 1 of 1 below 0.5.']
-    """
+    """  # noqa: E501
     groups: dict[str, list[float]] = {}
     for row, line in found.items():
         unseen = [one.mean for name, one in line.items() if not row.knows(name)]
         groups.setdefault(row.name if row.universal else "", []).extend(unseen)
     return [
-        f"{f'{name}, on models it was not trained on' if name else 'Coalitions trained on one model, on the others'}: "
-        f"mean utility {mean_of([*values]).mean:.3f}; {sum(value < LIMIT for value in values)} of {len(values)} "
+        f"{f'{name}, on models it was not trained on' if name else 'Coalitions trained on one model, on the others'}: "  # noqa: E501
+        f"mean utility {mean_of([*values]).mean:.3f}; {sum(value < LIMIT for value in values)} of "
+        f"{len(values)} "
         f"below {LIMIT:g}."
         for name, values in groups.items()
         if values
@@ -199,16 +222,28 @@ def _figure(title: str, found: Table) -> Figure:
     for k, (row, line) in enumerate(found.items()):
         for j, name in enumerate(line):
             ink = "white" if abs(values[k, j] - 0.5) > _DARK else INK
-            axes.text(j, k, f"{values[k, j]:.2f}", ha="center", va="center", fontsize=7.5, color=ink)
+            axes.text(
+                j, k, f"{values[k, j]:.2f}", ha="center", va="center", fontsize=7.5, color=ink
+            )
             if row.knows(name):
-                axes.add_patch(Rectangle((j - 0.47, k - 0.47), 0.94, 0.94, fill=False, edgecolor=INK, linewidth=1.5))
-    axes.set_xticks(range(len(columns)), columns, rotation=55, ha="right", rotation_mode="anchor", fontsize=8.5)
+                axes.add_patch(
+                    Rectangle(
+                        (j - 0.47, k - 0.47), 0.94, 0.94, fill=False, edgecolor=INK, linewidth=1.5
+                    )
+                )
+    axes.set_xticks(
+        range(len(columns)), columns, rotation=55, ha="right", rotation_mode="anchor", fontsize=8.5
+    )
     axes.set_yticks(range(len(rows)), rows, fontsize=8.5)
     axes.tick_params(colors=QUIET, labelcolor=INK, length=0)
     axes.set_xlabel("played on", color=INK)
     axes.set_ylabel("trained on, or universal", color=INK)
     axes.spines[:].set_visible(False)
-    figure.colorbar(image, ax=axes, shrink=0.7, pad=0.01).set_label("utility of the consumer", color=INK)
+    figure.colorbar(image, ax=axes, shrink=0.7, pad=0.01).set_label(
+        "utility of the consumer", color=INK
+    )
     figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
-    figure.supxlabel("a frame: trained on this trust model", x=0.99, ha="right", fontsize=8.5, color=QUIET)
+    figure.supxlabel(
+        "a frame: trained on this trust model", x=0.99, ha="right", fontsize=8.5, color=QUIET
+    )
     return figure

@@ -1,8 +1,8 @@
 """Which worlds decide: the order of models in worlds that differ from one world in a single thing.
 
-The things are the number of agents, the rounds of a game, the share of ratings that arrive, the noise of raters, and
-the share of attackers. Worst cases are those of the benchmark, without searches, so that the same attackers play in all
-worlds. Some ten minutes of a core.
+The things are the number of agents, the rounds of a game, the share of ratings that arrive, the
+noise of raters, and the share of attackers. Worst cases are those of the benchmark, without
+searches, so that the same attackers play in all worlds. Some ten minutes of a core.
 """
 
 from collections import Counter
@@ -34,7 +34,9 @@ class Options(NamedTuple):
     model: tuple[str, ...] = ()
 
 
-RECIPES = {"worlds": Recipe(Options(), {name: name for name in ("worlds.md", "worlds.png", "worlds.csv")})}
+RECIPES = {
+    "worlds": Recipe(Options(), {name: name for name in ("worlds.md", "worlds.png", "worlds.csv")})
+}
 
 
 class World(NamedTuple):
@@ -57,13 +59,19 @@ class World(NamedTuple):
     @classmethod
     def of(cls, scenario: Scenario, share: float) -> Self:
         """Return the world of a scenario with a share of attackers."""
-        agents, noise = sum(group.count for group in scenario.agents), max(group.noise for group in scenario.agents)
+        agents, noise = (
+            sum(group.count for group in scenario.agents),
+            max(group.noise for group in scenario.agents),
+        )
         return cls(agents, scenario.max_cycles, round(1 - scenario.ratings.lost, 6), noise, share)
 
     def beside(self, centre: "World") -> str:
         """Return what tells the world from the one in the centre, in a few words."""
         pairs = zip(self._fields, self, centre, strict=True)
-        return ", ".join(f"{name} {value:g}" for name, value, usual in pairs if value != usual) or "centre"
+        return (
+            ", ".join(f"{name} {value:g}" for name, value, usual in pairs if value != usual)
+            or "centre"
+        )
 
 
 Found = Mapping[World, Sequence[LeaderboardRow]]
@@ -76,34 +84,58 @@ def main(study: Study[Options]) -> None:
     models = study.options.model or tuple(suite.model_names)
     workers = study.workers if study.workers > 1 else 0
     played = benchmark(models, suite, workers=workers, out=study.out, force=study.again)
-    worlds = {(name, share): World.of(suite.worlds[name], share) for name, _, share in suite.conditions}
+    worlds = {
+        (name, share): World.of(suite.worlds[name], share) for name, _, share in suite.conditions
+    }
     found: dict[World, list[LeaderboardRow]] = {}
     for world in sorted({*worlds.values()}):
         cells = [one for one in played.cells if worlds[one.cell.scenario, one.cell.share] == world]
-        attacks = [one for one in played.attacks if worlds[one.condition.scenario, one.condition.share] == world]
+        attacks = [
+            one
+            for one in played.attacks
+            if worlds[one.condition.scenario, one.condition.share] == world
+        ]
         found[world] = leaderboard_rows(suite, cells, models, len(cells) // len(models), attacks)
     centre = World(*(mode(values) for values in zip(*found, strict=True)))
-    rows = [(*world, row.model, *row.worst[:2], row.tier) for world, board in found.items() for row in board]
+    rows = [
+        (*world, row.model, *row.worst[:2], row.tier)
+        for world, board in found.items()
+        for row in board
+    ]
     study.csv("worlds.csv", (*World._fields, "model", "skill", "skill_half", "tier"), rows)
     note = f"{suite.games} games for each value; 95% intervals; a ring: told apart from all others"
     study.figure("worlds.png", worlds_figure(found, centre, models, note))
     lines = []
     for world in sorted(found, key=lambda one: (one != centre, one.beside(centre))):
         skill = {row.model: plus_minus(row.worst) for row in found[world]}
-        lines.append([world.beside(centre), *(skill[name] for name in models), ", ".join(first(found[world]))])
+        lines.append(
+            [
+                world.beside(centre),
+                *(skill[name] for name in models),
+                ", ".join(first(found[world])),
+            ]
+        )
     lines.append(["mean", *(f"{mean_skill(found)[name]:.3f}" for name in models), ""])
     study.page(
         "worlds.md",
         "# Which worlds decide?",
-        "![Worst-case skill of models in worlds that differ from one world in a single thing](worlds.png)",
+        "![Worst-case skill of models in worlds that differ from one world in a single "
+        "thing](worlds.png)",
         sentence(found, centre),
-        f"The centre has {centre.agents} agents, {centre.rounds} rounds, {centre.arriving:.0%} of the ratings "
-        f"arriving, a noise of {centre.noise:g} in what raters perceive, and {centre.attackers:.0%} attackers in "
-        "each role of a track. Each other world differs from it in one thing. Skill is 1 for the best choice and 0 "
-        f"for a blind one. Shown is the mean of the worst cases on the tracks {' and '.join(suite.tracks)}, each "
-        f"chosen in {suite.games} games and measured in {suite.games} others, with 95% intervals. A ring marks a "
-        "model that is alone in the first [tier](how/headline.md#tiers) of its world. Attackers are scripts and "
-        "universal coalitions. None was searched in these worlds, so there may be worse ones; and more games may "
+        f"The centre has {centre.agents} agents, {centre.rounds} rounds, {centre.arriving:.0%} of "
+        "the ratings "
+        f"arriving, a noise of {centre.noise:g} in what raters perceive, and "
+        f"{centre.attackers:.0%} attackers in "
+        "each role of a track. Each other world differs from it in one thing. Skill is 1 for the "
+        "best choice and 0 "
+        "for a blind one. Shown is the mean of the worst cases on the tracks "
+        f"{' and '.join(suite.tracks)}, each "
+        f"chosen in {suite.games} games and measured in {suite.games} others, with 95% intervals. "
+        "A ring marks a "
+        "model that is alone in the first [tier](how/headline.md#tiers) of its world. Attackers "
+        "are scripts and "
+        "universal coalitions. None was searched in these worlds, so there may be worse ones; and "
+        "more games may "
         "tell apart what these do not.",
         markdown_table(["world", *(f"`{name}`" for name in models), "first tier"], lines, 1),
         f"[worlds.csv](worlds.csv) has all numbers. Made by `{study.command}`.",
@@ -116,16 +148,26 @@ def first(board: Sequence[LeaderboardRow]) -> list[str]:
 
 
 def sentence(found: Found, centre: World) -> str:
-    """Return in how many worlds the model with the highest mean leads, is not told apart from others, or is behind."""
+    """Return in how many worlds the model with the highest mean leads, is not told apart from
+    others, or is behind.
+    """
     means, best = mean_skill(found), Counter(board[0].model for board in found.values())
     leader, *others = sorted(means, key=lambda name: -means[name])
     leads = sum(first(board) == [leader] for board in found.values())
-    behind = {world.beside(centre): first(board) for world, board in found.items() if leader not in first(board)}
-    where = "; ".join(f"{world}: {', '.join(f'`{name}`' for name in names)}" for world, names in behind.items())
+    behind = {
+        world.beside(centre): first(board)
+        for world, board in found.items()
+        if leader not in first(board)
+    }
+    where = "; ".join(
+        f"{world}: {', '.join(f'`{name}`' for name in names)}" for world, names in behind.items()
+    )
     next_to = "".join(f", and `{name}` the next, {means[name]:.3f}" for name in others[:1])
     return (
-        f"Over {len(found)} worlds `{leader}` has the highest mean, {means[leader]:.3f}{next_to}. It leads all others "
-        f"in {leads} of them, is not told apart from some in {len(found) - leads - len(behind)}, and is behind in "
+        f"Over {len(found)} worlds `{leader}` has the highest mean, {means[leader]:.3f}{next_to}. "
+        "It leads all others "
+        f"in {leads} of them, is not told apart from some in {len(found) - leads - len(behind)}, "
+        "and is behind in "
         f"{len(behind)}{f' ({where})' * bool(where)}. The highest of a world is "
         f"{', '.join(f'`{name}` in {number}' for name, number in best.most_common())}. So "
         f"{f'`{leader}`' if leads == len(found) else 'no model'} may be named the leader of all."
@@ -136,12 +178,17 @@ def mean_skill(found: Found) -> dict[str, float]:
     """Return the mean of each model over the worlds."""
     models = [row.model for row in next(iter(found.values()))]
     return {
-        name: fmean(row.worst.mean for board in found.values() for row in board if row.model == name) for name in models
+        name: fmean(
+            row.worst.mean for board in found.values() for row in board if row.model == name
+        )
+        for name in models
     }
 
 
 def worlds_figure(found: Found, centre: World, models: Sequence[str], note: str) -> Figure:
-    """Return a panel for each thing that is changed, and a ring around each model that is alone in the first tier."""
+    """Return a panel for each thing that is changed, and a ring around each model that is alone in
+    the first tier.
+    """
     panels, rings = [], []
     for name in World._fields:
         worlds = [one for one in found if one._replace(**{name: getattr(centre, name)}) == centre]
@@ -150,12 +197,18 @@ def worlds_figure(found: Found, centre: World, models: Sequence[str], note: str)
         series = [Series(model, at, [one[model] for one in skill]) for model in models]
         panels.append(Panel(name, "", "worst-case skill", series, "log"))
         rings.append(
-            [(x, found[one][0].worst.mean) for x, one in zip(at, worlds, strict=True) if len(first(found[one])) == 1]
+            [
+                (x, found[one][0].worst.mean)
+                for x, one in zip(at, worlds, strict=True)
+                if len(first(found[one])) == 1
+            ]
         )
     figure = panels_figure("Which worlds decide?", panels, note, columns=3)
     limits = [end for axes in figure.axes[: len(panels)] for end in axes.get_ylim()]
     for axes, ringed in zip(figure.axes, rings, strict=False):
         axes.set_ylim(min(limits), max(limits))
         for x, y in ringed:
-            axes.plot(x, y, "o", markersize=13, markerfacecolor="none", markeredgecolor=INK, zorder=4)
+            axes.plot(
+                x, y, "o", markersize=13, markerfacecolor="none", markeredgecolor=INK, zorder=4
+            )
     return figure

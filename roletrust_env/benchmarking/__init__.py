@@ -1,6 +1,7 @@
 """The robustness benchmark: its suites and cells, and how cells are played, stored and ranked.
 
-`benchmark` plays a suite and returns its leaderboard. `roletrust benchmark` does the same on the command line.
+`benchmark` plays a suite and returns its leaderboard. `roletrust benchmark` does the same on the
+command line.
 """
 
 from roletrust_env.benchmarking.leaderboard import Leaderboard
@@ -9,4 +10,12 @@ from roletrust_env.benchmarking.run import benchmark
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 
-__all__ = ["Leaderboard", "Learner", "Suite", "benchmark", "load_suite", "register_learner", "suites"]
+__all__ = [
+    "Leaderboard",
+    "Learner",
+    "Suite",
+    "benchmark",
+    "load_suite",
+    "register_learner",
+    "suites",
+]

@@ -1,4 +1,6 @@
-"""Caveats of a leaderboard: where the suite does not suit a model, or its attacks were not strong enough."""
+"""Caveats of a leaderboard: where the suite does not suit a model, or its attacks were not strong
+enough.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -27,7 +29,10 @@ _POINTS = 4  # a course with fewer says nothing of its end
 
 
 def caveats(
-    suite: Suite, stored: Sequence[StoredCell], attacks: Sequence[AttackScores], models: Sequence[str]
+    suite: Suite,
+    stored: Sequence[StoredCell],
+    attacks: Sequence[AttackScores],
+    models: Sequence[str],
 ) -> list[str]:
     """Return the limitations of the numbers, one line each.
 
@@ -48,7 +53,9 @@ def caveats(
     ]
 
 
-def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]) -> Iterator[str]:
+def _model_caveats(
+    suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]
+) -> Iterator[str]:
     scenario = next(iter(suite.scenarios.values())).scenario()
     played = {one.model for one in attacks}  # a model that hangs or ends Python must not run here
     discontinuous, names_of_methods = [], {method.partition(":")[0] for method in suite.methods}
@@ -60,7 +67,10 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
             game = Game(scenario, model)
             at_random, jumps = _is_random(game), not Traits.of(model).differentiable
             places_count = not at_random and needs_watching(model) and _depends_on_places(game)
-        except (Exception, SystemExit) as error:  # a model that fails now and then must not cost the results
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # a model that fails now and then must not cost the results
             yield f"{name}: it failed after the run: {reason(error)}"
             at_random = jumps = places_count = False
         if PLANNER in names_of_methods and jumps:
@@ -68,19 +78,31 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
         if at_random:
             yield f"{name}: its trust is random, so other runs give other numbers"
         if places_count:
-            shown = "are the last of their role" if suite.places == "last" else "are at random places"
-            yield f"{name}: its trust depends on the places of agents; the liars of this suite {shown}"
-        clean = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
-        leads = [one.measured["utility"] - one.measured["blind"] for one in clean if _providers_differ(one)]
+            shown = (
+                "are the last of their role" if suite.places == "last" else "are at random places"
+            )
+            yield f"{name}: its trust depends on the places of agents; the liars of this suite {shown}"  # noqa: E501
+        clean = [
+            one
+            for one in attacks
+            if one.model == name and not suite.tracks[one.condition.track].roles
+        ]
+        leads = [
+            one.measured["utility"] - one.measured["blind"]
+            for one in clean
+            if _providers_differ(one)
+        ]
         if leads and all(np.nanmax(abs(lead)) < _SAME for lead in leads):
-            yield f"{name}: choosing by its trust is no better than choosing blindly; it (almost) ignores ratings"
+            yield f"{name}: choosing by its trust is no better than choosing blindly; it (almost) ignores ratings"  # noqa: E501
     if discontinuous:
         them = "them" if discontinuous[1:] else "it"
-        yield f"{', '.join(discontinuous)}: trust jumps, so the white-box planner could not attack {them}"
+        yield f"{', '.join(discontinuous)}: trust jumps, so the white-box planner could not attack {them}"  # noqa: E501
 
 
 def _providers_differ(clean: AttackScores) -> bool:
-    """Return whether providers differ in quality, so that the best choice is better than a blind choice."""
+    """Return whether providers differ in quality, so that the best choice is better than a blind
+    choice.
+    """
     return bool(np.nanmin(clean.measured["blind"]) < 1 - _SAME)
 
 
@@ -90,18 +112,28 @@ def _is_random(game: Game) -> bool:
 
 
 def _depends_on_places(game: Game) -> bool:
-    """Return whether the model of a game trusts an agent otherwise if it has another place among the agents."""
-    if not game.roster.not_self.all():  # places of raters and providers cannot change apart from each other
+    """Return whether the model of a game trusts an agent otherwise if it has another place among
+    the agents.
+    """
+    if (
+        not game.roster.not_self.all()
+    ):  # places of raters and providers cannot change apart from each other
         return False
     seats: Any = RandomOrder(game.model)
     seated = Game(game.scenario, seats)
-    return any((abs(one - other) > _ROUNDING).any() for one, other in zip(*map(_rated, (game, seated)), strict=True))
+    return any(
+        (abs(one - other) > _ROUNDING).any()
+        for one, other in zip(*map(_rated, (game, seated)), strict=True)
+    )
 
 
 def _rated(game: Game) -> tuple[Array, Array]:
     """Return trust after some rounds in which all raters and providers differ."""
     shape = (game.roster.n_raters, game.roster.n_providers, _GAMES)
-    random, state = np.random.default_rng(0), game.start(game.draw(game.random(0), (_GAMES,), start=True))
+    random, state = (
+        np.random.default_rng(0),
+        game.start(game.draw(game.random(0), (_GAMES,), start=True)),
+    )
     for _ in range(min(_ROUNDS, game.scenario.max_cycles)):
         actions = Actions(random.random(shape[1:]), random.random(shape))
         state, _ = game.step(state, actions, game.draw(game.random(0), (_GAMES,)))
@@ -118,13 +150,21 @@ def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
     for method in dict.fromkeys(
         one.method for one in attacks if not one.white_box and one.method not in WITHOUT_SEARCH
     ):
-        results = [one for one in attacks if one.method == method and (one.model, one.condition) in scripted]
-        if results and not any(np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in results):
+        results = [
+            one
+            for one in attacks
+            if one.method == method and (one.model, one.condition) in scripted
+        ]
+        if results and not any(
+            np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in results
+        ):
             yield f"{method} never beat the scripts; a larger budget might"
 
 
 def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
-    """Yield searches that still found worse attacks at the end of their budget, or that cannot tell."""
+    """Yield searches that still found worse attacks at the end of their budget, or that cannot
+    tell.
+    """
     gains: dict[str, list[tuple[float, str]]] = {}
     short: Counter[str] = Counter()
     for cell, result in stored:
@@ -137,12 +177,14 @@ def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
         if rising:
             gain, key = max(found)
             yield (
-                f"{method}: the last doubling of its rounds gained more than {FLAT:g} in {rising} of {len(found)} "
+                f"{method}: the last doubling of its rounds gained more than {FLAT:g} in {rising} "
+                f"of {len(found)} "
                 f"cells, at most {gain:.3f} in {key}; a larger budget might find worse"
             )
         if short[method]:
             yield (
-                f"{method}: in {short[method]} of {len(found)} cells its course has fewer than {_POINTS} points, "
+                f"{method}: in {short[method]} of {len(found)} cells its course has fewer than "
+                f"{_POINTS} points, "
                 "too few to say whether a larger budget finds worse"
             )
 
@@ -155,14 +197,18 @@ def _start_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
         if apart:
             most = max(apart, key=lambda one: one.difference)
             yield (
-                f"{method}: starts with other seeds differ by more than {FLAT:g} in {len(apart)} of {len(found)} "
-                f"searches, at most by {most.difference:.3f} on {most.model} in {most.condition.description}"
+                f"{method}: starts with other seeds differ by more than {FLAT:g} in {len(apart)} "
+                f"of {len(found)} "
+                f"searches, at most by {most.difference:.3f} on {most.model} in "
+                f"{most.condition.description}"
             )
 
 
 def _idle_caveats(suite: Suite, stored: Sequence[StoredCell]) -> Iterator[str]:
     """Yield searches and learners that never attacked. The planner is a caveat of the models."""
-    for method in dict.fromkeys(cell.method for cell, _ in stored if not suite.is_white_box(cell.method)):
+    for method in dict.fromkeys(
+        cell.method for cell, _ in stored if not suite.is_white_box(cell.method)
+    ):
         reasons = [result.unsuitable for cell, result in stored if cell.method == method]
         if all(reasons):
             yield f"{method} attacked nothing: {reasons[0]}"
@@ -173,11 +219,13 @@ def _condition_caveats(suite: Suite, attacks: Sequence[AttackScores]) -> Iterato
     played = {one.condition[1:] for one in attacks}
     for name in suite.tracks:
         idle = dict.fromkeys(
-            share for _, track, share in suite.conditions if track == name and (name, share) not in played
+            share
+            for _, track, share in suite.conditions
+            if track == name and (name, share) not in played
         )
         if attacks and idle:
             shares = ", ".join(f"{share:g}" for share in idle)
-            yield f"{name} {shares}: no attack was played there, so the worst case is that of the other conditions"
+            yield f"{name} {shares}: no attack was played there, so the worst case is that of the other conditions"  # noqa: E501
 
 
 def _failures(stored: Sequence[StoredCell]) -> Iterator[str]:

@@ -1,4 +1,5 @@
-"""How a cell is played: its attacks, scripted, known or found by a search with a budget, and their scores.
+"""How a cell is played: its attacks, scripted, known or found by a search with a budget, and their
+scores.
 
 The result depends only on the suite and the cell, not on the machine or the order.
 """
@@ -15,7 +16,14 @@ import numpy.typing as npt
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.benchmarking.schema import AttackResult, CellResult, reason
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import HONEST, PLANNER, WITHOUT_SEARCH, Cell, Suite, attacked_scenario
+from roletrust_env.benchmarking.suite import (
+    HONEST,
+    PLANNER,
+    WITHOUT_SEARCH,
+    Cell,
+    Suite,
+    attacked_scenario,
+)
 from roletrust_env.benchmarking.worst_case import attack_scores, worst_cases
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attackers import (
@@ -40,7 +48,13 @@ from roletrust_env.evaluation.measurement import (
     watch_honest,
 )
 from roletrust_env.evaluation.scripts import AttackKind, Scripts, with_paper
-from roletrust_env.evaluation.search import Budget, Progress, SearchMethod, UnsuitableError, search_methods
+from roletrust_env.evaluation.search import (
+    Budget,
+    Progress,
+    SearchMethod,
+    UnsuitableError,
+    search_methods,
+)
 from roletrust_env.evaluation.specs import is_own_model, parse_kinds, parse_named, parse_trust_model
 from roletrust_env.game.attack_task import AttackTask, Objective
 from roletrust_env.game.policy import Policy
@@ -55,7 +69,8 @@ _COMMON = 0, 1
 """Seed of the games that all seeds of a suite have in common."""
 
 COMMON_GAMES = 5
-"""Number of these games, as a multiple of those of the suite: few games differ by more than starts do."""
+"""Number of these games, as a multiple of those of the suite: few games differ by more than starts
+do."""
 
 _FURTHER = 2
 """Second part of the seed of further games that measure the worst attacks of a track."""
@@ -97,9 +112,11 @@ class AttackBatch(NamedTuple):
 
 
 def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKind]:
-    """Return the kinds of scripted attacks of a suite that the compromised agents of a cell can play, by name.
+    """Return the kinds of scripted attacks of a suite that the compromised agents of a cell can
+    play, by name.
 
-    In a track with reserve identities they are those that use them, in any other track those that do not.
+    In a track with reserve identities they are those that use them, in any other track those that
+    do not.
     """
     names, identities = suite.attack_names, suite.tracks[cell.track].reserve > 0
     playable = {}
@@ -113,18 +130,26 @@ def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKi
     return playable
 
 
-def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: int) -> Iterator[AttackBatch]:
+def scripted_batches(
+    task: AttackTask, kinds: Mapping[str, AttackKind], games: int
+) -> Iterator[AttackBatch]:
     """Yield all scripted attacks with default parameters in batches.
 
-    If raters and providers are compromised and an attack is for one of these roles, the other role plays the attack of
-    the paper: raters bad-mouth, and providers attack on and off.
+    If raters and providers are compromised and an attack is for one of these roles, the other role
+    plays the attack of the paper: raters bad-mouth, and providers attack on and off.
     """
-    attacks = {name: Scripts.of(task, with_paper(task, kind)).default for name, kind in kinds.items()}
+    attacks = {
+        name: Scripts.of(task, with_paper(task, kind)).default for name, kind in kinds.items()
+    }
     for names in _chunks(attacks, _rows(task, games)):
-        yield AttackBatch(names, Scripted(side_by_side([attacks[name] for name in names])), 0, "at its defaults")
+        yield AttackBatch(
+            names, Scripted(side_by_side([attacks[name] for name in names])), 0, "at its defaults"
+        )
 
 
-def known_batches(task: AttackTask, known: Sequence[KnownAttack], games: int) -> Iterator[AttackBatch]:
+def known_batches(
+    task: AttackTask, known: Sequence[KnownAttack], games: int
+) -> Iterator[AttackBatch]:
     """Yield known attacks in batches: together if they play side by side as they do alone.
 
     Raises:
@@ -140,7 +165,10 @@ def known_batches(task: AttackTask, known: Sequence[KnownAttack], games: int) ->
             groups.append([pair])
     for group in groups:
         for part in _chunks(group, _rows(task, games)):
-            names, (first, *others) = tuple(one.name for one, _ in part), [attacker for _, attacker in part]
+            names, (first, *others) = (
+                tuple(one.name for one, _ in part),
+                [attacker for _, attacker in part],
+            )
             together = first.stack(others) if isinstance(first, Stackable) and others else first
             yield AttackBatch(names, together, 0, part[0][0].words)
 
@@ -148,7 +176,11 @@ def known_batches(task: AttackTask, known: Sequence[KnownAttack], games: int) ->
 def _stack(pair: tuple[KnownAttack, Attacker], other: tuple[KnownAttack, Attacker]) -> bool:
     """Return whether two known attacks play in one batch, which has one description."""
     (one, attacker), (another, beside) = pair, other
-    return one.words == another.words and isinstance(attacker, Stackable) and attacker.stacks_with(beside)
+    return (
+        one.words == another.words
+        and isinstance(attacker, Stackable)
+        and attacker.stacks_with(beside)
+    )
 
 
 def _rows(task: AttackTask, games: int) -> int:
@@ -156,7 +188,9 @@ def _rows(task: AttackTask, games: int) -> int:
     return max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
 
 
-def make_search(method: str, kinds: Sequence[AttackKind] | None = None, known: Sequence[str] = ()) -> SearchMethod:
+def make_search(
+    method: str, kinds: Sequence[AttackKind] | None = None, known: Sequence[str] = ()
+) -> SearchMethod:
     """Return the search method of a spec.
 
     Args:
@@ -167,7 +201,11 @@ def make_search(method: str, kinds: Sequence[AttackKind] | None = None, known: S
     Raises:
         ValueError: The name is unknown, or the search method cannot be created.
     """
-    offered = {"known": tuple(known)} if kinds is None else {"attacks": tuple(kinds), "known": tuple(known)}
+    offered = (
+        {"known": tuple(known)}
+        if kinds is None
+        else {"attacks": tuple(kinds), "known": tuple(known)}
+    )
     return parse_named(search_methods, method, offered)
 
 
@@ -186,7 +224,8 @@ def task_arguments(suite: Suite, cell: Cell, *, isolated: bool = False) -> TaskA
         isolated: Give a trust model of another package a process of its own.
 
     Raises:
-        ValueError: The track does not fit the scenario, see `attacked_scenario`, or the trust model cannot be created.
+        ValueError: The track does not fit the scenario, see `attacked_scenario`, or the trust model
+            cannot be created.
     """
     scenario, compromised = attacked_scenario(suite, cell)
     make: Any = IsolatedModel if isolated and not is_own_model(cell.model) else parse_trust_model
@@ -206,8 +245,9 @@ def task_arguments(suite: Suite, cell: Cell, *, isolated: bool = False) -> TaskA
 def objective(method: str, roles: Sequence[str]) -> Objective:
     """Return the objective of a method on a track.
 
-    It is `mislead`, except for the planner, which needs a gradient: the choice of the most trusted provider has none.
-    The planner uses `exploit` if only providers are compromised, and `damage` otherwise.
+    It is `mislead`, except for the planner, which needs a gradient: the choice of the most trusted
+    provider has none. The planner uses `exploit` if only providers are compromised, and `damage`
+    otherwise.
 
     Args:
         method: Name of the method.
@@ -224,12 +264,14 @@ def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = Fa
     Args:
         suite: Suite of the cell.
         cell: Cell to play.
-        record: Record of the attacker that plays in place of a search, see `AttackResult`. Empty searches.
+        record: Record of the attacker that plays in place of a search, see `AttackResult`. Empty
+            searches.
         isolated: Give a trust model of another package a process of its own, see `IsolatedModel`.
 
     Raises:
-        ValueError: A name in the suite is unknown, the record is not valid, a trust model or an attacker of a plug-in
-            fails, or an isolated model lets trust in a game depend on other games.
+        ValueError: A name in the suite is unknown, the record is not valid, a trust model or an
+            attacker of a plug-in fails, or an isolated model lets trust in a game depend on other
+            games.
     """
     arguments = task_arguments(suite, cell, isolated=isolated)
     result = _play_cell(suite, cell, record, arguments)
@@ -251,7 +293,9 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
     rows: list[AttackResult] = []
     failed: list[str] = []
     singles: dict[str, AttackBatch] = {}
-    twin = cache(lambda: watch_honest(task, cell.seed, games))  # the same for all attacks of the cell
+    twin = cache(
+        lambda: watch_honest(task, cell.seed, games)
+    )  # the same for all attacks of the cell
     try:
         for batch in _attacks(suite, cell, task, arguments, record):
             try:
@@ -261,11 +305,16 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
                     raise
                 good, errors = [], [f"attack {', '.join(batch.names)}: {reason(error)}"]
             rows, failed = rows + good, failed + errors
-            singles |= {one.names[0]: one for one in (batch.split() if batch.names[1:] else [batch])}
+            singles |= {
+                one.names[0]: one for one in (batch.split() if batch.names[1:] else [batch])
+            }
             steps += batch.rounds + len(batch.names) * games * task.game.scenario.max_cycles
             if batch.progress and suite.seeds[1:]:
                 rows = [
-                    row._replace(common=_in_common(task, batch.attacker, COMMON_GAMES * suite.games)) for row in rows
+                    row._replace(
+                        common=_in_common(task, batch.attacker, COMMON_GAMES * suite.games)
+                    )
+                    for row in rows
                 ]
                 steps += COMMON_GAMES * suite.games * task.game.scenario.max_cycles
         if more := suite.tracks[cell.track].games:
@@ -274,7 +323,9 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
             steps += (len(again) + 1) * more * task.game.scenario.max_cycles
     except UnsuitableError as error:
         return CellResult((), perf_counter() - began, unsuitable=str(error))
-    return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
+    return CellResult(
+        tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps
+    )
 
 
 class FoundAttack(NamedTuple):
@@ -282,8 +333,8 @@ class FoundAttack(NamedTuple):
 
     Attributes:
         task: Task of the cell.
-        batch: Attacks that play side by side. They share their random numbers, so one of them alone would play other
-            games.
+        batch: Attacks that play side by side. They share their random numbers, so one of them alone
+            would play other games.
         row: Row of the attack among them.
     """
 
@@ -298,7 +349,8 @@ class FoundAttack(NamedTuple):
 
 
 def find_attack(suite: Suite, cell: Cell, attack: str, record: str = "") -> FoundAttack:
-    """Return an attack of a cell. Without a record a search runs again, with the same seed and budget.
+    """Return an attack of a cell. Without a record a search runs again, with the same seed and
+    budget.
 
     Args:
         suite: Suite of the cell.
@@ -341,7 +393,9 @@ def _attacks(
     method = make_search(cell.method, list(kinds.values()), [one.record for one in known])
     search = method.search(arguments, Budget(suite.budget_of(cell)), cell.seed)
     found = record_of(search.attacker)
-    yield AttackBatch((cell.method,), search.attacker, search.rounds, search.description, found, search.progress)
+    yield AttackBatch(
+        (cell.method,), search.attacker, search.rounds, search.description, found, search.progress
+    )
 
 
 def _measure_batch(
@@ -349,7 +403,8 @@ def _measure_batch(
 ) -> tuple[list[AttackResult], list[str]]:
     """Return the results of a batch of attacks, and the error messages of the attacks that failed.
 
-    An attack that fails does not affect the others: each attack of a failed batch is measured by itself.
+    An attack that fails does not affect the others: each attack of a failed batch is measured by
+        itself.
 
     Raises:
         Exception: All attacks fail.
@@ -370,9 +425,14 @@ def _measure_batch(
 
 
 def _measure_worst(
-    suite: Suite, cell: Cell, task: AttackTask, rows: Sequence[AttackResult], attacks: Mapping[str, AttackBatch]
+    suite: Suite,
+    cell: Cell,
+    task: AttackTask,
+    rows: Sequence[AttackResult],
+    attacks: Mapping[str, AttackBatch],
 ) -> dict[str, AttackResult]:
-    """Measure the worst attack of a cell, and the worst that serves all raters alike, in further games of the track.
+    """Measure the worst attack of a cell, and the worst that serves all raters alike, in further
+    games of the track.
 
     Returns:
         The results that replace those of these attacks, by name.
@@ -380,27 +440,41 @@ def _measure_worst(
     games, seed = suite.tracks[cell.track].games or suite.games, (cell.seed, _FURTHER)
     scores = attack_scores(suite, [StoredCell(cell, CellResult(tuple(rows), 0.0))])
     own = [one for one in scores if (one.attack, cell[1:4]) not in suite.entered]
-    counted = scores, [one for one in scores if not one.treats], own  # each has a column in the leaderboard
+    counted = (
+        scores,
+        [one for one in scores if not one.treats],
+        own,
+    )  # each has a column in the leaderboard
     names = {case.attack for part in counted for case in worst_cases(part, white_box=True).values()}
     twin = watch_honest(task, seed, games)
     results = {}
     for row in rows:
         if row.attack in names:
             scored = score(task, attacks[row.attack].attacker, seed, (1, games), twin).scores
-            results[row.attack] = row._replace(measured={name: _plain(values[0]) for name, values in scored.items()})
+            results[row.attack] = row._replace(
+                measured={name: _plain(values[0]) for name, values in scored.items()}
+            )
     return results
 
 
 def _row(batch: AttackBatch, k: int, scores: SplitScores) -> AttackResult:
-    """Return the scores of the k-th attack of a batch as plain data, with curves rounded for plots."""
-    chosen, measured = ({name: _plain(values[k]) for name, values in half.items()} for half in scores[:2])
+    """Return the scores of the k-th attack of a batch as plain data, with curves rounded for
+    plots.
+    """
+    chosen, measured = (
+        {name: _plain(values[k]) for name, values in half.items()} for half in scores[:2]
+    )
     curve = [None if x is None else round(x, 3) for x in _plain(scores.by_round[:, k])]
     found = batch.names[k], batch.words, batch.rounds
-    return AttackResult(*found, chosen, measured, curve, batch.record, batch.progress, bool(scores.treats[k]))
+    return AttackResult(
+        *found, chosen, measured, curve, batch.record, batch.progress, bool(scores.treats[k])
+    )
 
 
 def _in_common(task: AttackTask, attacker: Attacker, games: int) -> tuple[list[float | None], ...]:
-    """Return the scores of a single attack in games that all seeds have in common, see `AttackResult.common`."""
+    """Return the scores of a single attack in games that all seeds have in common, see
+    `AttackResult.common`.
+    """
     got, best, blind = watch(task, attacker, _COMMON, (1, games)).bought
     return tuple(_plain(share_of_best(part[:, 0], best[:, 0]).value) for part in (got, blind))
 

@@ -18,7 +18,8 @@ class Cluster:
     """Running Ray cluster with the same version of this package on all its machines.
 
     Args:
-        address: Address of the head node, such as `10.0.0.1:6379`, or `auto` for a cluster on this machine.
+        address: Address of the head node, such as `10.0.0.1:6379`, or `auto` for a cluster on this
+            machine.
 
     Raises:
         ValueError: No cluster answers at the address.
@@ -83,7 +84,10 @@ class CellActor:
         """
         if client != (own := software()):
             other = [name for name in client if client[name] != own[name]]
-            raise ValueError(f"a machine of the cluster has other software ({', '.join(other)}); results would differ")
+            raise ValueError(
+                f"a machine of the cluster has other software ({', '.join(other)}); results would "
+                "differ"
+            )
         return next(result for _, result in self._pool.play(suite, [cell]))
 
 

@@ -1,4 +1,6 @@
-"""Conditions of a run: how well each tells models apart, and whether the searches in it converged."""
+"""Conditions of a run: how well each tells models apart, and whether the searches in it
+converged.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -10,15 +12,18 @@ from roletrust_env.benchmarking.worst_case import AttackScores, Condition, Worst
 from roletrust_env.metrics.score import mean_or_nan
 
 FLAT = 0.01
-"""Limit of a gain, in the mean reward per round, and of a difference between starts, in the score of the suite."""
+"""Limit of a gain, in the mean reward per round, and of a difference between starts, in the score
+of the suite."""
 
 
 class Convergence(NamedTuple):
-    """Shares of the searches that tell their course, each with all its seeds; NaN where none can say.
+    """Shares of the searches that tell their course, each with all its seeds; NaN where none can
+    say.
 
     Attributes:
         flat: Share in which the last doubling of rounds gained `FLAT` at most.
-        repeated: Share in which starts with other seeds differ by `FLAT` at most, in the same games.
+        repeated: Share in which starts with other seeds differ by `FLAT` at most, in the same
+            games.
         converged: Share in which both hold.
     """
 
@@ -29,9 +34,13 @@ class Convergence(NamedTuple):
     @classmethod
     def of(cls, attacks: Iterable[AttackScores]) -> "Convergence":
         """Return the shares among attacks; those without a course say nothing."""
-        pairs = np.array([(one.gain, one.difference) for one in attacks if not np.isnan(one.gain)]).reshape(-1, 2)
+        pairs = np.array(
+            [(one.gain, one.difference) for one in attacks if not np.isnan(one.gain)]
+        ).reshape(-1, 2)
         within = np.column_stack([pairs, pairs.max(axis=1)])
-        return cls(*mean_or_nan(np.where(np.isnan(within), np.nan, within <= FLAT), axis=0).tolist())
+        return cls(
+            *mean_or_nan(np.where(np.isnan(within), np.nan, within <= FLAT), axis=0).tolist()
+        )
 
 
 class ConditionRow(NamedTuple):
@@ -72,7 +81,10 @@ def condition_rows(
     for place in (Condition(*one) for one in conditions):
         found = [case for (_, where), case in cases.items() if where == place]
         if found:
-            scores, attacks = np.array([case.mean for case in found]), [case.attack for case in found]
+            scores, attacks = (
+                np.array([case.mean for case in found]),
+                [case.attack for case in found],
+            )
             spread = float(scores.std(ddof=1)) if len(found) > 1 else np.nan
             apart = told_apart(np.stack([case.score for case in found]))
             ends = float(scores.mean()), float(scores.min()), float(scores.max())

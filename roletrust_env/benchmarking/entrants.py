@@ -1,4 +1,6 @@
-"""Trust model objects in a benchmark. Each gets a name in this process and in the worker processes."""
+"""Trust model objects in a benchmark. Each gets a name in this process and in the worker
+processes.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,7 +20,8 @@ Entrant = str | type[Any] | TrustModel[Any]
 def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str, TrustModel[Any]]]:
     """Return the names of trust models in a suite, and the instances by name.
 
-    A spec is its own name. Every other model is named by its class; a second one of the class gets a number.
+    A spec is its own name. Every other model is named by its class; a second one of the class gets
+    a number.
 
     Raises:
         ValueError: An object is not a trust model, or its class needs parameters.
@@ -32,7 +35,11 @@ def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str,
         instance = _instance(model)
         used = {*names, *trust_models.names()}
         kind = type(instance).__name__
-        name = next(one for k in range(1, len(models) + 2) if (one := kind if k == 1 else f"{kind}-{k}") not in used)
+        name = next(
+            one
+            for k in range(1, len(models) + 2)
+            if (one := kind if k == 1 else f"{kind}-{k}") not in used
+        )
         names.append(name)
         instances[name] = instance
     return tuple(dict.fromkeys(names)), instances
@@ -64,7 +71,8 @@ def pack(instances: Mapping[str, TrustModel[Any]]) -> bytes:
             packed[name] = cloudpickle.dumps(model)
         except Exception as error:  # a class of another package may raise anything
             raise ValueError(
-                f"trust model {name} cannot be sent to another process ({type(error).__name__}: {error}); "
+                f"trust model {name} cannot be sent to another process ({type(error).__name__}: "
+                f"{error}); "
                 "with workers=0 it plays in this one"
             ) from error
     return cloudpickle.dumps(packed) if packed else b""
@@ -79,7 +87,9 @@ def register_packed(packed: bytes) -> None:
 
 
 def _unpacking(packed: bytes) -> Any:
-    """Return a factory that loads a model when it is played, so that one that fails to load affects no other."""
+    """Return a factory that loads a model when it is played, so that one that fails to load affects
+    no other.
+    """
 
     @cache
     def load() -> Any:
@@ -89,10 +99,16 @@ def _unpacking(packed: bytes) -> Any:
 
 
 def _factory(model: TrustModel[Any]) -> Any:
-    """Return a factory that states the source of the model's class, see `roletrust_env.benchmarking.sources`."""
+    """Return a factory that states the source of the model's class, see
+    `roletrust_env.benchmarking.sources`.
+    """
     kind, factory = type(model), cast(Any, partial(_same, model))
     factory.kind, factory.fingerprint = kind, fingerprint(model)
-    factory.__module__, factory.__qualname__, factory.__doc__ = kind.__module__, kind.__qualname__, kind.__doc__
+    factory.__module__, factory.__qualname__, factory.__doc__ = (
+        kind.__module__,
+        kind.__qualname__,
+        kind.__doc__,
+    )
     return factory
 
 
@@ -105,9 +121,16 @@ def _instance(model: Any) -> TrustModel[Any]:
         try:
             model = model()
         except TypeError as error:
-            raise ValueError(f"{model.__name__} needs parameters ({error}); give an instance of it") from None
+            raise ValueError(
+                f"{model.__name__} needs parameters ({error}); give an instance of it"
+            ) from None
         except (Exception, SystemExit) as error:  # a class of another package may raise anything
-            raise ValueError(f"{model.__name__} cannot be made ({type(error).__name__}: {error})") from error
+            raise ValueError(
+                f"{model.__name__} cannot be made ({type(error).__name__}: {error})"
+            ) from error
     if not isinstance(model, TrustModel):
-        raise ValueError(f"{model!r} is not a trust model: give an instance, a class, or a name such as 'role-trust'")
+        raise ValueError(
+            f"{model!r} is not a trust model: give an instance, a class, or a name such as "
+            "'role-trust'"
+        )
     return model

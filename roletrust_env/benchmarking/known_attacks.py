@@ -65,15 +65,19 @@ def check_names(attacks: Iterable[KnownAttack]) -> None:
     for one in attacks:
         key = one.name, one.condition
         if key in seen:
-            raise ValueError(f"there are two known attacks {one.name!r} in {one.scenario}, {one.track} {one.share:.0%}")
+            raise ValueError(
+                f"there are two known attacks {one.name!r} in {one.scenario}, {one.track} "
+                f"{one.share:.0%}"
+            )
         seen.add(key)
 
 
 def merge_attacks(*lists: Iterable[KnownAttack]) -> tuple[KnownAttack, ...]:
     """Return the attacks of several lists as one list.
 
-    An attack is listed once in a condition, under the name of the first list that has it. An attack with the name of
-    another one of its condition gets a number: searches of different people find attacks of the same name.
+    An attack is listed once in a condition, under the name of the first list that has it. An attack
+    with the name of another one of its condition gets a number: searches of different people find
+    attacks of the same name.
 
     Args:
         *lists: Lists of known attacks.
@@ -111,4 +115,6 @@ def read_known_attacks(path: Path) -> tuple[KnownAttack, ...]:
         OSError: The file cannot be read.
     """
     command = "roletrust submit --attacks"
-    return read_untrusted(KnownAttacks, path, MAX_BYTES, what="known attacks", command=command).attacks
+    return read_untrusted(
+        KnownAttacks, path, MAX_BYTES, what="known attacks", command=command
+    ).attacks

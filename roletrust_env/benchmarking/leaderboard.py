@@ -1,8 +1,10 @@
-"""Leaderboard: the trust models in the order of their mean score in the worst case of each condition.
+"""Leaderboard: the trust models in the order of their mean score in the worst case of each
+condition.
 
-On the scale of utility a score is never less than that of a blind choice, since a consumer can always choose blindly. A
-model that ignores ratings has exactly this utility in every condition, and is ranked last. On the scale of skill a
-blind choice is 0. A leaderboard displays as a table and converts to other formats.
+On the scale of utility a score is never less than that of a blind choice, since a consumer can
+always choose blindly. A model that ignores ratings has exactly this utility in every condition, and
+is ranked last. On the scale of skill a blind choice is 0. A leaderboard displays as a table and
+converts to other formats.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +20,12 @@ from roletrust_env.benchmarking.caveats import caveats
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.verdict import DIGITS, verdict
-from roletrust_env.benchmarking.worst_case import AttackScores, WorstCase, attack_scores, worst_cases
+from roletrust_env.benchmarking.worst_case import (
+    AttackScores,
+    WorstCase,
+    attack_scores,
+    worst_cases,
+)
 from roletrust_env.metrics.confidence import Estimate, Interval, over_seeds
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import write_csv
@@ -32,25 +39,31 @@ Floats = npt.NDArray[np.float64]
 
 
 class LeaderboardRow(NamedTuple):
-    """Row of the leaderboard. Each estimate is a mean with half its 95% interval over the games and the seeds.
+    """Row of the leaderboard. Each estimate is a mean with half its 95% interval over the games and
+    the seeds.
 
     Attributes:
-        tier: Tier, which counts from 1. Models that are not told apart from the best one of a tier share it. None if
-            the model lacks results.
+        tier: Tier, which counts from 1. Models that are not told apart from the best one of a tier
+            share it. None if the model lacks results.
         rank: Rank, which counts from 1.
         model: Name of the model.
         clean: Mean score over the tracks on which all agents are honest, on the scale of the suite.
         worst: Mean score of the worst case over the conditions.
-        alike: Mean score of the worst case if only attacks count whose providers serve all raters alike.
+        alike: Mean score of the worst case if only attacks count whose providers serve all raters
+            alike.
         published: Mean score of the worst case if the consumers went by published trust.
         ensemble: Mean score of the worst case without the known attacks that others have found.
-        open_worst: Mean score of the worst case if methods with more knowledge than a real attacker count, too.
+        open_worst: Mean score of the worst case if methods with more knowledge than a real attacker
+            count, too.
         damage: Loss of trust of honest agents in the worst case.
-        false_alarms: Share of honest agents that are classified as attackers while all agents are honest.
+        false_alarms: Share of honest agents that are classified as attackers while all agents are
+            honest.
         detection: AUC of the detection of attackers in the worst case.
-        holds: Probability of the same rank in another run, with new games, and with new seeds if there are several.
+        holds: Probability of the same rank in another run, with new games, and with new seeds if
+            there are several.
         missing: Number of cells that failed, entirely or in part, or that have not been played.
-        worst_attack: Name of the attack in the condition with the least score. Empty if none was played.
+        worst_attack: Name of the attack in the condition with the least score. Empty if none was
+            played.
         worst_condition: Description of that condition.
         alike_tier: Tier by `alike`.
         alike_rank: Rank by `alike`.
@@ -81,7 +94,9 @@ class LeaderboardRow(NamedTuple):
         return [*self[:_FIRST], *numbers, *self[_LAST:]]
 
 
-_ESTIMATES = tuple(name for name, kind in LeaderboardRow.__annotations__.items() if kind is Estimate)
+_ESTIMATES = tuple(
+    name for name, kind in LeaderboardRow.__annotations__.items() if kind is Estimate
+)
 _FIRST = LeaderboardRow._fields.index(_ESTIMATES[0])
 _LAST = _FIRST + len(_ESTIMATES)
 
@@ -100,7 +115,8 @@ def leaderboard_rows(
     cells_each: int,
     attacks: Sequence[AttackScores] | None = None,
 ) -> list[LeaderboardRow]:
-    """Return the rows of the leaderboard from the best model to the worst. Models that tie share a rank.
+    """Return the rows of the leaderboard from the best model to the worst. Models that tie share a
+    rank.
 
     Args:
         suite: Suite of the run.
@@ -112,7 +128,11 @@ def leaderboard_rows(
     attacks = attack_scores(suite, stored) if attacks is None else attacks
     honest = {name for name, track in suite.tracks.items() if not track.roles}
     own = [one for one in attacks if (one.attack, tuple(one.condition)) not in suite.entered]
-    black_box, without, white_box = worst_cases(attacks), worst_cases(own), worst_cases(attacks, white_box=True)
+    black_box, without, white_box = (
+        worst_cases(attacks),
+        worst_cases(own),
+        worst_cases(attacks, white_box=True),
+    )
     serving_alike = worst_cases(attacks, alike=True)
     clean = [one for one in black_box.values() if one.condition.track in honest]
     attacked, alike, ensemble, open_attacked = (
@@ -130,15 +150,22 @@ def leaderboard_rows(
         "false_alarms": score_table(clean, models, lambda one: one.measured["false_alarms"]),
         "detection": score_table(attacked, models, lambda one: one.measured["auc"]),
     }
-    estimates = {name: over_seeds(values, len(models)).estimates for name, values in columns.items()}
+    estimates = {
+        name: over_seeds(values, len(models)).estimates for name, values in columns.items()
+    }
     missing = [
-        cells_each - sum(cell.model == model and not result.failed for cell, result in stored) for model in models
+        cells_each - sum(cell.model == model and not result.failed for cell, result in stored)
+        for model in models
     ]
     means = {name: [one.mean for one in estimates[name]] for name in ("clean", "worst", "alike")}
-    places, own_places = (_places(columns[name], means[name], means["clean"], missing) for name in ("worst", "alike"))
+    places, own_places = (
+        _places(columns[name], means[name], means["clean"], missing) for name in ("worst", "alike")
+    )
     rows = []
     for k, model in enumerate(models):
-        lowest = min((one for one in attacked if one.model == model), key=lambda one: one.mean, default=None)
+        lowest = min(
+            (one for one in attacked if one.model == model), key=lambda one: one.mean, default=None
+        )
         row = LeaderboardRow(
             tier=places.tiers.get(k),
             rank=places.ranks[k],
@@ -156,43 +183,61 @@ def leaderboard_rows(
 
 
 class _Places(NamedTuple):
-    """Ranks, tiers and the probability that a rank holds, by the number of the model, the best first."""
+    """Ranks, tiers and the probability that a rank holds, by the number of the model, the best
+    first.
+    """
 
     ranks: dict[int, int]
     tiers: dict[int, int]
     holds: dict[int, float]
 
 
-def _places(scores: Floats, means: Sequence[float], clean: Sequence[float], missing: Sequence[int]) -> _Places:
+def _places(
+    scores: Floats, means: Sequence[float], clean: Sequence[float], missing: Sequence[int]
+) -> _Places:
     """Return the places of models.
 
     Args:
         scores: Score of each model, seed and game, shape (M, S, G).
         means: Mean score of each model.
         clean: Mean score while all agents are honest, which decides between equal ones.
-        missing: Number of cells that each model lacks; a model that lacks some is last and has no tier.
+        missing: Number of cells that each model lacks; a model that lacks some is last and has no
+            tier.
     """
-    keys = [(lacking > 0, *_order(*pair)) for lacking, *pair in zip(missing, means, clean, strict=True)]
+    keys = [
+        (lacking > 0, *_order(*pair)) for lacking, *pair in zip(missing, means, clean, strict=True)
+    ]
     order = sorted(range(len(keys)), key=lambda k: keys[k])
     in_order = [keys[k] for k in order]
-    ranks = {k: in_order.index(keys[k]) + 1 for k in order}  # equal keys share the rank of the first one
+    ranks = {
+        k: in_order.index(keys[k]) + 1 for k in order
+    }  # equal keys share the rank of the first one
     judged = [k for k in order if not missing[k] and not np.isnan(means[k])]
     found = verdict(scores[judged])
-    tiers, holds = dict(zip(judged, found.tiers, strict=True)), dict(zip(judged, found.holds, strict=True))
+    tiers, holds = (
+        dict(zip(judged, found.tiers, strict=True)),
+        dict(zip(judged, found.holds, strict=True)),
+    )
     return _Places(ranks, tiers, holds)
 
 
 def _order(worst: float, clean: float) -> tuple[float, float]:
-    """Return a sort key: the best first, undefined values last, and equal keys where only rounding differs."""
+    """Return a sort key: the best first, undefined values last, and equal keys where only rounding
+    differs.
+    """
     return tuple(np.inf if np.isnan(x) else -round(x, DIGITS) for x in (worst, clean))  # type: ignore[return-value]
 
 
 def score_table(
-    cases: Sequence[WorstCase], models: Sequence[str], value: Callable[[WorstCase], Floats] = lambda one: one.score
+    cases: Sequence[WorstCase],
+    models: Sequence[str],
+    value: Callable[[WorstCase], Floats] = lambda one: one.score,
 ) -> Floats:
-    """Return the mean over the conditions for each model, seed and game, shape (M, S, G); NaN without a condition.
+    """Return the mean over the conditions for each model, seed and game, shape (M, S, G); NaN
+    without a condition.
 
-    Where a condition has several times as many games as another, the mean of so many of them counts as one.
+    Where a condition has several times as many games as another, the mean of so many of them counts
+    as one.
 
     Args:
         cases: Worst cases of the models.
@@ -241,13 +286,18 @@ class MovedRow(NamedTuple):
 
 
 def moved_rows(rows: Sequence[LeaderboardRow], attacks: Sequence[AttackScores]) -> list[MovedRow]:
-    """Return what attacks cost each model whose providers treat raters differently, in the order of the leaderboard.
+    """Return what attacks cost each model whose providers treat raters differently, in the order of
+    the leaderboard.
 
     Args:
         rows: Rows of the leaderboard.
         attacks: Scores of the attacks in conditions with attackers.
     """
-    models, worst, alike = [row.model for row in rows], worst_cases(attacks), worst_cases(attacks, alike=True)
+    models, worst, alike = (
+        [row.model for row in rows],
+        worst_cases(attacks),
+        worst_cases(attacks, alike=True),
+    )
     both = [key for key in worst if key in alike]
     tables = (score_table([cases[key] for key in both], models) for cases in (alike, worst))
     losses = over_seeds(np.subtract(*tables), len(models)).estimates
@@ -258,14 +308,17 @@ def moved_rows(rows: Sequence[LeaderboardRow], attacks: Sequence[AttackScores]) 
         where, cost, attack = ("", np.nan, "")
         if most is not None:
             where, cost, attack = most[1].description, mine[most], worst[most].attack
-        places, means = (row.tier, row.rank, row.alike_tier, row.alike_rank), (row.worst.mean, row.alike.mean)
+        places, means = (
+            (row.tier, row.rank, row.alike_tier, row.alike_rank),
+            (row.worst.mean, row.alike.mean),
+        )
         found.append(MovedRow(row.model, *places, *means, *loss[:2], where, cost, attack))
     return found
 
 
 _MEANINGS = {
     "score": "{score} of choosing by trust, ± half the 95% interval over the {runs}",
-    "tier": "models that are not told apart from the first one of the tier, at 5% for the whole table",
+    "tier": "models that are not told apart from the first one of the tier, at 5% for the whole table",  # noqa: E501
     "rank": "",
     "model": "",
     "clean": "all agents honest",
@@ -273,7 +326,7 @@ _MEANINGS = {
     "alike": "the worst case of attacks that serve all raters alike, and the place by it",
     "published": "the worst case if consumers went by published trust",
     "ensemble": "the worst case without the attacks that others have found",
-    "real": "what a model keeps in replays of real logs with hostile accounts, the mean over goals and logs",
+    "real": "what a model keeps in replays of real logs with hostile accounts, the mean over goals and logs",  # noqa: E501
     "worst attack": "the attack in the condition with the least {score}",
     "damage": "loss of trust of honest agents in the worst case",
     "alarms": "share of honest agents with trust below 0.5 while all agents are honest",
@@ -298,7 +351,8 @@ class Leaderboard:
         caveats: Limitations of the numbers, one line each.
         cells: All cells with their results.
         attacks: Scores of all attacks.
-        real: What models keep in replays of real logs, by name, see `roletrust_env.benchmarking.real_logs`.
+        real: What models keep in replays of real logs, by name, see
+            `roletrust_env.benchmarking.real_logs`.
     """
 
     suite: Suite
@@ -309,7 +363,9 @@ class Leaderboard:
     real: Mapping[str, Interval]
 
     @classmethod
-    def of(cls, suite: Suite, stored: Sequence[StoredCell], real: Mapping[str, Interval] | None = None) -> Self:
+    def of(
+        cls, suite: Suite, stored: Sequence[StoredCell], real: Mapping[str, Interval] | None = None
+    ) -> Self:
         """Return the leaderboard of a run.
 
         Args:
@@ -320,14 +376,17 @@ class Leaderboard:
         names = suite.model_names
         attacks = attack_scores(suite, stored)
         rows = leaderboard_rows(suite, stored, names, len(suite.cells()) // len(names), attacks)
-        return cls(suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks, real or {})
+        return cls(
+            suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks, real or {}
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns that say something in this run.
 
-        All of `COLUMNS`, but `alike` only if some attack treats raters differently, `published` only if the consumers
-        are raters, `ensemble` only if others have found attacks, and `real` only with replays of logs.
+        All of `COLUMNS`, but `alike` only if some attack treats raters differently, `published`
+        only if the consumers are raters, `ensemble` only if others have found attacks, and `real`
+        only with replays of logs.
         """
         idle = set() if any(one.treats for one in self.attacks) else {"alike"}
         if self.suite.consumers == "public":
@@ -339,14 +398,23 @@ class Leaderboard:
         return tuple(name for name in COLUMNS if name not in idle)
 
     def explain(self, columns: Sequence[str]) -> dict[str, str]:
-        """Return the meaning of the score, and of each of some columns that needs an explanation, by name."""
-        words = {"score": self.suite.score, "runs": "games and seeds" if len(self.suite.seeds) > 1 else "games"}
-        return {name: _MEANINGS[name].format(**words) for name in ("score", *columns) if _MEANINGS[name]}
+        """Return the meaning of the score, and of each of some columns that needs an explanation,
+        by name.
+        """
+        words = {
+            "score": self.suite.score,
+            "runs": "games and seeds" if len(self.suite.seeds) > 1 else "games",
+        }
+        return {
+            name: _MEANINGS[name].format(**words) for name in ("score", *columns) if _MEANINGS[name]
+        }
 
     @property
     def legend(self) -> str:
         """Meaning of the score and of the columns, as a list in Markdown."""
-        return "".join(f"- **{name}**: {meaning}.\n" for name, meaning in self.explain(self.columns).items())
+        return "".join(
+            f"- **{name}**: {meaning}.\n" for name, meaning in self.explain(self.columns).items()
+        )
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the rows as a data frame with the columns of `to_csv`.
@@ -377,10 +445,16 @@ class Leaderboard:
 
     def __repr__(self) -> str:
         """Return the rows as a table of plain text."""
-        lines = [dict(zip(COLUMNS, COLUMNS, strict=True)), *(row_texts(row, "±", self.real) for row in self.rows)]
+        lines = [
+            dict(zip(COLUMNS, COLUMNS, strict=True)),
+            *(row_texts(row, "±", self.real) for row in self.rows),
+        ]
         widths = {name: max(len(line[name]) for line in lines) for name in self.columns}
         text = [
-            "  ".join(f"{line[name]:{'<' if name in _LEFT else '>'}{width}}" for name, width in widths.items())
+            "  ".join(
+                f"{line[name]:{'<' if name in _LEFT else '>'}{width}}"
+                for name, width in widths.items()
+            )
             for line in lines
         ]
         title = f"Leaderboard, suite {self.suite.name}"
@@ -389,10 +463,15 @@ class Leaderboard:
     def _repr_markdown_(self) -> str:
         """Return the rows as a table for a notebook, with what its columns mean."""
         notes = "".join(f"- {line}\n" for line in self.caveats)
-        return f"**Leaderboard, suite {self.suite.name}**\n\n{self.to_markdown()}\n\n{self.legend}\n{notes}"
+        return (
+            "**Leaderboard, suite "
+            f"{self.suite.name}**\n\n{self.to_markdown()}\n\n{self.legend}\n{notes}"
+        )
 
 
-def row_texts(row: LeaderboardRow, between: str, real: Mapping[str, Interval] | None = None) -> dict[str, str]:
+def row_texts(
+    row: LeaderboardRow, between: str, real: Mapping[str, Interval] | None = None
+) -> dict[str, str]:
     """Return a row as text, by the names in `COLUMNS`.
 
     Args:
@@ -409,7 +488,7 @@ def row_texts(row: LeaderboardRow, between: str, real: Mapping[str, Interval] | 
         "model": row.model,
         "clean": _estimate(row.clean, between),
         "worst": _estimate(row.worst, between),
-        "alike": f"{_estimate(row.alike, between)} ({row.alike_rank}, tier {row.alike_tier or '-'})",
+        "alike": f"{_estimate(row.alike, between)} ({row.alike_rank}, tier {row.alike_tier or '-'})",  # noqa: E501
         "published": _estimate(row.published, between),
         "ensemble": _estimate(row.ensemble, between),
         "real": "-" if kept is None else f"{kept.value:.3f} ({kept.low:.3f}, {kept.high:.3f})",

@@ -1,8 +1,9 @@
-"""Worker processes that play cells, one after another, and that may be killed or stopped at any moment.
+"""Worker processes that play cells, one after another, and that may be killed or stopped at any
+moment.
 
-Each worker has its own pipe and is the only holder of its other end. So the death of a worker is noticed at once, even
-in the middle of a message, and does not affect other workers. A shared queue could stay locked or hold half a message.
-The result of a cell does not depend on the pool.
+Each worker has its own pipe and is the only holder of its other end. So the death of a worker is
+noticed at once, even in the middle of a message, and does not affect other workers. A shared queue
+could stay locked or hold half a message. The result of a cell does not depend on the pool.
 """
 
 import os
@@ -38,7 +39,8 @@ class JobResult(NamedTuple):
     Attributes:
         value: Return value of the job.
         timed_out: Whether the job was stopped at its time limit.
-        exit_code: Exit code of the last process that died during the job. None if the job returned or timed out.
+        exit_code: Exit code of the last process that died during the job. None if the job returned
+            or timed out.
     """
 
     value: Any = None
@@ -58,14 +60,18 @@ class _Worker(Generic[Key]):
     """Worker process.
 
     Attributes:
-        link: Connection to the process. The process sends a message when it is ready and after each job.
+        link: Connection to the process. The process sends a message when it is ready and after each
+            job.
         ready: Whether the process has finished its start.
         job: Current job. None if the process is idle.
         deadline: Deadline of the current job on the monotonic clock.
     """
 
     def __init__(
-        self, work: Callable[..., Any], environment: Mapping[str, str], prepare: Callable[[], None] | None
+        self,
+        work: Callable[..., Any],
+        environment: Mapping[str, str],
+        prepare: Callable[[], None] | None,
     ) -> None:
         self.link, other_end = _SPAWN.Pipe()
         self.ready, self.deadline = False, inf
@@ -142,7 +148,9 @@ class WorkerPool(Generic[Key]):
         pending = [_Job(key, arguments, 1) for key, arguments in reversed(tuple(jobs.items()))]
         failed_starts = 0
         while pending or any(worker.job for worker in self._workers):
-            while len(self._workers) < min(self._number, len(pending) + sum(w.job is not None for w in self._workers)):
+            while len(self._workers) < min(
+                self._number, len(pending) + sum(w.job is not None for w in self._workers)
+            ):
                 self._workers.append(_Worker(*self._worker_arguments))
             readable = wait([worker.link for worker in self._workers], _POLL_S)
             for worker in list(self._workers):
@@ -169,7 +177,8 @@ class WorkerPool(Generic[Key]):
                     worker.begin(pending.pop(), limit_s)
             if failed_starts >= _MAX_FAILED_STARTS:
                 raise ChildProcessError(
-                    f"{failed_starts} worker processes in a row ended before they could work; see their errors above"
+                    f"{failed_starts} worker processes in a row ended before they could work; see "
+                    "their errors above"
                 )
 
     def _stop(self, worker: _Worker[Key]) -> int:
@@ -179,7 +188,9 @@ class WorkerPool(Generic[Key]):
 
 @contextmanager
 def _environment(variables: Mapping[str, str]) -> Iterator[None]:
-    """Set environment variables for processes that start in this context. Libraries read them when they are loaded."""
+    """Set environment variables for processes that start in this context. Libraries read them when
+    they are loaded.
+    """
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
@@ -204,7 +215,9 @@ def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: C
 
 
 def _exit_with_parent() -> None:
-    """Exit when the parent process ends, even if it is killed. Otherwise a job that hangs would run for ever."""
+    """Exit when the parent process ends, even if it is killed. Otherwise a job that hangs would run
+    for ever.
+    """
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])
@@ -227,7 +240,8 @@ class Pool(Protocol):
     def play(self, suite: SuiteSchema, cells: Sequence[Any]) -> PlayedCells:
         """Play cells and yield each with its result when it is finished.
 
-        A failed cell has the reason in its result. Closing the generator stops the cells that are still being played.
+        A failed cell has the reason in its result. Closing the generator stops the cells that are
+        still being played.
         """
 
 
@@ -237,7 +251,8 @@ class LocalPool:
     Args:
         workers: Number of processes. None means one for each core that this process may use.
         entrants: Packed trust model objects, see `roletrust_env.benchmarking.entrants.pack`.
-        records: Records of the attackers that play in place of a search, by cell, see `AttackResult`.
+        records: Records of the attackers that play in place of a search, by cell, see
+            `AttackResult`.
         isolated: Give trust models of other packages processes of their own, apart from the games.
         keep: Keep the processes for further cells, as long as this process runs.
     """
@@ -258,7 +273,10 @@ class LocalPool:
 
     def play(self, suite: SuiteSchema, cells: Sequence[Any]) -> PlayedCells:
         """See `Pool.play`. Each cell has the time limit of the suite."""
-        jobs = {cell: (suite, cell, self._entrants, self._records.get(cell, ""), self._isolated) for cell in cells}
+        jobs = {
+            cell: (suite, cell, self._entrants, self._records.get(cell, ""), self._isolated)
+            for cell in cells
+        }
         try:
             for cell, job_result in self._processes.run(jobs, suite.limit_s, TRIES):
                 yield cell, _cell_result(job_result, suite)
@@ -270,7 +288,9 @@ class LocalPool:
 def _cell_result(job_result: JobResult, suite: SuiteSchema) -> CellResult:
     if job_result.timed_out:
         return CellResult(
-            (), suite.limit_s, failed=f"given up after {suite.limit_s:g} seconds, the suite's limit for a cell"
+            (),
+            suite.limit_s,
+            failed=f"given up after {suite.limit_s:g} seconds, the suite's limit for a cell",
         )
     if job_result.exit_code is not None:
         return worker_death(f"the last time with exit code {job_result.exit_code}")
@@ -284,9 +304,15 @@ def worker_death(detail: str) -> CellResult:
 
 
 def play_safely(
-    suite: SuiteSchema, cell: AnyCell, entrants: bytes = b"", record: str = "", isolated: bool = False
+    suite: SuiteSchema,
+    cell: AnyCell,
+    entrants: bytes = b"",
+    record: str = "",
+    isolated: bool = False,
 ) -> CellResult:
-    """Play a cell. An exception of a trust model, an attacker or a learner becomes a failed result."""
+    """Play a cell. An exception of a trust model, an attacker or a learner becomes a failed
+    result.
+    """
     try:
         register_packed(entrants)
         play: Callable[..., CellResult] = play_cell if isinstance(suite, Suite) else play_trial

@@ -1,4 +1,6 @@
-"""Replays of real logs beside the leaderboard, from a file that `roletrust rate --compare` has written."""
+"""Replays of real logs beside the leaderboard, from a file that `roletrust rate --compare` has
+written.
+"""
 
 import csv
 from collections.abc import Mapping
@@ -13,7 +15,8 @@ _GOALS = ("sink", "lift")
 
 
 def read_replays(path: Path) -> dict[str, Interval]:
-    """Return what trust models keep where hostile accounts join a real log, by the name of the model.
+    """Return what trust models keep where hostile accounts join a real log, by the name of the
+    model.
 
     The result is the mean of `kept` over all logs.
 
@@ -33,23 +36,32 @@ def read_replays(path: Path) -> dict[str, Interval]:
                     value = Interval(*(float(row[name]) for name in ("value", "low", "high")))
                     found.setdefault(row["model"], {}).setdefault(row["log"], {})[measure] = value
     except (KeyError, TypeError, ValueError, AttributeError, csv.Error) as error:
-        raise ValueError(f"{path} is no comparison.csv of `roletrust rate --compare` ({error!r})") from None
+        raise ValueError(
+            f"{path} is no comparison.csv of `roletrust rate --compare` ({error!r})"
+        ) from None
     logs = {log for of_model in found.values() for log in of_model}
-    by_log = {name: [kept(of_model.get(log, {})) for log in logs] for name, of_model in found.items()}
+    by_log = {
+        name: [kept(of_model.get(log, {})) for log in logs] for name, of_model in found.items()
+    }
     complete = {name: [one for one in each if one] for name, each in by_log.items() if all(each)}
     if not complete:
-        raise ValueError(f"{path} has no replay of a log with hostile accounts; `roletrust rate --compare` plays them")
+        raise ValueError(
+            f"{path} has no replay of a log with hostile accounts; `roletrust rate --compare` "
+            "plays them"
+        )
     return {name: Interval(*np.mean(each, axis=0).tolist()) for name, each in complete.items()}
 
 
 def kept(measures: Mapping[tuple[str, str], Interval]) -> Interval | None:
-    """Return what a trust model keeps on a log under the worst attack with each goal, the mean over both goals.
+    """Return what a trust model keeps on a log under the worst attack with each goal, the mean over
+    both goals.
 
-    With the goal `sink` it keeps the percentile of the good providers after the attack, with `lift` what the newcomers
-    lack of the top: 1 if no attack moves its targets.
+    With the goal `sink` it keeps the percentile of the good providers after the attack, with `lift`
+    what the newcomers lack of the top: 1 if no attack moves its targets.
 
     Args:
-        measures: Measures of the model by protocol and name, as `roletrust rate --compare` has them.
+        measures: Measures of the model by protocol and name, as `roletrust rate --compare` has
+            them.
 
     Returns:
         The mean with its interval; None where a goal was not attacked.
@@ -58,7 +70,15 @@ def kept(measures: Mapping[tuple[str, str], Interval]) -> Interval | None:
     for (protocol, what), value in measures.items():
         goal, _, accounts = what.partition(", ")
         if protocol == _PROTOCOL and goal in _GOALS and accounts != "honest":
-            left = value if goal == "sink" else Interval(1 - value.value, 1 - value.high, 1 - value.low)
+            left = (
+                value
+                if goal == "sink"
+                else Interval(1 - value.value, 1 - value.high, 1 - value.low)
+            )
             found.setdefault(goal, []).append(left)
     complete = len(found) == len(_GOALS)
-    return Interval(*np.mean([min(attacks) for attacks in found.values()], axis=0).tolist()) if complete else None
+    return (
+        Interval(*np.mean([min(attacks) for attacks in found.values()], axis=0).tolist())
+        if complete
+        else None
+    )

@@ -1,4 +1,6 @@
-"""Benchmark runs from Python, with the same suites, cells and results as the command `roletrust benchmark`."""
+"""Benchmark runs from Python, with the same suites, cells and results as the command `roletrust
+benchmark`.
+"""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -41,12 +43,13 @@ def benchmark(
     """Attack trust models with all attacks of a suite, and rank them by the worst case.
 
     Args:
-        models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list of these.
-            `"all"` means all installed models, and None means the models of the suite.
+        models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list
+            of these. `"all"` means all installed models, and None means the models of the suite.
         suite: Name of a suite, path of a TOML file, or a `Suite`.
         attacks: Specs of scripted attacks that replace those of the suite, or one spec.
-        workers: Number of processes. None means one for each core. With 0 the cells are played in this process. A
-            script that starts processes calls `benchmark` below `if __name__ == "__main__":`; a notebook need not.
+        workers: Number of processes. None means one for each core. With 0 the cells are played in
+            this process. A script that starts processes calls `benchmark` below `if __name__ ==
+            "__main__":`; a notebook need not.
         out: Folder of the results. A stopped run continues from there. None writes no files.
         force: Start again, and delete earlier results in `out`.
         progress: Show a progress bar.
@@ -55,8 +58,8 @@ def benchmark(
         The leaderboard. It displays as a table in a terminal and in a notebook.
 
     Raises:
-        ValueError: A name is unknown, a model or an attack cannot be created, the suite is one for learners, or `out`
-            contains another run.
+        ValueError: A name is unknown, a model or an attack cannot be created, the suite is one for
+            learners, or `out` contains another run.
         OSError: `out` cannot be written.
 
     Example:
@@ -67,7 +70,7 @@ def benchmark(
         >>> board = benchmark(["mean", "constant"], suite, attacks=["bad-mouthing"], workers=0, progress=False)
         >>> [row.model for row in board.rows]
         ['mean', 'constant']
-    """
+    """  # noqa: E501
     if isinstance(attacks, str):
         attacks = [attacks]
     for name, chosen in (("models", models), ("attacks", attacks)):
@@ -77,7 +80,9 @@ def benchmark(
     force, progress = truth_value("force", force), truth_value("progress", progress)
     if workers != 0 and getattr(current_process(), "_inheriting", False):
         # A worker imports the script again, which must not play the benchmark again.
-        sys.exit("call benchmark() below `if __name__ == '__main__':` in a script, or with workers=0")
+        sys.exit(
+            "call benchmark() below `if __name__ == '__main__':` in a script, or with workers=0"
+        )
     entrants: list[Entrant] = []
     if isinstance(models, str) and models == "all":
         entrants += _robustness(suite).model_copy(update={"models": "all"}).model_names
@@ -89,17 +94,22 @@ def benchmark(
         pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
         with ExitStack() as stack:
             listeners = _bar(stack, selected.name) if progress else {}
-            cells = play_suite(selected, pool, out=None if out is None else Path(out), force=force, **listeners)
+            cells = play_suite(
+                selected, pool, out=None if out is None else Path(out), force=force, **listeners
+            )
         return Leaderboard.of(selected, cells)
 
 
 def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> Suite:
-    """Return the suite with other trust models and attacks, and check that all of them can be created.
+    """Return the suite with other trust models and attacks, and check that all of them can be
+    created.
 
     Args:
         suite: Suite to change.
-        models: Specs of trust models that replace those of the suite. Empty keeps the models of the suite.
-        attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks of the suite.
+        models: Specs of trust models that replace those of the suite. Empty keeps the models of the
+            suite.
+        attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks
+            of the suite.
 
     Raises:
         ValueError: A name is unknown, or a model, an attack or a search method cannot be created.
@@ -120,8 +130,12 @@ def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> S
 
 
 def _check_methods(suite: Suite) -> None:
-    """Check that there is a search method for each method of a suite, and for each that a budget names."""
-    stages, tracks = ([one.budgets for one in part.values()] for part in (suite.scenarios, suite.tracks))
+    """Check that there is a search method for each method of a suite, and for each that a budget
+    names.
+    """
+    stages, tracks = (
+        [one.budgets for one in part.values()] for part in (suite.scenarios, suite.tracks)
+    )
     for method in dict.fromkeys((*suite.methods, *chain(*stages, *tracks))):
         if method not in WITHOUT_SEARCH:
             named_factory(search_methods, method)
@@ -183,17 +197,22 @@ class InProcess:
 def _robustness(suite: str | Path | Suite) -> Suite:
     """Return a robustness suite. Raise an error for another type of suite."""
     if not isinstance(suite, str | Path | SuiteSchema):
-        raise ValueError(f"suite is {suite!r}; it must be a Suite, the name of one, or the path of a TOML file")
+        raise ValueError(
+            f"suite is {suite!r}; it must be a Suite, the name of one, or the path of a TOML file"
+        )
     loaded = suite if isinstance(suite, SuiteSchema) else load_suite(suite)
     if not isinstance(loaded, Suite):
         raise ValueError(
-            f"suite {loaded.name} is for learners; play it with `roletrust benchmark --suite {loaded.name}`"
+            f"suite {loaded.name} is for learners; play it with `roletrust benchmark --suite "
+            f"{loaded.name}`"
         )
     return loaded
 
 
 def _bar(stack: ExitStack, name: str) -> dict[str, Any]:
-    """Return callbacks of `play_suite` that update a progress bar. The bar closes with the stack."""
+    """Return callbacks of `play_suite` that update a progress bar. The bar closes with the
+    stack.
+    """
     from tqdm import tqdm
 
     bar = stack.enter_context(tqdm(desc=f"Playing {name}", unit="cell"))

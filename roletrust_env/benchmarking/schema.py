@@ -11,10 +11,12 @@ from roletrust_env.parameters import PositiveAmount
 from roletrust_env.world.group import FrozenModel
 
 Label = Annotated[str, Field(min_length=1, pattern=r"^[^|\x00-\x1f\x7f]+$")]
-"""Name in a suite. A vertical bar is not allowed, since it separates the names in the key of a cell."""
+"""Name in a suite. A vertical bar is not allowed, since it separates the names in the key of a
+cell."""
 
 FORBIDDEN = r"[|/\\\x00-\x1f\x7f]"
-"""Characters that a name in a file of others must not have: path separators and control characters, too."""
+"""Characters that a name in a file of others must not have: path separators and control characters,
+too."""
 
 Name = Annotated[str, Field(min_length=1, max_length=300, pattern=rf"^[^{FORBIDDEN[1:-1]}]+$")]
 """Name in a file of others, such as a submission."""
@@ -39,7 +41,8 @@ class SuiteSchema(FrozenModel):
     cell_type: ClassVar[Callable[..., Any]]
     """Constructor of a cell, with the fields of the cell as keyword arguments."""
     chosen_scores: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Scores in the games for choosing the worst case by name, with their ranges, see `AttackResult`."""
+    """Scores in the games for choosing the worst case by name, with their ranges, see
+    `AttackResult`."""
     measured_scores: ClassVar[Mapping[str, tuple[float, float]]]
     """Scores in the games for measuring, with their ranges."""
     kind: str
@@ -65,7 +68,9 @@ class SuiteSchema(FrozenModel):
         raise NotImplementedError
 
     def factories(self) -> dict[str, Callable[..., Any]]:
-        """Return the factories of everything that the suite names and users may replace, by type and name."""
+        """Return the factories of everything that the suite names and users may replace, by type
+        and name.
+        """
         raise NotImplementedError
 
     def rules(self, cell: Any) -> object:
@@ -103,13 +108,16 @@ class AttackResult(NamedTuple):
         rounds: Number of game rounds that were played to find the attack.
         chosen: Scores by name in the games for choosing the worst case. Empty if nothing is chosen.
         measured: Scores by name in the games for measuring.
-        by_round: Mean utility over the games for measuring in each round from the second on. None is undefined.
-        record: Record of the attacker that a search found, see `roletrust_env.evaluation.attackers`. Empty for attacks
-            that need no search, and for attackers that cannot be recorded.
+        by_round: Mean utility over the games for measuring in each round from the second on. None
+            is undefined.
+        record: Record of the attacker that a search found, see
+            `roletrust_env.evaluation.attackers`. Empty for attacks that need no search, and for
+            attackers that cannot be recorded.
         progress: Course of the search, see `roletrust_env.evaluation.search.Progress`.
         treats: Whether a provider served some honest rater better than another in these games.
-        common: Utility, and that of a blind choice, in games that all seeds have in common, so that the starts of a
-            search compare. Empty for attacks without a course, and in a suite with one seed.
+        common: Utility, and that of a blind choice, in games that all seeds have in common, so that
+            the starts of a search compare. Empty for attacks without a course, and in a suite with
+            one seed.
     """
 
     attack: str
@@ -143,6 +151,8 @@ class CellResult(NamedTuple):
 
 
 def reason(error: BaseException) -> str:
-    """Return the message of an exception in one line. A type other than `ValueError` is part of it."""
+    """Return the message of an exception in one line. A type other than `ValueError` is part of
+    it.
+    """
     line = printable(" ".join(str(error).split())) or "no message"
     return line if isinstance(error, ValueError) else f"{type(error).__name__}: {line}"

@@ -1,7 +1,9 @@
-"""Sources of the models and attacks of a run: hashes of their files, their packages, and fingerprints of objects.
+"""Sources of the models and attacks of a run: hashes of their files, their packages, and
+fingerprints of objects.
 
-A trust model that is given as an object has a name, which says nothing of its parameters. Its fingerprint is what it
-does and holds, the same in every process. It tells whether stored results are those of the same object.
+A trust model that is given as an object has a name, which says nothing of its parameters. Its
+fingerprint is what it does and holds, the same in every process. It tells whether stored results
+are those of the same object.
 """
 
 import hashlib
@@ -27,7 +29,15 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import is_own
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 
-_KNOWN = ("roletrust_env", "roletrust_agents", "roletrust_baselines", "numpy", "torch", "pydantic", "pydantic_core")
+_KNOWN = (
+    "roletrust_env",
+    "roletrust_agents",
+    "roletrust_baselines",
+    "numpy",
+    "torch",
+    "pydantic",
+    "pydantic_core",
+)
 """Packages with classes that their version tells apart."""
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes)
@@ -87,7 +97,12 @@ def _parts(thing: Any, seen: dict[int, int]) -> Iterable[object]:
     if isinstance(thing, FunctionType):
         return _function(thing, seen)
     if isinstance(thing, CodeType):
-        return "code", thing.co_code.hex(), thing.co_names, *(_digest(one, seen) for one in thing.co_consts)
+        return (
+            "code",
+            thing.co_code.hex(),
+            thing.co_names,
+            *(_digest(one, seen) for one in thing.co_consts),
+        )
     if isinstance(thing, staticmethod | classmethod):
         return type(thing).__name__, _digest(thing.__func__, seen)
     if isinstance(thing, property):
@@ -106,7 +121,9 @@ def _function(function: FunctionType, seen: dict[int, int]) -> Iterable[object]:
         except ValueError:  # nothing was assigned yet
             values.append(None)
     if not has_file(function.__module__):
-        values += [function.__globals__[name] for name in code.co_names if name in function.__globals__]
+        values += [
+            function.__globals__[name] for name in code.co_names if name in function.__globals__
+        ]
     values += [code, function.__defaults__, function.__kwdefaults__]
     return "function", function.__qualname__, *(_digest(value, seen) for value in values)
 
@@ -117,12 +134,18 @@ def _class(cls: type, seen: dict[int, int]) -> Iterable[object]:
     top = cls.__module__.partition(".")[0]
     if (top in _KNOWN or top in sys.stdlib_module_names) and _is_there(cls):
         return name
-    own = {key: value for key, value in vars(cls).items() if not (key.startswith("__") and not callable(value))}
+    own = {
+        key: value
+        for key, value in vars(cls).items()
+        if not (key.startswith("__") and not callable(value))
+    }
     return *name, *(_digest(base, seen) for base in cls.__bases__), _digest(own, seen)
 
 
 def _is_there(thing: Any) -> bool:
-    """Return whether a class or a function is in the module that it names: one made below an `ABC` names `abc`."""
+    """Return whether a class or a function is in the module that it names: one made below an `ABC`
+    names `abc`.
+    """
     found: Any = sys.modules.get(thing.__module__)
     for name in thing.__qualname__.split("."):
         found = getattr(found, name, None)
@@ -130,14 +153,18 @@ def _is_there(thing: Any) -> bool:
 
 
 def _object(thing: Any, seen: dict[int, int]) -> Iterable[object]:
-    """Return the parts of an object by the protocol of `pickle`, which leaves out what cannot be stored."""
+    """Return the parts of an object by the protocol of `pickle`, which leaves out what cannot be
+    stored.
+    """
     kind = _digest(type(thing), seen)
     try:
         reduced = thing.__reduce_ex__(4)
     except Exception:  # a class of another package may raise anything
         reduced = getattr(thing, "__dict__", None)
     if isinstance(reduced, tuple):
-        listed, paired = (tuple(part) if part is not None else () for part in (*reduced[3:5], None, None)[:2])
+        listed, paired = (
+            tuple(part) if part is not None else () for part in (*reduced[3:5], None, None)[:2]
+        )
         reduced = (*reduced[:3], listed, paired)
     return "object", kind, _digest(reduced, seen)
 
@@ -164,22 +191,33 @@ class Source(UntrustedModel):
     version: Word
     """Version of the package."""
     sha256: Sha256
-    """Hash of the files that define the class and its base classes, without those of the standard library."""
+    """Hash of the files that define the class and its base classes, without those of the standard
+    library."""
 
 
 def source_of(factory: Callable[..., Any]) -> Source:
     """Return the source of a factory in a registry.
 
     Raises:
-        ValueError: A part of the source is not in a file, or says that it is of a module where it is not.
+        ValueError: A part of the source is not in a file, or says that it is of a module where it
+            is not.
     """
     parts = [factory]
     if not isinstance(factory, type | FunctionType):  # an object says what it makes by `kind`
-        parts = [type(factory), *(getattr(factory, name) for name in ("func", "kind") if hasattr(factory, name))]
-    kinds = [one for part in parts for one in (inspect.getmro(part) if isinstance(part, type) else (part,))]
+        parts = [
+            type(factory),
+            *(getattr(factory, name) for name in ("func", "kind") if hasattr(factory, name)),
+        ]
+    kinds = [
+        one
+        for part in parts
+        for one in (inspect.getmro(part) if isinstance(part, type) else (part,))
+    ]
     for one in kinds:
         _check_home(one, itself=one in parts)
-    modules = sorted({one.__module__ for one in kinds if _top(one.__module__) not in sys.stdlib_module_names})
+    modules = sorted(
+        {one.__module__ for one in kinds if _top(one.__module__) not in sys.stdlib_module_names}
+    )
     digest = hashlib.sha256()
     for module in modules:
         digest.update(f"{module}\n".encode() + _text(module))
@@ -189,7 +227,8 @@ def source_of(factory: Callable[..., Any]) -> Source:
 
 
 def model_source(text: str) -> Source:
-    """Return the source of a trust model. A class of another package is not imported, since its code would run here.
+    """Return the source of a trust model. A class of another package is not imported, since its
+    code would run here.
 
     Its hash is of all Python files of its package, or of the file of its module.
 
@@ -209,21 +248,26 @@ def model_source(text: str) -> Source:
     top, digest = _top(module), hashlib.sha256()
     spec = PathFinder.find_spec(top, [*sys.path, os.getcwd()]) or find_spec(top)
     if spec is None or not (spec.submodule_search_locations or spec.has_location):
-        raise ValueError(f"trust model {text!r} is in no file that is found, so its source could not be compared later")
+        raise ValueError(
+            f"trust model {text!r} is in no file that is found, so its source could not be "
+            "compared later"
+        )
     for folder in map(Path, spec.submodule_search_locations or ()):
         for file in sorted(folder.rglob("*.py")):
             digest.update(f"{file.relative_to(folder).as_posix()}\n".encode() + file.read_bytes())
     if not spec.submodule_search_locations:
         digest.update(Path(spec.origin or "").read_bytes())
     package, number = _package(top)
-    return Source(made_by=f"{module}.{kind}", package=package, version=number, sha256=digest.hexdigest())
+    return Source(
+        made_by=f"{module}.{kind}", package=package, version=number, sha256=digest.hexdigest()
+    )
 
 
 def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
     """Return the source hashes of factories by name.
 
-    The hash of a factory that is not a class or a function of a file covers its parameters, too. Examples are a trust
-    model that is given as an object, and a `functools.partial`.
+    The hash of a factory that is not a class or a function of a file covers its parameters, too.
+    Examples are a trust model that is given as an object, and a `functools.partial`.
     """
     digests = {}
     for name, factory in factories.items():
@@ -237,17 +281,22 @@ def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
 
 
 def _check_home(kind: Any, *, itself: bool) -> None:
-    """Refuse a class or a function with the name of a module that it is not from: the hash would be that of others.
+    """Refuse a class or a function with the name of a module that it is not from: the hash would be
+    that of others.
 
     Raises:
-        ValueError: Its module does not have it, or it is none of the trust models where it says that it is one.
+        ValueError: Its module does not have it, or it is none of the trust models where it says
+            that it is one.
     """
     module, name = kind.__module__, kind.__qualname__
     known = _top(module) in (*_OWN, *sys.stdlib_module_names)
     local = "<locals>" in name and not known
     stranger = itself and module.startswith("roletrust_env.trust.models.") and not is_own(kind)
     if stranger or not (local or _is_there(kind)):
-        raise ValueError(f"{name} says that it is of {module}, which does not have it, so its source is not known")
+        raise ValueError(
+            f"{name} says that it is of {module}, which does not have it, so its source is not "
+            "known"
+        )
 
 
 def _text(module: str) -> bytes:

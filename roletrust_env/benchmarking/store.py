@@ -38,7 +38,7 @@ CREATE TABLE attacks (
     record TEXT NOT NULL, progress TEXT NOT NULL, treats INTEGER NOT NULL, common TEXT NOT NULL,
     PRIMARY KEY (cell, attack)
 ) WITHOUT ROWID;
-"""
+"""  # noqa: E501
 
 _JOURNALS = "-wal", "-shm"
 
@@ -73,15 +73,19 @@ class Store:
     Args:
         path: Path of the file.
         suite: Suite of the run to write. None opens the file for reading.
-        overwrite: Delete the previous content of the file. This fails while another run writes to it.
+        overwrite: Delete the previous content of the file. This fails while another run writes to
+            it.
 
     Raises:
-        ValueError: The file does not exist, is damaged, is being written by another run, has another format, software
-            or source, or has cells that the suite lacks or plays in another way.
+        ValueError: The file does not exist, is damaged, is being written by another run, has
+            another format, software or source, or has cells that the suite lacks or plays in
+            another way.
         OSError: The file cannot be written.
     """
 
-    def __init__(self, path: Path, suite: AnySuite | None = None, *, overwrite: bool = False) -> None:
+    def __init__(
+        self, path: Path, suite: AnySuite | None = None, *, overwrite: bool = False
+    ) -> None:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
@@ -92,14 +96,20 @@ class Store:
             with _readable_errors(path):
                 if suite is not None:
                     self._lock = _write_lock(path)
-                    for end in ("", *_JOURNALS) if overwrite else ():  # but not the lock, which is held
+                    for end in (
+                        ("", *_JOURNALS) if overwrite else ()
+                    ):  # but not the lock, which is held
                         Path(f"{path}{end}").unlink(missing_ok=True)
                 mode = "mode=rwc"
                 if suite is None:
-                    there = [end for end in ("-journal", *_JOURNALS) if Path(f"{path}{end}").exists()]
+                    there = [
+                        end for end in ("-journal", *_JOURNALS) if Path(f"{path}{end}").exists()
+                    ]
                     mode = "mode=ro" if there else "immutable=1"  # a finished run has no journal
                     self._stray = [Path(f"{path}{end}") for end in _JOURNALS if end not in there]
-                self._file = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True, isolation_level=None)
+                self._file = sqlite3.connect(
+                    f"{path.resolve().as_uri()}?{mode}", uri=True, isolation_level=None
+                )
                 if suite is not None and not self._tables():
                     _prepare(self._file, suite)
                 facts = self._facts()
@@ -129,13 +139,17 @@ class Store:
         if self._lock is not None:
             self._lock.release()
         if any(journal.exists() for journal in self._stray):
-            begun = Path(f"{self.path}.lock").exists()  # journals of a run that has begun since are its own
+            begun = Path(
+                f"{self.path}.lock"
+            ).exists()  # journals of a run that has begun since are its own
             with suppress(ValueError, OSError), _write_lock(self.path) if begun else nullcontext():
                 for journal in self._stray:
                     journal.unlink(missing_ok=True)
 
     def add(self, cell: AnyCell, result: CellResult) -> None:
-        """Store the result of a cell in one transaction. It replaces an earlier result of the cell."""
+        """Store the result of a cell in one transaction. It replaces an earlier result of the
+        cell.
+        """
         row = (cell.key, json.dumps(cell._asdict()), *result[1:], platform.node())
         attacks = [
             (
@@ -163,9 +177,17 @@ class Store:
         """Return all cells with their results, in the order of their keys."""
         with self._reading() as file:
             attacks: dict[str, list[AttackResult]] = {}
-            for key, *plain, chosen, measured, by_round, record, progress, treats, common in file.execute(
-                "SELECT * FROM attacks ORDER BY 1, 2"
-            ):
+            for (
+                key,
+                *plain,
+                chosen,
+                measured,
+                by_round,
+                record,
+                progress,
+                treats,
+                common,
+            ) in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
                 found = map(json.loads, (chosen, measured, by_round))
                 row = (*plain, *found, record, json.loads(progress), treats, json.loads(common))
                 attacks.setdefault(key, []).append(_ATTACK.validate_python(row))
@@ -174,7 +196,9 @@ class Store:
             ).fetchall()
             cells, found_cells = {cell.key: cell for cell in self.suite.cells()}, list[StoredCell]()
             for key, cell, *columns in rows:
-                result = _RESULT.validate_python(((), *columns))._replace(rows=tuple(attacks.pop(key, ())))
+                result = _RESULT.validate_python(((), *columns))._replace(
+                    rows=tuple(attacks.pop(key, ()))
+                )
                 if key not in cells or json.loads(cell) != cells[key]._asdict():
                     raise sqlite3.DatabaseError(f"cell {short(key)} is none of the suite")
                 if any(not self._has_scores(row) for row in result.rows):
@@ -183,11 +207,15 @@ class Store:
                     )
                 found_cells.append(StoredCell(cells[key], result))
             if attacks:
-                raise sqlite3.DatabaseError(f"attacks are of cell {short(min(attacks))}, which is missing")
+                raise sqlite3.DatabaseError(
+                    f"attacks are of cell {short(min(attacks))}, which is missing"
+                )
         return found_cells
 
     def _has_scores(self, row: AttackResult) -> bool:
-        """Return whether an attack has the scores of the suite, each for the same games and within its range."""
+        """Return whether an attack has the scores of the suite, each for the same games and within
+        its range.
+        """
         parts = (row.chosen, self.suite.chosen_scores), (row.measured, self.suite.measured_scores)
         sizes = [{len(part.get(name, ())) for name in ranges} for part, ranges in parts]
         return all(len(found) <= 1 and 0 not in found for found in sizes) and all(
@@ -205,10 +233,14 @@ class Store:
     def _facts(self) -> "_Facts":
         """Return the metadata of the file after a check of its integrity and its format."""
         with self._reading() as file:
-            facts = {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
+            facts = {
+                name: json.loads(value)
+                for name, value in file.execute("SELECT name, value FROM facts")
+            }
             if facts.get("format") != FORMAT:
                 raise ValueError(
-                    f"{self.path} has the format {short(repr(facts.get('format')))}; this version reads {FORMAT}"
+                    f"{self.path} has the format {short(repr(facts.get('format')))}; this version "
+                    f"reads {FORMAT}"
                 )
             for (message,) in file.execute("PRAGMA quick_check"):
                 if message != "ok":
@@ -216,17 +248,25 @@ class Store:
             return _Facts.model_validate(facts)
 
     def _check(self, suite: AnySuite) -> None:
-        """Check that the run to continue has the same software and sources, and go on with the suite."""
+        """Check that the run to continue has the same software and sources, and go on with the
+        suite.
+        """
         if self.suite != suite and not self._extended_by(suite):
             names = [
-                name for name in type(suite).model_fields if getattr(self.suite, name, None) != getattr(suite, name)
+                name
+                for name in type(suite).model_fields
+                if getattr(self.suite, name, None) != getattr(suite, name)
             ]
             raise ValueError(
-                f"{self.path} holds another suite (different: {', '.join(names)}), and the new one lacks cells that "
-                "were played, or plays them in another way; give another --out, or start again with --force"
+                f"{self.path} holds another suite (different: {', '.join(names)}), and the new one "
+                "lacks cells that "
+                "were played, or plays them in another way; give another --out, or start again "
+                "with --force"
             )
         if self.software != software():
-            raise ValueError(f"{self.path} was written with other software versions; start again with --force")
+            raise ValueError(
+                f"{self.path} was written with other software versions; start again with --force"
+            )
         self.check_sources(suite)
         if self.suite != suite:
             sources = {**self._sources, **hashes(suite.factories())}
@@ -243,12 +283,16 @@ class Store:
         known = {cell.key for cell in suite.cells()}
         with self._reading() as file:
             played: list[Any] = [
-                suite.cell_type(**json.loads(cell)) for (cell,) in file.execute("SELECT cell FROM cells")
+                suite.cell_type(**json.loads(cell))
+                for (cell,) in file.execute("SELECT cell FROM cells")
             ]
-        return all(cell.key in known and self.suite.rules(cell) == suite.rules(cell) for cell in played)
+        return all(
+            cell.key in known and self.suite.rules(cell) == suite.rules(cell) for cell in played
+        )
 
     def check_sources(self, suite: SuiteSchema) -> None:
-        """Check that the models, attacks and learners have the same source as when they were played.
+        """Check that the models, attacks and learners have the same source as when they were
+        played.
 
         Args:
             suite: Suite of the run. Everything that it names is imported.
@@ -257,10 +301,13 @@ class Store:
             ValueError: The source of a model, an attack or a learner has changed.
         """
         current = hashes(suite.factories())
-        changed = [name for name, digest in current.items() if self._sources.get(name, digest) != digest]
+        changed = [
+            name for name, digest in current.items() if self._sources.get(name, digest) != digest
+        ]
         if changed:
             raise ValueError(
-                f"{self.path} was played with another source of {', '.join(changed)}, or with other parameters; give "
+                f"{self.path} was played with another source of {', '.join(changed)}, or with "
+                "other parameters; give "
                 "another --out, or start again with --force"
             )
 
@@ -290,19 +337,34 @@ def _write_lock(path: Path) -> FileLock:
     try:
         lock.acquire(timeout=0)
     except Timeout:
-        raise ValueError(f"another run writes to {path}; wait for it, or give another --out") from None
+        raise ValueError(
+            f"another run writes to {path}; wait for it, or give another --out"
+        ) from None
     return lock
 
 
 def _prepare(file: sqlite3.Connection, suite: SuiteSchema) -> None:
     """Create the tables of a new file in one transaction."""
     sources = hashes(suite.factories())
-    facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software(), "sources": sources}
-    rows = ", ".join("('{}', '{}')".format(name, json.dumps(value).replace("'", "''")) for name, value in facts.items())
+    facts = {
+        "format": FORMAT,
+        "suite": suite.model_dump(mode="json"),
+        "software": software(),
+        "sources": sources,
+    }
+    rows = ", ".join(
+        "('{}', '{}')".format(name, json.dumps(value).replace("'", "''"))
+        for name, value in facts.items()
+    )
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
 
 
-_NOT_WRITABLE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY}
+_NOT_WRITABLE = {
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_READONLY,
+}
 _LOCKED = {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
 
 
@@ -312,15 +374,26 @@ def _readable_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except ValidationError as error:
-        raise ValueError(f"{path} is damaged or is not a results file of a benchmark: {explain(error)}") from None
-    except (sqlite3.DatabaseError, json.JSONDecodeError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError(
+            f"{path} is damaged or is not a results file of a benchmark: {explain(error)}"
+        ) from None
+    except (
+        sqlite3.DatabaseError,
+        json.JSONDecodeError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ) as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the primary result code
         if code in _NOT_WRITABLE:
             raise OSError(
-                f"{path} cannot be written: {error}; its content is safe, so free some space and run the command again"
+                f"{path} cannot be written: {error}; its content is safe, so free some space and "
+                "run the command again"
             ) from None
         if code in _LOCKED:
             raise ValueError(
                 f"{path} is locked by another program ({error}); close it and run the command again"
             ) from None
-        raise ValueError(f"{path} is damaged or is not a results file of a benchmark: {error}") from None
+        raise ValueError(
+            f"{path} is damaged or is not a results file of a benchmark: {error}"
+        ) from None

@@ -1,4 +1,6 @@
-"""Submissions: the results of trust models in one file, which others can verify, and attacks that others can play."""
+"""Submissions: the results of trust models in one file, which others can verify, and attacks that
+others can play.
+"""
 
 import hashlib
 import json
@@ -13,7 +15,15 @@ from pydantic import FailFast, Field, ValidationError, model_validator
 from roletrust_env.benchmarking.cells import find_attack
 from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, merge_attacks
 from roletrust_env.benchmarking.leaderboard import leaderboard_rows
-from roletrust_env.benchmarking.schema import FORBIDDEN, Amount, AttackResult, CellResult, Name, Number, check_unique
+from roletrust_env.benchmarking.schema import (
+    FORBIDDEN,
+    Amount,
+    AttackResult,
+    CellResult,
+    Name,
+    Number,
+    check_unique,
+)
 from roletrust_env.benchmarking.sources import Sha256, Source, Word, model_source, source_of
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Cell, Suite
@@ -30,7 +40,8 @@ from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_env.trust.model import registry as trust_models
 
 BASE_PRESET = "paper-3x3"
-"""Preset of the scenarios. A submission sets all their fields, so that its suite needs no other file."""
+"""Preset of the scenarios. A submission sets all their fields, so that its suite needs no other
+file."""
 
 
 class ClaimedScore(UntrustedModel):
@@ -125,9 +136,16 @@ class CellClaim(UntrustedModel):
     def _check(self) -> Self:
         check_unique(attacks=tuple(one.attack for one in self.attacks))
         if self.method in WITHOUT_SEARCH and self.record:
-            raise ValueError(f"{self.cell.key} has a record, but the method {self.method} does not search")
-        if self.method not in WITHOUT_SEARCH and any(one.attack != self.method for one in self.attacks):
-            raise ValueError(f"{self.cell.key} has other attacks than the one that the method {self.method} finds")
+            raise ValueError(
+                f"{self.cell.key} has a record, but the method {self.method} does not search"
+            )
+        if self.method not in WITHOUT_SEARCH and any(
+            one.attack != self.method for one in self.attacks
+        ):
+            raise ValueError(
+                f"{self.cell.key} has other attacks than the one that the method {self.method} "
+                "finds"
+            )
         return self
 
     @property
@@ -136,12 +154,19 @@ class CellClaim(UntrustedModel):
         return next((one.record for one in self.attacks if one.record), "")
 
     def as_single_game(self) -> StoredCell:
-        """Return the cell with its means as the scores of a single game. A leaderboard of it has the same means."""
+        """Return the cell with its means as the scores of a single game. A leaderboard of it has
+        the same means.
+        """
         rows = []
         for one in self.attacks:
             measured = {name: [score.mean] for name, score in one.measured}
-            chosen: dict[str, list[float | None]] = {"utility": [one.chosen], "blind": [one.chosen_blind]}
-            rows.append(AttackResult(one.attack, "", one.rounds, chosen, measured, treats=one.treats))
+            chosen: dict[str, list[float | None]] = {
+                "utility": [one.chosen],
+                "blind": [one.chosen_blind],
+            }
+            rows.append(
+                AttackResult(one.attack, "", one.rounds, chosen, measured, treats=one.treats)
+            )
         return StoredCell(self.cell, CellResult(tuple(rows), 0.0))
 
 
@@ -193,25 +218,36 @@ class Submission(UntrustedModel):
     cells: Annotated[tuple[CellClaim, ...], FailFast()]
 
 
-def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool = False) -> Submission:
+def make_submission(
+    store: Store, names: Sequence[str] = (), *, allow_code: bool = False
+) -> Submission:
     """Return a submission of trust models of a run.
 
     Args:
         store: File of the run.
         names: Names of the models, which need not be installed. Empty means all models of the run.
-        allow_code: Allow the file to name models, attacks and search methods that are not installed.
+        allow_code: Allow the file to name models, attacks and search methods that are not
+            installed.
 
     Raises:
-        ValueError: The run is incomplete, does not contain a model, is not a robustness run, was played with other
-            software, or names a model, an attack or a search method that is not installed.
+        ValueError: The run is incomplete, does not contain a model, is not a robustness run, was
+            played with other software, or names a model, an attack or a search method that is not
+            installed.
     """
     if not isinstance(store.suite, Suite):
-        raise ValueError(f"{store.path} has a suite for {store.suite.kind}; only robustness suites can be submitted")
+        raise ValueError(
+            f"{store.path} has a suite for {store.suite.kind}; only robustness suites can be "
+            "submitted"
+        )
     if store.software != software():
-        raise ValueError(f"{store.path} was written with other software versions; submit it with those versions")
+        raise ValueError(
+            f"{store.path} was written with other software versions; submit it with those versions"
+        )
     known = store.suite.model_names
     if unknown := [name for name in names if name not in known]:
-        raise ValueError(f"{store.path} has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
+        raise ValueError(
+            f"{store.path} has no trust model {unknown[0]!r}{suggest(unknown[0], known)}"
+        )
     suite = self_contained(store.suite, tuple(dict.fromkeys(names)) or tuple(known))
     if not allow_code:
         check_installed(trust_models, [name for name in suite.models if name not in names])
@@ -220,9 +256,12 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
     store.check_sources(suite)
     stored = {one.cell.key: one for one in store.all() if one.cell.model in suite.models}
     every = suite.cells()
-    if bad := [cell.key for cell in every if cell.key not in stored or stored[cell.key].result.failed]:
+    if bad := [
+        cell.key for cell in every if cell.key not in stored or stored[cell.key].result.failed
+    ]:
         raise ValueError(
-            f"{store.path}: {len(bad)} of {len(every)} cells failed or have not been played, such as {bad[0]}; only "
+            f"{store.path}: {len(bad)} of {len(every)} cells failed or have not been played, such "
+            f"as {bad[0]}; only "
             "complete runs can be submitted"
         )
     ordered = [stored[cell.key] for cell in every]
@@ -241,16 +280,24 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
 
 
 def self_contained(suite: Suite, names: Sequence[str]) -> Suite:
-    """Return a suite that does not depend on other files or versions: its attacks by name, its scenarios in full."""
+    """Return a suite that does not depend on other files or versions: its attacks by name, its
+    scenarios in full.
+    """
     stages = {
-        name: stage.model_copy(update={"preset": BASE_PRESET, "set": stage.scenario().model_dump(mode="json")})
+        name: stage.model_copy(
+            update={"preset": BASE_PRESET, "set": stage.scenario().model_dump(mode="json")}
+        )
         for name, stage in suite.scenarios.items()
     }
-    return suite.model_copy(update={"models": tuple(names), "attacks": tuple(suite.attack_names), "scenarios": stages})
+    return suite.model_copy(
+        update={"models": tuple(names), "attacks": tuple(suite.attack_names), "scenarios": stages}
+    )
 
 
 def suite_hash(suite: Suite) -> str:
-    """Return the SHA-256 hash of a suite without its models. Suites with equal hashes test models in the same way."""
+    """Return the SHA-256 hash of a suite without its models. Suites with equal hashes test models
+    in the same way.
+    """
     data = suite.model_dump(mode="json", exclude={"models"})
     return hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
@@ -260,7 +307,9 @@ def suite_sources(suite: Suite) -> dict[str, Any]:
     return {
         "models": {name: model_source(name) for name in suite.models},
         "attacks": {name: source_of(named_factory(attackers, name)) for name in suite.attacks},
-        "methods": {name: source_of(named_factory(search_methods, name)) for name in suite.searches},
+        "methods": {
+            name: source_of(named_factory(search_methods, name)) for name in suite.searches
+        },
     }
 
 
@@ -272,11 +321,16 @@ def model_scores(suite: Suite, stored: Sequence[StoredCell]) -> dict[str, ModelS
         stored: All cells of the suite with their results, in any order.
     """
     by_key = {one.cell.key: one for one in stored}
-    in_order = [by_key[cell.key] for cell in suite.cells()]  # the order changes the last bits of sums
+    in_order = [
+        by_key[cell.key] for cell in suite.cells()
+    ]  # the order changes the last bits of sums
     rows = leaderboard_rows(suite, in_order, suite.model_names, len(stored) // len(suite.models))
     return {
         row.model: ModelScores(
-            **{name: ClaimedScore.from_estimate(*getattr(row, name)[:2]) for name in ModelScores.model_fields}
+            **{
+                name: ClaimedScore.from_estimate(*getattr(row, name)[:2])
+                for name in ModelScores.model_fields
+            }
         )
         for row in rows
     }
@@ -290,7 +344,9 @@ def make_claim(cell: Cell, result: CellResult) -> CellClaim:
             rounds=row.rounds,
             chosen=_mean(row.chosen["utility"]),
             chosen_blind=_mean(row.chosen["blind"]),
-            measured=ClaimedMetrics(**{name: ClaimedScore.of(values) for name, values in row.measured.items()}),
+            measured=ClaimedMetrics(
+                **{name: ClaimedScore.of(values) for name, values in row.measured.items()}
+            ),
             treats=row.treats,
             record=row.record,
         )
@@ -306,9 +362,11 @@ def _mean(values: Sequence[float | None]) -> float:
 def make_entries(
     suite: Suite, stored: Sequence[StoredCell], models: Sequence[str] = (), finder: str = ""
 ) -> tuple[KnownAttacks, list[str]]:
-    """Return the worst attack on each trust model in each condition, and the attacks that cannot be recorded.
+    """Return the worst attack on each trust model in each condition, and the attacks that cannot be
+    recorded.
 
-    An attack that is the worst one on several trust models is listed once in a condition, with the name of the first.
+    An attack that is the worst one on several trust models is listed once in a condition, with the
+    name of the first.
 
     Args:
         suite: Suite of the run.
@@ -331,12 +389,19 @@ def make_entries(
             entries.append(entry)
     if not entries:
         what = f", such as {lost[0]}" if lost else ""
-        raise ValueError(f"the run has no attack that can be recorded{what}; scripts of packages and coalitions can")
+        raise ValueError(
+            f"the run has no attack that can be recorded{what}; scripts of packages and coalitions "
+            "can"
+        )
     return KnownAttacks(attacks=merge_attacks(entries)), lost
 
 
-def _worst(suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]) -> Iterator[tuple[Cell, str]]:
-    """Yield the cell and the name of the worst attack on each model in each condition; of several seeds the worst."""
+def _worst(
+    suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]
+) -> Iterator[tuple[Cell, str]]:
+    """Yield the cell and the name of the worst attack on each model in each condition; of several
+    seeds the worst.
+    """
     seeds = sorted({cell.seed for cell, result in stored if result.rows})
     for (model, condition), case in worst_cases(attack_scores(suite, stored)).items():
         if model in models and suite.tracks[condition.track].roles:
@@ -345,7 +410,9 @@ def _worst(suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]) ->
             yield Cell(model, *condition, case.choices[k].method, seeds[k]), case.choices[k].attack
 
 
-def _entry(suite: Suite, stored: Sequence[StoredCell], cell: Cell, attack: str, finder: str) -> KnownAttack | None:
+def _entry(
+    suite: Suite, stored: Sequence[StoredCell], cell: Cell, attack: str, finder: str
+) -> KnownAttack | None:
     """Return an attack of a cell as a known attack, or None if it cannot be recorded."""
     if cell.method == "known":
         return next(one for one in suite.known if (one.name, one.condition) == (attack, cell[1:4]))
@@ -354,12 +421,19 @@ def _entry(suite: Suite, stored: Sequence[StoredCell], cell: Cell, attack: str, 
         return None
     title = re.sub(FORBIDDEN, "-", f"{attack} against {cell.model}")[:300]
     return KnownAttack(
-        name=title, scenario=cell.scenario, track=cell.track, share=cell.share, finder=finder, record=record
+        name=title,
+        scenario=cell.scenario,
+        track=cell.track,
+        share=cell.share,
+        finder=finder,
+        record=record,
     )
 
 
 def _record(suite: Suite, stored: Sequence[StoredCell], cell: Cell, attack: str) -> str:
-    """Return the record of an attack in a cell. A script at its defaults is made again, since it has none."""
+    """Return the record of an attack in a cell. A script at its defaults is made again, since it
+    has none.
+    """
     rows = next(one.result.rows for one in stored if one.cell == cell)
     record = next(row.record for row in rows if row.attack == attack)
     if record or cell.method != "scripted":

@@ -31,29 +31,37 @@ def suites() -> dict[str, str]:
 
 
 def load_suite(suite: str | Path, worlds: int | None = None) -> AnySuite:
-    """Return a suite by name, or from a TOML file. Its worlds are drawn, see `roletrust_env.benchmarking.worlds`.
+    """Return a suite by name, or from a TOML file. Its worlds are drawn, see
+    `roletrust_env.benchmarking.worlds`.
 
     Args:
         suite: Name of a suite, or path of a file that ends in `.toml`.
-        worlds: Seed of its worlds. None means those of the file; with another one the suite has another name.
+        worlds: Seed of its worlds. None means those of the file; with another one the suite has
+            another name.
 
     Raises:
-        ValueError: The name is unknown, the file cannot be read or does not contain a valid suite, or it has no worlds
-            that are drawn.
+        ValueError: The name is unknown, the file cannot be read or does not contain a valid suite,
+            or it has no worlds that are drawn.
     """
     path = Path(suite)
     if path.suffix != ".toml":
         if str(suite) not in (names := _names()):
-            raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, names)}, or the path of a .toml file")
+            raise ValueError(
+                f"unknown suite {str(suite)!r}{suggest(suite, names)}, or the path of a .toml file"
+            )
         path = _FOLDER / f"{suite}.toml"
     fields = {"name": path.stem, **_fields(path)}
     if worlds is not None:
         if "worlds" not in fields:
-            raise ValueError(f"suite {suite} has no table of worlds, so none can be drawn with another seed")
+            raise ValueError(
+                f"suite {suite} has no table of worlds, so none can be drawn with another seed"
+            )
         fields["name"] = f"{fields['name']}{_WORLDS}{worlds}"
     if "worlds" in fields:
         try:
-            fields["scenarios"] = draw_worlds(fields.pop("worlds"), worlds, fields.get("scenarios", {}))
+            fields["scenarios"] = draw_worlds(
+                fields.pop("worlds"), worlds, fields.get("scenarios", {})
+            )
         except ValueError as error:
             raise ValueError(f"suite {suite}: {error}") from None
     return read_suite(fields, f"suite {suite}")
@@ -88,7 +96,8 @@ def _names() -> list[str]:
 
 
 def _fields(path: Path, *extending: Path) -> dict[str, Any]:
-    """Return the fields of a suite in a file, and those of the suite that it extends where it has none of its own.
+    """Return the fields of a suite in a file, and those of the suite that it extends where it has
+    none of its own.
 
     Args:
         path: Path of a TOML file. Known attacks and a file that it extends lie beside it.
@@ -108,13 +117,18 @@ def _fields(path: Path, *extending: Path) -> dict[str, Any]:
     if isinstance(names := data.get("known"), str):
         names = [names]
     if isinstance(names, list):
-        data["known"] = merge_attacks(*(read_known_attacks(path.parent / str(name)) for name in names))
+        data["known"] = merge_attacks(
+            *(read_known_attacks(path.parent / str(name)) for name in names)
+        )
     if "extends" not in data:
         return data
     base = str(data.pop("extends"))
     if base not in (names := _names()) and not base.endswith(".toml"):
         allowed = ", ".join(names)
-        raise ValueError(f"suite {path}: extends is {base!r}; it must be one of {allowed}, or a .toml file beside it")
+        raise ValueError(
+            f"suite {path}: extends is {base!r}; it must be one of {allowed}, or a .toml file "
+            "beside it"
+        )
     file = _FOLDER / f"{base}.toml" if base in names else path.parent / base
     return {**_fields(file, path, *extending), **data}
 
@@ -127,8 +141,8 @@ def reproduction_command(suite: SuiteSchema, path: Path) -> str:
         path: Path of that file.
 
     Returns:
-        Command for a shell. A suite that is not part of the project is given by the name of its file, and known attacks
-        by the file `known.json`.
+        Command for a shell. A suite that is not part of the project is given by the name of its
+        file, and known attacks by the file `known.json`.
     """
     name, _, seed = suite.name.partition(_WORLDS)
     drawn = ["--worlds", seed] if seed else []
@@ -137,12 +151,24 @@ def reproduction_command(suite: SuiteSchema, path: Path) -> str:
     with suppress(ValueError):  # a suite of another file may have any name
         bundled = load_suite(name, int(seed) if seed else None) if name in _names() else None
     if bundled:
-        names = {field: getattr(suite, field) for field in ("models", "attacks", "learners") if hasattr(suite, field)}
-        more = isinstance(suite, Suite) and isinstance(bundled, Suite) and suite.known != bundled.known
+        names = {
+            field: getattr(suite, field)
+            for field in ("models", "attacks", "learners")
+            if hasattr(suite, field)
+        }
+        more = (
+            isinstance(suite, Suite) and isinstance(bundled, Suite) and suite.known != bundled.known
+        )
         if more:
             names |= {field: getattr(suite, field) for field in ("known", "methods")}
         if type(bundled) is type(suite) and bundled.model_copy(update=names) == suite:
-            options = ["--suite", name, *drawn, *_options(bundled, suite), *(["--known", "known.json"] if more else [])]
+            options = [
+                "--suite",
+                name,
+                *drawn,
+                *_options(bundled, suite),
+                *(["--known", "known.json"] if more else []),
+            ]
     return shlex.join(["roletrust", "benchmark", *options, "--out", str(path.parent)])
 
 

@@ -1,4 +1,6 @@
-"""Verdict on ranks: which models a run tells apart, and how often another run gives the same rank."""
+"""Verdict on ranks: which models a run tells apart, and how often another run gives the same
+rank.
+"""
 
 from typing import NamedTuple
 
@@ -31,7 +33,8 @@ class RankVerdict(NamedTuple):
 
 
 class _Pairs(NamedTuple):
-    """Differences between the mean scores of models in the same games and seeds, each of shape (M, M).
+    """Differences between the mean scores of models in the same games and seeds, each of shape (M,
+    M).
 
     Attributes:
         difference: Score of the first model minus that of the second one.
@@ -48,7 +51,8 @@ def verdict(scores: Floats) -> RankVerdict:
     """Return the verdict on models.
 
     Args:
-        scores: Scores of the models, the best one first, in the same games of the same seeds, shape (M, S, G).
+        scores: Scores of the models, the best one first, in the same games of the same seeds, shape
+            (M, S, G).
     """
     if not len(scores):
         return RankVerdict([], [])
@@ -58,7 +62,8 @@ def verdict(scores: Floats) -> RankVerdict:
 
 
 def told_apart(scores: Floats) -> float:
-    """Return the share of the pairs of models that Student's paired test at 5% tells apart; NaN for a single model.
+    """Return the share of the pairs of models that Student's paired test at 5% tells apart; NaN for
+    a single model.
 
     Args:
         scores: Scores of the models in the same games of the same seeds, shape (M, S, G).
@@ -82,10 +87,10 @@ def _pairs(scores: Floats) -> _Pairs:
 def _alike(pairs: _Pairs, tests: int) -> npt.NDArray[np.bool_]:
     """Return which models are not told apart, shape (M, M).
 
-    Two models are told apart if Student's paired test rejects that their scores are equal. By Bonferroni's correction
-    for all pairs, any two models with equal scores are told apart in at most 5% of runs. Tiers need all of them,
-    because the leader of a tier is the best one by the same games; the honestly significant differences of Tukey are
-    one family for the same reason.
+    Two models are told apart if Student's paired test rejects that their scores are equal. By
+    Bonferroni's correction for all pairs, any two models with equal scores are told apart in at
+    most 5% of runs. Tiers need all of them, because the leader of a tier is the best one by the
+    same games; the honestly significant differences of Tukey are one family for the same reason.
 
     Args:
         pairs: Differences between the models.
@@ -93,15 +98,17 @@ def _alike(pairs: _Pairs, tests: int) -> npt.NDArray[np.bool_]:
     """
     level = 1 - (1 - _LEVEL) / tests
     limit = student_quantile(pairs.freedom, level) * pairs.error + 10.0**-DIGITS
-    alike: npt.NDArray[np.bool_] = ~(abs(pairs.difference) > limit)  # also where the error is unknown
+    alike: npt.NDArray[np.bool_] = ~(
+        abs(pairs.difference) > limit
+    )  # also where the error is unknown
     return alike
 
 
 def _tiers(alike: npt.NDArray[np.bool_]) -> list[int]:
     """Return the tier of each model.
 
-    The best model without a tier leads the next tier, which reaches down to the last model that is not told apart from
-    it.
+    The best model without a tier leads the next tier, which reaches down to the last model that is
+    not told apart from it.
     """
     tiers: list[int] = []
     while len(tiers) < len(alike):
@@ -112,13 +119,15 @@ def _tiers(alike: npt.NDArray[np.bool_]) -> list[int]:
 
 
 def _holds(means: Floats, pairs: _Pairs, alike: npt.NDArray[np.bool_]) -> list[float]:
-    """Return the probability of each rank in another run with new games, and with new seeds if there are several.
+    """Return the probability of each rank in another run with new games, and with new seeds if
+    there are several.
 
-    Both runs are noisy. The best models of this run owe a part of their lead to noise, so means are expected nearer to
-    each other in the other run, the more so the noisier they are (empirical Bayes, Morris 1983). The other run adds
-    noise of its own. How far models are apart and how noisy they are is known by estimates with few degrees of freedom,
-    so both variances are drawn, too. A model that is told apart from all others is expected where it is, and does not
-    count for how far the others are apart. Ranks depend only on differences between models. The covariance of models
+    Both runs are noisy. The best models of this run owe a part of their lead to noise, so means are
+    expected nearer to each other in the other run, the more so the noisier they are (empirical
+    Bayes, Morris 1983). The other run adds noise of its own. How far models are apart and how noisy
+    they are is known by estimates with few degrees of freedom, so both variances are drawn, too. A
+    model that is told apart from all others is expected where it is, and does not count for how far
+    the others are apart. Ranks depend only on differences between models. The covariance of models
     that has the variances of these differences is that of classical scaling (Torgerson 1952).
 
     Args:
@@ -134,7 +143,9 @@ def _holds(means: Floats, pairs: _Pairs, alike: npt.NDArray[np.bool_]) -> list[f
     spectrum = np.where(spectrum > _NOTHING * spectrum.max(), spectrum, 0.0)
     freedom = float(np.median(pairs.freedom[~np.eye(number, dtype=bool)])) if number > 1 else 1.0
     scale = freedom / random.chisquare(freedom, (_RESAMPLES, 1))
-    noise = np.sqrt(scale) * random.normal(size=(_RESAMPLES, number)) * np.sqrt(spectrum) @ vectors.T
+    noise = (
+        np.sqrt(scale) * random.normal(size=(_RESAMPLES, number)) * np.sqrt(spectrum) @ vectors.T
+    )
     among = np.flatnonzero(alike.sum(axis=1) > 1)
     shrinkage, centre = np.ones((_RESAMPLES, number)), 0.0
     if len(among) > 1:
@@ -150,7 +161,9 @@ def _holds(means: Floats, pairs: _Pairs, alike: npt.NDArray[np.bool_]) -> list[f
 
 
 def _covariance(variances: Floats) -> Floats:
-    """Return the covariance of M models about their mean, from the variances of their differences, (M, M) each."""
+    """Return the covariance of M models about their mean, from the variances of their differences,
+    (M, M) each.
+    """
     centre = np.eye(len(variances)) - 1 / len(variances)
     return -centre @ variances @ centre / 2
 

@@ -1,8 +1,9 @@
-"""Verification of submissions: their consistency, their sources, and their scores in a repeated run.
+"""Verification of submissions: their consistency, their sources, and their scores in a repeated
+run.
 
-Submissions are untrusted files. They are parsed strictly, and nothing that they name is created before it is known to
-be installed. The consistency of their numbers is checked before any game is played. Claimed numbers may differ from
-those of a run on this machine by the noise of sampling.
+Submissions are untrusted files. They are parsed strictly, and nothing that they name is created
+before it is known to be installed. The consistency of their numbers is checked before any game is
+played. Claimed numbers may differ from those of a run on this machine by the noise of sampling.
 """
 
 import random
@@ -51,7 +52,10 @@ _LEAST_ERROR = 1e-4  # where all games are alike, another processor rounds other
 _EVERY = "all models"
 _LEVEL = 0.001  # of each test
 _NEGLIGIBLE = 0.1  # half intervals, on average over cells
-_NORMAL_95, _NORMAL_999 = 1.96, 3.09  # quantiles of the normal distribution, for both sides and for one
+_NORMAL_95, _NORMAL_999 = (
+    1.96,
+    3.09,
+)  # quantiles of the normal distribution, for both sides and for one
 
 
 class Check(NamedTuple):
@@ -74,7 +78,8 @@ def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
     Args:
         claim: Claim for the cell.
         result: Result of the cell on this machine.
-        same: Require equal numbers to the last bit. Otherwise each mean must be within the interval.
+        same: Require equal numbers to the last bit. Otherwise each mean must be within the
+            interval.
     """
     subject = f"cell {claim.cell.key}"
     if result.failed:
@@ -83,33 +88,50 @@ def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
     claimed, own = ({one.attack: one for one in each.attacks} for each in (claim, own_claim))
     if different := sorted(claimed.keys() ^ own.keys()):
         name = different[0]
-        return Check(subject, False, f"{name}: {'only in the claim' if name in claimed else 'missing in the claim'}")
+        return Check(
+            subject,
+            False,
+            f"{name}: {'only in the claim' if name in claimed else 'missing in the claim'}",
+        )
     if same:
         wrong = [name for name in claimed if claimed[name] != own[name]]
-        return Check(subject, not wrong, f"{wrong[0]}: other numbers" if wrong else "the same to the last bit")
+        return Check(
+            subject,
+            not wrong,
+            f"{wrong[0]}: other numbers" if wrong else "the same to the last bit",
+        )
     for name, one in claimed.items():
         if one.treats != own[name].treats:
-            return Check(subject, False, f"{name}: treats raters alike only {'here' if one.treats else 'in the claim'}")
-        pairs = [(metric, score, getattr(own[name].measured, metric)) for metric, score in one.measured]
+            return Check(
+                subject,
+                False,
+                f"{name}: treats raters alike only {'here' if one.treats else 'in the claim'}",
+            )
+        pairs = [
+            (metric, score, getattr(own[name].measured, metric)) for metric, score in one.measured
+        ]
         for metric, score, own_score in [*pairs, *_chosen(one, result)]:
             if not within(score, own_score):
-                return Check(subject, False, f"{name}, {metric}: claimed {score.text}, here {own_score.text}")
+                return Check(
+                    subject, False, f"{name}, {metric}: claimed {score.text}, here {own_score.text}"
+                )
     return Check(subject, True, "within the intervals")
 
 
 def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> list[Check]:
     """Compare claimed utilities with those here over all cells of each model, and of all models.
 
-    Each one may exceed the own one by noise, but not all of them. Each test is on one side, at a level of 0.001. The
-    first two take the games here for others than those of the claim, which bounds what single cells may exceed. The
-    utility of a cell is that of its worst attack here. By the games that choose, it is the mean over the attacks, of
-    which the lowest would be biased.
+    Each one may exceed the own one by noise, but not all of them. Each test is on one side, at a
+    level of 0.001. The first two take the games here for others than those of the claim, which
+    bounds what single cells may exceed. The utility of a cell is that of its worst attack here. By
+    the games that choose, it is the mean over the attacks, of which the lowest would be biased.
 
-    The games are those of the claim, though, and only rounding tells the two runs apart. So the other tests need no
-    interval: they compare the worst cases of two runs, either of which might have been the claim. Then each difference
-    is as likely to be negative, and their sum hardly ever exceeds some times the root of the sum of their squares:
-    the probability is at most 3.22 times that of a normal variable (Pinelis 1994). A mean below `_NEGLIGIBLE` may
-    come from a choice that rounding turned in all cells.
+    The games are those of the claim, though, and only rounding tells the two runs apart. So the
+    other tests need no interval: they compare the worst cases of two runs, either of which might
+    have been the claim. Then each difference is as likely to be negative, and their sum hardly ever
+    exceeds some times the root of the sum of their squares: the probability is at most 3.22 times
+    that of a normal variable (Pinelis 1994). A mean below `_NEGLIGIBLE` may come from a choice that
+    rounding turned in all cells.
 
     Args:
         claims: Claims for cells.
@@ -126,7 +148,8 @@ def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> li
         here = make_claim(claim.cell, result)
         own = {one.attack: one for one in here.attacks}
         pairs = sorted(
-            ((one, own[one.attack]) for one in claim.attacks if one.attack in own), key=lambda p: p[1].chosen
+            ((one, own[one.attack]) for one in claim.attacks if one.attack in own),
+            key=lambda p: p[1].chosen,
         )
         add(
             "utility",
@@ -166,13 +189,15 @@ def _check_lead(name: str, groups: Mapping[str, Sequence[float]]) -> Check:
             size = f"{lead:.2f} half intervals on average over {len(values)} cells"
             most, message = (
                 t,
-                f"claims for {group} exceed those here by {size}, {t:.1f} of their scatter; {limit:.1f} may be",
+                f"claims for {group} exceed those here by {size}, {t:.1f} of their scatter; "
+                f"{limit:.1f} may be",
             )
     return Check(f"bias of {name}", most <= limit, message)
 
 
 def _lead(name: str, claim: CellClaim, here: CellClaim) -> float:
-    """Return how far a score of the worst attack in the claim is above that of the worst attack here.
+    """Return how far a score of the worst attack in the claim is above that of the worst attack
+    here.
 
     Args:
         name: One of `_WORST`.
@@ -209,16 +234,19 @@ _WORST: dict[str, Callable[[Claim], tuple[float, float, float]]] = {
     "skill": _skill,
     "published utility": _published,
 }
-"""Scores that have a worst case: their mean in the games that choose it, and the mean and half interval of others."""
+"""Scores that have a worst case: their mean in the games that choose it, and the mean and half
+interval of others."""
 
 
 def check_fresh(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> list[Check]:
-    """Compare the claimed worst cases with those of cells with a seed that nobody could know, for each model.
+    """Compare the claimed worst cases with those of cells with a seed that nobody could know, for
+    each model.
 
-    A model that recognises the games of a public seed is good there only. The mean of the differences over all cells of
-    a model is tested on one side, at a level of 0.001. Cells of a scenario share their games, so their noise counts as
-    the same. Searches with other seeds find other attacks, which adds an error of its own to each cell. The
-    interval of a claim counts at most as much as the one here, for it proves nothing.
+    A model that recognises the games of a public seed is good there only. The mean of the
+    differences over all cells of a model is tested on one side, at a level of 0.001. Cells of a
+    scenario share their games, so their noise counts as the same. Searches with other seeds find
+    other attacks, which adds an error of its own to each cell. The interval of a claim counts at
+    most as much as the one here, for it proves nothing.
 
     Args:
         claims: Claims for cells.
@@ -239,7 +267,10 @@ def _check_fresh(model: str, pairs: Sequence[tuple[CellClaim, CellResult]]) -> C
         own_claim = make_claim(claim.cell, result)
         if not claim.attacks or not own_claim.attacks:
             continue
-        claimed, own = (min(each.attacks, key=lambda one: one.chosen).measured.utility for each in (claim, own_claim))
+        claimed, own = (
+            min(each.attacks, key=lambda one: one.chosen).measured.utility
+            for each in (claim, own_claim)
+        )
         differences.append((claimed.mean or 0.0) - (own.mean or 0.0))
         half = own.half_95 or 0.0
         noise = float(np.hypot(half, min(half, claimed.half_95 or 0.0))) / _NORMAL_95
@@ -247,13 +278,19 @@ def _check_fresh(model: str, pairs: Sequence[tuple[CellClaim, CellResult]]) -> C
     if not differences:
         return Check(subject, True, "no attack was played there")
     number, lead = len(differences), float(np.mean(differences))
-    error = float(np.hypot(np.linalg.norm(list(noises.values())) / number, _SEARCH_ERROR / number**0.5))
+    error = float(
+        np.hypot(np.linalg.norm(list(noises.values())) / number, _SEARCH_ERROR / number**0.5)
+    )
     message = f"claims exceed those here by {lead:.4f} on average over {number} cells; "
-    return Check(subject, lead <= _NORMAL_999 * error, message + f"{_NORMAL_999 * error:.4f} may be")
+    return Check(
+        subject, lead <= _NORMAL_999 * error, message + f"{_NORMAL_999 * error:.4f} may be"
+    )
 
 
 def _excess(pairs: Sequence[tuple[ClaimedScore, ClaimedScore]]) -> float:
-    """Return the mean excess of claimed scores over own ones, in standard errors of a difference; NaN without one."""
+    """Return the mean excess of claimed scores over own ones, in standard errors of a difference;
+    NaN without one.
+    """
     found = []
     for claimed, own in pairs:
         if claimed.mean is None or own.mean is None:
@@ -264,7 +301,9 @@ def _excess(pairs: Sequence[tuple[ClaimedScore, ClaimedScore]]) -> float:
 
 
 def _chosen(claim: Claim, result: CellResult) -> list[tuple[str, ClaimedScore, ClaimedScore]]:
-    """Return the utilities in the games for choosing, by trust and of a blind choice, claimed and here."""
+    """Return the utilities in the games for choosing, by trust and of a blind choice, claimed and
+    here.
+    """
     row = next(row for row in result.rows if row.attack == claim.attack)
     claimed = {CHOSEN: (claim.chosen, "utility"), _CHOSEN_BLIND: (claim.chosen_blind, "blind")}
     return [
@@ -274,7 +313,9 @@ def _chosen(claim: Claim, result: CellResult) -> list[tuple[str, ClaimedScore, C
 
 
 def within(claimed: ClaimedScore, own: ClaimedScore) -> bool:
-    """Return whether two means differ by sampling noise at most, by the own interval or else the claimed one."""
+    """Return whether two means differ by sampling noise at most, by the own interval or else the
+    claimed one.
+    """
     if claimed.mean is None or own.mean is None:
         return claimed.mean == own.mean
     half = own.half_95 if own.half_95 is not None else claimed.half_95 or 0.0
@@ -298,7 +339,9 @@ def read_submission(path: Path) -> tuple[Submission, Suite]:
         ValueError: The file does not exist, or its content is not allowed.
         OSError: The file cannot be read.
     """
-    submission = read_untrusted(Submission, path, MAX_BYTES, what="submission", command="roletrust submit")
+    submission = read_untrusted(
+        Submission, path, MAX_BYTES, what="submission", command="roletrust submit"
+    )
     try:
         return submission, _suite(submission)
     except ValueError as error:
@@ -317,12 +360,15 @@ def check_installed_names(suite: Suite) -> None:
 
 
 def is_same_platform(submission: Submission) -> bool:
-    """Return whether this machine has the same software and processor, and so must reproduce the numbers exactly."""
+    """Return whether this machine has the same software and processor, and so must reproduce the
+    numbers exactly.
+    """
     return submission.software.model_dump() == software() and submission.processor == processor()
 
 
 def check_claims(submission: Submission, suite: Suite, *, own_suite: bool = False) -> list[Check]:
-    """Check the claims that need no game: the suite, the software, the sources, and the consistency of the scores.
+    """Check the claims that need no game: the suite, the software, the sources, and the consistency
+    of the scores.
 
     Args:
         submission: Submission to check.
@@ -353,34 +399,46 @@ def sample_claims(submission: Submission, number: int, seed: int) -> list[CellCl
     return random.Random(seed).sample(submission.cells, min(number, len(submission.cells)))
 
 
-def check_scores(submission: Submission, suite: Suite, stored: Sequence[StoredCell], same: bool) -> list[Check]:
-    """Compare the scores of the models and their intervals with those of a complete run on this machine.
+def check_scores(
+    submission: Submission, suite: Suite, stored: Sequence[StoredCell], same: bool
+) -> list[Check]:
+    """Compare the scores of the models and their intervals with those of a complete run on this
+    machine.
 
     Args:
         submission: Submission to check.
         suite: Suite of the submission.
         stored: All cells with their results on this machine.
-        same: Require equal numbers to the last bit. Otherwise each mean must be within the interval.
+        same: Require equal numbers to the last bit. Otherwise each mean must be within the
+            interval.
     """
 
     def agrees(name: str, claimed: ClaimedScore, own: ClaimedScore) -> bool:
         return claimed == own if same else within(claimed, own)
 
-    return _check_model_scores("measured scores of", submission.standings, model_scores(suite, stored), agrees)
+    return _check_model_scores(
+        "measured scores of", submission.standings, model_scores(suite, stored), agrees
+    )
 
 
 def _suite(submission: Submission) -> Suite:
-    """Return the suite. Its fields are checked first, since a name could be a path and a game could be huge."""
+    """Return the suite. Its fields are checked first, since a name could be a path and a game could
+    be huge.
+    """
     stages, tracks = (_parts(submission.suite.get(name)) for name in ("scenarios", "tracks"))
     for stage in stages:
         if stage.get("preset") != BASE_PRESET:
             raise ValueError(
-                f"suite: preset is {str(stage.get('preset'))[:100]!r}; it must be {BASE_PRESET!r} in a submission"
+                f"suite: preset is {str(stage.get('preset'))[:100]!r}; it must be {BASE_PRESET!r} "
+                "in a submission"
             )
         for track in tracks:
             fields = {**stage.get("set", {}), **track.get("set", {})}
             if fields.get("frames") is not None:
-                raise ValueError(f"suite: frames is {str(fields['frames'])[:100]!r}; a submission must not use files")
+                raise ValueError(
+                    f"suite: frames is {str(fields['frames'])[:100]!r}; a submission must not use "
+                    "files"
+                )
             check_scenario_size(fields)
     suite = read_suite(submission.suite, "suite")
     if not isinstance(suite, Suite) or suite.models == "all" or suite.attacks == "all":
@@ -397,11 +455,16 @@ def _suite(submission: Submission) -> Suite:
     number = len(suite.models) * cells_each * len(suite.seeds)
     if number != len(submission.cells):  # checked before the cells are created
         raise ValueError(f"cells: there are {len(submission.cells)}; the suite has {number}")
-    _check_same("cells", [cell.key for cell in suite.cells()], [claim.cell.key for claim in submission.cells])
+    _check_same(
+        "cells",
+        [cell.key for cell in suite.cells()],
+        [claim.cell.key for claim in submission.cells],
+    )
     for claim in submission.cells:
         if claim.method == HONEST and len(claim.attacks) != 1:
             raise ValueError(
-                f"cells: {claim.cell.key} has {len(claim.attacks)} attacks instead of one; all agents are honest there"
+                f"cells: {claim.cell.key} has {len(claim.attacks)} attacks instead of one; all "
+                "agents are honest there"
             )
     return suite
 
@@ -413,7 +476,9 @@ def _parts(data: Any) -> list[dict[str, Any]]:
         if not isinstance(part, dict) or not isinstance(part.get("set", {}), dict):
             raise ValueError(f"suite: {str(part)[:100]!r} is neither a scenario nor a track")
     if not 0 < len(parts) <= _MAX_PARTS:
-        raise ValueError(f"suite: the number of scenarios and that of tracks must be 1 to {_MAX_PARTS}")
+        raise ValueError(
+            f"suite: the number of scenarios and that of tracks must be 1 to {_MAX_PARTS}"
+        )
     return parts
 
 
@@ -431,37 +496,63 @@ def _check_suite(submission: Submission, suite: Suite, own_suite: bool) -> Check
     if suite.name not in suites():
         known = "not a suite of this package"
         return Check(
-            "suite", own_suite, known if own_suite else f"{known}; --own-suite accepts it, a leaderboard does not"
+            "suite",
+            own_suite,
+            known if own_suite else f"{known}; --own-suite accepts it, a leaderboard does not",
         )
     bundled = load_suite(suite.name)
-    if isinstance(bundled, Suite) and suite_hash(self_contained(bundled, suite.models)) == submission.suite_sha256:
+    if (
+        isinstance(bundled, Suite)
+        and suite_hash(self_contained(bundled, suite.models)) == submission.suite_sha256
+    ):
         return Check("suite", True, f"{suite.name}, the same as in this package")
-    return Check("suite", False, f"its name is {suite.name}, but it differs from that suite of this package")
+    return Check(
+        "suite", False, f"its name is {suite.name}, but it differs from that suite of this package"
+    )
 
 
 def _check_software(submission: Submission) -> Check:
     if is_same_platform(submission):
-        return Check("software", True, "the same, and the same processor: numbers must be the same to the last bit")
+        return Check(
+            "software",
+            True,
+            "the same, and the same processor: numbers must be the same to the last bit",
+        )
     claimed, own = submission.software.model_dump(), software()
     packages = sorted({**claimed["packages"], **own["packages"]})
     other = [name for name in ("package", "python") if claimed[name] != own[name]]
-    other += [name for name in packages if claimed["packages"].get(name) != own["packages"].get(name)]
+    other += [
+        name for name in packages if claimed["packages"].get(name) != own["packages"].get(name)
+    ]
     other += ["processor"] if submission.processor != processor() else []
-    return Check("software", True, f"not the same ({', '.join(other)}): numbers must be within the intervals")
+    return Check(
+        "software", True, f"not the same ({', '.join(other)}): numbers must be within the intervals"
+    )
 
 
-def _check_sources(label: str, claimed: Mapping[str, Source], own: Mapping[str, Source]) -> list[Check]:
+def _check_sources(
+    label: str, claimed: Mapping[str, Source], own: Mapping[str, Source]
+) -> list[Check]:
     """Compare the sources. They may differ only between different versions of the same package."""
     checks = []
     for name, source in claimed.items():
         own_source = own[name]
         if source == own_source:
             continue
-        allowed = source.package == own_source.package != "" and source.version != own_source.version
-        message = f"other source, from {source.package} {source.version}; here it is {own_source.version}"
-        checks.append(Check(f"{label} {name}", allowed, message if allowed else "another source than here"))
+        allowed = (
+            source.package == own_source.package != "" and source.version != own_source.version
+        )
+        message = (
+            f"other source, from {source.package} {source.version}; here it is {own_source.version}"
+        )
+        checks.append(
+            Check(f"{label} {name}", allowed, message if allowed else "another source than here")
+        )
     same, ok = len(claimed) - len(checks), all(check.ok for check in checks)
-    return [Check(f"{label}s", ok, f"{same} of {len(claimed)} have the same source as here"), *checks]
+    return [
+        Check(f"{label}s", ok, f"{same} of {len(claimed)} have the same source as here"),
+        *checks,
+    ]
 
 
 def _check_model_scores(
@@ -485,17 +576,22 @@ def _check_model_scores(
             own_score = getattr(own[model], name)
             if not agrees(name, score, own_score):
                 wrong = wrong or f"{name}: claimed {score.text}, computed {own_score.text}"
-        checks.append(Check(f"{label} {model}", not wrong, wrong or f"worst case {scores.worst.text}"))
+        checks.append(
+            Check(f"{label} {model}", not wrong, wrong or f"worst case {scores.worst.text}")
+        )
     return checks
 
 
 def _is_consistent(name: str, claimed: ClaimedScore, own: ClaimedScore) -> bool:
     """Return whether a score follows from the means of the cells.
 
-    If damage or AUC is undefined in some games, the mean of the cell means differs slightly from the mean of all games.
+    If damage or AUC is undefined in some games, the mean of the cell means differs slightly from
+    the mean of all games.
     """
     if name in ("damage", "detection"):
         return within(claimed, own)
     return claimed.mean == own.mean or (
-        claimed.mean is not None and own.mean is not None and abs(claimed.mean - own.mean) <= ROUNDING
+        claimed.mean is not None
+        and own.mean is not None
+        and abs(claimed.mean - own.mean) <= ROUNDING
     )

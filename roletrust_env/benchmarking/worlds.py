@@ -1,9 +1,10 @@
 """Worlds of a suite that are drawn from a distribution, which its file states in one place.
 
-A table of worlds is one of a scenario with draws in place of values. `{ low = 5, high = 25 }` is a number between two,
-both included, a whole one if both are. `{ choices = [...] }` is one of several values. Draws may stand anywhere, also
-in lists and in choices. Each draw has random numbers of its own, by the seed, the world and the place of the draw: more
-worlds leave the first ones as they are, and further draws leave the others.
+A table of worlds is one of a scenario with draws in place of values. `{ low = 5, high = 25 }` is a
+number between two, both included, a whole one if both are. `{ choices = [...] }` is one of several
+values. Draws may stand anywhere, also in lists and in choices. Each draw has random numbers of its
+own, by the seed, the world and the place of the draw: more worlds leave the first ones as they are,
+and further draws leave the others.
 """
 
 from random import Random
@@ -20,7 +21,9 @@ _MOST = 1_000_000  # of an end of a range, either way
 
 
 class _Worlds(FrozenModel):
-    """Table of worlds in a file. For the other fields see `roletrust_env.benchmarking.suite.Stage`."""
+    """Table of worlds in a file. For the other fields see
+    `roletrust_env.benchmarking.suite.Stage`.
+    """
 
     number: Annotated[int, Field(ge=1, le=100)]
     seed: Annotated[int, Field(ge=0)] = 0
@@ -32,7 +35,8 @@ class _Worlds(FrozenModel):
 
 
 def draw_worlds(tables: Any, seed: int | None = None, scenarios: Any = None) -> dict[str, Any]:
-    """Return the scenarios of a suite with those that are drawn, as plain data: `name-1`, `name-2` and so on.
+    """Return the scenarios of a suite with those that are drawn, as plain data: `name-1`, `name-2`
+    and so on.
 
     Python promises equal random numbers for equal text in all versions and on all machines.
 
@@ -77,9 +81,13 @@ def _drawn(value: Any, place: str) -> Any:
     part = Random(place).random()  # in [0, 1)
     if value.keys() == {"low", "high"}:
         low, high = value["low"], value["high"]
-        if not all(type(end) in (int, float) and abs(end) <= _MOST for end in (low, high)) or low > high:
+        if (
+            not all(type(end) in (int, float) and abs(end) <= _MOST for end in (low, high))
+            or low > high
+        ):
             raise ValueError(
-                f"{place}: low is {low!r:.20} and high {high!r:.20}; they must be numbers from {-_MOST} to {_MOST}, "
+                f"{place}: low is {low!r:.20} and high {high!r:.20}; they must be numbers from "
+                f"{-_MOST} to {_MOST}, "
                 "the lower one first"
             )
         whole = type(low) is type(high) is int
@@ -89,7 +97,9 @@ def _drawn(value: Any, place: str) -> Any:
     if value.keys() == {"choices"}:
         choices = value["choices"]
         if not isinstance(choices, tuple) or not choices:
-            raise ValueError(f"{place}: choices are {choices!r:.300}; they must be a list with one value or more")
+            raise ValueError(
+                f"{place}: choices are {choices!r:.300}; they must be a list with one value or more"
+            )
         return _drawn(choices[int(part * len(choices))], f"{place}|choice")
     return {name: _drawn(one, f"{place}|{name}") for name, one in value.items()}
 
@@ -128,7 +138,10 @@ class WorldRow(NamedTuple):
         """Return the row of a scenario."""
         raters = [group for group in world.agents if group.role != "SP"]
         providers = [group for group in world.agents if group.role != "SR"]
-        own = {field: _text(getattr(one, field) for one in raters) for field in ("noise", "bias", "scale")}
+        own = {
+            field: _text(getattr(one, field) for one in raters)
+            for field in ("noise", "bias", "scale")
+        }
         access = _text(value for field, value in world.access if field != "kind")
         return cls(
             name,
@@ -145,5 +158,8 @@ class WorldRow(NamedTuple):
 
 def _text(values: Any) -> str:
     """Return different values, numbers or ranges, as text."""
-    texts = (f"{value[0]:g} to {value[1]:g}" if isinstance(value, tuple) else f"{value:g}" for value in values)
+    texts = (
+        f"{value[0]:g} to {value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
+        for value in values
+    )
     return ", ".join(dict.fromkeys(texts))

@@ -1,9 +1,11 @@
-"""The worst case of each trust model in each condition, chosen in some games and measured in others.
+"""The worst case of each trust model in each condition, chosen in some games and measured in
+others.
 
-A condition is a scenario, a track and a share. Its worst case is the attack that leaves the least score in the games
-for choosing. Methods with more knowledge than a real attacker are excluded. The result is the score in the games for
-measuring, on the scale of the suite, see `Suite.score`. Each seed searches, chooses and measures as in a run of its
-own, and the scores of a run are means over its seeds.
+A condition is a scenario, a track and a share. Its worst case is the attack that leaves the least
+score in the games for choosing. Methods with more knowledge than a real attacker are excluded. The
+result is the score in the games for measuring, on the scale of the suite, see `Suite.score`. Each
+seed searches, chooses and measures as in a run of its own, and the scores of a run are means over
+its seeds.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -45,8 +47,8 @@ class Condition(NamedTuple):
 class AttackScores(NamedTuple):
     """Scores of one attack on one model in one condition, in G games of each of S seeds.
 
-    Searches with other seeds find other attacks, which have the same name here. Seeds are in ascending order. Where a
-    seed has no such attack, its scores are NaN.
+    Searches with other seeds find other attacks, which have the same name here. Seeds are in
+    ascending order. Where a seed has no such attack, its scores are NaN.
 
     Attributes:
         model: Name of the model.
@@ -59,11 +61,13 @@ class AttackScores(NamedTuple):
         measured: Scores in the games for measuring, by the names of `MEASURED`, shape (S, G) each.
         score: Score in the games for measuring, on the scale of the suite, shape (S, G).
         published: Same score if the consumers went by published trust.
-        by_round: Mean utility over the games for measuring in each round from the second on, shape (T - 1,).
+        by_round: Mean utility over the games for measuring in each round from the second on, shape
+            (T - 1,).
         treats: Whether a provider served some honest rater better than another, with any seed.
-        gain: What the last doubling of the rounds of the search gained, the most of its seeds; NaN without a course.
-        difference: Difference of the score between the starts of a search with two seeds, in the same games; of several
-            the greatest, NaN for a single start.
+        gain: What the last doubling of the rounds of the search gained, the most of its seeds; NaN
+            without a course.
+        difference: Difference of the score between the starts of a search with two seeds, in the
+            same games; of several the greatest, NaN for a single start.
     """
 
     model: str
@@ -89,8 +93,10 @@ class WorstCase(NamedTuple):
         model: Name of the model.
         condition: Condition of the worst case.
         choices: Attack of each seed.
-        measured: Scores of these attacks in the games for measuring, by the names of `MEASURED`, shape (S, G) each.
-        score: Score of these attacks in the games for measuring, on the scale of the suite, shape (S, G).
+        measured: Scores of these attacks in the games for measuring, by the names of `MEASURED`,
+            shape (S, G) each.
+        score: Score of these attacks in the games for measuring, on the scale of the suite, shape
+            (S, G).
         published: Same score if the consumers went by published trust.
     """
 
@@ -134,7 +140,9 @@ def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScor
 
     def table(rows: Mapping[int, AttackResult], part: str, name: str) -> Floats:
         """Return a score of an attack, (S, G)."""
-        lengths = (len(found) for row in rows.values() for half in row[3:5] for found in half.values())
+        lengths = (
+            len(found) for row in rows.values() for half in row[3:5] for found in half.values()
+        )
         values = np.full((len(seeds), max(lengths)), np.nan)
         for k, seed in enumerate(seeds):
             if seed in rows:
@@ -144,34 +152,51 @@ def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScor
 
     found = []
     for (model, condition, attack, method), rows in groups.items():
-        first, words = next(iter(rows.values())), "; ".join(dict.fromkeys(row.words for row in rows.values()))
+        first, words = (
+            next(iter(rows.values())),
+            "; ".join(dict.fromkeys(row.words for row in rows.values())),
+        )
         chosen, measured = (
-            {name: table(rows, part, name) for name in getattr(first, part)} for part in ("chosen", "measured")
+            {name: table(rows, part, name) for name in getattr(first, part)}
+            for part in ("chosen", "measured")
         )
         by_round = mean_or_nan(np.stack([as_array(row.by_round) for row in rows.values()]), axis=0)
         by_published = measured | {"utility": measured["published"]}
         counted = _to_count(measured, suite.score), _to_count(by_published, suite.score)
         by_skill = suite.score == "skill"
-        to_choose = skill_by_seed(chosen["utility"], chosen["blind"]) if by_skill else chosen["utility"]
+        to_choose = (
+            skill_by_seed(chosen["utility"], chosen["blind"]) if by_skill else chosen["utility"]
+        )
         scores = to_choose, measured, *counted
         white_box, treats = suite.is_white_box(method), any(row.treats for row in rows.values())
-        gain = max((late_gain(row.progress) for row in rows.values() if row.progress), default=np.nan)
+        gain = max(
+            (late_gain(row.progress) for row in rows.values() if row.progress), default=np.nan
+        )
         course = treats, gain, _difference(rows.values(), suite.score)
-        found.append(AttackScores(model, condition, attack, method, white_box, words, *scores, by_round, *course))
+        found.append(
+            AttackScores(
+                model, condition, attack, method, white_box, words, *scores, by_round, *course
+            )
+        )
     return found
 
 
 def _difference(rows: Iterable[AttackResult], scale: Scale) -> float:
-    """Return the difference of the score between the starts of a search, the greatest one; NaN for a single start."""
+    """Return the difference of the score between the starts of a search, the greatest one; NaN for
+    a single start.
+    """
     played = [np.array(row.common, float)[:, None] for row in rows if row.common]
-    scores = [least_mean(_to_count({"utility": own, "blind": blind}, scale)) for own, blind in played]
+    scores = [
+        least_mean(_to_count({"utility": own, "blind": blind}, scale)) for own, blind in played
+    ]
     return max(scores) - min(scores) if scores[1:] else np.nan
 
 
 def worst_cases(
     attacks: Iterable[AttackScores], *, white_box: bool = False, alike: bool = False
 ) -> dict[tuple[str, Condition], WorstCase]:
-    """Return the worst case of each model and condition, for each seed the attack with the least score when it chooses.
+    """Return the worst case of each model and condition, for each seed the attack with the least
+    score when it chooses.
 
     Args:
         attacks: Scores of all attacks.
@@ -188,27 +213,35 @@ def worst_cases(
 def _worst_case(attacks: Sequence[AttackScores]) -> WorstCase:
     means = [[least_mean(games) for games in one.chosen] for one in attacks]
     choices = tuple(attacks[k] for k in np.argmin(means, axis=0))
-    measured = {name: _by_seed([one.measured[name] for one in choices]) for name in choices[0].measured}
+    measured = {
+        name: _by_seed([one.measured[name] for one in choices]) for name in choices[0].measured
+    }
     scores = (_by_seed([getattr(one, name) for one in choices]) for name in ("score", "published"))
     return WorstCase(attacks[0].model, attacks[0].condition, choices, measured, *scores)
 
 
 def _by_seed(scores: Sequence[Floats]) -> Floats:
     """Return the games of the s-th seed under the s-th attack for all s, shape (S, G)."""
-    found = np.full((len(scores), max(games.shape[1] for games in scores)), np.nan)  # only the worst has further games
+    found = np.full(
+        (len(scores), max(games.shape[1] for games in scores)), np.nan
+    )  # only the worst has further games
     for seed, games in enumerate(scores):
         found[seed, : games.shape[1]] = games[seed]
     return found
 
 
 def least_mean(score: Floats) -> float:
-    """Return the mean score by which a worst case is chosen; infinite where it is undefined, so any other is worse."""
+    """Return the mean score by which a worst case is chosen; infinite where it is undefined, so any
+    other is worse.
+    """
     mean = float(mean_or_nan(score.ravel(), axis=0))
     return np.inf if np.isnan(mean) else mean
 
 
 def _to_count(measured: Mapping[str, Floats], scale: Scale) -> Floats:
-    """Return the score that counts. On the scale of utility, no seed has less than a blind choice in its games."""
+    """Return the score that counts. On the scale of utility, no seed has less than a blind choice
+    in its games.
+    """
     by_trust, blind = measured["utility"], measured["blind"]
     if scale == "skill":
         return skill_by_seed(by_trust, blind)

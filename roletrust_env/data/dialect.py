@@ -1,4 +1,6 @@
-"""The dialect of a text file of ratings: encoding, separator, header and comments, as its beginning shows them."""
+"""The dialect of a text file of ratings: encoding, separator, header and comments, as its beginning
+shows them.
+"""
 
 import codecs
 import csv
@@ -24,7 +26,10 @@ _SEPARATORS = {
 _ONE = "\x1f"  # stands for a separator of several letters, which pyarrow does not know
 _LINES = 200  # of the beginning
 _WORDS = re.compile(rb'"[^"]*"|\S+')
-_WINDOWS, _NO_WINDOWS = re.compile(rb"[\x80-\x9f]"), re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # letters of cp1252 only
+_WINDOWS, _NO_WINDOWS = (
+    re.compile(rb"[\x80-\x9f]"),
+    re.compile(rb"[\x81\x8d\x8f\x90\x9d]"),
+)  # letters of cp1252 only
 _BYTE_ORDER = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF32_LE: "utf-32",  # begins with the mark of UTF-16
@@ -37,8 +42,8 @@ class Dialect(NamedTuple):
     """How a file is written. What is None is found, and the other parts hold.
 
     Attributes:
-        separator: What stands between the columns of a text, one blank for any number of blanks; or its name: comma,
-            tab, semicolon, bar or blanks.
+        separator: What stands between the columns of a text, one blank for any number of blanks; or
+            its name: comma, tab, semicolon, bar or blanks.
         encoding: Encoding of a text, by its name in Python, such as `latin-1`.
         header: Whether the first row of a text has the names of the columns.
         unit: Unit of times that are numbers: `s`, `ms`, `us` or `ns`.
@@ -71,12 +76,16 @@ class Beginning(NamedTuple):
 
     def __str__(self) -> str:
         """Return the separator and the header in words."""
-        name = next((name for name, one in _SEPARATORS.items() if one == self.separator), repr(self.separator))
+        name = next(
+            (name for name, one in _SEPARATORS.items() if one == self.separator),
+            repr(self.separator),
+        )
         return f"separator {name}, {'no header' if self.header is None else 'a header'}"
 
 
 def find_encoding(head: bytes) -> str:
-    """Return the encoding of a text by its first bytes: UTF-8, UTF-16 or UTF-32, else that of Windows or latin-1.
+    """Return the encoding of a text by its first bytes: UTF-8, UTF-16 or UTF-32, else that of
+    Windows or latin-1.
 
     Raises:
         ValueError: It is no text.
@@ -92,13 +101,17 @@ def find_encoding(head: bytes) -> str:
     except UnicodeDecodeError:
         if re.search(rb"[\x00-\x08\x0e-\x1a]", head):
             raise ValueError("its beginning is no text") from None
-        if head.decode("utf-8", "ignore").isascii():  # in UTF-8 with a fault, other letters would be right
+        if head.decode(
+            "utf-8", "ignore"
+        ).isascii():  # in UTF-8 with a fault, other letters would be right
             return "cp1252" if _WINDOWS.search(head) and not _NO_WINDOWS.search(head) else "latin-1"
     return "utf-8"
 
 
 def find_separator(lines: list[str]) -> str:
-    """Return the separator that cuts most rows into as many columns as the first; of equals, the comma."""
+    """Return the separator that cuts most rows into as many columns as the first; of equals, the
+    comma.
+    """
     for fewest in (3, 2):
         best, most = ",", 0.0
         for separator in _SEPARATORS.values():
@@ -112,13 +125,18 @@ def find_separator(lines: list[str]) -> str:
 
 
 def look(
-    head: str, dialect: Dialect, wanted: Iterable[str] = (), labels: Iterable[str] = (), marks: tuple[str, ...] = MARKS
+    head: str,
+    dialect: Dialect,
+    wanted: Iterable[str] = (),
+    labels: Iterable[str] = (),
+    marks: tuple[str, ...] = MARKS,
 ) -> Beginning:
     """Return what the beginning of a text shows.
 
-    The first row is a header if it has the wanted names, or neither a number nor a date. Without a header of its own, a
-    text has that in its last line of comment before the first rating, where this has as many columns and common names.
-    A first line with a mark is no comment if it has numbers in the columns in which the first row has them.
+    The first row is a header if it has the wanted names, or neither a number nor a date. Without a
+    header of its own, a text has that in its last line of comment before the first rating, where
+    this has as many columns and common names. A first line with a mark is no comment if it has
+    numbers in the columns in which the first row has them.
 
     Args:
         head: Beginning of the text.
@@ -129,7 +147,12 @@ def look(
     """
     lines = re.split("\r\n|\r|\n", head)
     if said := re.fullmatch("sep=(.)", lines[0].strip("\ufeff ")):  # Excel
-        rest = look(head.partition("\n")[2], dialect._replace(separator=dialect.separator or said[1]), wanted, labels)
+        rest = look(
+            head.partition("\n")[2],
+            dialect._replace(separator=dialect.separator or said[1]),
+            wanted,
+            labels,
+        )
         return rest._replace(lines=rest.lines + 1)
     full = [place for place, line in enumerate(lines) if line.strip()]
     data = [place for place in full if not lines[place].startswith(marks)][:_LINES]
@@ -141,7 +164,8 @@ def look(
     first = next(_rows(rows, separator), [])
     header = None if dialect.header is None else truth_value("header", dialect.header)
     numeric, marked = (
-        [is_number(text) for text in row] for row in (first, next(_rows([lines[full[0]]], separator), []))
+        [is_number(text) for text in row]
+        for row in (first, next(_rows([lines[full[0]]], separator), []))
     )
     if comments and ((marked == numeric and any(numeric)) or not data):
         return look(head, dialect, wanted, labels, ())
@@ -150,7 +174,9 @@ def look(
         header = (bool(first) and set(first) >= set(wanted or [""])) or not any(values)
     if header:
         end = start + 1
-        while "".join(lines[start:end]).count('"') % 2 and end < len(lines):  # a name of several lines
+        while "".join(lines[start:end]).count('"') % 2 and end < len(
+            lines
+        ):  # a name of several lines
             end += 1
         return Beginning(separator, first, len(first), end, bool(comments))
     named = next(_rows(comments[-1:], separator), [])
@@ -174,7 +200,10 @@ def delimiter(separator: str) -> str:
 def tidy(lines: bytes, separator: str) -> bytes:
     """Return lines with one letter between columns, and without blanks between it and a quote."""
     if separator == " ":
-        return b"\n".join(_ONE.encode().join(_WORDS.findall(line)) for line in lines.splitlines()) + b"\n"
+        return (
+            b"\n".join(_ONE.encode().join(_WORDS.findall(line)) for line in lines.splitlines())
+            + b"\n"
+        )
     one = delimiter(separator).encode()
     if one != separator.encode():
         lines = lines.replace(separator.encode(), one)
@@ -184,4 +213,8 @@ def tidy(lines: bytes, separator: str) -> bytes:
 def _rows(lines: list[str], separator: str) -> Iterator[list[str]]:
     """Yield the rows of lines, each a list of texts without white space at their ends."""
     tidied = tidy("\n".join(lines).encode(), separator).decode().split("\n")
-    return ([text.strip() for text in row] for row in csv.reader(tidied, delimiter=delimiter(separator)) if row)
+    return (
+        [text.strip() for text in row]
+        for row in csv.reader(tidied, delimiter=delimiter(separator))
+        if row
+    )

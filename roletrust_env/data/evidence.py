@@ -1,4 +1,6 @@
-"""Evidence of trust: on how many ratings, by how many independent agents and from which time each score rests."""
+"""Evidence of trust: on how many ratings, by how many independent agents and from which time each
+score rests.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import NormalDist
@@ -54,7 +56,8 @@ class Evidence(NamedTuple):
     def ranked(self, by: Rank = "low") -> "Evidence":
         """Return the agents with the best first.
 
-        Of equals, those with the higher trust come first, then those with more ratings, then the first by name.
+        Of equals, those with the higher trust come first, then those with more ratings, then the
+        first by name.
         """
         import pyarrow as arrow
         from pyarrow import compute
@@ -65,7 +68,8 @@ class Evidence(NamedTuple):
         return self.at(order.to_numpy())
 
     def table(self, role: Role, origin: Mapping[str, str]) -> Any:
-        """Return the columns as a table of pyarrow, with those of a role and of an origin, which are the same for all.
+        """Return the columns as a table of pyarrow, with those of a role and of an origin, which
+        are the same for all.
 
         Times since 1970 are dates. The agents of the other role are `raters` or `ratees`.
 
@@ -77,16 +81,22 @@ class Evidence(NamedTuple):
 
         columns: dict[str, Any] = {}
         for name, values in self._replace(last=as_dates(self.last))._asdict().items():
-            named = {"names": "name", "agents": "raters" if role == "ratee" else "ratees"}.get(name, name)
+            named = {"names": "name", "agents": "raters" if role == "ratee" else "ratees"}.get(
+                name, name
+            )
             columns[named] = arrow.array(values, from_pandas=True)
         same = np.zeros(len(self.names), np.int32)
         for name, text in {"role": role, **origin}.items():
-            columns[name] = arrow.DictionaryArray.from_arrays(same, arrow.array([text], arrow.string()))
+            columns[name] = arrow.DictionaryArray.from_arrays(
+                same, arrow.array([text], arrow.string())
+            )
         return arrow.table(columns)
 
 
 class PairCounts:
-    """The ratings of each pair that met, as they arrive: their number, and the time of the last one."""
+    """The ratings of each pair that met, as they arrive: their number, and the time of the last
+    one.
+    """
 
     def __init__(self) -> None:
         self._index = KeyIndex()
@@ -105,9 +115,15 @@ class PairCounts:
             np.maximum.at(self._last, slots, times)
 
     def keep(self, raters: npt.NDArray[np.bool_], providers: npt.NDArray[np.bool_]) -> None:
-        """Keep the pairs of agents that stay, of which there is a flag for each place; those after them move up."""
+        """Keep the pairs of agents that stay, of which there is a flag for each place; those after
+        them move up.
+        """
         left, keys = pairs_left(self._index.keys, (raters, providers))
-        self._index, self._counts, self._last = KeyIndex.of(keys), self._counts[left], self._last[left]
+        self._index, self._counts, self._last = (
+            KeyIndex.of(keys),
+            self._counts[left],
+            self._last[left],
+        )
 
     def evidence(self, role: Role, names: list[Any], trust: Floats) -> Evidence:
         """Return trust with its evidence for the agents of a role, by place."""
@@ -116,14 +132,22 @@ class PairCounts:
         last = np.full(len(names), -np.inf)
         np.maximum.at(last, ends, self._last[:size])
         ratings = np.bincount(ends, counts, len(names)).astype(np.int64)
-        return _of_pairs(names, trust, ratings, ends, counts, np.where(last > -np.inf, last, np.nan))
+        return _of_pairs(
+            names, trust, ratings, ends, counts, np.where(last > -np.inf, last, np.nan)
+        )
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that is kept, by name, for `load`."""
         size = len(self._index)
-        return {"met": self._index.keys, "met_counts": self._counts[:size], "met_last": self._last[:size]}
+        return {
+            "met": self._index.keys,
+            "met_counts": self._counts[:size],
+            "met_last": self._last[:size],
+        }
 
-    def load(self, arrays: dict[str, npt.NDArray[Any]], shape: tuple[int, int], latest: float | None) -> None:
+    def load(
+        self, arrays: dict[str, npt.NDArray[Any]], shape: tuple[int, int], latest: float | None
+    ) -> None:
         """Take from arrays what `save` has returned.
 
         Args:
@@ -132,7 +156,8 @@ class PairCounts:
             latest: Time of the latest rating; None if ratings have no times.
 
         Raises:
-            ValueError: It does not fit together, or is not what can be counted with these agents and times.
+            ValueError: It does not fit together, or is not what can be counted with these agents
+                and times.
         """
         keys = taken(arrays, "met", np.int64, (None,))
         counts = taken(arrays, "met_counts", np.int64, keys.shape)
@@ -161,26 +186,33 @@ def evidence(log: RatingLog, role: Role, trust: Floats, pairs: Pairs) -> Evidenc
     return _of_pairs(names, trust, ratings, pair_ends(pairs.repeated)[side], pairs.counts, last)
 
 
-def _of_pairs(names: Sequence[Any], trust: Floats, ratings: Ints, ends: Ints, counts: Ints, last: Floats) -> Evidence:
-    """Return the evidence of agents with ratings, from the agent and the number of ratings of pairs with several."""
+def _of_pairs(
+    names: Sequence[Any], trust: Floats, ratings: Ints, ends: Ints, counts: Ints, last: Floats
+) -> Evidence:
+    """Return the evidence of agents with ratings, from the agent and the number of ratings of pairs
+    with several.
+    """
     import pyarrow as arrow
 
     agents = ratings - np.bincount(ends, counts - 1, len(names)).astype(np.int64)
     independent = effective_number(ratings, ends, counts)
     interval = wilson_interval(trust, agents)
-    found = Evidence(NameList(arrow.array(names)), trust, *interval, ratings, agents, independent, last)
+    found = Evidence(
+        NameList(arrow.array(names)), trust, *interval, ratings, agents, independent, last
+    )
     return found.at(np.flatnonzero(ratings))
 
 
 def effective_number(ratings: Ints, ends: Ints, counts: Ints) -> Floats:
-    """Return the effective number of raters of each provider, from its pairs that have several ratings.
+    """Return the effective number of raters of each provider, from its pairs that have several
+    ratings.
 
         n = (sum over raters i of c[i])^2 / sum over i of c[i]^2
 
-    where c[i] is the number of ratings by rater i: the inverse of Simpson's index of their shares (Simpson,
-    "Measurement of Diversity", 1949), and Kish's effective size of a sample. It is the number of raters where all have
-    rated equally often, near 1 where one of them has given nearly all ratings, and 0 without ratings. Raters that act
-    together count one by one.
+    where c[i] is the number of ratings by rater i: the inverse of Simpson's index of their shares
+    (Simpson, "Measurement of Diversity", 1949), and Kish's effective size of a sample. It is the
+    number of raters where all have rated equally often, near 1 where one of them has given nearly
+    all ratings, and 0 without ratings. Raters that act together count one by one.
 
     Example:
         >>> effective_number(np.array([10, 201]), np.array([0, 0, 1]), np.array([5, 5, 200])).round(2).tolist()
@@ -190,7 +222,7 @@ def effective_number(ratings: Ints, ends: Ints, counts: Ints) -> Floats:
         ratings: Number of ratings of each provider, shape (n,).
         ends: Provider of each pair, shape (k,); of pairs with one rating all or none are given.
         counts: Number of ratings of each pair, shape (k,).
-    """
+    """  # noqa: E501
     total = ratings.astype(np.float64)
     squares = total + np.bincount(ends, counts * (counts - 1.0), len(total))
     return total**2 / np.maximum(squares, 1.0)
@@ -201,14 +233,15 @@ def wilson_interval(trust: Floats, number: Floats | Ints) -> tuple[Floats, Float
 
         low, high = (p + z^2 / 2n -+ z root(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n),   z = 1.96
 
-    Wilson, "Probable Inference, the Law of Succession, and Statistical Inference" (1927). It takes p (1 - p) for the
-    variance of a rating. No values in [0, 1] with the mean p have more, so where raters agree the interval is wider
-    than need be: an approximation on the safe side. A bootstrap over raters has no width for an agent with one rater.
-    Without raters the interval is from 0 to 1. For raters the ratees count, as if trust were the mean of a comparison
-    with each.
+    Wilson, "Probable Inference, the Law of Succession, and Statistical Inference" (1927). It takes
+    p (1 - p) for the variance of a rating. No values in [0, 1] with the mean p have more, so where
+    raters agree the interval is wider than need be: an approximation on the safe side. A bootstrap
+    over raters has no width for an agent with one rater. Without raters the interval is from 0 to
+    1. For raters the ratees count, as if trust were the mean of a comparison with each.
 
-    Each rater counts once, however often it repeats itself. With `effective_number` one account could lower the rank of
-    an agent by repeating what others say; a number that no repeats lower cannot be below that of the raters.
+    Each rater counts once, however often it repeats itself. With `effective_number` one account
+    could lower the rank of an agent by repeating what others say; a number that no repeats lower
+    cannot be below that of the raters.
 
     Example:
         >>> [end.round(3).tolist() for end in wilson_interval(np.array([0.9, 0.9]), np.array([1.0, 100.0]))]
@@ -217,7 +250,7 @@ def wilson_interval(trust: Floats, number: Floats | Ints) -> tuple[Floats, Float
     Args:
         trust: Trust p, shape (n,), in [0, 1].
         number: Number n of raters, shape (n,), at least 0.
-    """
+    """  # noqa: E501
     square = _Z**2
     middle = (trust * number + square / 2) / (number + square)
     half = _Z * np.sqrt(trust * (1 - trust) * number + square / 4) / (number + square)
@@ -232,13 +265,17 @@ def joined(tables: Iterable[Any]) -> Any:
 
 
 def window(times: Floats | None) -> dict[str, str]:
-    """Return the first and the last of ascending times as texts, by `since` and `until`; nothing without times."""
+    """Return the first and the last of ascending times as texts, by `since` and `until`; nothing
+    without times.
+    """
     if times is None:
         return {}
     return dict(zip(("since", "until"), map(str, as_dates(times[[0, -1]]).tolist()), strict=True))
 
 
 def as_dates(times: Floats) -> Any:
-    """Return times as dates of NumPy to the second if they are seconds since 1970 by their size, else as they are."""
+    """Return times as dates of NumPy to the second if they are seconds since 1970 by their size,
+    else as they are.
+    """
     known = times[~np.isnan(times)]
     return times.astype("datetime64[s]") if len(known) and find_unit(known) == "s" else times

@@ -1,4 +1,6 @@
-"""What makes the trust in an agent: the ratings that it got, or gave, and its trust without them."""
+"""What makes the trust in an agent: the ratings that it got, or gave, and its trust without
+them.
+"""
 
 from collections.abc import Callable
 from difflib import get_close_matches
@@ -48,7 +50,8 @@ class Explanation(NamedTuple):
         rank: Its rank by trust among the agents with ratings, 1 for the most trusted.
         n_ratings: Number of its ratings, received or given.
         n_others: Number of its raters, or of the agents that it rates.
-        reasons: The most important ones, those first without whose ratings its trust is furthest from what it is.
+        reasons: The most important ones, those first without whose ratings its trust is furthest
+            from what it is.
     """
 
     name: str
@@ -60,7 +63,9 @@ class Explanation(NamedTuple):
     reasons: list[Reason]
 
 
-def find_agent(log: RatingLog, name: str, roles: tuple[Role, ...] = get_args(Role)) -> dict[Role, int]:
+def find_agent(
+    log: RatingLog, name: str, roles: tuple[Role, ...] = get_args(Role)
+) -> dict[Role, int]:
     """Return the place of an agent by its name, in each of some roles in which it has ratings.
 
     Raises:
@@ -68,13 +73,19 @@ def find_agent(log: RatingLog, name: str, roles: tuple[Role, ...] = get_args(Rol
     """
     places = {}
     for role in roles:
-        names, agents = (log.ratee_names, log.ratees) if role == "ratee" else (log.rater_names, log.raters)
+        names, agents = (
+            (log.ratee_names, log.ratees) if role == "ratee" else (log.rater_names, log.raters)
+        )
         texts = list(names)
         places[role] = {texts[at]: at for at in np.unique(agents).tolist()}
-    if found := {role: known[trimmed(name)] for role, known in places.items() if trimmed(name) in known}:
+    if found := {
+        role: known[trimmed(name)] for role, known in places.items() if trimmed(name) in known
+    }:
         return found
     known = {one.casefold(): one for role in roles for one in list(places[role])[:_MANY]}
-    near = " or ".join(repr(known[one]) for one in get_close_matches(trimmed(name).casefold(), known, _NEAR))
+    near = " or ".join(
+        repr(known[one]) for one in get_close_matches(trimmed(name).casefold(), known, _NEAR)
+    )
     raise ValueError(f"no agent {name!r} has ratings{f'; did you mean {near}?' if near else ''}")
 
 
@@ -90,10 +101,10 @@ def explain(
 ) -> Explanation:
     """Return what makes the trust in an agent.
 
-    The whole log is played again without the ratings of the agent by each of its raters, or by it of each agent. Of
-    more raters than `most`, those are taken whose mean rating is furthest from its trust, weighted by the trust in
-    them. Of more agents that it rates, half are those of which its mean rating is furthest from the trust in them, and
-    half those where it is nearest.
+    The whole log is played again without the ratings of the agent by each of its raters, or by it
+    of each agent. Of more raters than `most`, those are taken whose mean rating is furthest from
+    its trust, weighted by the trust in them. Of more agents that it rates, half are those of which
+    its mean rating is furthest from the trust in them, and half those where it is nearest.
 
     Args:
         model: Trust model.
@@ -109,7 +120,9 @@ def explain(
     """
     rated = role == "ratee"
     mine, theirs, names = (
-        (log.ratees, log.raters, log.ratee_names) if rated else (log.raters, log.ratees, log.rater_names)
+        (log.ratees, log.raters, log.ratee_names)
+        if rated
+        else (log.raters, log.ratees, log.rater_names)
     )
     pairs, own, known = log.pairs(), mine == agent, np.unique(mine)
 
@@ -121,10 +134,18 @@ def explain(
     trust, other_trust = float(trusts[role][agent]), trusts["rater" if rated else "ratee"]
     others, place, times = np.unique(theirs[own], return_inverse=True, return_counts=True)
     means = np.bincount(place, log.values[own]) / times
-    far = other_trust[others] * np.abs(means - trust) if rated else np.abs(means - other_trust[others])
+    far = (
+        other_trust[others] * np.abs(means - trust)
+        if rated
+        else np.abs(means - other_trust[others])
+    )
     order = np.argsort(-far, kind="stable")
     chosen = others[
-        order if len(order) <= most else order[:most] if rated else np.r_[order[: most // 2], order[-most // 2 :]]
+        order
+        if len(order) <= most
+        else order[:most]
+        if rated
+        else np.r_[order[: most // 2], order[-most // 2 :]]
     ]
     reasons = []
     for done, other in enumerate(chosen.tolist(), 1):
@@ -134,7 +155,14 @@ def explain(
         after = trusts_after(these)[role]
         view = float(rest.mean()) if len(rest) else float("nan")
         without = float(after[agent])
-        one = Reason(other, float(other_trust[other]), log.values[these], view, without, _rank(after[known], without))
+        one = Reason(
+            other,
+            float(other_trust[other]),
+            log.values[these],
+            view,
+            without,
+            _rank(after[known], without),
+        )
         reasons.append(one)
         advance(done, len(chosen))
     reasons.sort(key=lambda reason: -abs(reason.without - trust))

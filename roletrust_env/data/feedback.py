@@ -23,7 +23,8 @@ class Feedback(NamedTuple):
     """Ratings from feedback events.
 
     Attributes:
-        raters: Addresses in small letters, those that funded the clients where these are known, shape (n,).
+        raters: Addresses in small letters, those that funded the clients where these are known,
+            shape (n,).
         agents: Numbers of the agents, after their chain where there are several, shape (n,).
         values: Values with their decimals, NaN where there is none, shape (n,).
         kept: Whether an event is a rating that counts, shape (n,).
@@ -38,19 +39,30 @@ class Feedback(NamedTuple):
 
 
 def feedback_columns(header: list[str]) -> dict[str, int]:
-    """Return the places of the further columns of feedback events; none if the file has no `valueDecimals`."""
+    """Return the places of the further columns of feedback events; none if the file has no
+    `valueDecimals`.
+    """
     plain = [re.sub(r"[\W_]+", "", name.casefold()) for name in header]
-    found = {field: [plain.index(name) for name in names.split() if name in plain] for field, names in _FIELDS.items()}
-    return {field: places[0] for field, places in found.items() if places} if found["decimals"] else {}
+    found = {
+        field: [plain.index(name) for name in names.split() if name in plain]
+        for field, names in _FIELDS.items()
+    }
+    return (
+        {field: places[0] for field, places in found.items() if places} if found["decimals"] else {}
+    )
 
 
 def as_ratings(
-    raters: list[Any], agents: list[Any], values: list[Any], tag: str | None, more: Mapping[str, list[Any]]
+    raters: list[Any],
+    agents: list[Any],
+    values: list[Any],
+    tag: str | None,
+    more: Mapping[str, list[Any]],
 ) -> Feedback:
     """Return events as ratings.
 
-    A value counts with its decimals. What an event `FeedbackRevoked` or a mark takes back does not count. A client is
-    the address that funded it, where that is known.
+    A value counts with its decimals. What an event `FeedbackRevoked` or a mark takes back does not
+    count. A client is the address that funded it, where that is known.
 
     Args:
         raters: Address of the client of each event.
@@ -60,8 +72,12 @@ def as_ratings(
         more: Further columns, by the names of `feedback_columns`.
     """
     none = [None] * len(values)
-    decimals, index, event, marks, one, two, funders, chains = (more.get(field) or none for field in _FIELDS)
-    clients, funded = ([_text(address).lower() for address in column] for column in (raters, funders))
+    decimals, index, event, marks, one, two, funders, chains = (
+        more.get(field) or none for field in _FIELDS
+    )
+    clients, funded = (
+        [_text(address).lower() for address in column] for column in (raters, funders)
+    )
     names, chain = list(map(_text, agents)), list(map(_text, chains))
     if len(set(chain)) > 1:
         names = [":".join(pair) for pair in zip(chain, names, strict=True)]
@@ -76,7 +92,10 @@ def as_ratings(
     kept, words = wanted & ~revoked, list[str]()
     if lost := int((wanted & revoked).sum()):
         words.append(f"revoked feedback left out: {lost:,}")
-    if len(mixed := sorted({pair[0] for pair, counts in zip(tags, kept, strict=True) if counts})) > 1:
+    if (
+        len(mixed := sorted({pair[0] for pair, counts in zip(tags, kept, strict=True) if counts}))
+        > 1
+    ):
         words.append(f"{len(mixed):,} tags mixed, such as {mixed[-1]} (--tag)")
     if payers := sum(map(bool, funded)):
         words.append(f"clients under the address that funded them: {payers:,}")

@@ -21,7 +21,11 @@ from roletrust_env.trust.key_index import Floats, Ints, KeyIndex
 
 _FACTOR, _HALF = np.uint64(0x9E3779B97F4A7C15), np.uint64(32)
 _FEW, _SHARE = 100, 0.9  # more empty rounds, and a larger share of them, are told
-_YEAR, _FIRST, _LAST = 31_556_952, 1971, 2200  # seconds; years before and after which times are doubted
+_YEAR, _FIRST, _LAST = (
+    31_556_952,
+    1971,
+    2200,
+)  # seconds; years before and after which times are doubted
 
 
 class Pairs(NamedTuple):
@@ -46,11 +50,13 @@ class RatingLog(NamedTuple):
         ratees: Place of each rating's ratee among the names, shape (n,).
         values: Ratings on [0, 1], shape (n,), 0 for the worst.
         times: Times, shape (n,), ascending; None if there are none.
-        rater_names: Names of the raters; the same object as those of the ratees if members rate members.
+        rater_names: Names of the raters; the same object as those of the ratees if members rate
+            members.
         ratee_names: Names of the ratees.
         was_sorted: Whether the file was in the order of time.
         clock: Kind of its times, see `Clock.kind`; empty without times.
-        rests: What `times` do not hold of the times, for `TrustStream.update`; None if that is nothing.
+        rests: What `times` do not hold of the times, for `TrustStream.update`; None if that is
+            nothing.
     """
 
     raters: Ints
@@ -102,51 +108,66 @@ def read_ratings(
     advance: Callable[[int], None] = lambda rows: None,
     tell: Callable[[str], None] = lambda line: None,
 ) -> RatingLog:
-    """Read ratings from CSV in any dialect, JSON (`.json`, `.jsonl`, `.ndjson`) or Parquet (`.parquet`, `.pq`).
+    """Read ratings from CSV in any dialect, JSON (`.json`, `.jsonl`, `.ndjson`) or Parquet
+    (`.parquet`, `.pq`).
 
-    JSON has an object in each line, or all in an array. Each may be compressed by gzip (`.gz`). The dialect of a text
-    is found from its beginning, and so are columns with common names. Feedback events of ERC-8004 become ratings, see
-    `as_ratings`. Blank rows and lines of comment (`#`, `%`) are left out. Rows count from 1, in a text with its header;
-    a text in quotes that has several lines is in one row. Names count as `roletrust_env.data.values.trimmed` returns
-    them, and without `.0` if all are whole numbers.
+    JSON has an object in each line, or all in an array. Each may be compressed by gzip (`.gz`). The
+    dialect of a text is found from its beginning, and so are columns with common names. Feedback
+    events of ERC-8004 become ratings, see `as_ratings`. Blank rows and lines of comment (`#`, `%`)
+    are left out. Rows count from 1, in a text with its header; a text in quotes that has several
+    lines is in one row. Names count as `roletrust_env.data.values.trimmed` returns them, and
+    without `.0` if all are whole numbers.
 
     Args:
         path: Path of the file.
         columns: Columns, by name or by number from 1.
         scale: Worst and best rating.
         same_agents: Whether a rater and a ratee of the same name are one agent.
-        repeats: Whether rows may repeat an earlier one, with the same rater, ratee, rating and time.
-        missing: Whether rows are left out in which a rater, ratee, rating or time is missing: blank, or `NA` and the
-            like for numbers.
+        repeats: Whether rows may repeat an earlier one, with the same rater, ratee, rating and
+            time.
+        missing: Whether rows are left out in which a rater, ratee, rating or time is missing:
+            blank, or `NA` and the like for numbers.
         tag: Tag of the feedback events of ERC-8004 that count; None for all.
-        labels: Numbers of ratings that are texts, such as `{"yes": 1, "no": 0}`; upper case does not matter.
+        labels: Numbers of ratings that are texts, such as `{"yes": 1, "no": 0}`; upper case does
+            not matter.
         dialect: Parts of the dialect that are known.
         every: Length of a round, by which it may be told that most are empty.
         advance: Function that is called with the number of rows read so far.
-        tell: Function that is called with lines for the user: how the file was read, and what may be wrong with it.
+        tell: Function that is called with lines for the user: how the file was read, and what may
+            be wrong with it.
 
     Raises:
-        ValueError: The file is no such table, or a row is not allowed. The message names the file and the row. Or
-            pyarrow is missing.
+        ValueError: The file is no such table, or a row is not allowed. The message names the file
+            and the row. Or pyarrow is missing.
         OSError: The file cannot be read.
     """
     check_scale(scale)
     same_agents, repeats = truth_value("same_agents", same_agents), truth_value("repeats", repeats)
     missing = truth_value("missing", missing)
     known = {str(text).strip().casefold(): value for text, value in (labels or {}).items()}
-    if wrong := [text for text, value in known.items() if not isinstance(value, Real) or not np.isfinite(float(value))]:
+    if wrong := [
+        text
+        for text, value in known.items()
+        if not isinstance(value, Real) or not np.isfinite(float(value))
+    ]:
         raise ValueError(f"the rating of {wrong[0]!r} is {known[wrong[0]]!r}; it must be a number")
     table = Table(path, columns.wanted, dialect, known, missing=missing, tag=tag)
     values, times, read = list[Floats](), Times(dialect.unit, dialect.time_format), 0
-    groups = [(NameColumns(), (0, 1))] if same_agents else [(NameColumns(), (0,)), (NameColumns(), (1,))]
+    groups = (
+        [(NameColumns(), (0, 1))] if same_agents else [(NameColumns(), (0,)), (NameColumns(), (1,))]
+    )
     plain = by_number(columns.wanted) or columns.rating == Columns().rating
     what = "the rating" if plain else f"column {columns.rating!r}"
     with ThreadPoolExecutor(len(groups)) as pool:
         for block in table.blocks():
             row = _row_after(table, read)
 
-            def add(group: tuple[NameColumns, tuple[int, ...]], block: Block = block, row: Row = row) -> None:
-                group[0].add(*(named(block[side], f"column {columns[side]!r}", row) for side in group[1]))
+            def add(
+                group: tuple[NameColumns, tuple[int, ...]], block: Block = block, row: Row = row
+            ) -> None:
+                group[0].add(
+                    *(named(block[side], f"column {columns[side]!r}", row) for side in group[1])
+                )
 
             list(pool.map(add, groups))
             values.append(numbers(block[2], what, row, comma=table.decimal_comma, labels=known))
@@ -166,7 +187,9 @@ def read_ratings(
         unit = unit_ratings(ratings, scale, lambda at: f"{table.row(at)}: the rating is")
     except ValueError as error:
         ends = f"{number_text(ratings.min())} {number_text(ratings.max())}"
-        raise ValueError(f"{error}; all ratings here are on --scale {ends}, from worst to best") from None
+        raise ValueError(
+            f"{error}; all ratings here are on --scale {ends}, from worst to best"
+        ) from None
     if same_agents and (own := np.flatnonzero(who == whom)).size:
         raise ValueError(f"{table.row(int(own[0]))}: {raters[who[own[0]]]!r} rates itself")
     log, clock = RatingLog(who, whom, unit, None, raters, ratees, was_sorted=True), None
@@ -176,7 +199,10 @@ def read_ratings(
         log = log._replace(times=clock.seconds, clock=clock.kind, rests=clock.rests)
         if (exact[1:] < exact[:-1]).any():
             order = np.argsort(exact, kind="stable")
-            exact, log = exact[order], log._replace(raters=who[order], ratees=whom[order], values=unit[order])
+            exact, log = (
+                exact[order],
+                log._replace(raters=who[order], ratees=whom[order], values=unit[order]),
+            )
             rests = None if clock.rests is None else clock.rests[order]
             log = log._replace(times=clock.seconds[order], rests=rests, was_sorted=False)
         if not repeats:
@@ -195,7 +221,11 @@ def _lines(
     table: Table, joined: int, floats: int, log: RatingLog, clock: Clock | None, every: float | None
 ) -> Iterator[str]:
     """Yield how a file was read, and warnings with their numbers."""
-    parts = [*table.found, *([f"times are {clock.words}"] if clock else []), *["sorted by time"][log.was_sorted :]]
+    parts = [
+        *table.found,
+        *([f"times are {clock.words}"] if clock else []),
+        *["sorted by time"][log.was_sorted :],
+    ]
     counts = {
         "blank rows": table.blank,
         "lines of comment": table.comments,
@@ -203,7 +233,7 @@ def _lines(
         JOINED: joined,
         "names of whole numbers without their .0": floats,
     }
-    yield f"Read as {', '.join([*parts, *(f'{what}: {count:,}' for what, count in counts.items() if count)])}."
+    yield f"Read as {', '.join([*parts, *(f'{what}: {count:,}' for what, count in counts.items() if count)])}."  # noqa: E501
     many = f"Warning: all {len(log.values):,} ratings are"
     if (log.values == log.values[0]).all():
         yield f"{many} the same."
@@ -214,14 +244,14 @@ def _lines(
     if clock.words != "numbers":
         first, last = (1970 + time // _YEAR for time in (log.times[0], log.times[-1]))
         if first < _FIRST or last > _LAST:
-            yield f"Warning: times are from the year {first:.6g} to {last:.6g}; another unit (--time-unit)?"
+            yield f"Warning: times are from the year {first:.6g} to {last:.6g}; another unit (--time-unit)?"  # noqa: E501
     elif _are_days(log.times):
-        yield f"Warning: times such as {log.times[0]:.0f} may be dates; --time-format %Y%m%d reads them as dates."
+        yield f"Warning: times such as {log.times[0]:.0f} may be dates; --time-format %Y%m%d reads them as dates."  # noqa: E501
     if every is not None and log.times[-1] - log.times[0] < every * MOST:
         rounds = round_numbers(log.times, every, float(log.times[0]))
         total, full = int(rounds[-1]) + 1, 1 + np.count_nonzero(rounds[1:] != rounds[:-1])
         if total - full > max(_FEW, _SHARE * total):
-            yield f"Warning: {total - full:,} of {total:,} rounds are empty; --every is {every:g}, in another unit?"
+            yield f"Warning: {total - full:,} of {total:,} rounds are empty; --every is {every:g}, in another unit?"  # noqa: E501
         if total == 1 and log.times[0] < log.times[-1]:
             yield f"{many} in one round; --every is {every:g}, in another unit?"
 
@@ -230,7 +260,9 @@ def _are_days(times: Floats) -> bool:
     """Return whether all times may be dates that are written as whole numbers, such as 20240131."""
     year, rest = np.divmod(times, 10_000)
     month, day = np.divmod(rest, 100)
-    fits = (year >= 1900) & (year <= _LAST) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
+    fits = (
+        (year >= 1900) & (year <= _LAST) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
+    )
     return bool((fits & (times == np.rint(times))).all())
 
 
@@ -260,6 +292,7 @@ def _refuse_repeats(table: Table, log: RatingLog, times: Ints | Floats, order: I
         later = at[np.argmin(places[by_value[at + 1]])]
         first, again = (table.row(int(places[by_value[place]])) for place in (later, later + 1))
         raise ValueError(
-            f"{again} repeats {first.rpartition(', ')[2]}: rater, ratee, rating and time are the same; "
+            f"{again} repeats {first.rpartition(', ')[2]}: rater, ratee, rating and time are the "
+            "same; "
             "--repeats counts them as one"
         )

@@ -24,14 +24,17 @@ def log_rounds(log: RatingLog, every: float) -> Ints:
 
 
 def play_round(run: TrustRun, number: int, *ratings: Any) -> None:
-    """Play the round of a number, see `TrustRun.play`; rounds without ratings that lie before it are played first."""
+    """Play the round of a number, see `TrustRun.play`; rounds without ratings that lie before it
+    are played first.
+    """
     if number > run.rounds:
         run.skip(number - run.rounds)
     run.play(*ratings)
 
 
 def numbers_of(log: RatingLog, every: float | None, count: int | None) -> Ints:
-    """Return the number of the round of each rating, shape (n,), ascending: by time, by number, or 0 for all.
+    """Return the number of the round of each rating, shape (n,), ascending: by time, by number, or
+    0 for all.
 
     Raises:
         ValueError: See `log_rounds`.

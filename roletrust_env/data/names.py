@@ -11,16 +11,22 @@ from roletrust_env.data.values import LONGEST, is_text, to_numpy, trimmed
 from roletrust_env.errors import short
 from roletrust_env.trust.key_index import Ints, KeyIndex
 
-_WHOLE = r"^-?(0|[1-9]\d*)(\.0)?$"  # a whole number, also as pandas writes it if its column misses a value
+# a whole number, also as pandas writes it if its column misses a value
+_WHOLE = r"^-?(0|[1-9]\d*)(\.0)?$"
 JOINED = "names joined that differ only in white space at the ends or in the form of Unicode"
-_WAIT, _LEAST = 8, 1 << 20  # texts that wait for their place: so many for each name, and more than so many
+_WAIT, _LEAST = (
+    8,
+    1 << 20,
+)  # texts that wait for their place: so many for each name, and more than so many
 
 Names: TypeAlias = npt.NDArray[Any]
 """Names as whole numbers, of type int64, or as texts, of type object."""
 
 
 class NameList(Sequence[Any]):
-    """Names in a column of pyarrow, which takes a tenth of the memory of a list, and of the time to sort it."""
+    """Names in a column of pyarrow, which takes a tenth of the memory of a list, and of the time to
+    sort it.
+    """
 
     def __init__(self, column: Any) -> None:
         self.column = column
@@ -53,7 +59,8 @@ class NameList(Sequence[Any]):
 class NameColumns:
     """Names in the order in which they first occur, and their places, from columns of texts.
 
-    Columns wait until they are as long as the names are many, since all names that are known are hashed again then.
+    Columns wait until they are as long as the names are many, since all names that are known are
+    hashed again then.
     """
 
     def __init__(self) -> None:
@@ -61,7 +68,9 @@ class NameColumns:
 
     def add(self, *columns: Any) -> None:
         """Take columns, which take turns in each call."""
-        self._waiting += [column if (words := _words(column)) is None else words for column in columns]
+        self._waiting += [
+            column if (words := _words(column)) is None else words for column in columns
+        ]
         if sum(map(len, self._waiting)) > _WAIT * sum(map(len, self._known)) + _LEAST:
             self._encode()
 
@@ -72,7 +81,9 @@ class NameColumns:
         if len({column.type for column in columns}) > 1:
             columns = list(map(_texts, columns))
         parts = arrow.chunked_array(columns).dictionary_encode().chunks
-        self._places += [to_numpy(part.indices) for part in parts[len(parts) - len(self._waiting) :]]
+        self._places += [
+            to_numpy(part.indices) for part in parts[len(parts) - len(self._waiting) :]
+        ]
         self._known, self._waiting = [parts[-1].dictionary], []
 
     def places(self, sides: int) -> tuple[NameList, list[Ints], int, int]:
@@ -82,8 +93,9 @@ class NameColumns:
             sides: Number of columns of each call of `add`.
 
         Returns:
-            Names, by `trimmed`, and without `.0` if all are whole numbers; the places of each column; the number of
-            names that became another one by `trimmed`; and the number of names that lost a `.0`.
+            Names, by `trimmed`, and without `.0` if all are whole numbers; the places of each
+            column; the number of names that became another one by `trimmed`; and the number of
+            names that lost a `.0`.
         """
         from pyarrow import compute
 
@@ -93,10 +105,19 @@ class NameColumns:
         self._places = []
         same = compute.utf8_trim_whitespace(names)  # white space as `trimmed` has it
         same = compute.utf8_normalize(same, form="NFC")
-        joined, floats = len(names) - compute.count_distinct(same).as_py() if not same.equals(names) else 0, 0
+        joined, floats = (
+            len(names) - compute.count_distinct(same).as_py() if not same.equals(names) else 0,
+            0,
+        )
         ends = compute.ends_with(same, pattern=".0")
-        if compute.any(ends).as_py() and compute.all(compute.match_substring_regex(same, _WHOLE)).as_py():
-            floats, same = compute.sum(ends).as_py(), compute.replace_substring_regex(same, r"\.0$", "")
+        if (
+            compute.any(ends).as_py()
+            and compute.all(compute.match_substring_regex(same, _WHOLE)).as_py()
+        ):
+            floats, same = (
+                compute.sum(ends).as_py(),
+                compute.replace_substring_regex(same, r"\.0$", ""),
+            )
         if not same.equals(names):
             one = same.dictionary_encode()
             names, among = one.dictionary, to_numpy(one.indices)
@@ -105,7 +126,9 @@ class NameColumns:
 
 
 def _words(names: Any) -> Any:
-    """Return names of up to 8 bytes as whole numbers, hashed in a third of the time; None if one is longer."""
+    """Return names of up to 8 bytes as whole numbers, hashed in a third of the time; None if one is
+    longer.
+    """
     import pyarrow as arrow
     from pyarrow import compute
 
@@ -159,7 +182,10 @@ class NameIndex:
             ValueError: Something else is there, or texts where numbers were and the reverse.
         """
         if isinstance(names, str | bytes):
-            raise ValueError(f"{self.role} are {short(repr(names))}; they must be a column of names, also for one name")
+            raise ValueError(
+                f"{self.role} are {short(repr(names))}; they must be a column of names, also for "
+                "one name"
+            )
         array = numpy_array(f"the column of {self.role}", names, "whole numbers or texts")
         if array.dtype.kind == "U" and not isinstance(names, np.ndarray):
             array = np.array(list(names), object)  # NumPy's own texts lose a NUL at the end
@@ -169,11 +195,21 @@ class NameIndex:
             return np.zeros(0, np.int64)
         if array.dtype.kind == "i" or (array.dtype.kind == "u" and array.max() < 2**63):
             kind, array = "whole numbers", array.astype(np.int64, copy=False)
-        elif array.dtype.kind in "OUT" and all(issubclass(kind, str) for kind in set(map(type, array.tolist()))):
+        elif array.dtype.kind in "OUT" and all(
+            issubclass(kind, str) for kind in set(map(type, array.tolist()))
+        ):
             kind, array = "texts", np.array(self._trimmed(array.tolist()), object)
         else:
-            raise ValueError(f"{self.role} are of type {array.dtype}; they must be whole numbers or texts")
-        before = "whole numbers" if self._numbers is not None else "texts" if self._texts is not None else kind
+            raise ValueError(
+                f"{self.role} are of type {array.dtype}; they must be whole numbers or texts"
+            )
+        before = (
+            "whole numbers"
+            if self._numbers is not None
+            else "texts"
+            if self._texts is not None
+            else kind
+        )
         if kind != before:
             raise ValueError(f"{self.role} are {kind}; they were {before} before")
         return array
@@ -192,7 +228,8 @@ class NameIndex:
                 size = 0
             if not 0 < size <= LONGEST:
                 raise ValueError(
-                    f"{self.role} have {name[:20]!r} at position {place}; a name has 1 to {LONGEST:,} bytes"
+                    f"{self.role} have {name[:20]!r} at position {place}; a name has 1 to "
+                    f"{LONGEST:,} bytes"
                 )
         return names
 
@@ -227,10 +264,15 @@ class NameIndex:
         if self._numbers is not None:
             places = self._numbers.places(array, add=False)
         else:
-            places = np.array([(self._texts or {}).get(name, -1) for name in array.tolist()], np.int64)
+            places = np.array(
+                [(self._texts or {}).get(name, -1) for name in array.tolist()], np.int64
+            )
         unknown = set(array[places < 0].tolist()).difference(waiting.tolist())
         if unknown:
-            raise ValueError(f"{next(name for name in array.tolist() if name in unknown)} is not among the {self.role}")
+            raise ValueError(
+                f"{next(name for name in array.tolist() if name in unknown)} is not among the "
+                f"{self.role}"
+            )
         return np.unique(places[places >= 0]), set(array.tolist())
 
     def keep(self, stay: npt.NDArray[np.bool_]) -> None:

@@ -18,7 +18,15 @@ from roletrust_env.arrays import numpy_array
 from roletrust_env.data.evidence import Evidence, PairCounts, Role
 from roletrust_env.data.names import NameIndex, Names
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
-from roletrust_env.data.units import UNITS, check_scale, date_seconds, has_zone, iso_dates, lost_digits, unit_ratings
+from roletrust_env.data.units import (
+    UNITS,
+    check_scale,
+    date_seconds,
+    has_zone,
+    iso_dates,
+    lost_digits,
+    unit_ratings,
+)
 from roletrust_env.errors import short
 from roletrust_env.parameters import truth_value
 from roletrust_env.storage.arrays import load_arrays, save_arrays
@@ -33,7 +41,9 @@ _FORMAT = 5
 
 
 class _Header(UntrustedModel):
-    """Content of a file beside its arrays; the names with an underscore are attributes of a stream."""
+    """Content of a file beside its arrays; the names with an underscore are attributes of a
+    stream.
+    """
 
     format: Literal[5] = 5
     settings: dict[str, Any]
@@ -44,29 +54,34 @@ class _Header(UntrustedModel):
     n_ahead: NonNegativeInt
     n_repeated: NonNegativeInt
     texts: list[list[str] | None] = Field(min_length=4, max_length=4)
-    """Names of raters, of providers, and of both in ratings that wait; None where they are whole numbers."""
+    """Names of raters, of providers, and of both in ratings that wait; None where they are whole
+    numbers."""
 
 
 Columns: TypeAlias = tuple[Names, Names, Floats, Floats, Floats]
-"""Names of raters and of providers, ratings on [0, 1], times, and what these do not hold, see `lost_digits`."""
+"""Names of raters and of providers, ratings on [0, 1], times, and what these do not hold, see
+`lost_digits`."""
 
 
 class TrustStream:
     """Trust of raters and providers, from ratings that arrive in batches.
 
-    Without `every` and `count`, each call of `update` is a round. With `every`, rounds have that length, from the
-    earliest time on. The ratings of a round count, and its newcomers join, once a later rating shows that it has ended,
-    or when `finish` is called. A round without ratings is a round. With `count`, a round has so many ratings, and the
-    last one fewer. Several ratings of a pair in a round count as one, their mean.
+    Without `every` and `count`, each call of `update` is a round. With `every`, rounds have that
+    length, from the earliest time on. The ratings of a round count, and its newcomers join, once a
+    later rating shows that it has ended, or when `finish` is called. A round without ratings is a
+    round. With `count`, a round has so many ratings, and the last one fewer. Several ratings of a
+    pair in a round count as one, their mean.
 
-    A rating is late if an earlier batch, or `finish`, has ended its round, also where it came before. It is ahead if it
-    is later than all ratings before it by more than the lead; these are the ratings of earlier batches, and those of
-    its own batch in the order of time. Where none is late or ahead, neither the cuts into batches nor the order within
-    a round matter. Otherwise the cuts decide which are: what had come before a batch is what its ratings are compared
-    with. If late ratings are dropped, trust is still that of one log of the ratings that were taken.
+    A rating is late if an earlier batch, or `finish`, has ended its round, also where it came
+    before. It is ahead if it is later than all ratings before it by more than the lead; these are
+    the ratings of earlier batches, and those of its own batch in the order of time. Where none is
+    late or ahead, neither the cuts into batches nor the order within a round matter. Otherwise the
+    cuts decide which are: what had come before a batch is what its ratings are compared with. If
+    late ratings are dropped, trust is still that of one log of the ratings that were taken.
 
-    One time that is wrong by years ends all rounds before it, and later ratings are late: a lead prevents that. After a
-    silence longer than the lead all ratings are ahead until `lead` is raised.
+    One time that is wrong by years ends all rounds before it, and later ratings are late: a lead
+        prevents that. After a silence longer than the lead all ratings are ahead until `lead` is
+        raised.
 
     Example:
         >>> from roletrust_env import make_trust_model
@@ -80,14 +95,16 @@ class TrustStream:
         scale: Worst and best rating.
         every: Length of a round, in the unit of the times; None if rounds do not go by time.
         count: Number of ratings of a round; None if rounds do not go by number.
-        same_agents: Whether a rater and a provider of the same name are one agent, as where members rate members.
-        late: What becomes of late ratings: with `"drop"` they are left out, with `"count"` they are ratings of the
-            running round. May be changed at any time, as `lead` and `repeats`.
-        lead: Longest time by which a rating may be ahead, in the unit of the times; those further ahead are left out.
-            None if there is no limit.
-        repeats: Whether a rating counts again that repeats one of its round, with the same time. Otherwise it is left
-            out, so that a batch which may have been taken can be sent again.
-        source: Further settings that must be the same whenever the stream is continued, such as how ratings are read.
+        same_agents: Whether a rater and a provider of the same name are one agent, as where members
+            rate members.
+        late: What becomes of late ratings: with `"drop"` they are left out, with `"count"` they are
+            ratings of the running round. May be changed at any time, as `lead` and `repeats`.
+        lead: Longest time by which a rating may be ahead, in the unit of the times; those further
+            ahead are left out. None if there is no limit.
+        repeats: Whether a rating counts again that repeats one of its round, with the same time.
+            Otherwise it is left out, so that a batch which may have been taken can be sent again.
+        source: Further settings that must be the same whenever the stream is continued, such as how
+            ratings are read.
         n_late: Number of late ratings so far.
         n_ahead: Number of ratings so far that were left out because they are ahead.
         n_repeated: Number of ratings so far that were left out because they repeat another one.
@@ -116,8 +133,8 @@ class TrustStream:
             every: Length of a round, in the unit of the times.
             count: Number of ratings of a round.
             same_agents: Whether a rater and a provider of the same name are one agent.
-            agents: Names of raters and of providers that are present from the start. A model that does not run on edges
-                needs them, since it keeps numbers for all pairs.
+            agents: Names of raters and of providers that are present from the start. A model that
+                does not run on edges needs them, since it keeps numbers for all pairs.
             late: What becomes of late ratings, see `TrustStream`.
             lead: Longest time by which a rating may be ahead, at least 0; it needs `every`.
             repeats: Whether repeated ratings count again.
@@ -125,15 +142,20 @@ class TrustStream:
             source: Further settings by name, which a state keeps: plain data.
 
         Raises:
-            ValueError: The model does not run on edges, and agents of a role are missing; the scale is empty; a round
-                has no length; a policy is none of those allowed; or a further setting has numbers that are not finite.
+            ValueError: The model does not run on edges, and agents of a role are missing; the scale
+                is empty; a round has no length; a policy is none of those allowed; or a further
+                setting has numbers that are not finite.
             TypeError: A further setting is no plain data.
             MemoryError: The model does not fit, see `make_run`.
         """
         check_scale(scale)
         check_rounds(every, count)
         check_lateness(late, lead, every)
-        self.model, self.scale, self.same_agents = model, scale, truth_value("same_agents", same_agents)
+        self.model, self.scale, self.same_agents = (
+            model,
+            scale,
+            truth_value("same_agents", same_agents),
+        )
         self.count = None if count is None else int(count)
         self.late, self.lead, self.repeats = late, lead, truth_value("repeats", repeats)
         self.source: dict[str, Any] = parse_json(json.dumps(dict(source or {})).encode())
@@ -145,7 +167,9 @@ class TrustStream:
         shape = 0, 0
         if agents is not None:
             if len(agents) != 2:
-                raise ValueError(f"agents are {short(repr(agents))}; they must be the raters and the providers")
+                raise ValueError(
+                    f"agents are {short(repr(agents))}; they must be the raters and the providers"
+                )
             for index, names in zip((self._raters, self._providers), agents, strict=True):
                 index.places(index.check(names))
             shape = len(self._raters), len(self._providers)
@@ -154,7 +178,9 @@ class TrustStream:
         self._run = make_run(model, shape, one_role=not self.same_agents)
         self._start: float | None = None
         self._latest: float | None = None  # time of the latest rating that was taken
-        self._waiting: list[Columns] = []  # the ratings of the round that has begun, whose newcomers have no place yet
+        self._waiting: list[
+            Columns
+        ] = []  # the ratings of the round that has begun, whose newcomers have no place yet
         self._begun = False  # whether a round has begun
 
     @property
@@ -162,47 +188,69 @@ class TrustStream:
         """The number of rounds that count so far."""
         return self._run.rounds
 
-    def update(self, raters: Any, providers: Any, ratings: Any, times: Any = None, rests: Any = None) -> None:
+    def update(
+        self, raters: Any, providers: Any, ratings: Any, times: Any = None, rests: Any = None
+    ) -> None:
         """Take a batch of ratings: lists, arrays, or columns of a table of pandas or Arrow.
 
         Args:
-            raters: Name or number of the rater of each rating, shape (n,). White space at its ends does not count.
+            raters: Name or number of the rater of each rating, shape (n,). White space at its ends
+                does not count.
             providers: Name or number of the provider of each rating, shape (n,).
             ratings: Ratings, shape (n,), on the scale of the stream.
-            times: Time of each rating, shape (n,), in any order within the batch; needed with `every`, not allowed
-                without it. Dates are seconds since 1970: those of NumPy, pandas, Arrow and `datetime`, and texts of ISO
-                8601, all with a time zone or all without one, which is UTC then. Whole numbers, decimals and dates are
-                told apart to the last digit, also where float64 would round them.
-            rests: What `times` of float64 do not hold, shape (n,), see `RatingLog`. None to find it.
+            times: Time of each rating, shape (n,), in any order within the batch; needed with
+                `every`, not allowed without it. Dates are seconds since 1970: those of NumPy,
+                pandas, Arrow and `datetime`, and texts of ISO 8601, all with a time zone or all
+                without one, which is UTC then. Whole numbers, decimals and dates are told apart to
+                the last digit, also where float64 would round them.
+            rests: What `times` of float64 do not hold, shape (n,), see `RatingLog`. None to find
+                it.
 
         Raises:
-            ValueError: The columns do not fit together, or a value is not allowed; or, without a lead, a time is more
-                than a million rounds ahead. Nothing is changed then.
+            ValueError: The columns do not fit together, or a value is not allowed; or, without a
+                lead, a time is more than a million rounds ahead. Nothing is changed then.
         """
         who, whom = self._raters.check(raters), self._providers.check(providers)
         if self.same_agents and len(who) and len(whom) and who.dtype != whom.dtype:
-            raise ValueError("raters and providers are the same agents, so both must be whole numbers, or both texts")
+            raise ValueError(
+                "raters and providers are the same agents, so both must be whole numbers, or both "
+                "texts"
+            )
         values = unit_ratings(_numbers("ratings", ratings, len(who)), self.scale)
         if len(whom) != len(who):
             raise ValueError(f"there are {len(who)} raters and {len(whom)} providers")
         if (times is None) != (self.every is None):
-            raise ValueError("times are given" if self.every is None else "times are missing; rounds go by time here")
+            raise ValueError(
+                "times are given"
+                if self.every is None
+                else "times are missing; rounds go by time here"
+            )
         if self.same_agents and (own := np.flatnonzero(who == whom)).size:
             raise ValueError(f"rating {own[0] + 1} is of {who[own[0]]!s} by itself")
         if self.every is None and self.count is None:
             self._play(who, whom, values)
         elif len(who):
-            when, lost = (self._places(len(who)), 0.0) if times is None else _seconds(times, len(who))
-            rests = np.broadcast_to(lost, when.shape) if rests is None else _numbers("rests", rests, len(who))
+            when, lost = (
+                (self._places(len(who)), 0.0) if times is None else _seconds(times, len(who))
+            )
+            rests = (
+                np.broadcast_to(lost, when.shape)
+                if rests is None
+                else _numbers("rests", rests, len(who))
+            )
             self._wait((who, whom, values, when, rests))
 
     def _places(self, ratings: int) -> Floats:
-        """Return the places of further ratings in the stream: their times, where rounds go by number."""
+        """Return the places of further ratings in the stream: their times, where rounds go by
+        number.
+        """
         first = self._waiting[-1][3][-1] + 1 if self._waiting else self.rounds * (self.count or 1)
         return np.arange(first, first + ratings, dtype=np.float64)
 
     def _round_numbers(self, times: Floats, start: float) -> Ints:
-        """Return the number of the round in which each rating counts: the running one, if its own has ended."""
+        """Return the number of the round in which each rating counts: the running one, if its own
+        has ended.
+        """
         if self.every is None:
             numbers = np.clip(times // (self.count or 1), 0, 2**62).astype(np.int64)
         else:
@@ -217,7 +265,9 @@ class TrustStream:
         """
         start, late, ahead = 0.0, *np.zeros((2, len(columns[3])), bool)
         if self.every is not None:
-            start, late, ahead = judged(columns[3], self.every, self.lead, self._start, self._latest, self.rounds)
+            start, late, ahead = judged(
+                columns[3], self.every, self.lead, self._start, self._latest, self.rounds
+            )
         there = ~(ahead | late) if self.late == "drop" else ~ahead
         own: Columns = tuple(column[there] for column in columns)  # type: ignore[assignment]
         if there.any():
@@ -231,14 +281,18 @@ class TrustStream:
                     self._run.skip(number - self.rounds)
                     if part.stop < len(numbers):
                         self._play(*parts[0])
-            self._latest = float(own[3].max(initial=start if self._latest is None else self._latest))
+            self._latest = float(
+                own[3].max(initial=start if self._latest is None else self._latest)
+            )
             self._start, self._waiting, self._begun = start, parts, True
             self._expect_names()
         self.n_late += int(late.sum())
         self.n_ahead += int(ahead.sum())
 
     def _together(self, parts: list[Columns]) -> Columns:
-        """Return ratings that wait as columns, without those that repeat another one, unless they count again."""
+        """Return ratings that wait as columns, without those that repeat another one, unless they
+        count again.
+        """
         columns = _joined(parts)
         if self.repeats:
             return columns
@@ -256,7 +310,9 @@ class TrustStream:
             self._providers.expect(whom)
 
     def finish(self) -> None:
-        """End the round that has begun, so that its ratings count. Further ratings of its time are late."""
+        """End the round that has begun, so that its ratings count. Further ratings of its time are
+        late.
+        """
         if self._begun:
             columns = self._together(self._waiting)
             self._begun, self._waiting = False, []
@@ -265,16 +321,18 @@ class TrustStream:
     def remove(self, raters: Any = (), providers: Any = ()) -> None:
         """Let agents leave, with all that is known of them and of their pairs.
 
-        A name that comes again is that of a newcomer. Ratings by them and of them in a round that has not ended do not
-        count. What they did in earlier rounds stays in the trust of others where the model keeps that trust; a model
-        that computes all trust anew from the memory of pairs, such as EigenTrust, is from the next round on what it
-        would be if it had never seen them.
+        A name that comes again is that of a newcomer. Ratings by them and of them in a round that
+        has not ended do not count. What they did in earlier rounds stays in the trust of others
+        where the model keeps that trust; a model that computes all trust anew from the memory of
+        pairs, such as EigenTrust, is from the next round on what it would be if it had never seen
+        them.
 
         It takes time in proportion to all agents and pairs, so many are better removed by one call.
 
         Args:
             raters: Names or numbers of raters.
-            providers: Names or numbers of providers. With `same_agents`, agents may be in either list.
+            providers: Names or numbers of providers. With `same_agents`, agents may be in either
+                list.
 
         Raises:
             ValueError: A name is not known. Nothing is changed then.
@@ -306,7 +364,9 @@ class TrustStream:
         self._expect_names()
 
     def rater_trust(self) -> dict[Any, float]:
-        """Return the trust of each rater by name, in [0, 1]. Raters whose first round has not ended are missing."""
+        """Return the trust of each rater by name, in [0, 1]. Raters whose first round has not ended
+        are missing.
+        """
         return dict(zip(self._raters.names, self._run.rater_trust.tolist(), strict=True))
 
     def provider_trust(self) -> dict[Any, float]:
@@ -315,11 +375,18 @@ class TrustStream:
 
     @property
     def window(self) -> Floats | None:
-        """The beginning of the first round and the time of the latest rating, shape (2,); None without times."""
-        return None if self.every is None or self._start is None else np.array([self._start, self._latest])
+        """The beginning of the first round and the time of the latest rating, shape (2,); None
+        without times.
+        """
+        return (
+            None
+            if self.every is None or self._start is None
+            else np.array([self._start, self._latest])
+        )
 
     def evidence(self, role: Role) -> Evidence:
-        """Return trust with its evidence in all rounds that have ended, for the agents of a role that have ratings.
+        """Return trust with its evidence in all rounds that have ended, for the agents of a role
+        that have ratings.
 
         Raises:
             ValueError: The stream was made without `keep_evidence`.
@@ -333,8 +400,9 @@ class TrustStream:
     def save(self, path: Path | str) -> None:
         """Write the state to a file of NumPy arrays, complete or not at all.
 
-        Two processes that load, update and save lose what one of them took: see `opened`. What a process has left in
-        the folder that was killed while it wrote is removed. Where the path is a link, its file is written.
+        Two processes that load, update and save lose what one of them took: see `opened`. What a
+            process has left in the folder that was killed while it wrote is removed. Where the path
+            is a link, its file is written.
 
         Raises:
             OSError: The file cannot be written. It is as it was.
@@ -354,7 +422,9 @@ class TrustStream:
             texts=[names.tolist() if names.dtype == object else None for names in people],
         )
         arrays = {
-            "header": np.frombuffer(json.dumps(header.model_dump(by_alias=True)).encode(), np.uint8),
+            "header": np.frombuffer(
+                json.dumps(header.model_dump(by_alias=True)).encode(), np.uint8
+            ),
             **{f"names_{n}": names for n, names in enumerate(people) if names.dtype != object},
             "ratings": waiting[2],
             "times": waiting[3],
@@ -366,27 +436,38 @@ class TrustStream:
             clear_unfinished(path.parent)
             save_arrays(path, arrays)
         except OSError as error:
-            raise OSError(f"{path} cannot be written, and is as it was: {error.strerror or error}") from None
+            raise OSError(
+                f"{path} cannot be written, and is as it was: {error.strerror or error}"
+            ) from None
 
     @classmethod
     def load(cls, path: Path | str, model: Any, **settings: Any) -> "TrustStream":
         """Return the stream that was saved, with the same model and settings.
 
         Args:
-            path: File that `save` has written. It holds plain numbers and texts, and no code is run.
+            path: File that `save` has written. It holds plain numbers and texts, and no code is
+                run.
             model: Trust model, with the same parameters.
-            **settings: Arguments of the constructor, the same as before; `late`, `lead` and `repeats` may differ.
+            **settings: Arguments of the constructor, the same as before; `late`, `lead` and
+                `repeats` may differ.
 
         Raises:
-            ValueError: The file is no saved stream, is damaged, or is of another model or of other settings.
+            ValueError: The file is no saved stream, is damaged, or is of another model or of other
+                settings.
             OSError: The file cannot be read.
         """
         stream = cls(model, **settings)
         try:
             arrays = load_arrays(Path(path))
             text = taken(arrays, "header", np.uint8, (None,)).tobytes()
-            if (data := parse_json(text)) and isinstance(data, dict) and data.get("format") != _FORMAT:
-                raise ValueError(f"its format is {short(str(data.get('format')))}, and {_FORMAT} is read here")
+            if (
+                (data := parse_json(text))
+                and isinstance(data, dict)
+                and data.get("format") != _FORMAT
+            ):
+                raise ValueError(
+                    f"its format is {short(str(data.get('format')))}, and {_FORMAT} is read here"
+                )
             header = parse_untrusted(_Header, text)
             before, now = header.settings, stream._settings()
             other = [name for name in {**before, **now} if before.get(name) != now.get(name)]
@@ -395,17 +476,22 @@ class TrustStream:
         except (ValueError, MemoryError) as error:
             raise ValueError(f"{path} is no saved stream, or is damaged: {error}") from None
         if other:
-            saved, given = (", ".join(f"{name} {some.get(name)}" for name in other) for some in (before, now))
-            raise ValueError(f"{path} was saved with other settings: {short(saved)}; given now: {given}")
+            saved, given = (
+                ", ".join(f"{name} {some.get(name)}" for name in other) for some in (before, now)
+            )
+            raise ValueError(
+                f"{path} was saved with other settings: {short(saved)}; given now: {given}"
+            )
         return stream
 
     @classmethod
     @contextmanager
     def opened(cls, path: Path | str, model: Any, **settings: Any) -> Iterator["TrustStream"]:
-        """Continue the stream of a file, which is saved at the end of the context, or begin one if there is none.
+        """Continue the stream of a file, which is saved at the end of the context, or begin one if
+        there is none.
 
-        Whoever opens a stream in the same folder waits until then, except in the same thread, which would wait for
-        itself: that is an error. After an error nothing is saved.
+        Whoever opens a stream in the same folder waits until then, except in the same thread, which
+        would wait for itself: that is an error. After an error nothing is saved.
 
         Args:
             path: File of the state.
@@ -416,7 +502,9 @@ class TrustStream:
             ValueError: See `load`.
             OSError: The file cannot be read or written, or the system has no locks.
         """
-        path = Path(os.path.realpath(path))  # a link stays one, and whoever opens its file has the same lock
+        path = Path(
+            os.path.realpath(path)
+        )  # a link stays one, and whoever opens its file has the same lock
         with locked(path.parent):
             if not os.access(path.parent, os.W_OK):
                 raise PermissionError(f"{path} cannot be written: its folder cannot")
@@ -433,23 +521,42 @@ class TrustStream:
         """
         stored = list[Names]()
         for n, texts in enumerate(header.texts):
-            names = taken(arrays, f"names_{n}", np.int64, (None,)) if texts is None else np.array(texts, object)
+            names = (
+                taken(arrays, f"names_{n}", np.int64, (None,))
+                if texts is None
+                else np.array(texts, object)
+            )
             stored.append(NameIndex(f"names_{n}").check(names))
         raters, providers, who, whom = stored
-        values, when, rests = (taken(arrays, name, np.float64, who.shape) for name in ("ratings", "times", "rests"))
+        values, when, rests = (
+            taken(arrays, name, np.float64, who.shape) for name in ("ratings", "times", "rests")
+        )
         if self._pairs is not None:
-            self._pairs.load(arrays, (len(raters), len(providers)), None if self.every is None else header.latest)
+            self._pairs.load(
+                arrays, (len(raters), len(providers)), None if self.every is None else header.latest
+            )
         self._run.load(arrays)
         self._raters.restore(raters)
         if not self.same_agents:
             self._providers.restore(providers)
         if (len(raters), len(providers)) != self._run.shape:
             raise ValueError(
-                f"{len(raters)} raters and {len(providers)} providers have names; {self._run.shape} belong"
+                f"{len(raters)} raters and {len(providers)} providers have names; "
+                f"{self._run.shape} belong"
             )
         self._start, self._latest, self._begun = header.start, header.latest, header.begun
-        self.n_late, self.n_ahead, self.n_repeated = header.n_late, header.n_ahead, header.n_repeated
-        waiting = self._raters.check(who), self._providers.check(whom), unit_ratings(values, (0.0, 1.0)), when, rests
+        self.n_late, self.n_ahead, self.n_repeated = (
+            header.n_late,
+            header.n_ahead,
+            header.n_repeated,
+        )
+        waiting = (
+            self._raters.check(who),
+            self._providers.check(whom),
+            unit_ratings(values, (0.0, 1.0)),
+            when,
+            rests,
+        )
         if len(whom) != len(who):
             raise ValueError(f"{len(who)} raters and {len(whom)} providers wait")
         self._check_waiting(when)
@@ -457,20 +564,39 @@ class TrustStream:
         self._expect_names()
 
     def _check_waiting(self, times: Floats) -> None:
-        """Refuse ratings that wait, or a first and a latest rating, at times at which they cannot have come.
+        """Refuse ratings that wait, or a first and a latest rating, at times at which they cannot
+        have come.
 
         Raises:
             ValueError: There are such.
         """
-        first, last, by_update = self._start, self._latest, self.every is None and self.count is None
+        first, last, by_update = (
+            self._start,
+            self._latest,
+            self.every is None and self.count is None,
+        )
         if by_update or first is None or last is None:
-            if first is not None or last is not None or self._begun or len(times) or (self.rounds and not by_update):
-                raise ValueError("the time of the first or of the latest rating is missing, or there can be none")
+            if (
+                first is not None
+                or last is not None
+                or self._begun
+                or len(times)
+                or (self.rounds and not by_update)
+            ):
+                raise ValueError(
+                    "the time of the first or of the latest rating is missing, or there can be none"
+                )
             return
         least = -math.inf if self.count is None else self.rounds * self.count
-        right = first <= last and (self._begun or not len(times)) and ((least <= times) & (times <= last)).all()
+        right = (
+            first <= last
+            and (self._begun or not len(times))
+            and ((least <= times) & (times <= last)).all()
+        )
         if not right or (self._round_numbers(np.append(times, last), first) != self.rounds).any():
-            raise ValueError("ratings wait, or the latest one came, in another round than the running one")
+            raise ValueError(
+                "ratings wait, or the latest one came, in another round than the running one"
+            )
 
     def _settings(self) -> dict[str, Any]:
         return {
@@ -484,7 +610,12 @@ class TrustStream:
         }
 
     def _play(
-        self, raters: Names, providers: Names, values: Floats, times: Floats | None = None, rests: Floats | None = None
+        self,
+        raters: Names,
+        providers: Names,
+        values: Floats,
+        times: Floats | None = None,
+        rests: Floats | None = None,
     ) -> None:
         who, whom = self._raters.places(raters), self._providers.places(providers)
         self._run.play(who, whom, values)
@@ -493,18 +624,25 @@ class TrustStream:
 
 
 def _seconds(times: Any, length: int) -> tuple[Floats, Floats | float]:
-    """Return a column of times as numbers, dates as seconds since 1970, and what these do not hold, see `lost_digits`.
+    """Return a column of times as numbers, dates as seconds since 1970, and what these do not hold,
+    see `lost_digits`.
 
     Raises:
         ValueError: A time is none, or some dates have a time zone and others none.
     """
     array = numpy_array("the column of times", times, "numbers or dates")
     if array.dtype.kind in "OUT" and array.size:
-        texts = [one.isoformat() if isinstance(one, date) else one for one in array.ravel().tolist()]
+        texts = [
+            one.isoformat() if isinstance(one, date) else one for one in array.ravel().tolist()
+        ]
         if all(isinstance(text, str) for text in texts):
-            ticks, unit = iso_dates(texts, lambda at: f"times, position {at + 1}", zoned=has_zone(texts[0]))
+            ticks, unit = iso_dates(
+                texts, lambda at: f"times, position {at + 1}", zoned=has_zone(texts[0])
+            )
             found, scale = ticks.reshape(array.shape), UNITS[unit]
-            return _numbers("times", found / scale, length), lost_digits(found / scale, found, scale)
+            return _numbers("times", found / scale, length), lost_digits(
+                found / scale, found, scale
+            )
     if array.dtype.kind == "M":
         fine = np.datetime_data(array.dtype)[0] in ("ns", "ps", "fs", "as")
         array = array.astype("M8[ns]") if fine else array
@@ -516,7 +654,11 @@ def _seconds(times: Any, length: int) -> tuple[Floats, Floats | float]:
     if array.dtype.kind in "iu":
         return seconds, lost_digits(seconds, array.astype(np.int64), 1)
     exact = enumerate(array.tolist() if array.dtype == object else ())
-    lost = {at: float(one - type(one)(seconds[at])) for at, one in exact if isinstance(one, int | Decimal)}
+    lost = {
+        at: float(one - type(one)(seconds[at]))
+        for at, one in exact
+        if isinstance(one, int | Decimal)
+    }
     return seconds, np.array([lost.get(at, 0.0) for at in range(length)]) if lost else 0.0
 
 
@@ -532,7 +674,10 @@ def _numbers(column: str, values: Any, length: int) -> Floats:
     if array.shape != (length,):
         raise ValueError(f"{column} have shape {array.shape}; there are {length} raters")
     if not (known := np.isfinite(array)).all():
-        raise ValueError(f"{column} hold {array[~known][0]} at position {known.argmin() + 1}; all must be numbers")
+        raise ValueError(
+            f"{column} hold {array[~known][0]} at position {known.argmin() + 1}; all must be "
+            "numbers"
+        )
     return array
 
 

@@ -1,4 +1,6 @@
-"""Blocks of the rows of a table: CSV in any dialect, JSON lines, an array of JSON or Parquet, read by pyarrow."""
+"""Blocks of the rows of a table: CSV in any dialect, JSON lines, an array of JSON or Parquet, read
+by pyarrow.
+"""
 
 import codecs
 import csv
@@ -19,7 +21,13 @@ from roletrust_env.data.dialect import MARKS, Dialect, delimiter, find_encoding,
 from roletrust_env.data.feedback import as_ratings, feedback_columns
 from roletrust_env.data.values import is_missing, to_numpy
 
-_KINDS = {".parquet": "Parquet", ".pq": "Parquet", ".jsonl": "JSON", ".ndjson": "JSON", ".json": "JSON"}
+_KINDS = {
+    ".parquet": "Parquet",
+    ".pq": "Parquet",
+    ".jsonl": "JSON",
+    ".ndjson": "JSON",
+    ".json": "JSON",
+}
 
 ENDINGS = tuple(end + packed for end in (".csv", ".tsv", ".txt", *_KINDS) for packed in ("", ".gz"))
 """Endings of the names of tables in a folder. A file with another ending is CSV, too."""
@@ -31,7 +39,9 @@ _TEXT = 1 << 16  # bytes of a text of several lines
 _LONGEST, _LARGEST = 1 << 26, 1 << 30  # bytes of a line, and of an array of JSON
 _DEPTH = 100  # JSON in JSON; pyarrow's parser ends the process from some thousands on
 _BLAND = bytes(set(range(256)) - set(b'[]{}"'))
-_LONG = re.compile(rb"(?=[\d.]{17})\d{9,}\.\d+")  # times since 1970 in decimals, which float64 would round
+_LONG = re.compile(
+    rb"(?=[\d.]{17})\d{9,}\.\d+"
+)  # times since 1970 in decimals, which float64 would round
 _OBJECTS = "it must be one JSON object in each line, or in an array"
 
 Block = list[Any]
@@ -48,7 +58,8 @@ class Table:
         labels: Texts that are ratings, in small letters.
         missing: Whether rows are left out in which a wanted value is missing.
         tag: Tag of the feedback events that count; None for all.
-        found: What has been found: kind of the file, dialect, and columns with other names than their roles.
+        found: What has been found: kind of the file, dialect, and columns with other names than
+            their roles.
         decimal_comma: Whether a number may have a comma in place of its point.
         blank: Number of blank rows.
         comments: Number of lines of comment.
@@ -65,7 +76,13 @@ class Table:
         missing: bool = False,
         tag: str | None = None,
     ) -> None:
-        self.path, self.wanted, self.dialect, self.labels, self.missing = path, wanted, dialect, labels, missing
+        self.path, self.wanted, self.dialect, self.labels, self.missing = (
+            path,
+            wanted,
+            dialect,
+            labels,
+            missing,
+        )
         self.tag = tag
         self.found: list[str] = []
         self.decimal_comma = False
@@ -76,26 +93,33 @@ class Table:
         self._left_out: list[int] = []  # places of rows that are not in blocks, ascending
 
     def row(self, place: int) -> str:
-        """Return the path of the file and the number of a row, by its place among those of all blocks, from 0."""
+        """Return the path of the file and the number of a row, by its place among those of all
+        blocks, from 0.
+        """
         for gone in self._left_out:
             place += gone <= place
         return f"{self.path}, row {self._first + place}"
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the wanted columns, block by block. Rows in which all of these are empty are left out.
+        """Yield the wanted columns, block by block. Rows in which all of these are empty are left
+        out.
 
         Raises:
-            ValueError: The file is no such table, or is damaged. The message names the file, and the row where it can.
-                Or pyarrow is missing.
+            ValueError: The file is no such table, or is damaged. The message names the file, and
+                the row where it can. Or pyarrow is missing.
             OSError: The file cannot be read.
         """
         try:
             import pyarrow as arrow
             import pyarrow.parquet
         except ImportError:
-            raise ValueError(f"{self.path} needs pyarrow: pip install 'roletrust-env[data]'") from None
+            raise ValueError(
+                f"{self.path} needs pyarrow: pip install 'roletrust-env[data]'"
+            ) from None
         packed = self.path.suffix.lower() == ".gz"
-        kind = _KINDS.get((self.path.with_suffix("") if packed else self.path).suffix.lower(), "CSV")
+        kind = _KINDS.get(
+            (self.path.with_suffix("") if packed else self.path).suffix.lower(), "CSV"
+        )
         read = {"Parquet": self._parquet, "JSON": self._json, "CSV": self._csv}[kind]
         with gzip.open(self.path) if packed else self.path.open("rb") as opened:
             file: Any = opened
@@ -105,19 +129,26 @@ class Table:
                     rest = itertools.chain([first], blocks)
                     yield from self._feedback(list(rest)) if self._more else rest
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-                raise ValueError(f"{self.path} is a damaged gzip file, after row {self._read}: {error}") from None
+                raise ValueError(
+                    f"{self.path} is a damaged gzip file, after row {self._read}: {error}"
+                ) from None
             except (UnicodeError, csv.Error, arrow.ArrowException, OSError, OverflowError) as error:
                 reason = str(error).partition("\n")[0]
                 raise ValueError(
-                    f"{self.path} is no {kind} file, or a damaged one, after row {self._read}: {reason}"
+                    f"{self.path} is no {kind} file, or a damaged one, after row {self._read}: "
+                    f"{reason}"
                 ) from None
 
     def _places(self, where: str, header: list[str] | None, width: int) -> list[int]:
-        """Return the places of the wanted columns, and say which they are, where they have other names."""
+        """Return the places of the wanted columns, and say which they are, where they have other
+        names.
+        """
         places = find_columns(self.wanted, f"{self.path}, {where}", header, width)
         for (role, name), place in zip(self.wanted.items(), places, strict=True):
             if header is None or header[place] != role or name != role:
-                self.found.append(f"{role} in column {place + 1 if header is None else repr(header[place])}")
+                self.found.append(
+                    f"{role} in column {place + 1 if header is None else repr(header[place])}"
+                )
         self._more = feedback_columns(header or [])
         if self.tag is not None and "tag1" not in self._more:
             raise ValueError(f"{self.path}, {where}: there are no feedback events with tags")
@@ -127,7 +158,10 @@ class Table:
         """Yield feedback events as ratings, in one block."""
         import pyarrow as arrow
 
-        columns = [[value for part in parts for value in part.to_pylist()] for parts in zip(*blocks, strict=True)]
+        columns = [
+            [value for part in parts for value in part.to_pylist()]
+            for parts in zip(*blocks, strict=True)
+        ]
         names = list(self.wanted)
         more = dict(zip(self._more, columns[len(names) :], strict=True))
         feedback = as_ratings(columns[0], columns[1], columns[2], self.tag, more)
@@ -136,15 +170,20 @@ class Table:
         self.found += ["feedback events of ERC-8004", *feedback.words]
         places = np.delete(np.arange(self._read), self._left_out)
         self._left_out = sorted([*self._left_out, *places[~kept].tolist()])
-        ratings = [arrow.array(column) for column in (feedback.raters, feedback.agents, feedback.values)]
+        ratings = [
+            arrow.array(column) for column in (feedback.raters, feedback.agents, feedback.values)
+        ]
         if len(names) > 3:
             times = (arrow.table({"time": block[3]}) for block in blocks)
-            ratings.append(arrow.concat_tables(times, promote_options="default")["time"].combine_chunks())
+            ratings.append(
+                arrow.concat_tables(times, promote_options="default")["time"].combine_chunks()
+            )
         if kept.any():
             yield [column.filter(arrow.array(kept)) for column in ratings]
 
     def _cleaned(self, table: Any, names: list[str], gone: list[int]) -> Iterator[Block]:
-        """Yield a table in blocks, without blank rows, and without those that miss a value if these are left out.
+        """Yield a table in blocks, without blank rows, and without those that miss a value if these
+        are left out.
 
         Args:
             table: Rows.
@@ -153,7 +192,10 @@ class Table:
         """
         missing = self.missing and not self._more  # an event that takes another back has no value
         drop, whole = None, len(table) + len(gone)
-        empty = [is_missing(table[name], value=role > 1) for role, name in enumerate(names[: 4 if missing else 1])]
+        empty = [
+            is_missing(table[name], value=role > 1)
+            for role, name in enumerate(names[: 4 if missing else 1])
+        ]
         if any(column.any() for column in empty):
             blank = np.logical_and.reduce([is_missing(table[name]) for name in names])
             drop = np.logical_or.reduce(empty) if missing else blank
@@ -167,7 +209,8 @@ class Table:
         for batch in filter(len, table.to_batches(_ROWS)):
             yield [batch[name] for name in names]
 
-    # --- CSV ------------------------------------------------------------------------------------------
+    # --- CSV
+    # ------------------------------------------------------------------------------------------
 
     def _csv(self, file: IO[bytes]) -> Iterator[Block]:
         import pyarrow as arrow
@@ -180,7 +223,9 @@ class Table:
             encoding = self.dialect.encoding or find_encoding(head)
             text = codecs.getincrementaldecoder(encoding)("replace").decode(head)
         except LookupError:
-            raise ValueError(f"unknown encoding {self.dialect.encoding!r}; one is utf-8, utf-16 or latin-1") from None
+            raise ValueError(
+                f"unknown encoding {self.dialect.encoding!r}; one is utf-8, utf-16 or latin-1"
+            ) from None
         except ValueError as error:
             raise ValueError(f"{self.path} is no CSV file: {error}") from None
         if not text.strip():
@@ -192,11 +237,18 @@ class Table:
         self.found[:0] = [f"CSV, {start}, {encoding.removesuffix('-sig')}"]
         self.decimal_comma = start.separator != ","
         self._first = 1 + start.lines
-        self.comments = len(re.findall(f"(?m)^[{''.join(MARKS)}]", "".join(text.splitlines(True)[: start.lines])))
+        self.comments = len(
+            re.findall(f"(?m)^[{''.join(MARKS)}]", "".join(text.splitlines(True)[: start.lines]))
+        )
         places = self._places(f"row {max(1, start.lines)}", start.header, start.width)
-        names, every = [f"f{place}" for place in places], [f"f{place}" for place in range(start.width)]
+        names, every = (
+            [f"f{place}" for place in places],
+            [f"f{place}" for place in range(start.width)],
+        )
         one, skipped, wrong = delimiter(start.separator), list[int](), list[Any]()
-        end = (one * (start.width - 1) + "\n").encode()  # a last row, which is not there if a quote is still open
+        end = (
+            one * (start.width - 1) + "\n"
+        ).encode()  # a last row, which is not there if a quote is still open
 
         def ragged(row: Any) -> str:
             comment = row.text.startswith(MARKS)
@@ -215,9 +267,14 @@ class Table:
             try:
                 table = arrow_csv.read_csv(
                     arrow.BufferReader(tidied),
-                    arrow_csv.ReadOptions(use_threads=False, block_size=len(tidied) + 1, column_names=every),
+                    arrow_csv.ReadOptions(
+                        use_threads=False, block_size=len(tidied) + 1, column_names=every
+                    ),
                     arrow_csv.ParseOptions(
-                        delimiter=one, ignore_empty_lines=False, newlines_in_values=True, invalid_row_handler=ragged
+                        delimiter=one,
+                        ignore_empty_lines=False,
+                        newlines_in_values=True,
+                        invalid_row_handler=ragged,
                     ),
                     arrow_csv.ConvertOptions(
                         include_columns=sorted({*names, *every[:1]}),
@@ -227,8 +284,13 @@ class Table:
                 )
             except arrow.ArrowInvalid:
                 for row in wrong:
-                    what = f" has {row.actual_columns} columns; {row.expected_columns} are needed, as in the rows above"
-                    self._fault(row.number - 1, ": a quote has no end" if row.text.count('"') % 2 else what)
+                    what = (
+                        f" has {row.actual_columns} columns; {row.expected_columns} are needed, "
+                        "as in the rows above"
+                    )
+                    self._fault(
+                        row.number - 1, ": a quote has no end" if row.text.count('"') % 2 else what
+                    )
                 raise
             last = table.slice(len(table) - 1)
             if not all(is_missing(last[name])[0] for name in names):
@@ -236,7 +298,9 @@ class Table:
             table = table.slice(0, len(table) - 1)
             if start.comments:
                 is_comment = to_numpy(
-                    compute.match_substring_regex(table["f0"], f"^[{''.join(MARKS)}]").cast(arrow.uint8())
+                    compute.match_substring_regex(table["f0"], f"^[{''.join(MARKS)}]").cast(
+                        arrow.uint8()
+                    )
                 )
                 self.comments += int(is_comment.sum())
                 rows = np.delete(np.arange(len(table) + len(skipped)), skipped)
@@ -256,13 +320,17 @@ class Table:
         """Raise an error about a row, by its place among those that are not yet counted as read."""
         raise ValueError(f"{self.path}, row {self._first + self._read + place}{what}")
 
-    # --- JSON and Parquet -----------------------------------------------------------------------------
+    # --- JSON and Parquet
+    # -----------------------------------------------------------------------------
 
     def _json(self, file: IO[bytes]) -> Iterator[Block]:
         import pyarrow as arrow
         from pyarrow import json as arrow_json
 
-        header, array = list[str](), file.read(_TEXT).removeprefix(codecs.BOM_UTF8).lstrip().startswith(b"[")
+        header, array = (
+            list[str](),
+            file.read(_TEXT).removeprefix(codecs.BOM_UTF8).lstrip().startswith(b"["),
+        )
         file.seek(0)
         for lines in self._array(file.read(_LARGEST + 1)) if array else _lines(file, "utf-8-sig"):
             if not lines.strip():
@@ -271,18 +339,28 @@ class Table:
             if not lines.lstrip().startswith(b"{"):  # at a null, pyarrow's parser ends the process
                 self._fault(0, f": no object begins here; {_OBJECTS}")
             if _is_deep(lines):
-                raise ValueError(f"{self.path} has JSON nested more than {_DEPTH} deep, after row {self._read}")
+                raise ValueError(
+                    f"{self.path} has JSON nested more than {_DEPTH} deep, after row {self._read}"
+                )
             options = arrow_json.ReadOptions(use_threads=False, block_size=len(lines) + 1)
             try:
                 table = arrow_json.read_json(arrow.BufferReader(lines), options)
-                if dates := [field.name for field in table.schema if arrow.types.is_timestamp(field.type)]:
-                    texts = arrow.schema([(name, arrow.string()) for name in dates])  # a name may look like a date
+                if dates := [
+                    field.name for field in table.schema if arrow.types.is_timestamp(field.type)
+                ]:
+                    texts = arrow.schema(
+                        [(name, arrow.string()) for name in dates]
+                    )  # a name may look like a date
                     parse = arrow_json.ParseOptions(explicit_schema=texts)
                     table = arrow_json.read_json(arrow.BufferReader(lines), options, parse)
-                if any(map(arrow.types.is_timestamp, table.flatten().schema.types)) or _LONG.search(lines):
+                if any(map(arrow.types.is_timestamp, table.flatten().schema.types)) or _LONG.search(
+                    lines
+                ):
                     table = self._json_texts(lines)
             except arrow.ArrowInvalid as error:
-                reason, _, row = str(error).removeprefix("JSON parse error: ").rpartition(" in row ")
+                reason, _, row = (
+                    str(error).removeprefix("JSON parse error: ").rpartition(" in row ")
+                )
                 if re.search("/.* changed from (?:string to number|number to string)", reason):
                     table = self._json_texts(lines)
                 elif row.isdecimal():
@@ -306,11 +384,15 @@ class Table:
     def _array(self, text: bytes) -> Iterator[bytes]:
         """Yield the values of an array of JSON as lines, many at a time."""
         if len(text) > _LARGEST:
-            raise ValueError(f"{self.path} is an array of more than {_LARGEST:,} bytes; JSON lines have no limit")
+            raise ValueError(
+                f"{self.path} is an array of more than {_LARGEST:,} bytes; JSON lines have no limit"
+            )
         try:
             rows = json.loads(text, parse_float=_json_number, object_pairs_hook=_json_object)
         except (ValueError, RecursionError) as error:
-            raise ValueError(f"{self.path} is no array of JSON objects, or a damaged one: {error}") from None
+            raise ValueError(
+                f"{self.path} is no array of JSON objects, or a damaged one: {error}"
+            ) from None
         for start in range(0, len(rows), _ROWS):
             yield "".join(f"{json.dumps(row)}\n" for row in rows[start : start + _ROWS]).encode()
 
@@ -322,7 +404,14 @@ class Table:
         for line in filter(bytes.strip, lines.splitlines()):
             try:
                 row = json.loads(line, parse_float=_json_number)
-                rows.append({**row, **{f"args.{name}": value for name, value in (row.get("args") or {}).items()}})
+                rows.append(
+                    {
+                        **row,
+                        **{
+                            f"args.{name}": value for name, value in (row.get("args") or {}).items()
+                        },
+                    }
+                )
             except (ValueError, AttributeError, TypeError):
                 self._fault(len(rows), f": {_OBJECTS}")
         names = dict.fromkeys(name for row in rows for name in row)
@@ -342,7 +431,9 @@ class Table:
             batch.validate(full=True)  # texts are UTF-8
             columns = {name: batch.column(name) for name in names}
             decoded = {
-                name: column.dictionary_decode() if arrow.types.is_dictionary(column.type) else column
+                name: column.dictionary_decode()
+                if arrow.types.is_dictionary(column.type)
+                else column
                 for name, column in columns.items()
             }
             yield from self._cleaned(arrow.table(decoded), names, [])
@@ -381,7 +472,9 @@ def _lines(file: IO[bytes], encoding: str, drop: int = 0) -> Iterator[bytes]:
 
 def _is_deep(lines: bytes) -> bool:
     """Return whether more than `_DEPTH` arrays and objects are open at once, or are left open."""
-    quoted = lines.replace(b"\\\\", b"").replace(b'\\"', b"").translate(None, _BLAND).replace(b'""', b"")
+    quoted = (
+        lines.replace(b"\\\\", b"").replace(b'\\"', b"").translate(None, _BLAND).replace(b'""', b"")
+    )
     marks = re.sub(rb'"[^"]*"', b"", quoted)
     for _ in range(_DEPTH):
         marks = marks.replace(b"{}", b"").replace(b"[]", b"")

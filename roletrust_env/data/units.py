@@ -24,17 +24,26 @@ def check_scale(scale: tuple[float, float]) -> None:
         ValueError: The scale is no pair of numbers, is empty or not finite.
     """
     if not (
-        isinstance(scale, tuple | list | np.ndarray) and len(scale) == 2 and all(isinstance(end, Real) for end in scale)
+        isinstance(scale, tuple | list | np.ndarray)
+        and len(scale) == 2
+        and all(isinstance(end, Real) for end in scale)
     ):
-        raise ValueError(f"the scale is {scale!r}; it must be the worst and the best rating, two numbers")
+        raise ValueError(
+            f"the scale is {scale!r}; it must be the worst and the best rating, two numbers"
+        )
     if not -np.inf < scale[0] < scale[1] < np.inf:
-        raise ValueError(f"the scale is from {scale[0]:g} to {scale[1]:g}; the best rating must be above the worst")
+        raise ValueError(
+            f"the scale is from {scale[0]:g} to {scale[1]:g}; the best rating must be above the "
+            "worst"
+        )
     if not float(scale[1]) - float(scale[0]) < np.inf:
         raise ValueError(f"the scale from {scale[0]:g} to {scale[1]:g} is too wide for a number")
 
 
 def unit_ratings(
-    ratings: Floats, scale: tuple[float, float], name: Callable[[int], str] = lambda at: f"rating {at + 1} is"
+    ratings: Floats,
+    scale: tuple[float, float],
+    name: Callable[[int], str] = lambda at: f"rating {at + 1} is",
 ) -> Floats:
     """Return ratings on [0, 1], 0 for the worst.
 
@@ -49,7 +58,9 @@ def unit_ratings(
     worst, best = scale
     if not (right := (ratings >= worst) & (ratings <= best)).all():
         at = int(right.argmin())
-        raise ValueError(f"{name(at)} {number_text(ratings[at])}, off the scale from {worst:g} to {best:g}")
+        raise ValueError(
+            f"{name(at)} {number_text(ratings[at])}, off the scale from {worst:g} to {best:g}"
+        )
     unit = ratings - worst
     unit /= best - worst
     return unit
@@ -66,7 +77,8 @@ def date_seconds(dates: Any) -> Floats:
 
 
 def lost_digits(times: Floats, ticks: Ints, scale: int) -> Floats:
-    """Return what float64 does not hold of times, shape (n,): with it, times are told apart to the last digit.
+    """Return what float64 does not hold of times, shape (n,): with it, times are told apart to the
+    last digit.
 
     Args:
         times: Times as float64, shape (n,).
@@ -74,7 +86,8 @@ def lost_digits(times: Floats, ticks: Ints, scale: int) -> Floats:
         scale: Number of ticks in 1 of `times`.
 
     Returns:
-        Ticks after the last whole microsecond; without a unit, what rounding added to whole numbers.
+        Ticks after the last whole microsecond; without a unit, what rounding added to whole
+        numbers.
     """
     if scale > 10**6:
         return (ticks % (scale // 10**6)).astype(np.float64)
@@ -83,7 +96,9 @@ def lost_digits(times: Floats, ticks: Ints, scale: int) -> Floats:
 
 
 def is_date(text: str) -> bool:
-    """Return whether a text is a date of ISO 8601; NumPy also takes years, `today`, `now`, and nothing for one."""
+    """Return whether a text is a date of ISO 8601; NumPy also takes years, `today`, `now`, and
+    nothing for one.
+    """
     try:
         return "-" in text[1:] and not np.isnat(_dates(text))
     except ValueError:
@@ -96,7 +111,8 @@ def has_zone(text: str) -> bool:
 
 
 def iso_dates(texts: list[str], row: Callable[[int], str], *, zoned: bool) -> tuple[Ints, str]:
-    """Return dates and times of ISO 8601 as whole numbers since 1970 in UTC, and their unit: `us`, or `ns` if need be.
+    """Return dates and times of ISO 8601 as whole numbers since 1970 in UTC, and their unit: `us`,
+    or `ns` if need be.
 
     Args:
         texts: Dates, all with a time zone or all without.
@@ -113,18 +129,23 @@ def iso_dates(texts: list[str], row: Callable[[int], str], *, zoned: bool) -> tu
     if dates is None:
         wrong = next(at for at, text in enumerate(texts) if not is_date(text))
         raise ValueError(
-            f"{row(wrong)}: the time is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
+            f"{row(wrong)}: the time is {texts[wrong]!r}; it must be a date of ISO 8601, as in the "
+            "rows above"
         )
     other = next((at for at, text in enumerate(texts) if has_zone(text) != zoned), None)
     if other is not None:
         has, have = ("no time zone", "one") if zoned else ("a time zone", "none")
-        raise ValueError(f"{row(other)}: the time {texts[other]!r} has {has}, and the rows above have {have}")
+        raise ValueError(
+            f"{row(other)}: the time {texts[other]!r} has {has}, and the rows above have {have}"
+        )
     unit = "ns" if np.datetime_data(dates.dtype)[0] in ("ns", "ps", "fs", "as") else "us"
     return dates.astype(f"datetime64[{unit}]").astype(np.int64), unit
 
 
 def _dates(texts: str | list[str]) -> Any:
-    """Return dates of NumPy in UTC, in microseconds or finer; NumPy warns that it does not keep time zones."""
+    """Return dates of NumPy in UTC, in microseconds or finer; NumPy warns that it does not keep
+    time zones.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         fine = not isinstance(texts, str) and max(map(len, texts)) > _MICRO
@@ -132,9 +153,11 @@ def _dates(texts: str | list[str]) -> Any:
 
 
 def find_unit(times: Floats) -> str | None:
-    """Return the unit of times since 1970 by their size: `s`, `ms`, `us` or `ns`; None where one is before 1973.
+    """Return the unit of times since 1970 by their size: `s`, `ms`, `us` or `ns`; None where one is
+    before 1973.
 
-    The largest decides: from 10 ** 11 on, seconds would be after the year 5000, and milliseconds are after 1973.
+    The largest decides: from 10 ** 11 on, seconds would be after the year 5000, and milliseconds
+        are after 1973.
     """
     largest = np.abs(times).max(initial=0.0)
     if largest < 1e11:

@@ -24,14 +24,18 @@ def env(
     render_mode: RenderMode | None = None,
     **changes: Any,
 ) -> AECEnv[str, Vector, Vector | None]:
-    """Return the game as a PettingZoo AEC environment, in which agents act in turn. Arguments as for `parallel_env`."""
+    """Return the game as a PettingZoo AEC environment, in which agents act in turn. Arguments as
+    for `parallel_env`.
+    """
     return RoleTrustAECEnv(parallel_env(scenario, trust_model, render_mode, **changes))
 
 
 class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
-    """The game with agents in turn, as PettingZoo's own conversion plays it, in a third of its time.
+    """The game with agents in turn, as PettingZoo's own conversion plays it, in a third of its
+    time.
 
-    It refuses a wrong action at once, and not only after the last agent has acted; and `step` before `reset`.
+    It refuses a wrong action at once, and not only after the last agent has acted; and `step`
+    before `reset`.
     """
 
     agents: list[str]
@@ -69,7 +73,9 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
     def observe(self, agent: str) -> Vector | None:
         """See `pettingzoo.AECEnv.observe`."""
         if agent not in self.possible_agents:
-            raise ValueError(f"there is no agent {agent!r}; there are {shown(self.possible_agents)}")
+            raise ValueError(
+                f"there is no agent {agent!r}; there are {shown(self.possible_agents)}"
+            )
         observation: Vector | None = super().observe(agent)
         return observation
 
@@ -114,7 +120,10 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
             vector = joint.joined(singles)
         else:  # the arrays that were given may hold other numbers by now
             given = zip(self.env.agents, singles, strict=True)
-            copies = {a: self._actions[a] if one is None else np.frombuffer(one, np.float32) for a, one in given}
+            copies = {
+                a: self._actions[a] if one is None else np.frombuffer(one, np.float32)
+                for a, one in given
+            }
             vector = joint.read(copies, self.env.agents)
         played = self.env.advance(vector)
         self._observations, self.rewards, self.terminations, self.truncations, self.infos = played

@@ -22,8 +22,11 @@ NUMBERS = "fiub"
 """Kinds of dtype that an action may have: floats, integers and booleans."""
 
 
-def refuse_unknown(environment: type[Any], arguments: Iterable[str], *takers: Callable[..., Any]) -> None:
-    """Refuse an unknown keyword argument, with the message of Python itself, which some libraries look for.
+def refuse_unknown(
+    environment: type[Any], arguments: Iterable[str], *takers: Callable[..., Any]
+) -> None:
+    """Refuse an unknown keyword argument, with the message of Python itself, which some libraries
+    look for.
 
     Args:
         environment: Class that was called.
@@ -31,7 +34,8 @@ def refuse_unknown(environment: type[Any], arguments: Iterable[str], *takers: Ca
         takers: Functions that take the arguments, beside `Scenario.change`.
 
     Raises:
-        TypeError: An argument is no parameter of the takers, no field of a scenario and not `noise`.
+        TypeError: An argument is no parameter of the takers, no field of a scenario and not
+            `noise`.
     """
     callables: tuple[Callable[..., Any], ...] = (environment, *takers)
     parameters = [p for taker in callables for p in signature(taker).parameters.values()]
@@ -46,26 +50,33 @@ def refuse_unknown(environment: type[Any], arguments: Iterable[str], *takers: Ca
 
 
 def refuse_empty_start(scenario: Scenario) -> None:
-    """Refuse a scenario in which nobody is there at first, for an environment whose episode ends with nobody there.
+    """Refuse a scenario in which nobody is there at first, for an environment whose episode ends
+    with nobody there.
 
     Raises:
         ValueError: Every group joins late.
     """
     if all(group.joins > 0 or group.join_rate < 1 for group in scenario.agents):
-        raise ValueError("agents: every group joins late; an episode begins with a group of joins 0, join_rate 1")
+        raise ValueError(
+            "agents: every group joins late; an episode begins with a group of joins 0, join_rate 1"
+        )
 
 
 def all_within(numbers: Sequence[float], low: float = 0.0) -> bool:
-    """Return whether all numbers lie in [low, 1]; of few numbers this takes less time than of an array."""
+    """Return whether all numbers lie in [low, 1]; of few numbers this takes less time than of an
+    array.
+    """
     total = sum(numbers)  # NaN if a number is
     return total == total and min(numbers) >= low and max(numbers) <= 1
 
 
 def singles_within(floats: bytes) -> bool:
-    """Return whether all numbers of float32 in these bytes lie in [0, 1]; of few this takes less time than of an array.
+    """Return whether all numbers of float32 in these bytes lie in [0, 1]; of few this takes less
+    time than of an array.
 
-    The bits of the numbers from 0.0 to 1.0 are whole numbers up to the bits of 1.0, and those of all others are
-    greater. So a sum of all words at once sets the first bit of a word that is too great. -0.0 counts as less than 0.
+    The bits of the numbers from 0.0 to 1.0 are whole numbers up to the bits of 1.0, and those of
+    all others are greater. So a sum of all words at once sets the first bit of a word that is too
+    great. -0.0 counts as less than 0.
     """
     first_bits, rest = _words(len(floats))
     words = int.from_bytes(floats, sys.byteorder)
@@ -74,7 +85,9 @@ def singles_within(floats: bytes) -> bool:
 
 @cache
 def _words(n_bytes: int) -> tuple[int, int]:
-    """Return the first bit of each word of some bytes; and what the bits of 1.0 lack to reach it, in each word."""
+    """Return the first bit of each word of some bytes; and what the bits of 1.0 lack to reach it,
+    in each word.
+    """
     ones = sum(1 << 8 * k for k in range(0, n_bytes, 4))
     return ones << 31, ones * (2**31 - 1 - int(np.float32(1).view(np.uint32)))
 
@@ -94,7 +107,9 @@ def check_games(name: str, games: int, game: Any) -> None:
 
 
 def seed_spaces(spaces: Mapping[str, gymnasium.Space[Any]], seed: int | None) -> None:
-    """Seed the spaces of all agents, also of those who join later, whom nobody else can seed in time; None does not."""
+    """Seed the spaces of all agents, also of those who join later, whom nobody else can seed in
+    time; None does not.
+    """
     if seed is not None:
         for own, space in zip(own_seeds(int(seed), len(spaces)), spaces.values(), strict=True):
             space.seed(own)
@@ -107,7 +122,9 @@ def option(options: Any, name: str) -> Any:
         ValueError: The options are no dict.
     """
     if not isinstance(options, Mapping | None):
-        raise ValueError(f"options are {short(repr(options))}; they must be a dict from name to value, or None")
+        raise ValueError(
+            f"options are {short(repr(options))}; they must be a dict from name to value, or None"
+        )
     return (options or {}).get(name)
 
 

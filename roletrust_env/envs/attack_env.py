@@ -1,4 +1,6 @@
-"""Attack tasks as Gymnasium environments, and a batch of such tasks, which all environments of tasks play."""
+"""Attack tasks as Gymnasium environments, and a batch of such tasks, which all environments of
+tasks play.
+"""
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -77,7 +79,9 @@ class TaskBatch:
         self._kernel: Kernel | None = None
         if threads != 0:
             if reason := reason_against_symbols(task.game, task.joint_policy.policies.values()):
-                raise ValueError(f"threads is {threads!r}, and there is no kernel for these games: {reason}")
+                raise ValueError(
+                    f"threads is {threads!r}, and there is no kernel for these games: {reason}"
+                )
             self._kernel = Kernel(self._play, threads)
             self.restart(task.game.random(0))
             self.step(np.zeros((task.action_size, *shape), np.float32), task.game.random(0))
@@ -87,14 +91,20 @@ class TaskBatch:
         """Restart all games, or only those that have ended, boolean, (E,)."""
         fresh = self.task.start(self.task.game.draw(random, self.shape, start=True), random)
         begun = fresh, self._end if self._whole else self.task.game.random_end(random, self.shape)
-        self.state, self._end = begun if ended is None else choose(ended, begun, (self.state, self._end))
+        self.state, self._end = (
+            begun if ended is None else choose(ended, begun, (self.state, self._end))
+        )
 
-    def step(self, action: Array, random: Random, waiting: Array | None = None) -> tuple[Outcome, Array, Array]:
-        """Play one round of all games except those that wait, boolean, (E,); `action` has shape (A, ...).
+    def step(
+        self, action: Array, random: Random, waiting: Array | None = None
+    ) -> tuple[Outcome, Array, Array]:
+        """Play one round of all games except those that wait, boolean, (E,); `action` has shape (A,
+        ...).
 
         Returns:
-            The outcome; whether an episode has terminated, as all compromised agents are gone or the game has ended at
-            random; and whether it is truncated at its greatest length. They have no meaning for a game that waits.
+            The outcome; whether an episode has terminated, as all compromised agents are gone or
+            the game has ended at random; and whether it is truncated at its greatest length. They
+            have no meaning for a game that waits.
         """
         if self.state is None:
             raise RuntimeError("call reset() before step(): there is no episode")
@@ -115,7 +125,9 @@ class TaskBatch:
             raise RuntimeError("call reset() before observe(): there is no episode")
         return self._seen[1] if self._seen[0] is self.state else self.task.observe(self.state)
 
-    def _play(self, state: TaskState, action: Array, key: Array) -> tuple[TaskState, Outcome, Array]:
+    def _play(
+        self, state: TaskState, action: Array, key: Array
+    ) -> tuple[TaskState, Outcome, Array]:
         """Return the state of a game after a round, its outcome, and what is observed then."""
         after, outcome = self.task.step(state, action, self.task.game.noise(key), Unknown())
         return after, outcome, self.task.observe(after)
@@ -135,25 +147,30 @@ def choose(condition: Array, yes: Any, no: Any) -> Any:
 
 
 def _map(change: Callable[..., Array], *states: Any) -> Any:
-    """Apply a function to the arrays of states; a flag must hold in all of them to hold in the result."""
-    return map_leaves(lambda *same: change(*same) if is_array(same[0]) else same[0] and same[-1], *states)
+    """Apply a function to the arrays of states; a flag must hold in all of them to hold in the
+    result.
+    """
+    return map_leaves(
+        lambda *same: change(*same) if is_array(same[0]) else same[0] and same[-1], *states
+    )
 
 
 class AttackEnv(gymnasium.Env[Vector, Vector]):
-    """An attack by one learner, which controls the compromised agents of a game; all other agents are scripted.
+    """An attack by one learner, which controls the compromised agents of a game; all other agents
+    are scripted.
 
     ## Description
 
-    The base of the tasks `RoleTrust/ProviderAttack-v0`, `RoleTrust/RaterAttack-v0`, `RoleTrust/DualAttack-v0` and
-    `RoleTrust/CollusionAttack-v0`, which differ in the compromised agents and in the objective. The game is that of
-    `RoleTrustParallelEnv`: qualities and ratings are chosen at once, and ratings are for the services of the step
-    before.
+    The base of the tasks `RoleTrust/ProviderAttack-v0`, `RoleTrust/RaterAttack-v0`,
+    `RoleTrust/DualAttack-v0` and `RoleTrust/CollusionAttack-v0`, which differ in the compromised
+    agents and in the objective. The game is that of `RoleTrustParallelEnv`: qualities and ratings
+    are chosen at once, and ratings are for the services of the step before.
 
     ## Action Space
 
-    `Box(0, 1, (A,), float32)`: for each compromised agent in turn its quality, if it provides, then its ratings of the
-    P providers, if it rates. The wrappers `RescaleClipAction` and `DiscretizeLevels` of `roletrust_env` change the
-    action space.
+    `Box(0, 1, (A,), float32)`: for each compromised agent in turn its quality, if it provides, then
+    its ratings of the P providers, if it rates. The wrappers `RescaleClipAction` and
+    `DiscretizeLevels` of `roletrust_env` change the action space.
 
     ## Observation Space
 
@@ -165,10 +182,11 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     | `grey_box` | in addition the published trust of all raters (S) and of all providers (P) |
     | `white_box` | in addition the whole state, the trust model's memory included; unbounded |
 
-    With `observation="coalition"` the compromised agents are one mind: `Box(-1, 1, (15 P,), float32)` holds 15 features
-    of each provider, feature by feature, and the action has a lie about each provider if the coalition rates, then a
-    quality for each provider if it provides. With `observation="accounts"` it also observes its providers' accounts of
-    the raters, and decides on silence and treatment. See `roletrust_env.game.coalition.Coalition`.
+    With `observation="coalition"` the compromised agents are one mind: `Box(-1, 1, (15 P,),
+    float32)` holds 15 features of each provider, feature by feature, and the action has a lie about
+    each provider if the coalition rates, then a quality for each provider if it provides. With
+    `observation="accounts"` it also observes its providers' accounts of the raters, and decides on
+    silence and treatment. See `roletrust_env.game.coalition.Coalition`.
 
     ## Rewards
 
@@ -181,8 +199,9 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     | `promote` | the same for the accomplices |
     | `mislead` | best quality on offer, minus that of the provider with the highest ToP published before |
 
-    The cost is the mean over the compromised agents of max(0, gap - tolerance). The gap of an agent is the mean trust
-    of the honest agents of its role minus its own trust; the larger gap counts if it has both roles.
+    The cost is the mean over the compromised agents of max(0, gap - tolerance). The gap of an agent
+    is the mean trust of the honest agents of its role minus its own trust; the larger gap counts if
+    it has both roles.
 
     ## Starting State
 
@@ -190,9 +209,10 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     ## Episode End
 
-    Truncation after the scenario's `max_cycles` steps, the value of `spec.max_episode_steps`. Termination when all
-    compromised agents are gone for good: they left, or admission control cut them off. With a `continuation` below 1
-    also after each step with probability 1 - `continuation`; no observation tells when.
+    Truncation after the scenario's `max_cycles` steps, the value of `spec.max_episode_steps`.
+    Termination when all compromised agents are gone for good: they left, or admission control cut
+    them off. With a `continuation` below 1 also after each step with probability 1 -
+    `continuation`; no observation tells when.
 
     ## Information
 
@@ -200,13 +220,13 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     ## Arguments
 
-    See `make_task`; the default of `like` is NumPy's float64, in which small games are traced. In addition
-    `render_mode`: `"human"`, `"rgb_array"` or `"ansi"`; the learner's agents are marked.
+    See `make_task`; the default of `like` is NumPy's float64, in which small games are traced. In
+    addition `render_mode`: `"human"`, `"rgb_array"` or `"ansi"`; the learner's agents are marked.
 
     ## Version History
 
     - v0: first version.
-    """
+    """  # noqa: E501
 
     metadata = {**RENDERING}  # noqa: RUF012 - as Gymnasium has it
 
@@ -216,13 +236,17 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     def __init__(self, *, render_mode: RenderMode | None = None, **arguments: Any) -> None:
         refuse_unknown(type(self), arguments, make_task)
         if not isinstance(arguments.get("like"), np.ndarray | None):
-            raise ValueError("like is no array of NumPy, which this environment needs; make_vec plays tensors")
+            raise ValueError(
+                "like is no array of NumPy, which this environment needs; make_vec plays tensors"
+            )
         arguments["like"] = np.zeros(()) if arguments.get("like") is None else arguments["like"]
         self.task = make_task(**{**self.defaults, **arguments})
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
         self.metadata = deepcopy(self.metadata)  # wrappers add render modes
-        self.rounds = Rounds(self.task.game, self._play, self.task.key, self.task.joint_policy.policies.values())
+        self.rounds = Rounds(
+            self.task.game, self._play, self.task.key, self.task.joint_policy.policies.values()
+        )
         self._random: Random | None = None
         self._playing, self._end, self._length = False, 0, 0
         self._spectator = Spectator(self.task.game, render_mode)
@@ -230,7 +254,11 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self._spec: EnvSpec | None = None
 
     def __repr__(self) -> str:
-        task = repr(self.task).removesuffix(")").replace(type(self.task).__name__, type(self).__name__, 1)
+        task = (
+            repr(self.task)
+            .removesuffix(")")
+            .replace(type(self.task).__name__, type(self).__name__, 1)
+        )
         return f"{task}, {self.rounds})"
 
     def _repr_html_(self) -> str:
@@ -243,10 +271,15 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        # The registry cannot know the length, and Gymnasium would cut longer games off at the one it knew.
-        self._spec = spec and TaskSpec.of(spec, max_episode_steps=self.task.game.scenario.max_cycles)
+        # The registry cannot know the length, and Gymnasium would cut longer games off at the one
+        # it knew.
+        self._spec = spec and TaskSpec.of(
+            spec, max_episode_steps=self.task.game.scenario.max_cycles
+        )
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Vector, dict[str, Any]]:
         """Begin a new episode; see `gymnasium.Env.reset`."""
         super().reset(seed=None if seed is None else whole_number("seed", seed))
         if seed is not None or self._random is None:
@@ -263,8 +296,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         """Play one round; see `gymnasium.Env.step`.
 
         Raises:
-            ValueError: The action has the wrong shape, or holds NaN or a value outside [0, 1]. Nothing has changed
-                then.
+            ValueError: The action has the wrong shape, or holds NaN or a value outside [0, 1].
+                Nothing has changed then.
             RuntimeError: `reset` was not called, or the episode is over.
         """
         action = check_action(action, self.action_space.shape or ())
@@ -296,7 +329,9 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     def _play(
         self, state: TaskState, action: Array, noise: Noise, random: Random
     ) -> tuple[TaskState, tuple[Array, Array]]:
-        """Return the state after a round; and its outcome with the number of rounds, and what is observed then."""
+        """Return the state after a round; and its outcome with the number of rounds, and what is
+        observed then.
+        """
         after, outcome = self.task.step(state, action, noise, random)
         return after, (np.stack([*outcome, after.game.round]), self.task.observe(after))
 
@@ -315,12 +350,15 @@ def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vecto
     action = numpy_array("the action", action, f"numbers, of shape {shape}")
     if action.shape != shape or action.dtype.kind not in NUMBERS:
         raise ValueError(
-            f"the action has shape {action.shape} and dtype {action.dtype}; it must be numbers, of shape {shape}"
+            f"the action has shape {action.shape} and dtype {action.dtype}; it must be numbers, of "
+            f"shape {shape}"
         )
     few = action.ndim == 1 and action.size <= _FEW
     if not (all_within(action.tolist(), low) if few else action.min() >= low and action.max() <= 1):
         wrong = action[~((action >= low) & (action <= 1))]
-        raise ValueError(f"the action holds {wrong[0]}; no entry may be NaN or outside [{low:g}, 1]")
+        raise ValueError(
+            f"the action holds {wrong[0]}; no entry may be NaN or outside [{low:g}, 1]"
+        )
     checked: Vector = action.astype(np.float32, copy=False)
     return checked
 
@@ -330,8 +368,8 @@ class ProviderAttackEnv(AttackEnv):
 
     ## Description
 
-    `RoleTrust/ProviderAttack-v0`. By default the learner is `sp_2` in `paper-3x3`, and its objective is `exploit`: to
-    be trusted while it serves badly. The on-off attack is one solution.
+    `RoleTrust/ProviderAttack-v0`. By default the learner is `sp_2` in `paper-3x3`, and its
+    objective is `exploit`: to be trusted while it serves badly. The on-off attack is one solution.
 
     ## Action Space
 
@@ -339,13 +377,13 @@ class ProviderAttackEnv(AttackEnv):
 
     ## Observation Space
 
-    `Box(0, 1, (4 + 2 S,), float32)` at `knowledge="black_box"`: the provider's, see `RoleTrustParallelEnv`; more
-    at the other levels, see `AttackEnv`.
+    `Box(0, 1, (4 + 2 S,), float32)` at `knowledge="black_box"`: the provider's, see
+    `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
 
     ## Rewards
 
-    Published ToP at which the service was sold, times 1 - its quality, minus the stealth cost. Without that cost it is
-    in [0, 1].
+    Published ToP at which the service was sold, times 1 - its quality, minus the stealth cost.
+    Without that cost it is in [0, 1].
 
     ## Starting State, Episode End, Information, Arguments
 
@@ -366,9 +404,9 @@ class RaterAttackEnv(AttackEnv):
 
     ## Description
 
-    `RoleTrust/RaterAttack-v0`. By default the learner is `sr_2` in `paper-3x3`, and its objective is `damage`. Without
-    a stealth cost the best attack there is to rate every provider 0; with one, the rater's trust has to stay near that
-    of the others.
+    `RoleTrust/RaterAttack-v0`. By default the learner is `sr_2` in `paper-3x3`, and its objective
+    is `damage`. Without a stealth cost the best attack there is to rate every provider 0; with one,
+    the rater's trust has to stay near that of the others.
 
     ## Action Space
 
@@ -376,8 +414,8 @@ class RaterAttackEnv(AttackEnv):
 
     ## Observation Space
 
-    `Box(0, 1, (2 + 5 P,), float32)` at `knowledge="black_box"`: the rater's, see `RoleTrustParallelEnv`; more at the
-    other levels, see `AttackEnv`.
+    `Box(0, 1, (2 + 5 P,), float32)` at `knowledge="black_box"`: the rater's, see
+    `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
 
     ## Rewards
 
@@ -402,17 +440,18 @@ class DualAttackEnv(AttackEnv):
 
     ## Description
 
-    `RoleTrust/DualAttack-v0`. By default the learner is `srsp_5` in `peers`, and its objective is `exploit`: it can
-    serve badly, and by its ratings move the trust of the others.
+    `RoleTrust/DualAttack-v0`. By default the learner is `srsp_5` in `peers`, and its objective is
+    `exploit`: it can serve badly, and by its ratings move the trust of the others.
 
     ## Action Space
 
-    `Box(0, 1, (1 + P,), float32)`: the quality of its next service, then its ratings; its rating of itself is ignored.
+    `Box(0, 1, (1 + P,), float32)`: the quality of its next service, then its ratings; its rating of
+    itself is ignored.
 
     ## Observation Space
 
-    `Box(0, 1, (1 + 4 + 2 S + 2 + 5 P,), float32)` at `knowledge="black_box"`: the SR+SP agent's, see
-    `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
+    `Box(0, 1, (1 + 4 + 2 S + 2 + 5 P,), float32)` at `knowledge="black_box"`: the SR+SP agent's,
+    see `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
 
     ## Rewards
 
@@ -437,18 +476,18 @@ class CollusionAttackEnv(AttackEnv):
 
     ## Description
 
-    `RoleTrust/CollusionAttack-v0`. By default the learner controls two raters and a provider, `sr_8`, `sr_9` and
-    `sp_9`, in `crowd-10x10`, and its objective is `damage`.
+    `RoleTrust/CollusionAttack-v0`. By default the learner controls two raters and a provider,
+    `sr_8`, `sr_9` and `sp_9`, in `crowd-10x10`, and its objective is `damage`.
 
     ## Action Space
 
-    `Box(0, 1, (A,), float32)`, one joint action: for each compromised agent in turn its quality, if it provides, then
-    its P ratings, if it rates. By default A = 21.
+    `Box(0, 1, (A,), float32)`, one joint action: for each compromised agent in turn its quality, if
+    it provides, then its P ratings, if it rates. By default A = 21.
 
     ## Observation Space
 
-    `Box(0, 1, (K,), float32)` at `knowledge="black_box"`: the observations of the compromised agents in turn, see
-    `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
+    `Box(0, 1, (K,), float32)` at `knowledge="black_box"`: the observations of the compromised
+    agents in turn, see `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
 
     ## Rewards
 

@@ -33,15 +33,16 @@ from roletrust_env.world.presence import PRESENT
 
 Observations: TypeAlias = dict[str, Array]
 Step: TypeAlias = tuple[Observations, Any, dict[str, Array], dict[str, Array], dict[str, Array]]
-"""Observations, state, rewards, flags of agents that are done, with the key `"__all__"`, and infos."""
+"""Observations, state, rewards, flags of agents that are done, with the key `"__all__"`, and
+infos."""
 
 
 class JaxEnv(ABC):
     """Base of the environments of JAX: the part that does not depend on who learns.
 
-    `reset` and `step` are pure, so `jax.jit`, `jax.vmap` and `jax.lax.scan` take them. A state is a tree of arrays.
-    Actions cannot be refused while JAX traces, so they are clipped to [0, 1], and NaN becomes 0. Under `jax.vmap` the
-    rules play all games at once, see `games_last`.
+    `reset` and `step` are pure, so `jax.jit`, `jax.vmap` and `jax.lax.scan` take them. A state is a
+    tree of arrays. Actions cannot be refused while JAX traces, so they are clipped to [0, 1], and
+    NaN becomes 0. Under `jax.vmap` the rules play all games at once, see `games_last`.
 
     Attributes:
         game: Game that is played, in JAX's default precision when this object is made.
@@ -68,7 +69,9 @@ class JaxEnv(ABC):
         self._begin, self._advance = games_last(self._begin_games), games_last(self._advance_games)
         advance = self._advance_or_begin_games
         self._advance_or_begin = games_last(partial(advance, lax.cond), partial(advance, _always))
-        self.action_spaces = {a: Box(0.0, 1.0, (n,), np.float32) for a, n in zip(agents, sizes, strict=True)}
+        self.action_spaces = {
+            a: Box(0.0, 1.0, (n,), np.float32) for a, n in zip(agents, sizes, strict=True)
+        }
         key = jax.random.key(0)
         try:
             seen, state = jax.eval_shape(self.reset, key)
@@ -76,10 +79,13 @@ class JaxEnv(ABC):
             jax.eval_shape(self.step, key, state, actions)
         except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError) as error:
             raise ValueError(
-                f"JAX cannot trace a round with the trust model {game.model!r}: it branches on values in Python, or "
+                f"JAX cannot trace a round with the trust model {game.model!r}: it branches on "
+                "values in Python, or "
                 f"leaves JAX ({type(error).__name__}); take another model, or another environment"
             ) from error
-        self.observation_spaces = {agent: Box(*self._bounds, seen[agent].shape, np.float32) for agent in agents}
+        self.observation_spaces = {
+            agent: Box(*self._bounds, seen[agent].shape, np.float32) for agent in agents
+        }
 
     _bounds: tuple[float, float] = (0.0, 1.0)
 
@@ -107,7 +113,8 @@ class JaxEnv(ABC):
         return begun
 
     def step(self, key: Array, state: Any, actions: Mapping[str, Array]) -> Step:
-        """Play one round, and begin another episode if this one is over; the observations are then those of its start.
+        """Play one round, and begin another episode if this one is over; the observations are then
+        those of its start.
 
         Args:
             key: Key of JAX.
@@ -144,7 +151,9 @@ class JaxEnv(ABC):
         """Return the state after a round, rewards, dones and infos."""
 
     def _over(self, round: Array, random: Random) -> Array:
-        """Return whether games are over after their number of rounds, shape (...), some of them at random."""
+        """Return whether games are over after their number of rounds, shape (...), some of them at
+        random.
+        """
         rules = self.game.scenario
         over = round >= rules.max_cycles
         if rules.continuation == 1:
@@ -152,16 +161,22 @@ class JaxEnv(ABC):
         return over | (random.uniform((1, *round.shape))[0] >= rules.continuation)
 
     def _begin_games(self, words: Array) -> tuple[Observations, Any]:
-        """Return the observations and the state at the start, for the batch of the keys, words of shape (4, ...)."""
+        """Return the observations and the state at the start, for the batch of the keys, words of
+        shape (4, ...).
+        """
         random = _KeyRandom(words, self.game.like)
-        state = self._start(self.game.noise(random.round_key(), words.shape[1:], start=True), random)
+        state = self._start(
+            self.game.noise(random.round_key(), words.shape[1:], start=True), random
+        )
         state = _without_flags(state)
         return self.get_obs(state), state
 
     def _advance_games(self, words: Array, state: Any, actions: Mapping[str, Array]) -> Step:
         """Play one round, see `_begin_games`."""
         random = _KeyRandom(words, self.game.like)
-        clipped = {agent: jnp.clip(jnp.nan_to_num(action), 0.0, 1.0) for agent, action in actions.items()}
+        clipped = {
+            agent: jnp.clip(jnp.nan_to_num(action), 0.0, 1.0) for agent, action in actions.items()
+        }
         noise = self.game.noise(random.round_key(), words.shape[1:])
         after, *outcome = self._play(state, clipped, noise, random)
         after = _without_flags(after)
@@ -178,7 +193,9 @@ class JaxEnv(ABC):
             _, start = self._begin_games(_mixed(words, 1))
             return jax.tree.map(lambda new, old: jnp.where(over, new, old), start, after)
 
-        after = condition(over.any(), begin, lambda after: after, after)  # in most rounds no game ends
+        after = condition(
+            over.any(), begin, lambda after: after, after
+        )  # in most rounds no game ends
         return self.get_obs(after), after, rewards, dones, infos
 
     def _checked(self, actions: Mapping[str, Array]) -> dict[str, Array]:
@@ -186,10 +203,16 @@ class JaxEnv(ABC):
         checked = {}
         for agent in self.agents:
             if agent not in actions:
-                raise ValueError(f"the action of {agent!r} is missing; needed are those of {', '.join(self.agents)}")
+                raise ValueError(
+                    f"the action of {agent!r} is missing; needed are those of "
+                    f"{', '.join(self.agents)}"
+                )
             action, shape = jnp.asarray(actions[agent]), self.action_spaces[agent].shape
             if action.shape != shape:
-                raise ValueError(f"the action of {agent!r} is of shape {action.shape}; it must be of shape {shape}")
+                raise ValueError(
+                    f"the action of {agent!r} is of shape {action.shape}; it must be of shape "
+                    f"{shape}"
+                )
             checked[agent] = action
         return checked
 
@@ -199,22 +222,24 @@ class RoleTrustJaxEnv(JaxEnv):
 
     ## Description, Action Space, Observation Space, Rewards, Starting State
 
-    Those of `RoleTrustParallelEnv`, but all agents are in `agents` all the time. The reward of an absent agent is 0,
-    its actions are ignored, and its observation is what it would see.
+    Those of `RoleTrustParallelEnv`, but all agents are in `agents` all the time. The reward of an
+    absent agent is 0, its actions are ignored, and its observation is what it would see.
 
     ## Episode End
 
-    An agent is done when it has left or is cut off. All are done after the scenario's `max_cycles` steps, with a
-    `continuation` below 1 after each step with probability 1 - `continuation`, and when nobody is present any more;
-    `step` then begins another episode.
+    An agent is done when it has left or is cut off. All are done after the scenario's `max_cycles`
+    steps, with a `continuation` below 1 after each step with probability 1 - `continuation`, and
+    when nobody is present any more; `step` then begins another episode.
 
     ## Information
 
-    `trust`, the trust of every agent by its role, shape (N,); `present`, whether it is present, boolean, shape (N,).
+    `trust`, the trust of every agent by its role, shape (N,); `present`, whether it is present,
+    boolean, shape (N,).
 
     ## Arguments
 
-    - scenario: Name of a preset, path of a TOML or YAML file, or a `Scenario`. The service `hog` needs NumPy.
+    - scenario: Name of a preset, path of a TOML or YAML file, or a `Scenario`. The service `hog`
+      needs NumPy.
     - trust_model: Name of a trust model, or a trust model that has no branches on values in Python.
     - **changes: Other values of fields of the scenario.
 
@@ -239,7 +264,9 @@ class RoleTrustJaxEnv(JaxEnv):
         scenario = make_scenario(scenario)
         game = Game(scenario.change(**changes) if changes else scenario, trust_model, jnp.zeros(()))
         refuse_empty_start(game.scenario)
-        super().__init__(game, game.roster.names, list(map(game.roster.action_size, game.roster.names)))
+        super().__init__(
+            game, game.roster.names, list(map(game.roster.action_size, game.roster.names))
+        )
 
     def get_obs(self, state: State) -> Observations:
         """Return the observation of each agent."""
@@ -256,21 +283,27 @@ class RoleTrustJaxEnv(JaxEnv):
         game, roster = self.game, self.game.roster
         joint = Actions(
             quality=jnp.stack([actions[name][0] for name in roster.provider_names]),
-            ratings=jnp.stack([actions[name][-roster.n_providers :] for name in roster.rater_names]),
+            ratings=jnp.stack(
+                [actions[name][-roster.n_providers :] for name in roster.rater_names]
+            ),
         )
         after, rewards = game.step(state, joint, noise)
         over = self._over(after.round, random)
         gone, present = jnp.zeros(rewards.shape, bool), jnp.ones(rewards.shape, bool)
         if state.population is not None and after.population is not None:
             gone, present = after.population.phase > PRESENT, after.population.phase == PRESENT
-            rewards, over = jnp.where(state.population.phase == PRESENT, rewards, 0.0), over | ~present.any(axis=0)
+            rewards, over = (
+                jnp.where(state.population.phase == PRESENT, rewards, 0.0),
+                over | ~present.any(axis=0),
+            )
         dones = dict(zip(self.agents, gone | over, strict=True)) | {"__all__": over}
         infos = {"trust": game.agent_trust(after), "present": present}
         return after, dict(zip(self.agents, rewards, strict=True)), dones, infos
 
 
 class AttackJaxEnv(JaxEnv):
-    """An attack task on JAX: one learner, `attacker`, controls the compromised agents, and all others are scripted.
+    """An attack task on JAX: one learner, `attacker`, controls the compromised agents, and all
+    others are scripted.
 
     ## Description, Action Space, Observation Space, Rewards, Starting State, Episode End
 
@@ -278,7 +311,8 @@ class AttackJaxEnv(JaxEnv):
 
     ## Information
 
-    `objective` and `cost`, see `AttackEnv`, and `caught`: whether all compromised agents are gone for good.
+    `objective` and `cost`, see `AttackEnv`, and `caught`: whether all compromised agents are gone
+    for good.
 
     ## Arguments
 
@@ -319,7 +353,9 @@ class AttackJaxEnv(JaxEnv):
 
 
 class _KeyRandom(Random):
-    """Random numbers of games with a key each, words of shape (4, ...): as a `Random` with that key makes them."""
+    """Random numbers of games with a key each, words of shape (4, ...): as a `Random` with that key
+    makes them.
+    """
 
     def __init__(self, words: Array, like: Array) -> None:
         self.like, self._key, self._calls = like, words, 0
@@ -341,16 +377,22 @@ def _always(_: Array, begin: Callable[[Any], Any], __: Callable[[Any], Any], aft
 
 
 def _words(key: Array) -> Array:
-    """Return four words that look independent of the two words of a key of JAX, or of the first two."""
+    """Return four words that look independent of the two words of a key of JAX, or of the first
+    two.
+    """
     return _mixed(lax.bitcast_convert_type(jax.random.key_data(key), jnp.int32), 0)
 
 
 def _mixed(words: Array, number: int) -> Array:
-    """Return four words that look independent of two, the first of shape (2, ...); others for another number."""
+    """Return four words that look independent of two, the first of shape (2, ...); others for
+    another number.
+    """
     zero = 0 * words[0]
     return jnp.stack(counter_rng.scramble((words[0], words[1], zero + number, zero)))
 
 
 def _without_flags(state: Any) -> Any:
-    """Return a state with None in place of flags of Python, which JAX would trace; the rules read None as false."""
+    """Return a state with None in place of flags of Python, which JAX would trace; the rules read
+    None as false.
+    """
     return map_leaves(lambda leaf: leaf if is_array(leaf) else None, state)

@@ -1,4 +1,6 @@
-"""The joint action of a PettingZoo game: the actions of all agents, checked, as qualities and ratings."""
+"""The joint action of a PettingZoo game: the actions of all agents, checked, as qualities and
+ratings.
+"""
 
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
@@ -26,7 +28,9 @@ class JointAction:
 
     def __init__(self, roster: Roster) -> None:
         self._roster = roster
-        self._slots: dict[str, tuple[tuple[int], slice]] = {}  # an action's shape, and its place among all
+        self._slots: dict[
+            str, tuple[tuple[int], slice]
+        ] = {}  # an action's shape, and its place among all
         self._size = 0
         for agent in roster.names:
             size = roster.action_size(agent)
@@ -37,15 +41,16 @@ class JointAction:
         self._n_bytes = [_SINGLE.itemsize * size for size in self._sizes]
 
     def read(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64]:
-        """Return the actions in one vector, in the order of the agents; those of absent agents are 0.
+        """Return the actions in one vector, in the order of the agents; those of absent agents are
+        0.
 
         Args:
             actions: An action for each of the agents, and for no other agent.
             agents: Agents that act.
 
         Raises:
-            ValueError: An action is missing, belongs to an absent agent, has the wrong size, or holds NaN or a value
-                outside [0, 1].
+            ValueError: An action is missing, belongs to an absent agent, has the wrong size, or
+                holds NaN or a value outside [0, 1].
         """
         if len(agents) == len(self._dtypes):
             joint = self._singles(actions, agents)
@@ -58,13 +63,19 @@ class JointAction:
         except (LookupError, AttributeError, ValueError, TypeError, RuntimeError):
             if complaint := self._complaint(actions, agents):
                 raise ValueError(complaint) from None
-            joint = self._placed({agent: np.asarray(actions[agent]).reshape(-1) for agent in agents})
+            joint = self._placed(
+                {agent: np.asarray(actions[agent]).reshape(-1) for agent in agents}
+            )
         if len(actions) != len(agents) or not (_least(joint) >= 0 and _greatest(joint) <= 1):
             raise ValueError(self._complaint(actions, agents))
         return joint
 
-    def _singles(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64] | None:
-        """Return the actions of all agents in one vector; None if they are not valid arrays of float32."""
+    def _singles(
+        self, actions: Mapping[str, Any], agents: Sequence[str]
+    ) -> npt.NDArray[np.float64] | None:
+        """Return the actions of all agents in one vector; None if they are not valid arrays of
+        float32.
+        """
         try:
             parts = [*map(actions.__getitem__, agents)]
             if len(actions) != len(parts) or [*map(_dtype, parts)] != self._dtypes:
@@ -77,8 +88,14 @@ class JointAction:
         return self.joined([singles]) if singles_within(singles) else None
 
     def single(self, agent: str, action: Any) -> bytes | None:
-        """Return the action of an agent as bytes of float32; None if it is no array of these, or not valid."""
-        if type(action) is np.ndarray and action.dtype is _SINGLE and action.shape == self._slots[agent][0]:
+        """Return the action of an agent as bytes of float32; None if it is no array of these, or
+        not valid.
+        """
+        if (
+            type(action) is np.ndarray
+            and action.dtype is _SINGLE
+            and action.shape == self._slots[agent][0]
+        ):
             floats = action.tobytes()
             return floats if singles_within(floats) else None
         return None
@@ -115,13 +132,18 @@ class JointAction:
             return f"actions are {type(actions).__name__}; they must be a dict from agent to action"
         for agent in agents:
             if agent not in actions:
-                return f"the action of {agent!r} is missing; needed are those of {', '.join(agents)}"
+                return (
+                    f"the action of {agent!r} is missing; needed are those of {', '.join(agents)}"
+                )
             if complaint := self.complaint(agent, actions[agent]):
                 return complaint
         strangers = ", ".join(repr(agent) for agent in actions if agent not in agents)
         if not strangers:
             return None
-        return f"there are actions of {strangers}, which take no part now; the agents that act: {', '.join(agents)}"
+        return (
+            f"there are actions of {strangers}, which take no part now; the agents that act: "
+            f"{', '.join(agents)}"
+        )
 
     def complaint(self, agent: str, action: Any) -> str | None:
         """Return the error in an agent's action, with what is allowed; None for a valid action."""
@@ -136,11 +158,21 @@ class JointAction:
             return str(error)
         if action.dtype.kind not in NUMBERS:
             what = short(repr(action))
-            return f"the action of {agent!r} is no array of numbers but {what}; it must be one, of shape {shape}"
+            return (
+                f"the action of {agent!r} is no array of numbers but {what}; it must be one, of "
+                f"shape {shape}"
+            )
         if action.size != shape[0]:
-            return f"the action of {agent!r} is of shape {action.shape}; it must have the size of shape {shape}"
+            return (
+                f"the action of {agent!r} is of shape {action.shape}; it must have the size of "
+                f"shape {shape}"
+            )
         wrong = action[~((action >= 0) & (action <= 1))]
-        return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
+        return (
+            f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]"
+            if wrong.size
+            else None
+        )
 
     def split(self, joint: Array) -> Actions:
         """Return the qualities and the ratings in the vector of all actions, see `read`."""
@@ -150,4 +182,6 @@ class JointAction:
         if not roster.n_both:
             return Actions(quality, ratings)
         both = joint[n_sr * p + n_sp :].reshape(roster.n_both, 1 + p)
-        return Actions(np.concatenate([quality, both[:, 0]]), np.concatenate([ratings, both[:, 1:]]))
+        return Actions(
+            np.concatenate([quality, both[:, 0]]), np.concatenate([ratings, both[:, 1:]])
+        )

@@ -30,26 +30,41 @@ class Observer:
         provider = dict(zip(roster.provider_names, of_providers.T, strict=True))
         rater = dict(zip(roster.rater_names, of_raters.T, strict=True))
         seen: dict[str, list[npt.NDArray[np.intp]]] = {agent: [] for agent in roster.names}
-        for i, agent in enumerate(agent for agent in roster.names if agent in provider and agent in rater):
+        for i, agent in enumerate(
+            agent for agent in roster.names if agent in provider and agent in rater
+        ):
             seen[agent].append(np.asarray([size + i]))
         for agent, places in [*provider.items(), *rater.items()]:
             seen[agent].append(places)
         self._places = np.concatenate([part for parts in seen.values() for part in parts])
         ends = np.cumsum([sum(map(len, parts)) for parts in seen.values()]).tolist()
         self._format = f"{ends[-1]}f"
-        self._slices = {agent: slice(*cut) for agent, cut in zip(seen, pairwise([0, *ends]), strict=True)}
+        self._slices = {
+            agent: slice(*cut) for agent, cut in zip(seen, pairwise([0, *ends]), strict=True)
+        }
 
     def observe(self, state: State) -> Array:
         """Return the observations of all agents in a state of one game, one after the other."""
         game = self._game
         clock = np.reshape(state.round / game.scenario.max_cycles, 1)
-        grids = (state.service.ravel(), state.awaiting.ravel(), state.ratings.ravel(), state.rated.ravel())
+        grids = (
+            state.service.ravel(),
+            state.awaiting.ravel(),
+            state.ratings.ravel(),
+            state.rated.ravel(),
+        )
         toa = (game.agent_trust(state)[-game.roster.n_both :],) if game.roster.n_both else ()
-        everything = np.concatenate((clock, *game.published(state), state.value, state.quality, *grids, *toa))
+        everything = np.concatenate(
+            (clock, *game.published(state), state.value, state.quality, *grids, *toa)
+        )
         return everything[self._places]
 
-    def split(self, observations: tuple[float, ...] | Array, agents: Sequence[str]) -> dict[str, Vector]:
-        """Return the observations of some agents, as new arrays, from those of all, see `observe`."""
+    def split(
+        self, observations: tuple[float, ...] | Array, agents: Sequence[str]
+    ) -> dict[str, Vector]:
+        """Return the observations of some agents, as new arrays, from those of all, see
+        `observe`.
+        """
         if isinstance(observations, tuple):  # packed in half of the time of an array from numbers
             single = np.frombuffer(bytearray(pack(self._format, *observations)), np.float32)
         else:

@@ -11,7 +11,13 @@ from gymnasium.spaces import Box
 from pettingzoo import ParallelEnv
 
 from roletrust_env.arrays import Array
-from roletrust_env.envs.arguments import option, refuse_empty_start, refuse_unknown, seed_spaces, space_of
+from roletrust_env.envs.arguments import (
+    option,
+    refuse_empty_start,
+    refuse_unknown,
+    seed_spaces,
+    space_of,
+)
 from roletrust_env.envs.joint_action import JointAction
 from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
@@ -30,19 +36,21 @@ _FATES = {LEFT: "left", CUT_OFF: "cut off"}
 
 
 class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
-    """A population of agents that provide services to one another, rate them, and are trusted accordingly.
+    """A population of agents that provide services to one another, rate them, and are trusted
+    accordingly.
 
     ## Description
 
-    Service providers (SP) choose the quality of their services; service raters (SR) receive them and choose ratings; a
-    trust model turns the ratings into the trust of raters (ToR) and of providers (ToP), after Su and Saint-Jore (EWSN
-    2023). An agent with both roles (SR+SP) has a ToA. Both roles act at once, so the ratings of a step are for the
-    services of the step before; on the first step there is nothing to rate.
+    Service providers (SP) choose the quality of their services; service raters (SR) receive them
+    and choose ratings; a trust model turns the ratings into the trust of raters (ToR) and of
+    providers (ToP), after Su and Saint-Jore (EWSN 2023). An agent with both roles (SR+SP) has a
+    ToA. Both roles act at once, so the ratings of a step are for the services of the step before;
+    on the first step there is nothing to rate.
 
     ## Action Space
 
-    A `Box(0, 1, ...)` of float32 for each agent, with P providers in the scenario. Lists, CPU tensors and other shapes
-    of the same size are accepted:
+    A `Box(0, 1, ...)` of float32 for each agent, with P providers in the scenario. Lists, CPU
+    tensors and other shapes of the same size are accepted:
 
     | agent | shape | action |
     |---|---|---|
@@ -52,7 +60,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     ## Observation Space
 
-    A `Box(0, 1, ...)` of float32 for each agent, with S raters and P providers in the scenario. A provider (4 + 2 S):
+    A `Box(0, 1, ...)` of float32 for each agent, with S raters and P providers in the scenario. A
+    provider (4 + 2 S):
 
     | num | observation | min | max |
     |---|---|---|---|
@@ -75,32 +84,34 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     | 2+3P ... 1+4P | its ratings that arrived in the last step, 0 where none did | 0 | 1 |
     | 2+4P ... 1+5P | 1 where one arrived | 0 | 1 |
 
-    An SR+SP agent: its ToA, then the provider's entries, then the rater's. `layout` splits an observation into named
-    fields.
+    An SR+SP agent: its ToA, then the provider's entries, then the rater's. `layout` splits an
+    observation into named fields.
 
     ## Rewards
 
-    SR: ToR. SP: ToP less the cost of the quality that it delivered (cost x value x quality). SR+SP: ToA less that cost.
-    The weights are the scenario's `rewards`.
+    SR: ToR. SP: ToP less the cost of the quality that it delivered (cost x value x quality). SR+SP:
+        ToA less that cost. The weights are the scenario's `rewards`.
 
     ## Starting State
 
-    Every agent has the scenario's `initial_trust`, and there are no services and no ratings yet. Positions, values,
-    presence, abilities, biases and scales are drawn where the scenario has them.
+    Every agent has the scenario's `initial_trust`, and there are no services and no ratings yet.
+    Positions, values, presence, abilities, biases and scales are drawn where the scenario has them.
 
     ## Episode End
 
-    All agents are truncated after the scenario's `max_cycles` steps. With a `continuation` below 1 all are terminated
-    after each step with probability 1 - `continuation`; no observation tells when. An agent is terminated when it
-    leaves or when admission control cuts it off, both for good. Agents that join later are then added to `agents`. The
-    episode is also over when no agent is present any more, even if others would have joined later: PettingZoo has no
-    step without agents. Identities in reserve stay absent, since no action of PettingZoo brings them in.
+    All agents are truncated after the scenario's `max_cycles` steps. With a `continuation` below 1
+    all are terminated after each step with probability 1 - `continuation`; no observation tells
+    when. An agent is terminated when it leaves or when admission control cuts it off, both for
+    good. Agents that join later are then added to `agents`. The episode is also over when no agent
+    is present any more, even if others would have joined later: PettingZoo has no step without
+    agents. Identities in reserve stay absent, since no action of PettingZoo brings them in.
 
     ## Information
 
-    The infos are for analysis and are never in observations: `trust`; a provider's delivered `quality`; a rater's
-    `received`, the true quality of each provider's last service, shape (P,); an SR+SP agent's `rater_trust` and
-    `provider_trust`; and the `fate`, `"left"` or `"cut off"`, of an agent that is terminated.
+    The infos are for analysis and are never in observations: `trust`; a provider's delivered
+        `quality`; a rater's `received`, the true quality of each provider's last service, shape
+        (P,); an SR+SP agent's `rater_trust` and `provider_trust`; and the `fate`, `"left"` or `"cut
+        off"`, of an agent that is terminated.
 
     ## Arguments
 
@@ -109,7 +120,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     ## Version History
 
     - v0: first version.
-    """
+    """  # noqa: E501
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as PettingZoo has it
         "name": "roletrust_v0",
@@ -146,8 +157,12 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.observation_spaces: dict[str, Box] = {}
         self.action_spaces: dict[str, Box] = {}
         for agent in self.possible_agents:
-            self.observation_spaces[agent] = Box(0.0, 1.0, (sizes[self.game.roster.role(agent)],), np.float32)
-            self.action_spaces[agent] = Box(0.0, 1.0, (self.game.roster.action_size(agent),), np.float32)
+            self.observation_spaces[agent] = Box(
+                0.0, 1.0, (sizes[self.game.roster.role(agent)],), np.float32
+            )
+            self.action_spaces[agent] = Box(
+                0.0, 1.0, (self.game.roster.action_size(agent),), np.float32
+            )
         self.joint = JointAction(self.game.roster)
         self._observer = Observer(self.game)
         self.state_space = Box(0.0, 1.0, (summary_size(self.game),), np.float32)
@@ -185,23 +200,28 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
         Args:
             seed: Random seed of the episode; None continues the random numbers of the last episode.
-            options: `{"attackers": names}` marks those agents in renderings. Other keys are ignored.
+            options: `{"attackers": names}` marks those agents in renderings. Other keys are
+                ignored.
 
         Returns:
             The observations and infos of the agents that are present.
 
         Raises:
-            ValueError: A name in `attackers` is no agent of the scenario, or the seed is no whole number, 0 or more.
+            ValueError: A name in `attackers` is no agent of the scenario, or the seed is no whole
+                number, 0 or more.
         """
         attackers = option(options, "attackers")
         attackers = () if attackers is None else attackers
         if isinstance(attackers, str) or not isinstance(attackers, Iterable):
-            raise ValueError(f"attackers is {short(repr(attackers))}; it must be a sequence of agents' names")
+            raise ValueError(
+                f"attackers is {short(repr(attackers))}; it must be a sequence of agents' names"
+            )
         attackers = tuple(attackers)
         for name in attackers:
             if name not in self.possible_agents:
                 raise ValueError(
-                    f"there is no agent {short(repr(name))} to mark; there are {', '.join(self.possible_agents)}"
+                    f"there is no agent {short(repr(name))} to mark; there are "
+                    f"{', '.join(self.possible_agents)}"
                 )
         if seed is not None or self._random is None:
             self.np_random = generator(seed)
@@ -213,27 +233,37 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self._length = min(self._end, self.game.scenario.max_cycles)
         self.rounds.begin(state)
         present = self.game.present(state)
-        self.agents = [a for i, a in enumerate(self.possible_agents) if present is None or present[i]]
+        self.agents = [
+            a for i, a in enumerate(self.possible_agents) if present is None or present[i]
+        ]
         if self.render_mode is not None:
             self._spectator.follow(state)
         seen, told, received, phase = self._shown(state)
-        return self._observer.split(seen, self.agents), self._inform(_numbers(told), received, phase, self.agents)
+        return self._observer.split(seen, self.agents), self._inform(
+            _numbers(told), received, phase, self.agents
+        )
 
     def step(
         self, actions: Mapping[str, Vector]
-    ) -> tuple[dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+    ) -> tuple[
+        dict[str, Vector],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
         """Play one round.
 
         Args:
             actions: An action for each agent in `agents`, and for no other agent.
 
         Returns:
-            Observations, rewards, terminations, truncations and infos of the agents that acted and of newcomers. They
-            are empty if the episode is over and there are no actions.
+            Observations, rewards, terminations, truncations and infos of the agents that acted and
+            of newcomers. They are empty if the episode is over and there are no actions.
 
         Raises:
-            ValueError: An action is missing, belongs to an absent agent, has the wrong size, or holds NaN or a value
-                outside [0, 1]. Nothing has changed then.
+            ValueError: An action is missing, belongs to an absent agent, has the wrong size, or
+                holds NaN or a value outside [0, 1]. Nothing has changed then.
             RuntimeError: `reset` was not called, or the episode is over.
         """
         if self._random is None or not self.agents:
@@ -244,8 +274,16 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     def advance(
         self, joint: npt.NDArray[np.float64]
-    ) -> tuple[dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """Play one round with actions that are checked already, see `JointAction`. Returns what `step` returns."""
+    ) -> tuple[
+        dict[str, Vector],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Play one round with actions that are checked already, see `JointAction`. Returns what
+        `step` returns.
+        """
         assert self._random is not None  # there is an episode
         rewards, seen, told, received, phase = self.rounds.play(joint, self.game.draw(self._random))
         told = _numbers(told)
@@ -256,7 +294,10 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             terminations = dict.fromkeys(agents, False)
             staying = agents
         else:
-            there = {agent: one == PRESENT for agent, one in zip(self.possible_agents, _numbers(phase), strict=True)}
+            there = {
+                agent: one == PRESENT
+                for agent, one in zip(self.possible_agents, _numbers(phase), strict=True)
+            }
             acted = set(agents)
             agents = [a for a in self.possible_agents if a in acted or (there[a] and not over)]
             earned = dict(zip(self.possible_agents, _numbers(rewards), strict=True))
@@ -265,7 +306,11 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             staying = [a for a in agents if there[a]]
         if over and told[0] >= self._end:
             terminations = dict.fromkeys(agents, True)
-        truncations = {a: not gone for a, gone in terminations.items()} if over else dict.fromkeys(agents, False)
+        truncations = (
+            {a: not gone for a, gone in terminations.items()}
+            if over
+            else dict.fromkeys(agents, False)
+        )
         self.agents = [] if over else list(staying)
         if self.render_mode is not None:
             self._spectator.follow(self.rounds.state)
@@ -273,7 +318,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         return self._observer.split(seen, agents), reward, terminations, truncations, infos
 
     def state(self) -> Vector:
-        """Return the whole state as a vector in `state_space`, for centralised critics; see `Game.summary`."""
+        """Return the whole state as a vector in `state_space`, for centralised critics; see
+        `Game.summary`.
+        """
         state = self._state
         if state is None:
             raise RuntimeError("call reset() before state(): there is no episode")
@@ -293,16 +340,19 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         state: State | None = self.rounds.state
         return state
 
-    def _play(self, state: State, joint: Array, noise: Noise) -> tuple[State, tuple[Array | None, ...]]:
+    def _play(
+        self, state: State, joint: Array, noise: Noise
+    ) -> tuple[State, tuple[Array | None, ...]]:
         """Return the state after a round; and the rewards, and what is shown of that state."""
         after, rewards = self.game.step(state, self.joint.split(joint), noise)
         return after, (rewards, *self._shown(after))
 
     def _shown(self, state: State) -> tuple[Array, Array, Array, Array | None]:
-        """Return what is observed of a state, see `Observer`; what is told beside the phases; and the phases.
+        """Return what is observed of a state, see `Observer`; what is told beside the phases; and
+        the phases.
 
-        Told are, in one vector, the number of the round, and by role the trust of the agents and what else their infos
-        hold; and in another the true qualities that the raters received.
+        Told are, in one vector, the number of the round, and by role the trust of the agents and
+        what else their infos hold; and in another the true qualities that the raters received.
         """
         game, both = self.game, self.game.roster.both
         tor, top = game.published(state)
@@ -313,17 +363,28 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         phase = state.population and state.population.phase
         return self._observer.observe(state), np.concatenate(told), received.ravel(), phase
 
-    def _inform(self, told: Sequence[Any], received: Any, phase: Any, agents: Sequence[str]) -> dict[str, Any]:
+    def _inform(
+        self, told: Sequence[Any], received: Any, phase: Any, agents: Sequence[str]
+    ) -> dict[str, Any]:
         sr, sp, both = self._by_role
         at, rows = 1 + len(sr), iter(np.array(received).reshape(len(sr) + len(both), -1))
         infos: dict[str, dict[str, Any]]
-        infos = {agent: {"trust": t, "received": row} for agent, t, row in zip(sr, told[1:], rows, strict=False)}
+        infos = {
+            agent: {"trust": t, "received": row}
+            for agent, t, row in zip(sr, told[1:], rows, strict=False)
+        }
         for agent, t, q in zip(sp, told[at:], told[at + len(sp) :], strict=False):
             infos[agent] = {"trust": t, "quality": q}
         if n := len(both):
             columns = told[-4 * n : -3 * n], told[-3 * n : -2 * n], told[-2 * n : -n], told[-n:]
             for agent, t, r, p, q, row in zip(both, *columns, rows, strict=True):
-                infos[agent] = {"trust": t, "received": row, "rater_trust": r, "provider_trust": p, "quality": q}
+                infos[agent] = {
+                    "trust": t,
+                    "received": row,
+                    "rater_trust": r,
+                    "provider_trust": p,
+                    "quality": q,
+                }
         if phase is None:
             return infos
         for agent, one in zip(self.possible_agents, _numbers(phase), strict=True):
@@ -350,7 +411,8 @@ def parallel_env(
         scenario: Name of a preset (`roletrust list`), path of a TOML or YAML file, or a `Scenario`.
         trust_model: Name of a trust model, or a trust model.
         render_mode: `"human"`, `"rgb_array"`, `"ansi"` or None.
-        **changes: Other values of fields of the scenario, such as `max_cycles=50`, `lam=0.7` or `noise=0.0`.
+        **changes: Other values of fields of the scenario, such as `max_cycles=50`, `lam=0.7` or
+            `noise=0.0`.
 
     Raises:
         TypeError: An argument is unknown, and no field of a scenario.

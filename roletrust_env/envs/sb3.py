@@ -41,10 +41,12 @@ class Step(NamedTuple):
 
 
 class BatchVecEnv(VecEnv):
-    """The part of `VecEnv` that is the same for a slot that is a game and for a slot that is an agent.
+    """The part of `VecEnv` that is the same for a slot that is a game and for a slot that is an
+    agent.
 
-    The infos of a slot whose episode ends hold `terminal_observation`, `TimeLimit.truncated` and SB3's `episode`: `r`,
-    the sum of rewards, `l`, the number of rounds, and `t`, the seconds since this object was made.
+    The infos of a slot whose episode ends hold `terminal_observation`, `TimeLimit.truncated` and
+    SB3's `episode`: `r`, the sum of rewards, `l`, the number of rounds, and `t`, the seconds since
+    this object was made.
 
     SB3 gets the same answers from the slots as from the environments of its `DummyVecEnv`.
 
@@ -74,13 +76,18 @@ class BatchVecEnv(VecEnv):
     ) -> None:
         like = game.like
         if not isinstance(like, np.ndarray):
-            raise ValueError(f"the game plays on {type(like).__name__}; Stable-Baselines3 needs one on NumPy")
+            raise ValueError(
+                f"the game plays on {type(like).__name__}; Stable-Baselines3 needs one on NumPy"
+            )
         self.render_mode = render_mode
         self._spectator = Spectator(game, render_mode)
         self._scaled = truth_value("scaled", scaled)
         space = Box(-1.0, 1.0, action.shape, np.float32) if self._scaled else action
         super().__init__(slots, seen, space)
-        self.metadata: dict[str, Any] = {**deepcopy(RENDERING), "autoreset_mode": AutoresetMode.SAME_STEP}
+        self.metadata: dict[str, Any] = {
+            **deepcopy(RENDERING),
+            "autoreset_mode": AutoresetMode.SAME_STEP,
+        }
         self._like, self._game = like, game
         self._random = Random(generator(seed), like)
         self._returns, self._lengths = np.zeros(slots), np.zeros(slots, int)
@@ -127,8 +134,8 @@ class BatchVecEnv(VecEnv):
         """Take the actions of the next round, (slots, A).
 
         Raises:
-            ValueError: The actions have the wrong shape, or an entry is NaN or outside the action space. Nothing has
-                changed then.
+            ValueError: The actions have the wrong shape, or an entry is NaN or outside the action
+                space. Nothing has changed then.
         """
         shape = (self.num_envs, *(self.action_space.shape or ()))
         actions = check_action(actions, shape, -1.0 if self._scaled else 0.0)
@@ -148,7 +155,11 @@ class BatchVecEnv(VecEnv):
         if dones.any():
             seconds = round(perf_counter() - self._began, 6)
             for slot in np.flatnonzero(dones).tolist():
-                episode = {"r": float(self._returns[slot]), "l": int(self._lengths[slot]), "t": seconds}
+                episode = {
+                    "r": float(self._returns[slot]),
+                    "l": int(self._lengths[slot]),
+                    "t": seconds,
+                }
                 infos[slot]["terminal_observation"] = observation[slot]
                 infos[slot]["TimeLimit.truncated"] = bool(step.truncated[slot])
                 infos[slot]["episode"] = episode
@@ -163,7 +174,9 @@ class BatchVecEnv(VecEnv):
         self._spectator.close()
 
     def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
-        """Return the picture of the first game, which SB3 tiles; None for each slot without `"rgb_array"`."""
+        """Return the picture of the first game, which SB3 tiles; None for each slot without
+        `"rgb_array"`.
+        """
         if self.render_mode != "rgb_array":
             return [None] * self.num_envs
         picture = self._spectator.render()
@@ -180,30 +193,42 @@ class BatchVecEnv(VecEnv):
             NotImplementedError: `indices` names some of the slots only.
         """
         if set(self._asked(indices)) != set(range(self.num_envs)):
-            raise NotImplementedError(f"the games are one batch; {attr_name!r} can be set for all of them only")
+            raise NotImplementedError(
+                f"the games are one batch; {attr_name!r} can be set for all of them only"
+            )
         setattr(self, attr_name, value)
 
-    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Call a method of this object once, and return the result for each slot; `render` shows the first game.
+    def env_method(
+        self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of this object once, and return the result for each slot; `render` shows
+        the first game.
 
         Raises:
             NotImplementedError: The method would play or restart all games.
         """
         if method_name in ("reset", "step"):
-            raise NotImplementedError(f"the games are one batch; call {method_name}() of this object itself")
+            raise NotImplementedError(
+                f"the games are one batch; call {method_name}() of this object itself"
+            )
         method = self._spectator.render if method_name == "render" else getattr(self, method_name)
         answer = method(*args, **kwargs)
         return [answer for _ in self._asked(indices)]
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
-        """Return true for `Monitor`, since the infos hold what it adds, and false for every other wrapper."""
+        """Return true for `Monitor`, since the infos hold what it adds, and false for every other
+        wrapper.
+        """
         return [wrapper_class is Monitor for _ in self._asked(indices)]
 
     def _asked(self, indices: VecEnvIndices) -> list[int]:
         asked = list(self._get_indices(indices))
         for index in asked:
             if not -self.num_envs <= index < self.num_envs:
-                raise IndexError(f"there is no slot {index}; the {self.num_envs} slots are 0 to {self.num_envs - 1}")
+                raise IndexError(
+                    f"there is no slot {index}; the {self.num_envs} slots are 0 to "
+                    f"{self.num_envs - 1}"
+                )
         return [range(self.num_envs)[index] for index in asked]
 
 
@@ -215,25 +240,28 @@ _ROLES = {prefix: role for role, prefix in PREFIXES.items()}
 class AttackVecEnv(BatchVecEnv):
     """An attack task for Stable-Baselines3: E games of the task, played as one batch.
 
-    Spaces and rewards are those of the task's `AttackEnv`, except for the range of the actions. A game that ends is
-    restarted in the same step, as SB3 expects it. `TimeLimit.truncated` is true where the game ended after `max_cycles`
-    rounds, so that learners bootstrap, and false where it ended at random.
+    Spaces and rewards are those of the task's `AttackEnv`, except for the range of the actions. A
+    game that ends is restarted in the same step, as SB3 expects it. `TimeLimit.truncated` is true
+    where the game ended after `max_cycles` rounds, so that learners bootstrap, and false where it
+    ended at random.
 
-    The infos of a game hold, in every step: `objective`, the objective of the round; `cost`, its unweighted cost;
-    `trust`, the trust of each compromised agent by name (ToR, ToP or ToA by its role); and `honest_trust`, the mean
-    trust of the honest agents that are present, NaN without any.
+    The infos of a game hold, in every step: `objective`, the objective of the round; `cost`, its
+        unweighted cost; `trust`, the trust of each compromised agent by name (ToR, ToP or ToA by
+        its role); and `honest_trust`, the mean trust of the honest agents that are present, NaN
+        without any.
 
     Args:
         task: Attack task on NumPy; see `roletrust_env.make_task`.
         num_envs: Number of games, E.
-        scaled: Whether actions are in [-1, 1], which suits most learners; else they are in [0, 1], as in `AttackEnv`.
+        scaled: Whether actions are in [-1, 1], which suits most learners; else they are in [0, 1],
+            as in `AttackEnv`.
         seed: Random seed; `seed(...)` before `reset()` sets another.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
         threads: Number of threads on which a `Kernel` plays; 0 is NumPy. See `AttackVectorEnv`.
 
     Raises:
-        ValueError: The task does not play on NumPy, the number of games is no whole number of 1 or more, or there is no
-            kernel for the task.
+        ValueError: The task does not play on NumPy, the number of games is no whole number of 1 or
+            more, or there is no kernel for the task.
 
     Example:
         >>> from roletrust_env import make_task
@@ -255,7 +283,9 @@ class AttackVecEnv(BatchVecEnv):
         threads: int = 0,
     ) -> None:
         if not isinstance(task, AttackTask):
-            raise ValueError(f"task is {task!r}; it must be an attack task, such as make_task() makes")
+            raise ValueError(
+                f"task is {task!r}; it must be an attack task, such as make_task() makes"
+            )
         num_envs = whole_number("num_envs", num_envs, 1)
         self.task = task
         self._batch = TaskBatch(task, (num_envs,), threads=threads, whole=self._whole)
@@ -263,7 +293,14 @@ class AttackVecEnv(BatchVecEnv):
         self._compromised = [(name, roster.names.index(name)) for name in task.compromised]
         attackers = {*task.identities, *task.joint_policy.attackers}
         self._honest = [place for place, name in enumerate(roster.names) if name not in attackers]
-        super().__init__(num_envs, task.game, *task_spaces(task), scaled=scaled, seed=seed, render_mode=render_mode)
+        super().__init__(
+            num_envs,
+            task.game,
+            *task_spaces(task),
+            scaled=scaled,
+            seed=seed,
+            render_mode=render_mode,
+        )
         self._spectator.attackers = task.compromised
 
     def _restart(self, ended: Flags | None) -> None:
@@ -274,9 +311,19 @@ class AttackVecEnv(BatchVecEnv):
         trust = self.task.game.agent_trust(self._batch.games)
         names = [name for name, _ in self._compromised]
         own = trust[[place for _, place in self._compromised]].T.tolist()
-        rows = (outcome.objective.tolist(), outcome.cost.tolist(), own, self._honest_trust(trust).tolist())
+        rows = (
+            outcome.objective.tolist(),
+            outcome.cost.tolist(),
+            own,
+            self._honest_trust(trust).tolist(),
+        )
         infos = [
-            {"objective": objective, "cost": cost, "trust": dict(zip(names, row, strict=True)), "honest_trust": honest}
+            {
+                "objective": objective,
+                "cost": cost,
+                "trust": dict(zip(names, row, strict=True)),
+                "honest_trust": honest,
+            }
             for objective, cost, row, honest in zip(*rows, strict=True)
         ]
         return Step(outcome.reward, terminated, truncated, infos)
@@ -298,31 +345,36 @@ class AttackVecEnv(BatchVecEnv):
 
 
 class RoleVecEnv(BatchVecEnv):
-    """All agents of one role, each a slot: one policy with shared parameters learns to play the role.
+    """All agents of one role, each a slot: one policy with shared parameters learns to play the
+    role.
 
-    The game is that of `RoleTrustParallelEnv`, E times. Each agent has its own observation, action and reward, those
-    of the PettingZoo environment. Slot `i * E + e` is the i-th agent of the role in game e. The agents of the other
-    roles play honestly or by given policies. All slots of a game end together, as the game does.
+    The game is that of `RoleTrustParallelEnv`, E times. Each agent has its own observation, action
+    and reward, those of the PettingZoo environment. Slot `i * E + e` is the i-th agent of the role
+    in game e. The agents of the other roles play honestly or by given policies. All slots of a game
+    end together, as the game does.
 
     Args:
-        game: Game on NumPy, for example `Game(make_scenario("crowd-10x10"), like=np.zeros((), np.float32))`.
+        game: Game on NumPy, for example `Game(make_scenario("crowd-10x10"), like=np.zeros((),
+            np.float32))`.
         role: Role of the learning agents: `"sr"`, `"sp"` or `"srsp"`.
         games: Number of games, E.
-        others: Policies of agents of the other roles, by name; an agent without a policy plays honestly.
+        others: Policies of agents of the other roles, by name; an agent without a policy plays
+            honestly.
         scaled: Whether actions are in [-1, 1], which suits most learners; else they are in [0, 1].
         seed: Random seed; `seed(...)` before `reset()` sets another.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
 
     Raises:
-        ValueError: Agents come and go in the scenario, no agent has the role, `others` names an agent of the role, the
-            game does not play on NumPy, or the number of games is no whole number of 1 or more.
+        ValueError: Agents come and go in the scenario, no agent has the role, `others` names an
+            agent of the role, the game does not play on NumPy, or the number of games is no whole
+            number of 1 or more.
 
     Example:
         >>> from roletrust_env import Game, make_scenario
         >>> env = RoleVecEnv(Game(make_scenario("paper-3x3"), like=np.zeros((), np.float32)), "sr", 64)
         >>> env.num_envs, env.reset().shape
         (192, (192, 17))
-    """
+    """  # noqa: E501
 
     def __init__(
         self,
@@ -341,13 +393,15 @@ class RoleVecEnv(BatchVecEnv):
             raise ValueError(f"role is {role!r}; it must be 'sr', 'sp' or 'srsp'")
         if game.presence.changes:
             raise ValueError(
-                f"agents come and go or can be cut off in scenario {scenario.name!r}; a slot of a VecEnv is there "
+                f"agents come and go or can be cut off in scenario {scenario.name!r}; a slot of a "
+                "VecEnv is there "
                 "in every step, so groups must not be open and there must be no admission control"
             )
         self.agents = tuple(name for name in roster.names if roster.role(name) == _ROLES[role])
         if not self.agents:
             raise ValueError(
-                f"no agent in scenario {scenario.name!r} has the role {role!r}; there are {shown(roster.names)}"
+                f"no agent in scenario {scenario.name!r} has the role {role!r}; there are "
+                f"{shown(roster.names)}"
             )
         for name in others or {}:
             if name in self.agents:
@@ -373,7 +427,11 @@ class RoleVecEnv(BatchVecEnv):
     def _restart(self, ended: Flags | None) -> None:
         batch = (self._games,)
         state = self.game.start(self.game.draw(self._random, batch, start=True))
-        fresh = state, self._joint_policy.begin(self._random, batch), self.game.random_end(self._random, batch)
+        fresh = (
+            state,
+            self._joint_policy.begin(self._random, batch),
+            self.game.random_end(self._random, batch),
+        )
         if ended is not None and not ended.all():
             fresh = choose(ended[: self._games], fresh, (self._state, self._memories, self._end))
         self._state, self._memories, self._end = fresh
@@ -390,11 +448,18 @@ class RoleVecEnv(BatchVecEnv):
         if self._raters is not None:
             ratings[self._raters] = own[size - game.roster.n_providers :].swapaxes(0, 1)
         noise = game.draw(self._random, (self._games,))
-        self._state, rewards = game.step(self._state, scripted._replace(quality=quality, ratings=ratings), noise)
+        self._state, rewards = game.step(
+            self._state, scripted._replace(quality=quality, ratings=ratings), noise
+        )
         ended = self._state.round >= self._end
         cut = (self._state.round >= game.scenario.max_cycles) & ~ended
         terminated, truncated = (np.concatenate([flags] * n) for flags in (ended, cut))
-        return Step(rewards[self._rows].reshape(-1), terminated, truncated, [{} for _ in range(self.num_envs)])
+        return Step(
+            rewards[self._rows].reshape(-1),
+            terminated,
+            truncated,
+            [{} for _ in range(self.num_envs)],
+        )
 
     def _observe(self) -> Floats:
         if self._state is None:

@@ -1,6 +1,7 @@
 """The specification of an environment in Gymnasium, which can be written as JSON and read back.
 
-`import roletrust_env` imports this file, so it imports what it needs of others when a specification is written.
+`import roletrust_env` imports this file, so it imports what it needs of others when a specification
+is written.
 """
 
 from collections.abc import Mapping
@@ -17,16 +18,22 @@ from gymnasium.envs.registration import EnvSpec
 class TaskSpec(EnvSpec):
     """Specification whose JSON has trust models and policies by their names and parameters.
 
-    Such an object is a table, for example `{"name": "role-trust", "lam": 0.7}`, which `make_task` reads.
+    Such an object is a table, for example `{"name": "role-trust", "lam": 0.7}`, which `make_task`
+    reads.
     """
 
     @classmethod
     def of(cls, spec: EnvSpec, **changes: Any) -> "TaskSpec":
         """Return a specification of Gymnasium with other values of some fields."""
-        return cls(**{field.name: getattr(spec, field.name) for field in fields(spec) if field.init} | changes)
+        return cls(
+            **{field.name: getattr(spec, field.name) for field in fields(spec) if field.init}
+            | changes
+        )
 
     def __eq__(self, other: object) -> bool:
-        """Return whether another specification, also one of Gymnasium's own class, has the same fields."""
+        """Return whether another specification, also one of Gymnasium's own class, has the same
+        fields.
+        """
         return isinstance(other, EnvSpec) and vars(self) == vars(other)
 
     def to_json(self) -> str:
@@ -69,4 +76,6 @@ def _plain(name: str, value: Any) -> Any:
     if callable(dump := getattr(value, "model_dump", None)) and name != "scenario":
         return dump(mode="json")  # a part of a scenario
     hint = "the name of one, or its file" if name == "scenario" else "a name, or plain values"
-    raise ValueError(f"{name} is {shorten(repr(value), 80)}, which cannot be written as JSON; give {hint}")
+    raise ValueError(
+        f"{name} is {shorten(repr(value), 80)}, which cannot be written as JSON; give {hint}"
+    )

@@ -29,7 +29,8 @@ class Spectator:
 
     Attributes:
         attackers: Names of the agents to mark.
-        curves: Published trust so far, ToR (S,) and ToP (P,), oldest first; empty without a render mode.
+        curves: Published trust so far, ToR (S,) and ToP (P,), oldest first; empty without a render
+            mode.
 
     Raises:
         ValueError: The render mode is unknown.
@@ -65,7 +66,9 @@ class Spectator:
             DependencyNotInstalled: Matplotlib is missing. The class is that of Gymnasium.
         """
         if self._mode is None or self._state is None:
-            raise RuntimeError("make the environment with a render_mode, and call reset() before render()")
+            raise RuntimeError(
+                "make the environment with a render_mode, and call reset() before render()"
+            )
         if self._renderer is None:
             from roletrust_env.rendering.renderer import Renderer
 
@@ -73,7 +76,8 @@ class Spectator:
         return self._renderer.render(self._state, self.curves, self.attackers)
 
     def html(self, title: str, state: State | None = None) -> str:
-        """Return the state of the game for a notebook: a picture, or text where matplotlib is missing.
+        """Return the state of the game for a notebook: a picture, or text where matplotlib is
+        missing.
 
         Args:
             title: Line above the picture.
@@ -114,4 +118,7 @@ def _image(game: Game, state: State, curves: Any, attackers: tuple[str, ...]) ->
     file = BytesIO()
     imsave(file, picture, format="png")
     renderer.close()
-    return f'<img alt="state of the game" src="data:image/png;base64,{b64encode(file.getvalue()).decode()}">'
+    return (
+        '<img alt="state of the game" '
+        f'src="data:image/png;base64,{b64encode(file.getvalue()).decode()}">'
+    )

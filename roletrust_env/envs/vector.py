@@ -21,26 +21,27 @@ from roletrust_env.parameters import whole_number
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):
     """Many games of one attack task at once.
 
-    Spaces, rewards and arguments are those of the task's `AttackEnv`; every array has one more axis in front, the game.
-    `gymnasium.make_vec(id, num_envs=1024)` makes one.
+    Spaces, rewards and arguments are those of the task's `AttackEnv`; every array has one more axis
+    in front, the game. `gymnasium.make_vec(id, num_envs=1024)` makes one.
 
-    `autoreset_mode` determines when a game that has ended is restarted. With `"NextStep"`, Gymnasium's default, it is
-    restarted in the next step, which ignores the action and has the reward 0. With `"SameStep"` it is restarted in the
-    same step; the last observation is then in `infos["final_obs"]`, and the last infos are in `infos["final_info"]`.
-    With `"Disabled"` it waits for `reset` with a `reset_mask`. Each key of the infos has a mask beside it, such as
+    `autoreset_mode` determines when a game that has ended is restarted. With `"NextStep"`,
+    Gymnasium's default, it is restarted in the next step, which ignores the action and has the
+    reward 0. With `"SameStep"` it is restarted in the same step; the last observation is then in
+    `infos["final_obs"]`, and the last infos are in `infos["final_info"]`. With `"Disabled"` it
+    waits for `reset` with a `reset_mask`. Each key of the infos has a mask beside it, such as
     `infos["_final_obs"]`, which is true for the games that the key is valid for.
 
     Args:
         task_id: One of `TASKS`.
         num_envs: Number of games, E.
-        autoreset_mode: Time at which a game that has ended is restarted: one of Gymnasium's `AutoresetMode`, or its
-            value.
+        autoreset_mode: Time at which a game that has ended is restarted: one of Gymnasium's
+            `AutoresetMode`, or its value.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
         max_episode_steps: Length of an episode, if less than that of the game.
-        threads: Number of threads on which a `Kernel` plays, which is faster and differs from NumPy in the last digits;
-            0 is NumPy.
-        like: Array of the library, dtype and device to play with; by default NumPy's float32. With a torch tensor,
-            observations, rewards, flags and masks are tensors, too.
+        threads: Number of threads on which a `Kernel` plays, which is faster and differs from NumPy
+            in the last digits; 0 is NumPy.
+        like: Array of the library, dtype and device to play with; by default NumPy's float32. With
+            a torch tensor, observations, rewards, flags and masks are tensors, too.
         **arguments: Arguments of `make_task`, which replace the defaults of the task.
 
     Raises:
@@ -90,13 +91,17 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """The specification of Gymnasium, which can be written as JSON, with the length of an episode."""
+        """The specification of Gymnasium, which can be written as JSON, with the length of an
+        episode.
+        """
         return self._spec
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         if spec is not None:
-            kwargs = {name: value for name, value in spec.kwargs.items() if name != "max_episode_steps"}
+            kwargs = {
+                name: value for name, value in spec.kwargs.items() if name != "max_episode_steps"
+            }
             if "autoreset_mode" in kwargs:
                 kwargs["autoreset_mode"] = self.metadata["autoreset_mode"].value
             spec = TaskSpec.of(spec, kwargs=kwargs, max_episode_steps=self._batch.rounds)
@@ -108,12 +113,15 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         """Restart all games, or some.
 
         Args:
-            seed: Random seed, one number for the whole batch; None continues with the same generator.
-            options: `{"reset_mask": mask}` restarts only the games of the mask, a boolean array (E,). The other games
-                continue, with the random numbers of the seed if there is one. Other keys are ignored.
+            seed: Random seed, one number for the whole batch; None continues with the same
+                generator.
+            options: `{"reset_mask": mask}` restarts only the games of the mask, a boolean array
+                (E,). The other games continue, with the random numbers of the seed if there is one.
+                Other keys are ignored.
 
         Raises:
-            ValueError: The seed is a list, although the games share one generator; or the mask is no mask of the games.
+            ValueError: The seed is a list, although the games share one generator; or the mask is
+                no mask of the games.
             RuntimeError: There is a mask, but no game has begun yet.
         """
         if isinstance(seed, list):
@@ -134,32 +142,49 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         """Play one round of all games; see `gymnasium.vector.VectorEnv.step`.
 
         Raises:
-            ValueError: The actions have the wrong shape, or hold NaN or a value outside [0, 1]. Nothing has changed
-                then.
-            RuntimeError: `reset` was not called; or some games are over, and `autoreset_mode` is `"Disabled"`.
+            ValueError: The actions have the wrong shape, or hold NaN or a value outside [0, 1].
+                Nothing has changed then.
+            RuntimeError: `reset` was not called; or some games are over, and `autoreset_mode` is
+                `"Disabled"`.
         """
         actions = self._checked(actions)
         xp = namespace(actions)
         begins = self._ended
         if begins is not None:
             if self._mode is AutoresetMode.DISABLED:
-                raise RuntimeError('games are over; call reset(options={"reset_mask": mask}) for them before step()')
+                raise RuntimeError(
+                    'games are over; call reset(options={"reset_mask": mask}) for them before '
+                    "step()"
+                )
             self._batch.restart(self._random, begins)
-            if bool(begins.all()):  # no game plays: no random number is drawn, as in the reset of a single environment
+            if bool(
+                begins.all()
+            ):  # no game plays: no random number is drawn, as in the reset of a single environment
                 self._ended, never, nothing = None, begins & ~begins, self._zeros()
                 self._spectator.follow(self._batch.games)
-                return self._observe(), nothing, never, xp.asarray(never, copy=True), self._infos(nothing, nothing)
+                return (
+                    self._observe(),
+                    nothing,
+                    never,
+                    xp.asarray(never, copy=True),
+                    self._infos(nothing, nothing),
+                )
         outcome, terminations, truncations = self._batch.step(actions.T, self._random, begins)
         rewards, objective, cost = outcome.reward, outcome.objective, outcome.cost
         if begins is not None:
-            rewards, objective, cost = (xp.where(begins, 0.0, values) for values in (rewards, objective, cost))
+            rewards, objective, cost = (
+                xp.where(begins, 0.0, values) for values in (rewards, objective, cost)
+            )
             terminations, truncations = terminations & ~begins, truncations & ~begins
         infos = self._infos(objective, cost)
         self._ended = None
         ended = terminations | truncations
         if bool(ended.any()):
             if self._mode is AutoresetMode.SAME_STEP:
-                final = {"final_obs": self._observe(), "final_info": self._infos(objective, cost, ended)}
+                final = {
+                    "final_obs": self._observe(),
+                    "final_info": self._infos(objective, cost, ended),
+                }
                 infos = self._infos(*(xp.where(ended, 0.0, values) for values in (objective, cost)))
                 infos |= final | {"_final_obs": ended, "_final_info": ended}
                 self._batch.restart(self._random, ended)
@@ -172,8 +197,8 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         """Show the first game by `render_mode`.
 
         Returns:
-            A frame for each game, as in Gymnasium: a picture or a text of the first game, and blanks; None with a
-            window.
+            A frame for each game, as in Gymnasium: a picture or a text of the first game, and
+                blanks; None with a window.
         """
         first = self._spectator.render()
         if first is None:
@@ -213,19 +238,31 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
                 dtype=self.task.game.like.dtype,
                 device=self.task.game.like.device,
             )
-        actions = xp.asarray(actions, dtype=self.task.game.like.dtype, device=self.task.game.like.device)
+        actions = xp.asarray(
+            actions, dtype=self.task.game.like.dtype, device=self.task.game.like.device
+        )
         if tuple(actions.shape) != self.action_space.shape:
-            raise ValueError(f"the actions have shape {tuple(actions.shape)}; needed is {self.action_space.shape}")
+            raise ValueError(
+                f"the actions have shape {tuple(actions.shape)}; needed is "
+                f"{self.action_space.shape}"
+            )
         if not bool(((actions >= 0) & (actions <= 1)).all()):
-            raise ValueError("the actions hold NaN or numbers outside [0, 1]; every entry must lie in [0, 1]")
+            raise ValueError(
+                "the actions hold NaN or numbers outside [0, 1]; every entry must lie in [0, 1]"
+            )
         return actions
 
     def _checked_mask(self, mask: Array) -> Array:
         like = self.task.game.like
         mask = mask if isinstance(mask, type(like)) else np.asarray(mask)
-        if tuple(mask.shape) != (self.num_envs,) or not str(mask.dtype).endswith("bool") or not bool(mask.any()):
+        if (
+            tuple(mask.shape) != (self.num_envs,)
+            or not str(mask.dtype).endswith("bool")
+            or not bool(mask.any())
+        ):
             raise ValueError(
-                f"reset_mask has shape {tuple(mask.shape)} and dtype {mask.dtype}; it must have shape "
+                f"reset_mask has shape {tuple(mask.shape)} and dtype {mask.dtype}; it must have "
+                "shape "
                 f"({self.num_envs},), be boolean and true somewhere"
             )
         if self._batch.state is None:

@@ -1,4 +1,6 @@
-"""Wrappers for learners and libraries that need other actions than numbers in [0, 1], or a fixed set of agents."""
+"""Wrappers for learners and libraries that need other actions than numbers in [0, 1], or a fixed
+set of agents.
+"""
 
 from collections.abc import Callable, Container, Mapping
 from typing import Any
@@ -22,10 +24,12 @@ Answers = tuple[ByName, ByName, ByName, ByName, ByName]
 
 
 class RescaleClipAction(TransformAction[Any, Any, Any], RecordConstructorArgs):
-    """Actions in [-1, 1], clipped, for learners with a Gaussian that is centred on 0 and leaves the space.
+    """Actions in [-1, 1], clipped, for learners with a Gaussian that is centred on 0 and leaves the
+    space.
 
-    It wraps a task of Gymnasium, or the agents in `ParallelTransformAction`. The space stays bounded, which many
-    libraries need; Gymnasium's `ClipAction` makes it unbounded. NaN stays NaN, and the environment refuses it.
+    It wraps a task of Gymnasium, or the agents in `ParallelTransformAction`. The space stays
+    bounded, which many libraries need; Gymnasium's `ClipAction` makes it unbounded. NaN stays NaN,
+    and the environment refuses it.
 
     Example:
         >>> env = RescaleClipAction(gymnasium.make("RoleTrust/RaterAttack-v0"))
@@ -45,14 +49,15 @@ class RescaleClipAction(TransformAction[Any, Any, Any], RecordConstructorArgs):
 class DiscretizeLevels(TransformAction[Any, Any, Any], RecordConstructorArgs):
     """Discrete actions: each entry has one of several levels from 0 to 1, both ends included.
 
-    It wraps a task of Gymnasium, or the agents in `ParallelTransformAction`. Gymnasium's `DiscretizeAction` takes the
-    middles of its bins, so that no agent could choose exactly 0 or 1 with it.
+    It wraps a task of Gymnasium, or the agents in `ParallelTransformAction`. Gymnasium's
+    `DiscretizeAction` takes the middles of its bins, so that no agent could choose exactly 0 or 1
+    with it.
 
     Args:
         env: Environment with actions in [0, 1].
         levels: Number of levels, 2 or more.
-        multidiscrete: Whether an action has a number for each entry. Else it is one number for all entries together,
-            with levels ** entries values.
+        multidiscrete: Whether an action has a number for each entry. Else it is one number for all
+            entries together, with levels ** entries values.
 
     Raises:
         ValueError: There are fewer than 2 levels, or more than 2 ** 31 actions.
@@ -62,14 +67,19 @@ class DiscretizeLevels(TransformAction[Any, Any, Any], RecordConstructorArgs):
         Discrete(5)
         >>> DiscretizeLevels(gymnasium.make("RoleTrust/RaterAttack-v0"), 5, multidiscrete=True).action_space
         MultiDiscrete([5 5 5])
-    """
+    """  # noqa: E501
 
-    def __init__(self, env: gymnasium.Env[Any, Any], levels: int, multidiscrete: bool = False) -> None:
+    def __init__(
+        self, env: gymnasium.Env[Any, Any], levels: int, multidiscrete: bool = False
+    ) -> None:
         entries = _shape(env)[0]
         levels = whole_number("levels", levels, 2)
         multidiscrete = truth_value("multidiscrete", multidiscrete)
         if not multidiscrete and levels**entries > 2**31:
-            raise ValueError(f"{levels} levels of {entries} entries are {levels}**{entries} actions; use multidiscrete")
+            raise ValueError(
+                f"{levels} levels of {entries} entries are {levels}**{entries} actions; use "
+                "multidiscrete"
+            )
         RecordConstructorArgs.__init__(self, levels=levels, multidiscrete=multidiscrete)
         space = MultiDiscrete([levels] * entries) if multidiscrete else Discrete(levels**entries)
         TransformAction.__init__(self, env, self._value, space)
@@ -81,7 +91,9 @@ class DiscretizeLevels(TransformAction[Any, Any, Any], RecordConstructorArgs):
         if number.size == np.prod(shape):
             number = number.reshape(shape)
         if number not in self.action_space:
-            raise ValueError(f"the action is {short(repr(action))}; it must be in {self.action_space}")
+            raise ValueError(
+                f"the action is {short(repr(action))}; it must be in {self.action_space}"
+            )
         each = number if number.ndim else np.asarray(np.unravel_index(int(number), self._grid))
         return (each / (self._grid[0] - 1)).astype(np.float32)
 
@@ -103,10 +115,16 @@ class ParallelTransformAction(BaseParallelWrapper[str, Any, Any]):
     """
 
     def __init__(
-        self, env: ParallelEnv[str, Any, Any], wrapper: Callable[..., gymnasium.Env[Any, Any]], **arguments: Any
+        self,
+        env: ParallelEnv[str, Any, Any],
+        wrapper: Callable[..., gymnasium.Env[Any, Any]],
+        **arguments: Any,
     ) -> None:
         super().__init__(env)
-        self._each = {name: wrapper(_OneAgent(env.action_space(name)), **arguments) for name in env.possible_agents}
+        self._each = {
+            name: wrapper(_OneAgent(env.action_space(name)), **arguments)
+            for name in env.possible_agents
+        }
         self.action_spaces = {name: one.action_space for name, one in self._each.items()}
 
     def action_space(self, agent: str) -> gymnasium.Space[Any]:
@@ -117,7 +135,9 @@ class ParallelTransformAction(BaseParallelWrapper[str, Any, Any]):
         """
         return space_of(agent, self.action_spaces)
 
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[ByName, ByName]:
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[ByName, ByName]:
         """Begin a new episode; see `RoleTrustParallelEnv.reset`."""
         answers: tuple[ByName, ByName] = self.env.reset(seed=seed, options=options)
         seed_spaces(self.action_spaces, seed)
@@ -126,8 +146,12 @@ class ParallelTransformAction(BaseParallelWrapper[str, Any, Any]):
     def step(self, actions: Mapping[str, Any]) -> Answers:
         """Play one round; see `RoleTrustParallelEnv.step`."""
         if not isinstance(actions, Mapping):
-            raise ValueError(f"actions are {type(actions).__name__}; they must be a dict from agent to action")
-        answers: Answers = self.env.step({name: self._translated(name, action) for name, action in actions.items()})
+            raise ValueError(
+                f"actions are {type(actions).__name__}; they must be a dict from agent to action"
+            )
+        answers: Answers = self.env.step(
+            {name: self._translated(name, action) for name, action in actions.items()}
+        )
         return answers
 
     def _translated(self, agent: str, action: Any) -> Any:
@@ -140,7 +164,9 @@ class ParallelTransformAction(BaseParallelWrapper[str, Any, Any]):
 
 
 class _OneAgent(gymnasium.Env[Any, Any]):
-    """An environment of one agent for its action wrapper: the observation is the action that reached it."""
+    """An environment of one agent for its action wrapper: the observation is the action that
+    reached it.
+    """
 
     def __init__(self, space: gymnasium.Space[Any]) -> None:
         self.action_space = space
@@ -150,11 +176,13 @@ class _OneAgent(gymnasium.Env[Any, Any]):
 
 
 class FixedAgents(BaseParallelWrapper[str, Any, Any]):
-    """All agents are in every dictionary from the first step to the last, for libraries with a fixed set of agents.
+    """All agents are in every dictionary from the first step to the last, for libraries with a
+    fixed set of agents.
 
-    All `possible_agents` act in every step. An absent agent observes zeros and has the reward 0, and its action is
-    ignored. The episode ends for all agents together: as a truncation if it has reached its length, and as a
-    termination if no agent is left. The infos of each agent hold `present`: whether the agent is there.
+    All `possible_agents` act in every step. An absent agent observes zeros and has the reward 0,
+    and its action is ignored. The episode ends for all agents together: as a truncation if it has
+    reached its length, and as a termination if no agent is left. The infos of each agent hold
+    `present`: whether the agent is there.
 
     Example:
         >>> import roletrust_env
@@ -168,7 +196,9 @@ class FixedAgents(BaseParallelWrapper[str, Any, Any]):
         super().__init__(env)
         self.agents: list[str] = []
 
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[ByName, ByName]:
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[ByName, ByName]:
         """Begin a new episode; see `RoleTrustParallelEnv.reset`."""
         observations, _ = self.env.reset(seed=seed, options=options)
         self.agents = list(self.possible_agents)
@@ -178,10 +208,13 @@ class FixedAgents(BaseParallelWrapper[str, Any, Any]):
         """Play one round; see `RoleTrustParallelEnv.step`.
 
         Raises:
-            ValueError: The action of a present agent is missing or not allowed, or there is no such agent.
+            ValueError: The action of a present agent is missing or not allowed, or there is no such
+                agent.
         """
         if not isinstance(actions, Mapping):
-            raise ValueError(f"actions are {type(actions).__name__}; they must be a dict from agent to action")
+            raise ValueError(
+                f"actions are {type(actions).__name__}; they must be a dict from agent to action"
+            )
         absent = set(self.agents).difference(self.env.agents)
         acted = {agent: action for agent, action in actions.items() if agent not in absent}
         observations, rewards, terminations, truncations, _ = self.env.step(acted)
@@ -200,7 +233,9 @@ class FixedAgents(BaseParallelWrapper[str, Any, Any]):
 
     def _observed(self, observations: ByName) -> ByName:
         return {
-            agent: observations[agent] if agent in observations else np.zeros_like(self.observation_space(agent).low)
+            agent: observations[agent]
+            if agent in observations
+            else np.zeros_like(self.observation_space(agent).low)
             for agent in self.agents
         }
 

@@ -1,7 +1,9 @@
-"""Functions of a game in a form that XLA makes fast code of: the games of a batch last, and plain arithmetic.
+"""Functions of a game in a form that XLA makes fast code of: the games of a batch last, and plain
+arithmetic.
 
-`jax.vmap` puts the games first, so that the innermost loops are those over a few agents. XLA compiles a sum over agents
-to a loop of its own, which ends the fusion of operations, and on a CPU it calls the C library for each sine.
+`jax.vmap` puts the games first, so that the innermost loops are those over a few agents. XLA
+compiles a sum over agents to a loop of its own, which ends the fusion of operations, and on a CPU
+it calls the C library for each sine.
 """
 
 import math
@@ -22,14 +24,19 @@ _MOST_TERMS = 32
 """Number of terms of the longest sum that is written out."""
 
 _TURN = 6.28125, 2 * math.pi - 6.28125
-"""The period of a sine in two parts. Multiples of the first are exact in float32 up to 32,768 turns."""
+"""The period of a sine in two parts. Multiples of the first are exact in float32 up to 32,768
+turns."""
 
 _SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in range(6)]
-"""Coefficients of sin(x) / x in the square of x: on [0, pi / 2] the first term that is missing is below 6e-8."""
+"""Coefficients of sin(x) / x in the square of x: on [0, pi / 2] the first term that is missing is
+below 6e-8."""
 
 
-def games_last(function: Callable[..., Any], differentiated: Callable[..., Any] | None = None) -> Callable[..., Any]:
-    """Return a pure function of a game of which `jax.vmap` makes one call with all games on the last axis.
+def games_last(
+    function: Callable[..., Any], differentiated: Callable[..., Any] | None = None
+) -> Callable[..., Any]:
+    """Return a pure function of a game of which `jax.vmap` makes one call with all games on the
+    last axis.
 
     Derivatives, which need the operations themselves, are those of a function with the games first.
 
@@ -55,11 +62,14 @@ def games_last(function: Callable[..., Any], differentiated: Callable[..., Any] 
 
         single = custom_vmap(recorded)
         single.def_vmap(batch)
-        # A condition that differs by game gives its branches all arrays by game, and constants must be arguments then.
+        # A condition that differs by game gives its branches all arrays by game, and constants must
+        # be arguments then.
         return single(record.consts, *arguments)
 
     differentiable: Any = jax.custom_jvp(play)
-    differentiable.defjvp(lambda primals, tangents: jax.jvp(differentiated or function, primals, tangents))
+    differentiable.defjvp(
+        lambda primals, tangents: jax.jvp(differentiated or function, primals, tangents)
+    )
     played: Callable[..., Any] = differentiable
     return played
 
@@ -71,14 +81,18 @@ def _games_first(array: Array) -> Array:
 
 
 def _in_plain_arithmetic(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function returns, by what JAX records of it, with other operations for those of `_RULES`."""
+    """Return what a function returns, by what JAX records of it, with other operations for those of
+    `_RULES`.
+    """
     record, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     found = _replay(record.jaxpr, record.consts, jax.tree.leaves(arguments))
     return jax.tree.unflatten(jax.tree.structure(shapes), found)
 
 
 def _replay(record: Jaxpr, constants: Iterable[Array], arguments: Iterable[Array]) -> list[Array]:
-    values: dict[Any, Array] = dict(zip([*record.constvars, *record.invars], [*constants, *arguments], strict=True))
+    values: dict[Any, Array] = dict(
+        zip([*record.constvars, *record.invars], [*constants, *arguments], strict=True)
+    )
 
     def value(atom: Any) -> Array:
         return atom.val if isinstance(atom, Literal) else values[atom]
@@ -96,13 +110,17 @@ def _replay(record: Jaxpr, constants: Iterable[Array], arguments: Iterable[Array
     return list(map(value, record.outvars))
 
 
-def _reduced(primitive: Any, join: Callable[[Array, Array], Array], array: Array, **parameters: Any) -> Array:
+def _reduced(
+    primitive: Any, join: Callable[[Array, Array], Array], array: Array, **parameters: Any
+) -> Array:
     """Return a reduction, term by term if there are few."""
     axes = parameters["axes"]
     if math.prod(array.shape[axis] for axis in axes) > _MOST_TERMS or 0 in array.shape:
         return primitive.bind(array, **parameters)
     for axis in sorted(axes, reverse=True):
-        terms = (lax.index_in_dim(array, at, axis, keepdims=False) for at in range(array.shape[axis]))
+        terms = (
+            lax.index_in_dim(array, at, axis, keepdims=False) for at in range(array.shape[axis])
+        )
         array = reduce(join, terms)
     return array
 
@@ -141,7 +159,12 @@ def _sine_polynomial(angle: Array) -> Array:
     return angle * reduce(lambda sum, coefficient: sum * square + coefficient, reversed(_SINE))
 
 
-_CALLS = {"jit": "jaxpr", "pjit": "jaxpr", "custom_jvp_call": "call_jaxpr", "custom_vjp_call": "call_jaxpr"}
+_CALLS = {
+    "jit": "jaxpr",
+    "pjit": "jaxpr",
+    "custom_jvp_call": "call_jaxpr",
+    "custom_vjp_call": "call_jaxpr",
+}
 """Parameter with the record of what is called, for operations that are calls."""
 
 _RULES: dict[str, Callable[..., Array]] = {

@@ -1,8 +1,9 @@
-"""Attackers: all compromised agents of a task as one mind, by a policy for each agent or by a fixed sequence.
+"""Attackers: all compromised agents of a task as one mind, by a policy for each agent or by a fixed
+sequence.
 
-A record holds an attacker as JSON, which loads without a search and without code: a kind and the fields of that kind.
-Packages add kinds by entry points of the group `roletrust_env.recorded_attackers`: a factory takes the fields and
-returns the attacker.
+A record holds an attacker as JSON, which loads without a search and without code: a kind and the
+fields of that kind. Packages add kinds by entry points of the group
+`roletrust_env.recorded_attackers`: a factory takes the fields and returns the attacker.
 """
 
 import json
@@ -43,11 +44,15 @@ class Both(ByChannel):
 
     @property
     def reserve(self) -> int:  # type: ignore[override]
-        """Number of identities in reserve that the policy needs: that of the part that needs more."""
+        """Number of identities in reserve that the policy needs: that of the part that needs
+        more.
+        """
         return max(self.serves.reserve, self.rates.reserve)
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Let the part that uses identities decide, or the serving part if both do. See `Policy.presence`."""
+        """Let the part that uses identities decide, or the serving part if both do. See
+        `Policy.presence`.
+        """
         serves, rates = memory
         if self.serves.reserve:
             there, serves = self.serves.presence(view, serves, random)
@@ -88,7 +93,9 @@ class SideBySide(Policy):
 
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """See `Policy.treats`."""
-        return self._unusual("treats", view, memory, random, lambda: 0 * view.ratings[..., 0, :] + 1)
+        return self._unusual(
+            "treats", view, memory, random, lambda: 0 * view.ratings[..., 0, :] + 1
+        )
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.ratings`."""
@@ -96,7 +103,9 @@ class SideBySide(Policy):
 
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """See `Policy.withholds`."""
-        return self._unusual("withholds", view, memory, random, lambda: view.awaiting[..., 0, :] & False)
+        return self._unusual(
+            "withholds", view, memory, random, lambda: view.awaiting[..., 0, :] & False
+        )
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.presence`."""
@@ -105,8 +114,12 @@ class SideBySide(Policy):
     def _unusual(
         self, channel: str, view: Any, memory: Any, random: Random, usual: Callable[[], Array]
     ) -> tuple[Array | None, Any]:
-        """Stack actions on a channel that few policies use. None stands for the usual action; all None stay None."""
-        if all(getattr(type(policy), channel) is getattr(Policy, channel) for policy in self.policies):
+        """Stack actions on a channel that few policies use. None stands for the usual action; all
+        None stay None.
+        """
+        if all(
+            getattr(type(policy), channel) is getattr(Policy, channel) for policy in self.policies
+        ):
             return None, memory
         rows = self._rows(channel, view, memory, random)
         if all(done is None for done, _ in rows):
@@ -114,8 +127,12 @@ class SideBySide(Policy):
         return _stack([(usual() if done is None else done, after) for done, after in rows])
 
     def _rows(self, channel: str, view: Any, memory: Any, random: Random) -> list[tuple[Any, Any]]:
-        """Return what each policy does on a channel in its row of games, shape (K, G), and its memory."""
-        rows = (type(view)(*(field[..., k, :] for field in view)) for k in range(len(self.policies)))
+        """Return what each policy does on a channel in its row of games, shape (K, G), and its
+        memory.
+        """
+        rows = (
+            type(view)(*(field[..., k, :] for field in view)) for k in range(len(self.policies))
+        )
         return [
             getattr(policy, channel)(row, memory[k], random)
             for k, (policy, row) in enumerate(zip(self.policies, rows, strict=True))
@@ -130,7 +147,11 @@ def side_by_side(attacks: Sequence[Mapping[str, Policy]]) -> dict[str, Policy]:
 def _stack(rows: Sequence[tuple[Array, Any]]) -> tuple[Array, Any]:
     """Stack the actions of K policies, (..., G) each, to (..., K, G), and return their memories."""
     done = [row[0] for row in rows]
-    stacked = np.stack(done, axis=-2) if isinstance(done[0], np.ndarray) else namespace(done[0]).stack(done, axis=-2)
+    stacked = (
+        np.stack(done, axis=-2)
+        if isinstance(done[0], np.ndarray)
+        else namespace(done[0]).stack(done, axis=-2)
+    )
     return stacked, tuple(row[1] for row in rows)
 
 
@@ -141,11 +162,13 @@ class Attacker(Protocol):
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:
         """Return the memory before the first round."""
 
-    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array | Actions, Any]:
+    def act(
+        self, task: AttackTask, state: TaskState, memory: Any, random: Random
+    ) -> tuple[Array | Actions, Any]:
         """Return the action and the new memory.
 
-        The action has shape (A, *batch), see `AttackTask.action_size`, or is an `Actions` of all agents, of which those
-        of the attacker's identities count.
+        The action has shape (A, *batch), see `AttackTask.action_size`, or is an `Actions` of all
+        agents, of which those of the attacker's identities count.
         """
 
 
@@ -157,7 +180,9 @@ class Stackable(Attacker, Protocol):
         """Return whether both can play side by side."""
 
     def stack(self, others: Sequence[Any]) -> Self:
-        """Return K attackers side by side for a batch of games of shape (K, G): this one, and others."""
+        """Return K attackers side by side for a batch of games of shape (K, G): this one, and
+        others.
+        """
 
     def row(self, k: int) -> Self:
         """Return the k-th of K attackers side by side."""
@@ -165,9 +190,11 @@ class Stackable(Attacker, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Scripted:
-    """An attacker with a policy for each compromised agent; an agent without a policy plays honestly.
+    """An attacker with a policy for each compromised agent; an agent without a policy plays
+    honestly.
 
-    The policies use every channel, also those that the action of a task lacks: presence, silence and treatment.
+    The policies use every channel, also those that the action of a task lacks: presence, silence
+        and treatment.
     """
 
     policies: Mapping[str, Policy]
@@ -177,7 +204,9 @@ class Scripted:
         joint_policy = JointPolicy(task.game, self.policies)
         return joint_policy, joint_policy.begin(random, batch)
 
-    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Actions, Any]:
+    def act(
+        self, task: AttackTask, state: TaskState, memory: Any, random: Random
+    ) -> tuple[Actions, Any]:
         """See `Attacker.act`."""
         joint_policy, memories = memory
         actions, memories = joint_policy.checked_act(state.game, memories, random)
@@ -198,7 +227,9 @@ class OpenLoop:
         """See `Attacker.begin`."""
         return 0
 
-    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array, Any]:
+    def act(
+        self, task: AttackTask, state: TaskState, memory: Any, random: Random
+    ) -> tuple[Array, Any]:
         """See `Attacker.act`."""
         action = self.actions[memory]
         whole = 0 * state.game.quality[:1]  # (1, K, G)
@@ -223,7 +254,9 @@ class AttackedPlayers:
         return self.task.game
 
     def begin(self, random: Random, batch: tuple[int, ...]) -> Any:
-        """Return the memories of the scripted agents and of the attacker, and no state of the task yet."""
+        """Return the memories of the scripted agents and of the attacker, and no state of the task
+        yet.
+        """
         scripted = self.task.joint_policy.begin(random, batch)
         return scripted, self.attacker.begin(self.task, random, batch), None
 
@@ -244,7 +277,9 @@ class AttackedPlayers:
 
     @cached_property
     def _plays_all(self) -> bool:
-        """True if the attacker's actions are those of all agents: scripts of its own, where nobody else has one."""
+        """True if the attacker's actions are those of all agents: scripts of its own, where nobody
+        else has one.
+        """
         if not isinstance(self.attacker, Scripted) or self.task.joint_policy.policies:
             return False
         return set(self.attacker.policies) <= set(self.task.compromised)
@@ -276,7 +311,10 @@ def record_of(attacker: Attacker) -> str:
     if isinstance(attacker, Recordable):
         data = attacker.record()
     elif isinstance(attacker, Scripted):
-        data = {"kind": "scripts", "policies": {name: _plain(policy) for name, policy in attacker.policies.items()}}
+        data = {
+            "kind": "scripts",
+            "policies": {name: _plain(policy) for name, policy in attacker.policies.items()},
+        }
     else:
         return ""
     try:
@@ -284,7 +322,11 @@ def record_of(attacker: Attacker) -> str:
         again = read_record(text)
     except (TypeError, ValueError):  # a parameter is no plain data, or a policy has no name
         return ""
-    lost = isinstance(again, Scripted) and isinstance(attacker, Scripted) and again.policies != attacker.policies
+    lost = (
+        isinstance(again, Scripted)
+        and isinstance(attacker, Scripted)
+        and again.policies != attacker.policies
+    )
     return "" if lost else text
 
 
@@ -295,13 +337,17 @@ def read_record(text: str) -> Attacker:
         ValueError: The record is too long, is not valid, or names what is not installed.
     """
     if len(text) > MAX_RECORD:
-        raise ValueError(f"the record of an attacker has {len(text)} characters; the limit is {MAX_RECORD}")
+        raise ValueError(
+            f"the record of an attacker has {len(text)} characters; the limit is {MAX_RECORD}"
+        )
     try:
         data = parse_json(text.encode())
     except ValueError as error:
         raise ValueError(f"the record of an attacker: {error}") from None
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
-        raise ValueError(f"the record of an attacker must be an object with a kind, not {text[:100]!r}")
+        raise ValueError(
+            f"the record of an attacker must be an object with a kind, not {text[:100]!r}"
+        )
     kind = data.pop("kind")
     try:
         return recorded_attackers.make(kind, **data)
@@ -313,8 +359,8 @@ def scripted(policies: Mapping[str, Any]) -> Scripted:
     """Scripted attackers, each with its parameters.
 
     Args:
-        policies: Plain data of the policy of each agent: its name and its parameters, or those of the policies by which
-            it serves and rates.
+        policies: Plain data of the policy of each agent: its name and its parameters, or those of
+            the policies by which it serves and rates.
 
     Raises:
         ValueError: A policy is not valid, or not installed.
@@ -335,8 +381,13 @@ def _plain(value: Any) -> Any:
         return {"serves": _plain(value.serves), "rates": _plain(value.rates)}
     if type(value) is Policy:
         return {}
-    parameters: list[str] = [field.name for field in fields(value) if field.init] if is_dataclass(value) else []
-    return {"name": policy_name(value), **{name: _plain(getattr(value, name)) for name in parameters}}
+    parameters: list[str] = (
+        [field.name for field in fields(value) if field.init] if is_dataclass(value) else []
+    )
+    return {
+        "name": policy_name(value),
+        **{name: _plain(getattr(value, name)) for name in parameters},
+    }
 
 
 def _policy(data: Any, depth: int = 0) -> Policy:
@@ -352,7 +403,10 @@ def _policy(data: Any, depth: int = 0) -> Policy:
     if not isinstance(data.get("name"), str):
         raise ValueError(f"a policy must have a name: {str(data)[:100]!r}")
     if not isinstance(attackers.factory(data["name"]), type):
-        raise ValueError(f"a record may not name {data['name']!r}, which a function makes and which may read files")
+        raise ValueError(
+            f"a record may not name {data['name']!r}, which a function makes and which may read "
+            "files"
+        )
     parameters = {key: _parameter(value, depth + 1) for key, value in data.items() if key != "name"}
     return attackers.make(data["name"], **parameters)
 

@@ -1,4 +1,6 @@
-"""Curves of games: trust, rewards and quality of each round, without the ratings, which take too much memory."""
+"""Curves of games: trust, rewards and quality of each round, without the ratings, which take too
+much memory.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -18,14 +20,16 @@ class Curves(NamedTuple):
     """The curves of T rounds of E games; NaN where an agent was absent.
 
     Attributes:
-        time_s: Time in seconds, shape (T,). The state after round r, counted from 0, stands at (r + 1) * period_s.
+        time_s: Time in seconds, shape (T,). The state after round r, counted from 0, stands at (r +
+            1) * period_s.
         tor: Trust of the raters, shape (T, S, E).
         top: Trust of the providers, shape (T, P, E).
         trust: Trust of the agents by role, shape (T, N, E).
         rewards: Rewards of the agents, shape (T, N, E).
-        offered: Quality on offer, shape (T, P, E), or shape (T, S, P, E) where a provider treats raters differently,
-            see `Game.offered`.
-        weights: Weights of the rounds in means, shape (T,), see `Scenario.round_weights`; None weights all alike.
+        offered: Quality on offer, shape (T, P, E), or shape (T, S, P, E) where a provider treats
+            raters differently, see `Game.offered`.
+        weights: Weights of the rounds in means, shape (T,), see `Scenario.round_weights`; None
+            weights all alike.
     """
 
     time_s: Floats
@@ -47,12 +51,17 @@ def curve_bytes(joint_policy: JointPolicy) -> int:
 
 
 def record_curves(
-    joint_policy: JointPolicy, seed: int, *, games: int = 1, on_round: Callable[[State], None] = lambda state: None
+    joint_policy: JointPolicy,
+    seed: int,
+    *,
+    games: int = 1,
+    on_round: Callable[[State], None] = lambda state: None,
 ) -> Curves:
     """Play games of `max_cycles` rounds as one batch, and return their curves.
 
-    The noise of the games and the random numbers of the policies are drawn apart: with the same seed games have the
-    same noise under any policies, so that a run under attack can be paired with one without.
+    The noise of the games and the random numbers of the policies are drawn apart: with the same
+        seed games have the same noise under any policies, so that a run under attack can be paired
+        with one without.
 
     Args:
         joint_policy: Game and policies of its agents.

@@ -19,10 +19,12 @@ from roletrust_env.world.roster import Roster
 
 
 class Evaluation(NamedTuple):
-    """The scores of a trust model under an attack. Each is the mean over the games and half its 95% interval.
+    """The scores of a trust model under an attack. Each is the mean over the games and half its 95%
+    interval.
 
     Attributes:
-        utility: Utility of a consumer that always goes to the most trusted provider, over the best there is, in [0, 1].
+        utility: Utility of a consumer that always goes to the most trusted provider, over the best
+            there is, in [0, 1].
         clean: The same in the same games with everybody honest.
         blind: The same for a consumer that goes to any provider.
         damage: Loss of trust of the honest agents against the games with everybody honest.
@@ -39,8 +41,13 @@ class Evaluation(NamedTuple):
 
     def __repr__(self) -> str:
         """Return a line for each score."""
-        numbers = {name: f"{one.mean:.3f} ± {one.half:.3f}" for name, one in zip(self._fields, self, strict=True)}
-        lines = [f"  {name}: {text.replace('nan ± nan', 'undefined')}" for name, text in numbers.items()]
+        numbers = {
+            name: f"{one.mean:.3f} ± {one.half:.3f}"
+            for name, one in zip(self._fields, self, strict=True)
+        }
+        lines = [
+            f"  {name}: {text.replace('nan ± nan', 'undefined')}" for name, text in numbers.items()
+        ]
         return "\n".join(["Evaluation", *lines])
 
 
@@ -57,12 +64,14 @@ def evaluate(
 
     Args:
         model: Trust model, or its spec such as `"role-trust:lam=0.7"`.
-        attack: Spec of an attack such as `"bad-mouthing:level=0"`, which the last agents of its role play; or one or
-            more specs with agents, such as `"sr_2=bad-mouthing"`; or policies or specs by the name of the agent.
+        attack: Spec of an attack such as `"bad-mouthing:level=0"`, which the last agents of its
+            role play; or one or more specs with agents, such as `"sr_2=bad-mouthing"`; or policies
+            or specs by the name of the agent.
         scenario: Scenario, its name, or the path of its file.
         games: Number of games.
         seed: Random seed. All models and attacks meet the same noise with the same seed.
-        share: Share of the agents of a role that play an attack without agents, rounded, at least one.
+        share: Share of the agents of a role that play an attack without agents, rounded, at least
+            one.
 
     Returns:
         The scores, each with its 95% interval over the games.
@@ -100,30 +109,47 @@ def _seated(
     if isinstance(attack, Mapping):
         for name, given in attack.items():
             if not isinstance(given, str | Policy):
-                raise ValueError(f"attack of {name!r} is {given!r}; it must be a Policy, or the spec of an attack")
+                raise ValueError(
+                    f"attack of {name!r} is {given!r}; it must be a Policy, or the spec of an "
+                    "attack"
+                )
         made = {name: policy for name, policy in attack.items() if isinstance(policy, Policy)}
-        parsed = parse_attacks([f"{name}={spec}" for name, spec in attack.items() if isinstance(spec, str)], scenario)
+        parsed = parse_attacks(
+            [f"{name}={spec}" for name, spec in attack.items() if isinstance(spec, str)], scenario
+        )
         if twice := sorted(made.keys() & parsed.keys()):
-            raise ValueError(f"attack gives agent {twice[0]!r} two attacks; an agent has one policy")
+            raise ValueError(
+                f"attack gives agent {twice[0]!r} two attacks; an agent has one policy"
+            )
         return {**parsed, **made}
     texts = [attack] if isinstance(attack, str) else attack
     if not isinstance(texts, Sequence) or not all(isinstance(text, str) for text in texts):
-        raise ValueError(f"attack is {attack!r}; name the agents of a policy, such as {{'sr_2': BadMouthing()}}")
+        raise ValueError(
+            f"attack is {attack!r}; name the agents of a policy, such as {{'sr_2': BadMouthing()}}"
+        )
     seated = [line for text in texts for line in _lines(text, scenario, share)]
     return parse_attacks(list(dict.fromkeys(seated)), scenario)
 
 
 def _lines(text: str, scenario: Scenario, share: float) -> list[str]:
-    """Return a spec without agents as specs with agents: the last ones of each role that the attack is for."""
+    """Return a spec without agents as specs with agents: the last ones of each role that the attack
+    is for.
+    """
     name, equals, _ = text.partition("=")
     if equals and ":" not in name:  # it begins with an agent, as in `sr_2=bad-mouthing:level=0`
         return [text]
     channels: frozenset[Channel] = getattr(named_factory(attackers, text), "attacks", frozenset())
     roster, lines = Roster.of(scenario), []
-    for names, decided in ((roster.rater_names, RATING_CHANNELS), (roster.provider_names, SERVING_CHANNELS)):
+    for names, decided in (
+        (roster.rater_names, RATING_CHANNELS),
+        (roster.provider_names, SERVING_CHANNELS),
+    ):
         first = [agent for agent in names if agent in roster.owner_names]
         if channels & decided:
             lines += [f"{agent}={text}" for agent in first[-max(1, round(share * len(first))) :]]
     if not lines:
-        raise ValueError(f"attack {text!r} says of no role that it is for it; name its agents, such as sr_2={text}")
+        raise ValueError(
+            f"attack {text!r} says of no role that it is for it; name its agents, such as "
+            f"sr_2={text}"
+        )
     return list(dict.fromkeys(lines))

@@ -1,10 +1,12 @@
-"""A trust model in a process of its own, which gets ratings and gives trust, and sees nothing else of a game.
+"""A trust model in a process of its own, which gets ratings and gives trust, and sees nothing else
+of a game.
 
-The process is no sandbox: it runs with the rights of its user. But a model in it cannot reach the game by the call
-stack or by modules, and its answers are read as numbers only.
+The process is no sandbox: it runs with the rights of its user. But a model in it cannot reach the
+game by the call stack or by modules, and its answers are read as numbers only.
 
-Games are played side by side, many with the same noise, so whoever compares them sees who attacks. Therefore some
-games, drawn at random, are played again by a process that has seen no other: trust must be the same there.
+Games are played side by side, many with the same noise, so whoever compares them sees who attacks.
+Therefore some games, drawn at random, are played again by a process that has seen no other: trust
+must be the same there.
 """
 
 import os
@@ -37,7 +39,8 @@ _STATES = 8
 """Number of states that are kept."""
 
 _STARTS, _LATEST, _GAMES = 24, 6, 8
-"""Numbers of batches of which games are played again, of the latest of them, and of games in each, fewer if large."""
+"""Numbers of batches of which games are played again, of the latest of them, and of games in each,
+fewer if large."""
 
 _PAIRS = 2_000  # of raters and providers in these games of a batch, whose ratings are kept
 
@@ -51,7 +54,8 @@ class IsolatedState(NamedTuple):
         number: Number of the state in the other process, shape (...).
         tor: Trust of each rater, shape (S, ...).
         top: Trust of each provider, shape (P, ...).
-        judged: Trust of each provider as each rater sees it, shape (S, P, ...); None for a central model.
+        judged: Trust of each provider as each rater sees it, shape (S, P, ...); None for a central
+            model.
     """
 
     number: Array
@@ -61,9 +65,11 @@ class IsolatedState(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """A state of the games that may be played again: the number of the state before, what came in and what came out.
+    """A state of the games that may be played again: the number of the state before, what came in
+    and what came out.
 
-    Arrays are of shape (..., n), a column for each of n games; `before` and `mask` are None if there is none.
+    Arrays are of shape (..., n), a column for each of n games; `before` and `mask` are None if
+    there is none.
     """
 
     before: int | None
@@ -78,10 +84,14 @@ class _Trace:
     def __init__(self, batch: tuple[int, ...], peers: Array) -> None:
         self.axes, self.peers = len(batch), peers
         most = min(_GAMES, max(1, _PAIRS // peers.size))
-        self.games = np.random.default_rng().permutation(prod(batch))[:most]  # which no model can predict
+        self.games = np.random.default_rng().permutation(prod(batch))[
+            :most
+        ]  # which no model can predict
         self.steps: dict[int, _Step] = {}
 
-    def add(self, before: int | None, given: Array, mask: Array | None, state: "IsolatedState") -> None:
+    def add(
+        self, before: int | None, given: Array, mask: Array | None, state: "IsolatedState"
+    ) -> None:
         """Keep a state."""
         trust = [self._columns(part) for part in state[1:] if part is not None]
         self.steps[int(state.number.flat[0])] = _Step(
@@ -93,7 +103,9 @@ class _Trace:
         return array.reshape(*lead, -1)[..., self.games].copy()
 
     def difference(self, model: "IsolatedModel", k: int) -> float:
-        """Return how far trust in the k-th of the games is from that where another process plays the game alone."""
+        """Return how far trust in the k-th of the games is from that where another process plays
+        the game alone.
+        """
 
         def alone(array: Array) -> Array:
             return array[..., k].reshape(*array.shape[:-1], *[1] * self.axes)
@@ -116,7 +128,8 @@ class _Trace:
 class IsolatedModel:
     """A trust model in a process of its own, which ends with this object. It works on NumPy arrays.
 
-    The process keeps the latest states of a game, so a game can go on from them and not from earlier ones.
+    The process keeps the latest states of a game, so a game can go on from them and not from
+    earlier ones.
 
     Args:
         text: Text `NAME[:key=value,...]`, see `roletrust_env.evaluation.specs.parse_trust_model`.
@@ -175,7 +188,9 @@ class IsolatedModel:
         if len(numbers) != 1:
             raise ValueError(f"{self} cannot mix games of different states")
         before = int(numbers[0])
-        after = self._state(ratings.values, self._ask("update", before, ratings.values, ratings.mask))
+        after = self._state(
+            ratings.values, self._ask("update", before, ratings.values, ratings.mask)
+        )
         for trace in self._traces:
             if before in trace.steps:
                 trace.add(before, ratings.values, ratings.mask, after)
@@ -190,7 +205,8 @@ class IsolatedModel:
         return state.top
 
     def check_alone(self) -> None:
-        """Play some games again, each alone in a process that has not seen the others. Then begin a new record.
+        """Play some games again, each alone in a process that has not seen the others. Then begin a
+        new record.
 
         Raises:
             ValueError: Trust in a game is another one there, or the model fails.
@@ -204,12 +220,15 @@ class IsolatedModel:
             trace, k = games[place]
             if not (difference := trace.difference(model, k)) <= _SAME:
                 raise ValueError(
-                    f"{self}: trust in a game differs by {difference:.2g} from that in the same game alone; it must "
+                    f"{self}: trust in a game differs by {difference:.2g} from that in the same "
+                    "game alone; it must "
                     "follow from the ratings of the game, and not from other games"
                 )
 
     def _follow(self, trace: _Trace) -> _Trace:
-        """Record a batch that starts, in place of one drawn at random if there are enough. The latest ones stay."""
+        """Record a batch that starts, in place of one drawn at random if there are enough. The
+        latest ones stay.
+        """
         self._starts += 1
         if len(self._traces) >= _STARTS:
             earlier = self._starts - _LATEST  # of which each has the same chance to be kept
@@ -221,7 +240,9 @@ class IsolatedModel:
 
     def _state(self, like: Array, answer: list[Array]) -> IsolatedState:
         number, tor, top, *judged = answer
-        return IsolatedState(np.broadcast_to(number, like.shape[2:]), tor, top, judged[0] if judged else None)
+        return IsolatedState(
+            np.broadcast_to(number, like.shape[2:]), tor, top, judged[0] if judged else None
+        )
 
     def _ask(self, *message: Any) -> list[Any]:
         """Send a message and return the arrays of the answer.
@@ -237,7 +258,9 @@ class IsolatedModel:
         except (OSError, EOFError):
             raise ValueError(f"{self}: the process has ended") from None
         if not answer.startswith(b"+"):
-            raise ValueError(f"{self}: {printable(' '.join(answer[1:1000].decode('utf-8', 'replace').split()))}")
+            raise ValueError(
+                f"{self}: {printable(' '.join(answer[1:1000].decode('utf-8', 'replace').split()))}"
+            )
         stream, arrays = BytesIO(answer[1:]), []
         try:
             while stream.tell() < len(answer) - 1:
@@ -274,7 +297,8 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
             stream.close()
 
 
-# --- the process of the model ------------------------------------------------------------------------
+# --- the process of the model
+# ------------------------------------------------------------------------
 
 
 class _Model:
@@ -289,7 +313,10 @@ class _Model:
         sys.path[:] = path
         agents: Any = [{"role": "SR"}, {"role": "SP"}]
         self._model: Any = parse_trust_model(text, Scenario(agents=agents, **settings))
-        return [[str(trait) for trait in Traits.of(self._model)], hasattr(self._model, "judge_trust")]
+        return [
+            [str(trait) for trait in Traits.of(self._model)],
+            hasattr(self._model, "judge_trust"),
+        ]
 
     def start(self, like: Any, peers: Any) -> list[Any]:
         """Start games, and return the number of the state and its trust."""
@@ -298,7 +325,9 @@ class _Model:
     def update(self, number: int, ratings: Any, mask: Any) -> list[Any]:
         """Play a round, and return the number of the state and its trust."""
         if number not in self._runs:
-            raise ValueError(f"it keeps the latest {_STATES} states only, so games cannot go back further")
+            raise ValueError(
+                f"it keeps the latest {_STATES} states only, so games cannot go back further"
+            )
         run = copy(self._runs[number])
         run.update(Ratings(ratings, mask))
         return self._numbered(run)
@@ -337,7 +366,9 @@ def _end_with(parent: int) -> None:
 
 
 def main() -> None:
-    """Answer messages on standard input until it ends. What a model prints goes to standard error."""
+    """Answer messages on standard input until it ends. What a model prints goes to standard
+    error.
+    """
     with os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)
         Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()

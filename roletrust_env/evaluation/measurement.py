@@ -1,4 +1,6 @@
-"""Attacked games, played to the end: the reward of the attacker in them, and the scores that are read off them."""
+"""Attacked games, played to the end: the reward of the attacker in them, and the scores that are
+read off them.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -25,10 +27,12 @@ TaskArguments = Mapping[str, Any]
 """Arguments of `roletrust_env.make_task`, all but `like`."""
 
 SEARCHED, HELD_OUT = 0, 1
-"""The two kinds of random numbers: those of the games in a search, and those of the games that measure the result."""
+"""The two kinds of random numbers: those of the games in a search, and those of the games that
+measure the result."""
 
 _UNEQUAL = 0.05
-"""Difference of treatment beyond which raters are not served alike; a network that serves all alike has tiny ones."""
+"""Difference of treatment beyond which raters are not served alike; a network that serves all alike
+has tiny ones."""
 
 _ANYWHERE = 2_000_000
 """Pairs of agents in all games of a batch that fits into any memory."""
@@ -39,7 +43,8 @@ class AttackedRound(NamedTuple):
 
     Attributes:
         round: The round.
-        outcome: Outcome for the attacker, times the weight of the round; 0 in games that are over for it.
+        outcome: Outcome for the attacker, times the weight of the round; 0 in games that are over
+            for it.
     """
 
     round: Round
@@ -51,7 +56,9 @@ def exact_task(arguments: TaskArguments) -> AttackTask:
     return make_task(**arguments, like=np.zeros(()))
 
 
-def random_sources(task: AttackTask, seed: int | tuple[int, ...], kind: int) -> tuple[Random, Random]:
+def random_sources(
+    task: AttackTask, seed: int | tuple[int, ...], kind: int
+) -> tuple[Random, Random]:
     """Return the noise of the game and the random numbers of the policies.
 
     Args:
@@ -72,9 +79,11 @@ def attacked_rollout(
     Args:
         task: Task that is played.
         attacker: Attacker, or K attackers side by side.
-        batch: Shape (K, G): K attacks side by side, each in G games. All K meet the same noise, so they compare.
+        batch: Shape (K, G): K attacks side by side, each in G games. All K meet the same noise, so
+            they compare.
         noise: Random numbers of the game.
-        chance: Random numbers of the policies. They are apart from the noise, which must not depend on the attacker.
+        chance: Random numbers of the policies. They are apart from the noise, which must not depend
+            on the attacker.
 
     Yields:
         The rounds, in order.
@@ -85,7 +94,9 @@ def attacked_rollout(
 def judged_rollout(
     task: AttackTask, attacker: Attacker, batch: tuple[int, int], noise: Random, chance: Random
 ) -> Iterator[AttackedRound]:
-    """Play a task to the end of its scenario and judge each round. Arguments as for `attacked_rollout`."""
+    """Play a task to the end of its scenario and judge each round. Arguments as for
+    `attacked_rollout`.
+    """
     return judged(task, attacked_rollout(task, attacker, batch, noise, chance))
 
 
@@ -99,7 +110,9 @@ def judged(task: AttackTask, rounds: Iterator[Round]) -> Iterator[AttackedRound]
         outcome = task.judge(played.before, played.actions, played.state)
         if played.state.population is not None:  # else nobody can be caught
             ended = played.state.round < 0 if ended is None else ended  # nobody yet
-            reward, objective, cost = (namespace(part).where(ended, 0 * part, part) for part in outcome[:3])
+            reward, objective, cost = (
+                namespace(part).where(ended, 0 * part, part) for part in outcome[:3]
+            )
             ended = ended | outcome.caught
             outcome = outcome._replace(reward=reward, objective=objective, cost=cost)
         if played.weight < 1:
@@ -118,23 +131,30 @@ def task_memory(task: AttackTask, attacker: Attacker) -> float:
 
 
 def check_games_memory(task: AttackTask, games: int) -> None:
-    """Refuse a batch of games that does not fit into the memory. What fits anywhere is not tried out.
+    """Refuse a batch of games that does not fit into the memory. What fits anywhere is not tried
+    out.
 
     Args:
         task: Task that is played, on NumPy.
         games: Number of games that are played at once.
 
     Raises:
-        ValueError: The games do not fit. The message says what they would take, and about how many fit.
+        ValueError: The games do not fit. The message says what they would take, and about how many
+            fit.
     """
     if games * pairs(task.game) > _ANYWHERE:
         check_memory("games at once:", games, task_memory(task, Scripted({})))
 
 
 def mean_rewards(
-    task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int], kind: int
+    task: AttackTask,
+    attacker: Attacker,
+    seed: int | tuple[int, ...],
+    batch: tuple[int, int],
+    kind: int,
 ) -> list[Array]:
-    """Return the mean reward, objective and cost per round, each of shape (K, G); the rounds have their weights.
+    """Return the mean reward, objective and cost per round, each of shape (K, G); the rounds have
+    their weights.
 
     Args:
         task: Task that is played.
@@ -154,7 +174,9 @@ def mean_rewards(
 
 
 def is_certain(arguments: TaskArguments) -> bool:
-    """Return whether noise has no part in a task: the same random actions bring the same reward in two games."""
+    """Return whether noise has no part in a task: the same random actions bring the same reward in
+    two games.
+    """
     task = exact_task(arguments)
     actions = np.random.default_rng(0).random((task.game.scenario.max_cycles, task.action_size))
     rewards = mean_rewards(task, OpenLoop(actions), 0, (1, 2), SEARCHED)[0]
@@ -175,15 +197,17 @@ MEASURED = {
 }
 """Scores of a game by name, each with its least and its greatest value.
 
-`utility`: utility of going by trust, see `metrics.utility`. `published`: utility if the same consumers went by
-published trust; it differs for a personal trust model with raters as consumers. `blind`: utility of a blind choice, see
-`metrics.blind_utility`. `damage`: loss of trust of the honest agents, see `metrics.damage`. `false_alarms`: share of
-honest agents that count as attackers, see `metrics.false_alarms`. `auc`: probability that mean trust tells an attacker
-from an honest agent of its role, see `metrics.auc`.
+`utility`: utility of going by trust, see `metrics.utility`. `published`: utility if the same
+consumers went by published trust; it differs for a personal trust model with raters as consumers.
+`blind`: utility of a blind choice, see `metrics.blind_utility`. `damage`: loss of trust of the
+honest agents, see `metrics.damage`. `false_alarms`: share of honest agents that count as attackers,
+see `metrics.false_alarms`. `auc`: probability that mean trust tells an attacker from an honest
+agent of its role, see `metrics.auc`.
 """
 
 Scores = dict[str, Floats]
-"""Scores of K attacks in G games each, shape (K, G), by the names of `MEASURED`; NaN where undefined."""
+"""Scores of K attacks in G games each, shape (K, G), by the names of `MEASURED`; NaN where
+undefined."""
 
 
 class GameRecord(NamedTuple):
@@ -191,10 +215,11 @@ class GameRecord(NamedTuple):
 
     Attributes:
         trust: Trust of the agents by role, shape (T, N, K, G); NaN where an agent was absent.
-        bought: Qualities that consumers got, times the weight of the round, shape (T - 1, K, G). The first round has no
-            trust to go by.
+        bought: Qualities that consumers got, times the weight of the round, shape (T - 1, K, G).
+            The first round has no trust to go by.
         published: Qualities that consumers would have got by published trust, in the same way.
-        treats: Whether a provider served some honest rater better than another, by more than 0.05, shape (K,).
+        treats: Whether a provider served some honest rater better than another, by more than 0.05,
+            shape (K,).
     """
 
     trust: Floats
@@ -209,7 +234,8 @@ class GameScores(NamedTuple):
     Attributes:
         scores: Scores by the names of `MEASURED`, each of shape (K, G).
         bought: Qualities that consumers got under the attacks.
-        clean: Qualities that consumers got in the same games with everybody honest, once for all attacks.
+        clean: Qualities that consumers got in the same games with everybody honest, once for all
+            attacks.
         treats: See `GameRecord`, shape (K,).
     """
 
@@ -225,8 +251,8 @@ class SplitScores(NamedTuple):
     Attributes:
         chosen: Scores in the first half of the games, which choose the worst case.
         measured: Scores in the second half, which measure the worst case.
-        by_round: Mean utility over the second half in each round from the second on, shape (T - 1, K); NaN where no
-            provider served well.
+        by_round: Mean utility over the second half in each round from the second on, shape (T - 1,
+            K); NaN where no provider served well.
         treats: See `GameRecord`, shape (K,); in any of the games.
     """
 
@@ -238,38 +264,56 @@ class SplitScores(NamedTuple):
     @classmethod
     def halves(cls, scores: Scores, bought: Bought, treats: npt.NDArray[np.bool_]) -> Self:
         """Split scores of shape (K, 2 G), and what consumers got in the same games."""
-        first, second = zip(*(np.split(values, 2, axis=-1) for values in scores.values()), strict=True)
+        first, second = zip(
+            *(np.split(values, 2, axis=-1) for values in scores.values()), strict=True
+        )
         got, best = (np.split(part, 2, axis=-1)[1] for part in (bought.got, bought.best))
         chosen, measured = (dict(zip(scores, half, strict=True)) for half in (first, second))
         return cls(chosen, measured, mean_or_nan(ratio(got, best), axis=-1), treats)
 
 
-def watch(task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int]) -> GameRecord:
-    """Play held-out games to the end and return what is measured. Arguments as for `attacked_rollout`.
+def watch(
+    task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int]
+) -> GameRecord:
+    """Play held-out games to the end and return what is measured. Arguments as for
+    `attacked_rollout`.
 
     Raises:
-        ValueError: A game has one round, an attacker or a trust model fails, or an action is NaN or outside [0, 1].
+        ValueError: A game has one round, an attacker or a trust model fails, or an action is NaN or
+            outside [0, 1].
     """
     game, trusts, bought, published = task.game, [], [], []
     if game.scenario.max_cycles < 2:
-        raise ValueError("max_cycles is 1; consumers choose by trust from the second round on, so it must be 2 or more")
+        raise ValueError(
+            "max_cycles is 1; consumers choose by trust from the second round on, so it must be 2 "
+            "or more"
+        )
     treats = np.zeros(batch[0], bool)
-    honest = [place for place, name in enumerate(game.roster.rater_names) if name not in task.identities]
+    honest = [
+        place for place, name in enumerate(game.roster.rater_names) if name not in task.identities
+    ]
     sources = random_sources(task, seed, HELD_OUT)
     for before, actions, state, _, weight in attacked_rollout(task, attacker, batch, *sources):
         trust, present = game.agent_trust(state), game.present(state)
         trusts.append(trust if present is None else np.where(present, trust, np.nan))
         bought.append([weight * part for part in task.bought(before, actions, state)])
-        published.append([weight * part for part in task.bought_by_published(before, actions, state)])
+        published.append(
+            [weight * part for part in task.bought_by_published(before, actions, state)]
+        )
         if actions.treatment is not None and honest:
             to_honest = actions.treatment[honest]
             treats |= (to_honest.max(axis=0) - to_honest.min(axis=0) > _UNEQUAL).any(axis=(0, 2))
-    own, public = (Bought(*(np.stack(part) for part in zip(*got[1:], strict=True))) for got in (bought, published))
+    own, public = (
+        Bought(*(np.stack(part) for part in zip(*got[1:], strict=True)))
+        for got in (bought, published)
+    )
     return GameRecord(np.stack(trusts), own, public, treats)
 
 
 def watch_honest(task: AttackTask, seed: int | tuple[int, ...], games: int) -> GameRecord:
-    """Play held-out games with everybody honest, the twins of attacked games, shape (1, G). See `watch`."""
+    """Play held-out games with everybody honest, the twins of attacked games, shape (1, G). See
+    `watch`.
+    """
     return watch(task, Scripted({}), seed, (1, games))
 
 
@@ -280,7 +324,8 @@ def score(
     batch: tuple[int, int],
     twin: GameRecord | None = None,
 ) -> GameScores:
-    """Play attacks side by side, compare them with the same games with everybody honest, and return the scores.
+    """Play attacks side by side, compare them with the same games with everybody honest, and return
+    the scores.
 
     Args:
         task: Task that is played, in double precision.
@@ -295,15 +340,25 @@ def score(
     judged, weights = _judged(task), task.game.scenario.round_weights
     seen = watch(task, attacker, seed, batch)
     twin = watch_honest(task, seed, batch[1]) if twin is None else twin
-    honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
-    damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest, weights).value
+    honest = [
+        i
+        for i, name in enumerate(task.game.roster.names)
+        if name in judged and name not in task.identities
+    ]
+    damage = metrics.damage(
+        seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest, weights
+    ).value
     auc = _detection(task, mean_or_nan(seen.trust, 0, weights), judged)
     scores = {**_read(seen, honest, weights), "damage": damage, "auc": auc}
     return GameScores(scores, seen.bought, twin.bought, seen.treats)
 
 
 def measure(
-    task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], twin: GameRecord | None = None
+    task: AttackTask,
+    attacker: Attacker,
+    seed: int,
+    batch: tuple[int, int],
+    twin: GameRecord | None = None,
 ) -> SplitScores:
     """Score attacks in games that choose the worst case and in other games that measure it.
 
@@ -311,7 +366,8 @@ def measure(
         task: Task that is played, in double precision.
         attacker: Attacker, or K attackers side by side.
         seed: Random seed.
-        batch: Shape (K, G): K attacks, in G games each to choose the worst case, and in G others to measure it.
+        batch: Shape (K, G): K attacks, in G games each to choose the worst case, and in G others to
+            measure it.
         twin: The 2 G honest games, see `score`.
     """
     scored = score(task, attacker, seed, (batch[0], 2 * batch[1]), twin)
@@ -346,7 +402,9 @@ def _read(seen: GameRecord, honest: list[int], weights: Floats) -> Scores:
 
 
 def _detection(task: AttackTask, mean: Floats, judged: tuple[str, ...]) -> Floats:
-    """Return the AUC of mean trust, (N, K, G), averaged over the roles that have attackers and a trust."""
+    """Return the AUC of mean trust, (N, K, G), averaged over the roles that have attackers and a
+    trust.
+    """
     roster = task.game.roster
     found = []
     for names in (roster.rater_names, roster.provider_names):

@@ -1,4 +1,6 @@
-"""Memory and time of a run, estimated before it starts; `roletrust_env.memory` knows what is free."""
+"""Memory and time of a run, estimated before it starts; `roletrust_env.memory` knows what is
+free.
+"""
 
 import platform
 import re
@@ -29,33 +31,42 @@ class Cost(NamedTuple):
 
 
 def trial_size(game: Game) -> int:
-    """Return a number of games for a trial: large enough that what grows with it prevails, small enough to be quick."""
+    """Return a number of games for a trial: large enough that what grows with it prevails, small
+    enough to be quick.
+    """
     return 2 if game.scenario.service == "hog" else max(2, _CELLS // pairs(game))
 
 
 def pairs(game: Game) -> int:
-    """Return how many pairs of agents a game may keep numbers for: each rater with all providers, or all raters."""
+    """Return how many pairs of agents a game may keep numbers for: each rater with all providers,
+    or all raters.
+    """
     return game.roster.n_raters * max(game.roster.n_raters, game.roster.n_providers)
 
 
 def try_out(rounds: Callable[[int], Iterator[object]], many: int) -> Cost:
-    """Return the cost of a game in a large batch: the difference between some games and half as many, in two rounds.
+    """Return the cost of a game in a large batch: the difference between some games and half as
+    many, in two rounds.
 
     Args:
         rounds: Function from a number of games to their rounds.
         many: Number of games, see `trial_size`.
     """
     _trace(rounds, 1)  # what is loaded and made but once
-    (few_memory, few_seconds), (memory, seconds) = (_trace(rounds, games) for games in (many // 2, many))
+    (few_memory, few_seconds), (memory, seconds) = (
+        _trace(rounds, games) for games in (many // 2, many)
+    )
     more = many - many // 2
-    return Cost(max(0.0, memory - few_memory) / more, max(0.0, seconds - few_seconds) / more / _ROUNDS)
+    return Cost(
+        max(0.0, memory - few_memory) / more, max(0.0, seconds - few_seconds) / more / _ROUNDS
+    )
 
 
 def processor() -> str:
     """Return the name of the processor, and those of its instructions that NumPy found.
 
-    Another processor may round the same sums differently, and so may the same one where a virtual machine hides some of
-    its instructions.
+    Another processor may round the same sums differently, and so may the same one where a virtual
+    machine hides some of its instructions.
     """
     found = re.search(r"^model name\s*:\s*(.+)$", kernel_file("/proc/cpuinfo"), re.MULTILINE)
     name = found[1] if found else platform.processor() or platform.machine()

@@ -1,9 +1,10 @@
 """Scripted attacks of a task as a search space: defaults, a grid, and a cube of all parameters.
 
 The class of an attack declares the space on its fields. A field whose type has a range (`Share`,
-`Annotated[PositiveInt, SearchRange(1, 12)]`), the choices of a `Literal`, the places of `Victims` and the number of
-`Identities` are coordinates, in the order of the class's signature. A field marked `NotSearched`, and every other
-field, keeps its default. The exceptions are facts of the game: `Accomplices` and `GameLength`.
+`Annotated[PositiveInt, SearchRange(1, 12)]`), the choices of a `Literal`, the places of `Victims`
+and the number of `Identities` are coordinates, in the order of the class's signature. A field
+marked `NotSearched`, and every other field, keeps its default. The exceptions are facts of the
+game: `Accomplices` and `GameLength`.
 """
 
 import itertools
@@ -20,13 +21,22 @@ from roletrust_env.evaluation.attackers import HONEST_POLICY, Both
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.policy import registry as attackers
-from roletrust_env.parameters import Accomplices, GameLength, GridValues, Identities, NotSearched, SearchRange, Victims
+from roletrust_env.parameters import (
+    Accomplices,
+    GameLength,
+    GridValues,
+    Identities,
+    NotSearched,
+    SearchRange,
+    Victims,
+)
 
 AttackKind = Callable[..., Policy]
 """Class of a policy, or a `functools.partial` of it that fixes some parameters."""
 
 ParameterRange = SearchRange | Victims | Identities | tuple[Any, ...]
-"""Range of a parameter in a search: an interval, victims, identities, or the options of a `Literal`."""
+"""Range of a parameter in a search: an interval, victims, identities, or the options of a
+`Literal`."""
 
 
 class Coordinate(NamedTuple):
@@ -54,8 +64,8 @@ class Space:
         reserve: Number of identities that the attacker has in reserve.
 
     Raises:
-        ValueError: A parameter without a range and without a fixed value has no default, or the fields of the class
-            cannot be read.
+        ValueError: A parameter without a range and without a fixed value has no default, or the
+            fields of the class cannot be read.
 
     Attributes:
         default: Attack with the default parameters.
@@ -63,7 +73,12 @@ class Space:
     """
 
     def __init__(
-        self, kind: AttackKind, victims: tuple[int, ...], accomplices: tuple[int, ...], length: int, reserve: int = 0
+        self,
+        kind: AttackKind,
+        victims: tuple[int, ...],
+        accomplices: tuple[int, ...],
+        length: int,
+        reserve: int = 0,
     ) -> None:
         self._make: Any
         self._make, given = (kind.func, kind.keywords) if isinstance(kind, partial) else (kind, {})
@@ -72,7 +87,10 @@ class Space:
         free = [name for name in hints if name not in self._fixed]
         self.default = self._policy()
         self.channels: frozenset[Channel] = self.default.attacks
-        axes = (_axis(name, hints[name], getattr(self.default, name, None), victims, reserve) for name in free)
+        axes = (
+            _axis(name, hints[name], getattr(self.default, name, None), victims, reserve)
+            for name in free
+        )
         self._axes = [axis for axis in axes if axis is not None]
 
     @property
@@ -88,8 +106,12 @@ class Space:
         return [self._policy(**dict(zip(names, row, strict=True))) for row in rows]
 
     def decode(self, point: Sequence[float] | Array) -> Policy:
-        """Return the attack at a point of the cube [0, 1] ** size; further coordinates are ignored."""
-        return self._policy(**{axis.name: axis.at(float(point[k])) for k, axis in enumerate(self._axes)})
+        """Return the attack at a point of the cube [0, 1] ** size; further coordinates are
+        ignored.
+        """
+        return self._policy(
+            **{axis.name: axis.at(float(point[k])) for k, axis in enumerate(self._axes)}
+        )
 
     def _policy(self, **parameters: Any) -> Policy:
         given = {**self._fixed, **parameters}
@@ -97,17 +119,22 @@ class Space:
             policy = self._make(**given)
         except (ValidationError, TypeError, ValueError) as error:
             why = explain(error) if isinstance(error, ValidationError) else error
-            raise ValueError(f"attack {self._make.__name__} cannot be searched, it refuses {given}: {why}") from None
+            raise ValueError(
+                f"attack {self._make.__name__} cannot be searched, it refuses {given}: {why}"
+            ) from None
         if not isinstance(policy, Policy):
-            raise ValueError(f"attack {self._make.__name__} cannot be searched, it makes {policy!r}, no Policy")
+            raise ValueError(
+                f"attack {self._make.__name__} cannot be searched, it makes {policy!r}, no Policy"
+            )
         return policy
 
 
 class Mixture:
-    """A mixture of kinds of attack: the first coordinate picks the kind, the others are its parameters.
+    """A mixture of kinds of attack: the first coordinate picks the kind, the others are its
+    parameters.
 
-    A single kind needs no such coordinate. All kinds read the same coordinates, so the cube grows with the largest kind
-    and not with their number. A mixture of no kinds is honest play.
+    A single kind needs no such coordinate. All kinds read the same coordinates, so the cube grows
+    with the largest kind and not with their number. A mixture of no kinds is honest play.
 
     Args:
         spaces: Search spaces of the kinds.
@@ -141,16 +168,20 @@ class Mixture:
 
 
 def declared_facts(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]:
-    """Return the facts of the game that a kind of attack declares as parameters, by the parameter's name.
+    """Return the facts of the game that a kind of attack declares as parameters, by the parameter's
+    name.
 
     Args:
         kind: Class of the attack.
-        accomplices: Indices of the attacker's own providers on the provider axis; an empty tuple is left out.
+        accomplices: Indices of the attacker's own providers on the provider axis; an empty tuple is
+            left out.
         length: Number of rounds of the game.
     """
     known = ((Accomplices, accomplices), (GameLength, length))
     hints = _hints(kind).items()
-    return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
+    return {
+        name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)
+    }
 
 
 def declared_ranges(kind: Any) -> dict[str, ParameterRange]:
@@ -160,7 +191,8 @@ def declared_ranges(kind: Any) -> dict[str, ParameterRange]:
 
 
 def as_spec(policy: Policy) -> str:
-    """Return the spec of a policy, as `--attack` takes it: its name and its parameters with a range or another value.
+    """Return the spec of a policy, as `--attack` takes it: its name and its parameters with a range
+    or another value.
 
     Numbers are rounded, and of many indices only the first and the last are shown.
     """
@@ -182,7 +214,9 @@ def _short(value: Any) -> str:
     return str(value)
 
 
-def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: int) -> Coordinate | None:
+def _axis(
+    name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: int
+) -> Coordinate | None:
     """Return the coordinate that a field declares; None without a range."""
     declared = _declared(hint)
     tried: tuple[Any, ...]
@@ -230,7 +264,9 @@ def _hints(kind: Any) -> dict[str, Any]:
     try:
         known = get_type_hints(kind, include_extras=True) if names else {}
     except NameError as error:
-        raise ValueError(f"attack {kind.__name__} cannot be searched: the types of its fields say {error}") from None
+        raise ValueError(
+            f"attack {kind.__name__} cannot be searched: the types of its fields say {error}"
+        ) from None
     return {name: known[name] for name in names}
 
 
@@ -258,7 +294,9 @@ def _one_of(options: tuple[Any, ...]) -> Callable[[float], Any]:
 
 
 def _first_of(indices: tuple[int, ...]) -> Callable[[float], Any]:
-    """Return a function from [0, 1] to the first of some indices, at least one; to None where there are none."""
+    """Return a function from [0, 1] to the first of some indices, at least one; to None where there
+    are none.
+    """
     return lambda x: indices[: 1 + _part(x, len(indices))] or None
 
 
@@ -269,7 +307,9 @@ RATING_CHANNELS: frozenset[Channel] = frozenset({"ratings", "silence"})
 
 
 def paper_attacks() -> tuple[AttackKind, ...]:
-    """Return the paper's attacks: a provider attacks on and off, a rater by bad-mouthing, an SR+SP agent by both."""
+    """Return the paper's attacks: a provider attacks on and off, a rater by bad-mouthing, an SR+SP
+    agent by both.
+    """
     return tuple(attackers.factory(name) for name in _PAPER_ATTACKS)
 
 
@@ -277,10 +317,12 @@ def paper_attacks() -> tuple[AttackKind, ...]:
 class Scripts:
     """The scripted attacks that the compromised agents of a task can play.
 
-    An agent without an attack for its role plays honestly. An SR+SP agent serves by one attack and rates by another.
+    An agent without an attack for its role plays honestly. An SR+SP agent serves by one attack and
+    rates by another.
 
     Attributes:
-        agents: Compromised agents: the name, whether it attacks by its services, and whether by its ratings.
+        agents: Compromised agents: the name, whether it attacks by its services, and whether by its
+            ratings.
         serving: Attacks by services.
         rating: Attacks by ratings.
         alike: Whether all agents of a role play the same attack.
@@ -292,17 +334,21 @@ class Scripts:
     alike: bool = False
 
     @classmethod
-    def of(cls, task: AttackTask, attacks: Sequence[AttackKind] | None = None, alike: bool = False) -> "Scripts":
-        """Return the scripts of a task: honest providers are the victims, compromised ones the accomplices.
+    def of(
+        cls, task: AttackTask, attacks: Sequence[AttackKind] | None = None, alike: bool = False
+    ) -> "Scripts":
+        """Return the scripts of a task: honest providers are the victims, compromised ones the
+        accomplices.
 
         Args:
             task: Task with the compromised agents.
-            attacks: Kinds of attack; several for one role are a mixture. None are the attacks of the paper that fit.
+            attacks: Kinds of attack; several for one role are a mixture. None are the attacks of
+                the paper that fit.
             alike: Whether all agents of a role play the same attack.
 
         Raises:
-            ValueError: No compromised agent can play a kind, a compromised agent has fewer identities in reserve than a
-                kind needs, or a kind cannot be searched, see `Space`.
+            ValueError: No compromised agent can play a kind, a compromised agent has fewer
+                identities in reserve than a kind needs, or a kind cannot be searched, see `Space`.
         """
         roster, bad = task.game.roster, {*task.identities, *task.joint_policy.attackers}
         providers = list(enumerate(roster.provider_names))
@@ -313,21 +359,35 @@ class Scripts:
         facts = victims, accomplices, task.game.scenario.max_cycles, reserve
         spaces = [Space(kind, *facts) for kind in (paper_attacks() if attacks is None else attacks)]
         roles = ((SERVING_CHANNELS, roster.provider_names), (RATING_CHANNELS, roster.rater_names))
-        decided = {channel for by, names in roles if not set(names).isdisjoint(task.compromised) for channel in by}
+        decided = {
+            channel
+            for by, names in roles
+            if not set(names).isdisjoint(task.compromised)
+            for channel in by
+        }
         for space in spaces if attacks is not None else ():
             if space.default.reserve > reserve:
                 raise ValueError(
                     f"{as_spec(space.default)} needs a reserve of {space.default.reserve}, and of "
-                    f"{', '.join(task.compromised)} one has {reserve}; a group's reserve gives it identities"
+                    f"{', '.join(task.compromised)} one has {reserve}; a group's reserve gives it "
+                    "identities"
                 )
             if not space.channels & decided:
-                by, who = " and ".join(sorted(space.channels)) or "nothing", ", ".join(task.compromised)
+                by, who = (
+                    " and ".join(sorted(space.channels)) or "nothing",
+                    ", ".join(task.compromised),
+                )
                 raise ValueError(
-                    f"{as_spec(space.default)} attacks by {by}, on which no compromised agent decides: {who}"
+                    f"{as_spec(space.default)} attacks by {by}, on which no compromised agent "
+                    f"decides: {who}"
                 )
         serving, rating = ([space for space in spaces if space.channels & by] for by, _ in roles)
         agents = tuple(
-            (name, bool(serving) and name in roster.provider_names, bool(rating) and name in roster.rater_names)
+            (
+                name,
+                bool(serving) and name in roster.provider_names,
+                bool(rating) and name in roster.rater_names,
+            )
             for name in task.compromised
         )
         return cls(agents, Mixture(serving), Mixture(rating), alike)
@@ -337,12 +397,17 @@ class Scripts:
         """Number of parameters; each agent has its own, unless all play alike."""
         if self.alike:
             return self.serving.size + self.rating.size
-        return sum(self.serving.size * serves + self.rating.size * rates for _, serves, rates in self.agents)
+        return sum(
+            self.serving.size * serves + self.rating.size * rates
+            for _, serves, rates in self.agents
+        )
 
     @property
     def roles(self) -> tuple[bool, bool]:
         """True where some agent attacks: first by its services, second by its ratings."""
-        return any(serves for _, serves, _ in self.agents), any(rates for _, _, rates in self.agents)
+        return any(serves for _, serves, _ in self.agents), any(
+            rates for _, _, rates in self.agents
+        )
 
     @property
     def default(self) -> dict[str, Policy]:
@@ -365,7 +430,9 @@ class Scripts:
     def decode(self, point: Sequence[float] | Array) -> dict[str, Policy]:
         """Return the attack at a point of the cube [0, 1] ** size."""
         if self.alike:
-            return self._all(self.serving.decode(point), self.rating.decode(point[self.serving.size :]))
+            return self._all(
+                self.serving.decode(point), self.rating.decode(point[self.serving.size :])
+            )
         policies, at = {}, 0
         for name, *channels in self.agents:
             roles = []
@@ -373,25 +440,36 @@ class Scripts:
                 if attacks:
                     roles.append(mixture.decode(point[at : at + mixture.size]))
                     at += mixture.size
-            policies[name] = Both(*roles) if len(roles) == 2 else roles[0] if roles else HONEST_POLICY
+            policies[name] = (
+                Both(*roles) if len(roles) == 2 else roles[0] if roles else HONEST_POLICY
+            )
         return policies
 
     def _all(self, serving: Policy, rating: Policy) -> dict[str, Policy]:
         both = Both(serving, rating)
         return {
-            name: both if serves and rates else serving if serves else rating if rates else HONEST_POLICY
+            name: both
+            if serves and rates
+            else serving
+            if serves
+            else rating
+            if rates
+            else HONEST_POLICY
             for name, serves, rates in self.agents
         }
 
 
 def with_paper(task: AttackTask, kind: AttackKind) -> tuple[AttackKind, ...]:
-    """Return a kind of attack, and the attack of the paper for a compromised role that it leaves out.
+    """Return a kind of attack, and the attack of the paper for a compromised role that it leaves
+    out.
 
     Args:
         task: Task with the compromised agents.
         kind: Kind of attack that one of them can play.
     """
-    roles = zip(paper_attacks(), Scripts.of(task).roles, Scripts.of(task, [kind]).roles, strict=True)
+    roles = zip(
+        paper_attacks(), Scripts.of(task).roles, Scripts.of(task, [kind]).roles, strict=True
+    )
     return (kind, *(paper for paper, compromised, covered in roles if compromised and not covered))
 
 

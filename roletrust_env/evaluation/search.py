@@ -1,8 +1,8 @@
 """Search methods: ways to find an attack, under one protocol and one budget.
 
-A search method gets the arguments of a task, a budget and a seed, and returns an attacker. The budget counts game
-rounds: rounds times games that it plays, with or without gradients. `find` then measures the attacker in held-out
-games, the same ones for every method; these are not counted.
+A search method gets the arguments of a task, a budget and a seed, and returns an attacker. The
+budget counts game rounds: rounds times games that it plays, with or without gradients. `find` then
+measures the attacker in held-out games, the same ones for every method; these are not counted.
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,8 @@ class Budget:
 
 
 Progress = tuple[tuple[int, float], ...]
-"""Course of a search: the rounds that it had played, and the best mean reward per round that it knew of then."""
+"""Course of a search: the rounds that it had played, and the best mean reward per round that it
+knew of then."""
 
 
 def late_gain(progress: Progress) -> float:
@@ -68,7 +69,8 @@ class SearchResult(NamedTuple):
 
     Attributes:
         attacker: Attacker that was found.
-        rounds: Game rounds that were spent; those of its training for an attacker that was trained before.
+        rounds: Game rounds that were spent; those of its training for an attacker that was trained
+            before.
         description: The attack in a few words.
         seconds: Duration of a search that ran earlier; None for one that ran just now.
         bound: Mean reward per round that no attack exceeds; None if none is known.
@@ -100,11 +102,14 @@ class SearchMethod(Protocol):
             seed: Random seed; the same seed finds the same attack.
 
         Raises:
-            UnsuitableError: The method does not apply to this task, or the budget is too small for it.
+            UnsuitableError: The method does not apply to this task, or the budget is too small for
+                it.
         """
 
 
-search_methods: Registry[SearchMethod] = Registry("search method", "roletrust_env.search_methods", SearchMethod)
+search_methods: Registry[SearchMethod] = Registry(
+    "search method", "roletrust_env.search_methods", SearchMethod
+)
 
 
 register_search_method = search_methods.register
@@ -134,7 +139,8 @@ class MeasuredSearch:
         name: Name of the search method.
         attacker: Attacker that was found.
         description: The attack in a few words.
-        scores: Mean reward per round in each held-out game, shape (G,); a game brings 0 after its end.
+        scores: Mean reward per round in each held-out game, shape (G,); a game brings 0 after its
+            end.
         objective: Mean objective per round, shape (G,).
         cost: Mean unweighted cost of stealth per round, shape (G,).
         rounds: Game rounds that the search played.
@@ -156,7 +162,8 @@ class MeasuredSearch:
 def find(
     method: SearchMethod, arguments: TaskArguments, *, budget: Budget | int, seed: int, games: int
 ) -> MeasuredSearch:
-    """Search for an attack, then measure it in the true game, in double precision, in held-out games.
+    """Search for an attack, then measure it in the true game, in double precision, in held-out
+    games.
 
     Args:
         method: Search method.
@@ -169,11 +176,22 @@ def find(
         UnsuitableError: The method does not apply to this task, or the budget is too small for it.
     """
     began = perf_counter()
-    result = method.search(arguments, budget if isinstance(budget, Budget) else Budget(budget), seed)
+    result = method.search(
+        arguments, budget if isinstance(budget, Budget) else Budget(budget), seed
+    )
     seconds = perf_counter() - began if result.seconds is None else result.seconds
     scores, objective, cost = (
-        part[0] for part in mean_rewards(exact_task(arguments), result.attacker, seed, (1, games), HELD_OUT)
+        part[0]
+        for part in mean_rewards(exact_task(arguments), result.attacker, seed, (1, games), HELD_OUT)
     )
     return MeasuredSearch(
-        method.name, result.attacker, result.description, scores, objective, cost, result.rounds, seconds, result.bound
+        method.name,
+        result.attacker,
+        result.description,
+        scores,
+        objective,
+        cost,
+        result.rounds,
+        seconds,
+        result.bound,
     )

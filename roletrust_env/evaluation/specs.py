@@ -25,7 +25,8 @@ from roletrust_env.trust.outside import OutsideFactory
 from roletrust_env.world import Scenario
 from roletrust_env.world.roster import Roster
 
-# A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline tables need.
+# A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline
+# tables need.
 _COMMA = re.compile(r""",(?=(?:[^\[\]{}"']|\[[^\]]*\]|\{[^}]*\}|"[^"]*"|'[^']*')*$)""")
 
 # The parameters of an attack that are places on the provider or the rater axis, and may be named.
@@ -36,7 +37,8 @@ _SHARED = {"lam": "lam", "initial": "initial_trust"}
 
 
 def parse_value(text: str) -> Any:
-    """Return a value as TOML has it (`3`, `0.5`, `true`, `[0, 1]`, `{kind = "choice"}`), or else the text itself.
+    """Return a value as TOML has it (`3`, `0.5`, `true`, `[0, 1]`, `{kind = "choice"}`), or else
+    the text itself.
 
     Example:
         >>> parse_value("0.5"), parse_value("[0, 1]"), parse_value("random")
@@ -99,23 +101,29 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
     """Return the policies of texts of the form `AGENT=NAME:key=value,...`, by agent.
 
     Args:
-        texts: Texts. AGENT may be a pattern such as `sr_*` or `sr_[0-2]`, NAME may be `package.module:Class`, and
-            `targets`, `accomplices` and `raters` may hold names of agents. An attack that needs accomplices or the
-            length of the game gets all attacking providers with their identities in reserve, and the length from the
-            scenario.
+        texts: Texts. AGENT may be a pattern such as `sr_*` or `sr_[0-2]`, NAME may be
+            `package.module:Class`, and `targets`, `accomplices` and `raters` may hold names of
+            agents. An attack that needs accomplices or the length of the game gets all attacking
+            providers with their identities in reserve, and the length from the scenario.
         scenario: Scenario with the agents.
 
     Raises:
-        ValueError: A text has another form, names no agent or names an agent twice, or the attack cannot be made.
+        ValueError: A text has another form, names no agent or names an agent twice, or the attack
+            cannot be made.
     """
     roster, seated = Roster.of(scenario), []
     for text in texts:
         pattern, equals, attacker = text.partition("=")
         if not equals or not pattern or not attacker:
-            raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
+            raise ValueError(
+                f"--attack has {text!r}; it must be of the form AGENT=NAME or "
+                "AGENT=NAME:key=value,..."
+            )
         seated.append((_agents(pattern.strip(), roster.owner_names), attacker))
     attacked = {agent for agents, _ in seated for agent in agents}
-    accomplices = tuple(index for index, name in enumerate(roster.provider_names) if roster.owners[name] in attacked)
+    accomplices = tuple(
+        index for index, name in enumerate(roster.provider_names) if roster.owners[name] in attacked
+    )
     policies: dict[str, Policy] = {}
     for agents, attacker in seated:
         registry, name, parameters = _parsed_attack(attacker, roster)
@@ -124,13 +132,16 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
         policy = _made(registry, name, {**facts, **parameters}, attacker)
         for agent in agents:
             if agent in policies:
-                raise ValueError(f"--attack gives agent {agent!r} two attacks; an agent has one policy")
+                raise ValueError(
+                    f"--attack gives agent {agent!r} two attacks; an agent has one policy"
+                )
             policies[agent] = policy
     return policies
 
 
 def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[AttackKind, ...]:
-    """Return the kinds of attack of texts of the form `NAME[:key=value,...]`; their other parameters are searched.
+    """Return the kinds of attack of texts of the form `NAME[:key=value,...]`; their other
+    parameters are searched.
 
     Args:
         texts: Texts as behind the `=` of `parse_attacks`.
@@ -151,8 +162,12 @@ def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[AttackKind, .
     return tuple(kinds)
 
 
-def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None) -> TrustModel[Any]:
-    """Return the trust model of a text `NAME[:key=value,...]`. Arguments and errors as for `read_trust_model`."""
+def parse_trust_model(
+    text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None
+) -> TrustModel[Any]:
+    """Return the trust model of a text `NAME[:key=value,...]`. Arguments and errors as for
+    `read_trust_model`.
+    """
     registry, name, parameters = read_trust_model(text, scenario, settings)
     model: TrustModel[Any] = _made(registry, name, parameters, text)
     return model
@@ -181,34 +196,50 @@ def read_trust_model(
         settings: Fields that `--set` changes.
 
     Raises:
-        ValueError: The name is unknown, the model has no such parameter, or the settings contradict the parameters.
+        ValueError: The name is unknown, the model has no such parameter, or the settings contradict
+            the parameters.
     """
     registry, name, parameters = _parsed(trust_models, text)
     for key, field in _SHARED.items():
-        if key in parameters and field in (settings or {}) and parameters[key] != getattr(scenario, field):
-            raise ValueError(f"--model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once")
-    given = registry.accepted_parameters(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
+        if (
+            key in parameters
+            and field in (settings or {})
+            and parameters[key] != getattr(scenario, field)
+        ):
+            raise ValueError(
+                f"--model {text} contradicts --set {field}={getattr(scenario, field):g}; give it "
+                "once"
+            )
+    given = registry.accepted_parameters(
+        name, {key: getattr(scenario, field) for key, field in _SHARED.items()}
+    )
     return registry, name, {**given, **parameters}
 
 
 def parse_named(registry: Registry[T], text: str, offered: Mapping[str, Any] | None = None) -> T:
-    """Return the entry of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+    """Return the entry of a registry that `NAME:key=value,...` or
+    `package.module:Class:key=value,...` names.
 
     Args:
         registry: Registry of the name.
         text: Text that names the entry.
-        offered: Further parameters, of which the entry gets those that it accepts and that the text does not give.
+        offered: Further parameters, of which the entry gets those that it accepts and that the text
+            does not give.
 
     Raises:
-        ValueError: The name is unknown, it names something of another kind, or the entry cannot be made.
+        ValueError: The name is unknown, it names something of another kind, or the entry cannot be
+            made.
     """
     found, name, parameters = _parsed(registry, text)
-    made: T = _made(found, name, {**found.accepted_parameters(name, offered or {}), **parameters}, text)
+    made: T = _made(
+        found, name, {**found.accepted_parameters(name, offered or {}), **parameters}, text
+    )
     return made
 
 
 def named_factory(registry: Registry[T], text: str) -> Callable[..., T]:
-    """Return the factory of the entry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+    """Return the factory of the entry that `NAME:key=value,...` or
+    `package.module:Class:key=value,...` names.
 
     Raises:
         ValueError: The name is unknown, or it names something of another kind.
@@ -219,7 +250,8 @@ def named_factory(registry: Registry[T], text: str) -> Callable[..., T]:
 
 
 def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None:
-    """Refuse names from a file that are not installed, so that a file cannot make Python import a module.
+    """Refuse names from a file that are not installed, so that a file cannot make Python import a
+    module.
 
     Args:
         registry: Registry of the names.
@@ -232,10 +264,13 @@ def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None
         name, _, rest = text.strip().partition(":")
         if name not in registry.names():
             owner = rest.partition(":")[0]
-            if name not in OUTSIDE and (not owner or "=" in owner):  # a name that no import can make known
+            if name not in OUTSIDE and (
+                not owner or "=" in owner
+            ):  # a name that no import can make known
                 _explain_unknown(registry, name)
             raise ValueError(
-                f"the file names the {registry.kind} {text!r}, which is not installed; if you trust whoever wrote "
+                f"the file names the {registry.kind} {text!r}, which is not installed; if you "
+                "trust whoever wrote "
                 "it, --allow-code lets it import what it names"
             )
 
@@ -259,7 +294,9 @@ def _parameters(rest: str, text: str) -> dict[str, Any]:
 
 
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
-    """Return registry, name and parameters of `NAME:...`, `package.module:Class:...` or the address of a model."""
+    """Return registry, name and parameters of `NAME:...`, `package.module:Class:...` or the address
+    of a model.
+    """
     name, _, rest = text.strip().partition(":")
     if registry is trust_models and name in OUTSIDE:
         return registry.with_only(name, OutsideFactory(text.strip())), name, {}
@@ -275,7 +312,10 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
 def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:
     """Return the same for an attack, with names of agents replaced by indices."""
     registry, name, parameters = _parsed(attackers, text)
-    axes = ((_PROVIDERS, "providers", roster.provider_names), (_RATERS, "raters", roster.rater_names))
+    axes = (
+        (_PROVIDERS, "providers", roster.provider_names),
+        (_RATERS, "raters", roster.rater_names),
+    )
     for keys, who, names in axes:
         for key in keys:
             if key in parameters:
@@ -288,7 +328,8 @@ def _explain_unknown(registry: Registry[Any], name: str) -> None:
         registry.factory(name)
     except ValueError as error:
         raise ValueError(
-            f"{error}. Your own is package.module:Class, or a name that an installed package declares as an entry "
+            f"{error}. Your own is package.module:Class, or a name that an installed package "
+            "declares as an entry "
             f"point in the group {registry.group!r}"
         ) from None
 
@@ -305,7 +346,8 @@ def _check_ring(kind: AttackKind, parameters: Mapping[str, Any], text: str) -> N
     wanted = inspect.signature(kind).parameters.get("accomplices")
     if wanted and wanted.default is wanted.empty and "accomplices" not in parameters:
         raise ValueError(
-            f"attacker {text!r} has no accomplices: seat an attack at a provider, too, such as --attack sp_0={text}, "
+            f"attacker {text!r} has no accomplices: seat an attack at a provider, too, such as "
+            f"--attack sp_0={text}, "
             "or name them, such as accomplices=[sp_0]"
         )
 
@@ -313,14 +355,23 @@ def _check_ring(kind: AttackKind, parameters: Mapping[str, Any], text: str) -> N
 def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], text: str) -> Any:
     try:
         return registry.make(name, **parameters)
-    except TypeError as error:  # a value of the wrong type, which the maker compared or computed with
+    except (
+        TypeError
+    ) as error:  # a value of the wrong type, which the maker compared or computed with
         raise ValueError(f"{text!r}: a value is of the wrong type ({error})") from None
-    except (LookupError, ArithmeticError, AttributeError, RuntimeError) as error:  # of a class that others wrote
+    except (
+        LookupError,
+        ArithmeticError,
+        AttributeError,
+        RuntimeError,
+    ) as error:  # of a class that others wrote
         raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
 def _indices(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
-    """Return indices, with the names of agents among them replaced, such as `[sp_1,sp_2]` or `sp_1`."""
+    """Return indices, with the names of agents among them replaced, such as `[sp_1,sp_2]` or
+    `sp_1`.
+    """
     if isinstance(given, str):
         given = tuple(parse_value(part.strip()) for part in given.strip("[] ").split(","))
     if isinstance(given, int) and not isinstance(given, bool):
@@ -339,7 +390,10 @@ def _agents(pattern: str, names: Sequence[str]) -> list[str]:
         return [pattern]
     found = [name for name in names if fnmatchcase(name, pattern)]
     if not found:
-        raise ValueError(f"--attack names {pattern!r}, which no agent matches; they are {names[0]} ... {names[-1]}")
+        raise ValueError(
+            f"--attack names {pattern!r}, which no agent matches; they are {names[0]} ... "
+            f"{names[-1]}"
+        )
     return found
 
 

@@ -1,10 +1,23 @@
-"""Accounts that providers keep of their raters: what each rater thinks of a provider, by the ratings that arrived."""
+"""Accounts that providers keep of their raters: what each rater thinks of a provider, by the
+ratings that arrived.
+"""
 
 from typing import NamedTuple, Self
 
 from roletrust_env.arrays import Array, cast, largest, namespace
 
-ACCOUNT_FEATURES = ("account", "known", "last", "lead", "own_lead", "deviation", "voice", "given", "ally", "place")
+ACCOUNT_FEATURES = (
+    "account",
+    "known",
+    "last",
+    "lead",
+    "own_lead",
+    "deviation",
+    "voice",
+    "given",
+    "ally",
+    "place",
+)
 """Names of the features of a rater's account, see `account_features`."""
 
 _LEADS = 2.0  # differences of accounts decide; this brings them near the size of other features
@@ -13,8 +26,8 @@ _LEADS = 2.0  # differences of accounts decide; this brings them near the size o
 class Accounts(NamedTuple):
     """Ratings that providers got from each rater.
 
-    A provider sees the ratings of it that arrive, as the trust model does. So it knows what a rater that goes by its
-    own ratings thinks of it, and can treat each rater accordingly.
+    A provider sees the ratings of it that arrive, as the trust model does. So it knows what a rater
+    that goes by its own ratings thinks of it, and can treat each rater accordingly.
 
     Attributes:
         total: Sum of the ratings, shape (S, n, ...) for n providers.
@@ -31,7 +44,8 @@ class Accounts(NamedTuple):
         """Return accounts without ratings.
 
         Args:
-            like: Array of a shape that broadcasts with (S, n, ...), of the array library, dtype and device to use.
+            like: Array of a shape that broadcasts with (S, n, ...), of the array library, dtype and
+                device to use.
         """
         return cls(0 * like, 0 * like, 0 * like)
 
@@ -43,7 +57,9 @@ class Accounts(NamedTuple):
             rated: Whether a rating arrived, boolean, shape (S, n, ...).
         """
         where, met = namespace(ratings).where, cast(rated, ratings.dtype)
-        return type(self)(self.total + met * ratings, self.count + met, where(rated, ratings, self.last))
+        return type(self)(
+            self.total + met * ratings, self.count + met, where(rated, ratings, self.last)
+        )
 
     def with_prior(self, ratings: float) -> Self:
         """Return the accounts with so many further ratings of 0.5 by each rater."""
@@ -55,19 +71,24 @@ class Accounts(NamedTuple):
         return self.total / (self.count + (self.count == 0))
 
 
-def account_features(accounts: Accounts, *, best_other: Array, given: Array, ally: Array, place: Array) -> Array:
-    """Return the features of the account of each rater with each provider, shape (A, S, n, ...), in [-1, 1].
+def account_features(
+    accounts: Accounts, *, best_other: Array, given: Array, ally: Array, place: Array
+) -> Array:
+    """Return the features of the account of each rater with each provider, shape (A, S, n, ...), in
+    [-1, 1].
 
     In the order of `ACCOUNT_FEATURES`:
 
-    - `account`: mean rating of the rater for the provider, `last`: its last rating; 0 where there is none.
+    - `account`: mean rating of the rater for the provider, `last`: its last rating; 0 where there
+      is none.
     - `known`: N / (2 + N) for N ratings.
     - `lead`: twice the account less the quality of the best provider of others, cut to [-1, 1].
     - `own_lead`: the account less the rater's best account with any of the n providers.
     - `deviation`: the account less the mean account over the raters.
     - `voice`: number of the rater's ratings as a share of those of the rater who has sent most.
     - `given`: quality of the last service to the rater, as the provider chose it.
-    - `ally`: 1 for a rater of the coalition, else 0; `place`: a number in [0, 1] that is different for each rater.
+    - `ally`: 1 for a rater of the coalition, else 0; `place`: a number in [0, 1] that is different
+      for each rater.
 
     Args:
         accounts: Accounts with the ratings that have arrived, shape (S, n, ...).

@@ -1,4 +1,6 @@
-"""The attacker's side of a game: the compromised agents with their identities, and the attack task."""
+"""The attacker's side of a game: the compromised agents with their identities, and the attack
+task.
+"""
 
 import copy
 from collections.abc import Hashable, Mapping, Sequence
@@ -51,10 +53,15 @@ def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
     if price is None or isinstance(price, Stealth):
         return price or Stealth()
     if not isinstance(price, Mapping):
-        raise ValueError(f"stealth is {price!r}; it must be a Stealth, or a mapping of its fields weight and tolerance")
+        raise ValueError(
+            f"stealth is {price!r}; it must be a Stealth, or a mapping of its fields weight and "
+            "tolerance"
+        )
     for name in price:
         if name not in ("weight", "tolerance"):
-            raise ValueError(f"stealth: there is no field {name!r}{suggest(name, ('weight', 'tolerance'))}")
+            raise ValueError(
+                f"stealth: there is no field {name!r}{suggest(name, ('weight', 'tolerance'))}"
+            )
     try:
         return Stealth(**price)
     except ValidationError as error:
@@ -76,54 +83,84 @@ class AttackerSide:
         honest_providers: Indices of the honest providers on the provider axis.
     """
 
-    def __init__(self, roster: Roster, compromised: Sequence[str], honest: Sequence[str], like: Array) -> None:
-        owned = [[name for name, owner in roster.owners.items() if owner == agent] for agent in compromised]
+    def __init__(
+        self, roster: Roster, compromised: Sequence[str], honest: Sequence[str], like: Array
+    ) -> None:
+        owned = [
+            [name for name, owner in roster.owners.items() if owner == agent]
+            for agent in compromised
+        ]
         self.identities = tuple(name for names in owned for name in names)
         others = [name for name in honest if name not in self.identities]
         self._raters = places(self.identities, roster.rater_names)
         self._providers = places(self.identities, roster.provider_names)
         self.honest_raters = places(others, roster.rater_names)
         self.honest_providers = places(others, roster.provider_names)
-        self._sellers = [found for names in owned if (found := places(names, roster.provider_names))]
+        self._sellers = [
+            found for names in owned if (found := places(names, roster.provider_names))
+        ]
         self._agents = places(self.identities, roster.names)
         rows = [
-            name for axis in (roster.rater_names, roster.provider_names) for name in self.identities if name in axis
+            name
+            for axis in (roster.rater_names, roster.provider_names)
+            for name in self.identities
+            if name in axis
         ]
         self._in_gap = places(rows, roster.names)
-        self._reserve = self._mask(like, [roster.identity_index[place] > 0 for place in self._in_gap])
+        self._reserve = self._mask(
+            like, [roster.identity_index[place] > 0 for place in self._in_gap]
+        )
         of_agent = [[k for k, name in enumerate(rows) if name in names] for names in owned]
         longest = max(map(len, of_agent))
         self._columns = [[own[min(k, len(own) - 1)] for own in of_agent] for k in range(longest)]
-        masks = ([name in self.identities for name in axis] for axis in (roster.rater_names, roster.provider_names))
+        masks = (
+            [name in self.identities for name in axis]
+            for axis in (roster.rater_names, roster.provider_names)
+        )
         self._rates, self._provides = (self._mask(like, mask) for mask in masks)
         self._is = self._mask(like, [name in self.identities for name in roster.names])
 
     def joint(self, others: Actions, own: Actions) -> Actions:
-        """Return the actions of all agents: `own` for the attacker's identities, `others` for everybody else."""
+        """Return the actions of all agents: `own` for the attacker's identities, `others` for
+        everybody else.
+        """
         xp = namespace(own.quality)
         rates, provides, is_ours = (
-            mask.reshape(-1, *[1] * (own.quality.ndim - 1)) for mask in (self._rates, self._provides, self._is)
+            mask.reshape(-1, *[1] * (own.quality.ndim - 1))
+            for mask in (self._rates, self._provides, self._is)
         )
 
-        def choose(mine: Array, ours: Array | None, theirs: Array | None, usual: Array) -> Array | None:
+        def choose(
+            mine: Array, ours: Array | None, theirs: Array | None, usual: Array
+        ) -> Array | None:
             if ours is None and theirs is None:
                 return None
-            return xp.where(mine, usual if ours is None else ours, usual if theirs is None else theirs)
+            return xp.where(
+                mine, usual if ours is None else ours, usual if theirs is None else theirs
+            )
 
         return Actions(
             quality=xp.where(provides, own.quality, others.quality),
             ratings=xp.where(rates[:, None, ...], own.ratings, others.ratings),
-            presence=None if own.presence is None else xp.where(is_ours, own.presence, others.presence),
+            presence=None
+            if own.presence is None
+            else xp.where(is_ours, own.presence, others.presence),
             withheld=choose(rates[:, None, ...], own.withheld, others.withheld, own.ratings < 0),
-            treatment=choose(provides[None, ...], own.treatment, others.treatment, 0 * own.ratings + 1),
+            treatment=choose(
+                provides[None, ...], own.treatment, others.treatment, 0 * own.ratings + 1
+            ),
         )
 
     def gone(self, phase: Array) -> Array:
-        """Return whether all identities are gone for good, shape (...); an identity in reserve is not."""
+        """Return whether all identities are gone for good, shape (...); an identity in reserve is
+        not.
+        """
         return (phase[self._agents, ...] > PRESENT).all(axis=0)
 
     def mean_of_sellers(self, values: Array, present: Array | None) -> Array:
-        """Return the mean over the agents that provide; the value of an agent is the mean of its present identities."""
+        """Return the mean over the agents that provide; the value of an agent is the mean of its
+        present identities.
+        """
         if present is None or all(len(own) == 1 for own in self._sellers):
             return values[[place for own in self._sellers for place in own], ...].mean(axis=0)
         means = [mean_or_zero(values[own, ...], present[own, ...]) for own in self._sellers]
@@ -136,10 +173,11 @@ class AttackerSide:
         phase: Array | None,
         tolerance: float,
     ) -> Array:
-        """Return the trust gap of each compromised agent to the honest agents of its role, shape (n, ...).
+        """Return the trust gap of each compromised agent to the honest agents of its role, shape
+        (n, ...).
 
-        The largest gap of its roles and identities counts. An identity in reserve has no gap, and an identity that is
-        gone keeps its gap.
+        The largest gap of its roles and identities counts. An identity in reserve has no gap, and
+        an identity that is gone keeps its gap.
 
         Args:
             trust: ToR, shape (S, ...), and ToP, shape (P, ...).
@@ -156,9 +194,15 @@ class AttackerSide:
         xp = namespace(gaps[0])
         gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
         if phase is not None:
-            unseen = self._reserve.reshape(-1, *[1] * (gap.ndim - 1)) & (phase[self._in_gap, ...] == WAITING)
+            unseen = self._reserve.reshape(-1, *[1] * (gap.ndim - 1)) & (
+                phase[self._in_gap, ...] == WAITING
+            )
             gap = xp.where(unseen, 0 * gap, gap)
-        return gap if len(self._columns) == 1 else reduce(xp.maximum, (gap[column, ...] for column in self._columns))
+        return (
+            gap
+            if len(self._columns) == 1
+            else reduce(xp.maximum, (gap[column, ...] for column in self._columns))
+        )
 
     @staticmethod
     def _mask(like: Array, flags: Sequence[bool]) -> Array:
@@ -196,8 +240,10 @@ class Outcome(NamedTuple):
     Attributes:
         reward: Objective less the weighted cost.
         objective: Objective of the round, in [0, 1].
-        cost: Mean over the compromised agents of the trust gap to the honest agents beyond the tolerance, in [0, 1].
-        caught: Whether all compromised agents are gone for good, cut off or left, without identities in reserve.
+        cost: Mean over the compromised agents of the trust gap to the honest agents beyond the
+            tolerance, in [0, 1].
+        caught: Whether all compromised agents are gone for good, cut off or left, without
+            identities in reserve.
     """
 
     reward: Array
@@ -211,33 +257,37 @@ class AttackTask:
 
     Args:
         game: Game with its scenario, trust model and array library.
-        compromised: Names of the agents that the attacker controls, each once. Their identities in reserve belong to
-            the attacker, too; policies use them, but an action does not, see `step`.
+        compromised: Names of the agents that the attacker controls, each once. Their identities in
+            reserve belong to the attacker, too; policies use them, but an action does not, see
+            `step`.
         objective: Objective of each round, by the trust after the round:
-            `"damage"`, the mean over the honest providers of 1 - ToP;
-            `"exploit"`, the mean over the attacker's providers of ToP times 1 - delivered quality, which is bad service
-            sold on good trust; for a provider with several identities the mean over the present ones;
-            `"promote"`, the same for the accomplices;
-            `"mislead"`, the best quality on offer, less the quality that consumers got from the provider with the
-            highest trust before the round, see `game.consumer`.
-        stealth: Price of a trust gap. The gap of a compromised agent is the mean trust of the present honest agents of
-            its role, less its own trust. For an SR+SP agent, and for an agent with several identities that have been
-            present, the largest gap counts. The cost is the mean over the compromised agents of the gap beyond the
-            tolerance, so that no agent hides behind another. An agent that is gone keeps its gap. A role without honest
+            `"damage"`, the mean over the honest providers of 1 - ToP; `"exploit"`, the mean over
+            the attacker's providers of ToP times 1 - delivered quality, which is bad service sold
+            on good trust; for a provider with several identities the mean over the present ones;
+            `"promote"`, the same for the accomplices; `"mislead"`, the best quality on offer, less
+            the quality that consumers got from the provider with the highest trust before the
+            round, see `game.consumer`.
+        stealth: Price of a trust gap. The gap of a compromised agent is the mean trust of the
+            present honest agents of its role, less its own trust. For an SR+SP agent, and for an
+            agent with several identities that have been present, the largest gap counts. The cost
+            is the mean over the compromised agents of the gap beyond the tolerance, so that no
+            agent hides behind another. An agent that is gone keeps its gap. A role without honest
             agents has no gap. None is free.
         knowledge: Knowledge of the attacker, see `observe`.
         others: Policies of further agents by name; agents that are not named play honestly.
         accomplices: Names of the providers of `"promote"`, compromised or not.
-        consumers: Who consumes: the `"public"`, which goes by the published trust; or the honest `"raters"` that are
-            present, each of which goes by what it knows, see `Game.known_trust`.
+        consumers: Who consumes: the `"public"`, which goes by the published trust; or the honest
+            `"raters"` that are present, each of which goes by what it knows, see
+            `Game.known_trust`.
 
     Raises:
-        ValueError: A name is no agent or occurs twice, an objective lacks its agents, or the name of the objective or
-            of the knowledge is unknown.
+        ValueError: A name is no agent or occurs twice, an objective lacks its agents, or the name
+            of the objective or of the knowledge is unknown.
     """
 
     temperature = 0.0  # of the choice of consumers, see `game.consumer.buy`
-    blind_share = 0.0  # of what a blind choice loses, which `mislead` then does not count, see `with_blind_share`
+    # of what a blind choice loses, which `mislead` then does not count, see `with_blind_share`
+    blind_share = 0.0
 
     def __init__(
         self,
@@ -288,7 +338,10 @@ class AttackTask:
             raise ValueError("consumers are the honest raters, and there is none")
 
     def __repr__(self) -> str:
-        aim = f"compromised: {' '.join(self.compromised)}, objective: {self.objective}, knowledge: {self.knowledge}"
+        aim = (
+            f"compromised: {' '.join(self.compromised)}, objective: {self.objective}, knowledge: "
+            f"{self.knowledge}"
+        )
         return f"{type(self).__name__}({game_facts(self.game)}; {aim})"
 
     @property
@@ -313,7 +366,9 @@ class AttackTask:
 
     @property
     def action_size(self) -> int:
-        """Size A of an action: for each compromised agent quality, if it provides, then P ratings, if it rates."""
+        """Size A of an action: for each compromised agent quality, if it provides, then P ratings,
+        if it rates.
+        """
         return len(self._providers) + self.game.roster.n_providers * len(self._raters)
 
     def start(self, noise: Noise, random: Random) -> TaskState:
@@ -338,16 +393,20 @@ class AttackTask:
 
         Args:
             state: State before the round; it is not changed.
-            action: Action of shape (A, ...), in [0, 1]; or `Actions` of all agents, of which those of the attacker's
-                identities count, on every channel.
+            action: Action of shape (A, ...), in [0, 1]; or `Actions` of all agents, of which those
+                of the attacker's identities count, on every channel.
             noise: Noise of the round.
             random: Random numbers of the scripted agents.
         """
         actions, memories = self.joint(state, action, random)
         return self.advance(state, actions, memories, noise)
 
-    def joint(self, state: TaskState, action: Array | Actions, random: Random) -> tuple[Actions, tuple[Any, ...]]:
-        """Return the actions of all agents and the memories of the scripted ones. Arguments as for `step`."""
+    def joint(
+        self, state: TaskState, action: Array | Actions, random: Random
+    ) -> tuple[Actions, tuple[Any, ...]]:
+        """Return the actions of all agents and the memories of the scripted ones. Arguments as for
+        `step`.
+        """
         scripted, memories = self.joint_policy.act(state.game, state.memories, random)
         return self._overrule(scripted, action), memories
 
@@ -359,7 +418,9 @@ class AttackTask:
         return self.follow(after, memories, state), self.judge(state.game, actions, after)
 
     def judge(self, before: State, actions: Actions, after: State) -> Outcome:
-        """Return the outcome of a round for the attacker, by the actions and the states before and after it."""
+        """Return the outcome of a round for the attacker, by the actions and the states before and
+        after it.
+        """
         game = self.game
         tor, top = game.published(after)
         present = game.present(after)
@@ -382,54 +443,75 @@ class AttackTask:
         phase = None if after.population is None else after.population.phase
         gap = self._side.gap((tor, top), (raters, providers), phase, self.stealth.tolerance)
         cost = namespace(gap).where(gap > 0, gap, 0 * gap).mean(axis=0)
-        caught = after.round < 0 if phase is None else self._side.gone(phase)  # without a phase never
+        caught = (
+            after.round < 0 if phase is None else self._side.gone(phase)
+        )  # without a phase never
         reward = objective - self.stealth.weight * cost
         return Outcome(reward, objective, cost, caught)
 
     def with_blind_share(self, share: float) -> Self:
-        """Return the same task in which `mislead` leaves out a share of what a blind choice loses to the best one.
+        """Return the same task in which `mislead` leaves out a share of what a blind choice loses
+        to the best one.
 
-        An attack that makes a blind choice worse, too, then gains less. With the share 1 - s, an attack has a positive
-        score if and only if it leaves consumers a lower skill than s, see `roletrust_env.metrics.skill`.
+        An attack that makes a blind choice worse, too, then gains less. With the share 1 - s, an
+        attack has a positive score if and only if it leaves consumers a lower skill than s, see
+        `roletrust_env.metrics.skill`.
         """
         other = copy.copy(self)
         other.blind_share = share
         return other
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
-        """Return the qualities that consumers got in a round by the trust before it. See `Game.offered`."""
+        """Return the qualities that consumers got in a round by the trust before it. See
+        `Game.offered`.
+        """
         if self.consumers == "raters":
             return self._bought_by_raters(self.game.known_trust(before), before, actions, after)
         top = self._of_present(self.game.published(before)[1], before)
         return buy(top, self.game.offered(before, actions, after), temperature=self.temperature)
 
     def bought_by_published(self, before: State, actions: Actions, after: State) -> Bought:
-        """Return the qualities that the same consumers would have got by published trust. See `bought`."""
+        """Return the qualities that the same consumers would have got by published trust. See
+        `bought`.
+        """
         if self.consumers == "public" or not hasattr(self.game.model, "judge_trust"):
             return self.bought(before, actions, after)
         known, published = self.game.known_trust(before), self.game.published(before)[1]
-        known = namespace(known).where(known == known, published, known)  # NaN where rater and provider are one agent
+        known = namespace(known).where(
+            known == known, published, known
+        )  # NaN where rater and provider are one agent
         return self._bought_by_raters(known, before, actions, after)
 
-    def _bought_by_raters(self, known: Array, before: State, actions: Actions, after: State) -> Bought:
-        """Return the mean qualities of the honest raters, each by the trust that it knows, (S, P, ...)."""
+    def _bought_by_raters(
+        self, known: Array, before: State, actions: Actions, after: State
+    ) -> Bought:
+        """Return the mean qualities of the honest raters, each by the trust that it knows, (S, P,
+        ...).
+        """
         present, xp = self.game.present(before), namespace(known)
         offered = xp.broadcast_to(self.game.offered(before, actions, after), known.shape)
-        of_each = buy(self._of_present(known, before), offered, axis=1, temperature=self.temperature)
+        of_each = buy(
+            self._of_present(known, before), offered, axis=1, temperature=self.temperature
+        )
         raters = None if present is None else self.game.roster.raters(present)
         return Bought(*(mean_of(part, self._side.honest_raters, raters) for part in of_each))
 
     def _of_present(self, trust: Array, before: State) -> Array:
         """Return the trust of the providers, (..., P, ...), with NaN where one is absent."""
         present = self.game.present(before)
-        return trust if present is None else namespace(trust).where(self.game.roster.providers(present), trust, np.nan)
+        return (
+            trust
+            if present is None
+            else namespace(trust).where(self.game.roster.providers(present), trust, np.nan)
+        )
 
     def observe(self, state: TaskState) -> Array:
         """Return the observation of the attacker, shape (K, ...).
 
-        `black_box`: the observations of its agents, one after the other. `grey_box`: in addition the published trust of
-        every rater, S, and of every provider, P. `white_box`: in addition the whole state of the game, with the memory
-        of the trust model: every array of `State`, flattened, in order.
+        `black_box`: the observations of its agents, one after the other. `grey_box`: in addition
+        the published trust of every rater, S, and of every provider, P. `white_box`: in addition
+        the whole state of the game, with the memory of the trust model: every array of `State`,
+        flattened, in order.
         """
         game = self.game
         views = game.views(state.game)
@@ -443,10 +525,18 @@ class AttackTask:
         return namespace(seen[0]).concat(seen)
 
     def _seen(self, name: str, state: State, providers: ProviderView, raters: RaterView) -> Array:
-        """Return the observation of one of its agents, from the views of all providers and raters."""
+        """Return the observation of one of its agents, from the views of all providers and
+        raters.
+        """
         roster, layout = self.game.roster, self.game.layout
-        provider = view_of(providers, roster.provider_names.index(name)) if name in roster.provider_names else None
-        rater = view_of(raters, roster.rater_names.index(name)) if name in roster.rater_names else None
+        provider = (
+            view_of(providers, roster.provider_names.index(name))
+            if name in roster.provider_names
+            else None
+        )
+        rater = (
+            view_of(raters, roster.rater_names.index(name)) if name in roster.rater_names else None
+        )
         if provider is not None and rater is not None:
             trust = self.game.agent_trust(state)[roster.names.index(name)]
             return layout.flatten_both(AgentView(trust, provider, rater))
@@ -456,7 +546,9 @@ class AttackTask:
         return layout.flatten(rater)
 
     def _overrule(self, scripted: Actions, action: Array | Actions) -> Actions:
-        """Return the actions of all agents, with those of the attacker in place of the scripted ones."""
+        """Return the actions of all agents, with those of the attacker in place of the scripted
+        ones.
+        """
         if isinstance(action, Actions):
             return self._side.joint(scripted, action)
         xp, roster, p = namespace(action), self.game.roster, self.game.roster.n_providers

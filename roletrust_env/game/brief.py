@@ -1,4 +1,6 @@
-"""One-line descriptions of games and of what they leave behind, for `repr`: names and shapes, and no array."""
+"""One-line descriptions of games and of what they leave behind, for `repr`: names and shapes, and
+no array.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,14 +20,19 @@ def population(roster: Roster) -> str:
 
 
 def game_facts(game: Any, batch: tuple[int, ...] | None = None) -> str:
-    """Return the scenario, the model, the agents and the rounds of a game, and the shape of the batch, if any.
+    """Return the scenario, the model, the agents and the rounds of a game, and the shape of the
+    batch, if any.
 
     Args:
         game: A `Game`.
         batch: Shape of the batch of games; None where there is no batch yet.
     """
     like = game.like
-    library = "" if isinstance(like, np.ndarray) and str(like.dtype) == "float64" else f", {library_of(like)}"
+    library = (
+        ""
+        if isinstance(like, np.ndarray) and str(like.dtype) == "float64"
+        else f", {library_of(like)}"
+    )
     games = "" if not batch else f", batch {batch}"
     rules, agents = game.scenario, population(game.roster)
     rounds = f"{'' if rules.continuation == 1 else 'up to '}{rules.max_cycles}"
@@ -33,15 +40,21 @@ def game_facts(game: Any, batch: tuple[int, ...] | None = None) -> str:
 
 
 def shapes(record: Any) -> str:
-    """Return the fields of a tuple of arrays by their shapes, such as `Actions(quality: (3,), ratings: (3, 3))`."""
+    """Return the fields of a tuple of arrays by their shapes, such as `Actions(quality: (3,),
+    ratings: (3, 3))`.
+    """
     fields = ", ".join(
-        f"{name}: {_brief(value)}" for name, value in zip(record._fields, record, strict=True) if value is not None
+        f"{name}: {_brief(value)}"
+        for name, value in zip(record._fields, record, strict=True)
+        if value is not None
     )
     return f"{type(record).__name__}({fields})"
 
 
 def players(policies: Mapping[str, Any]) -> str:
-    """Return the agents with a policy and the policies, such as `sr_2: BadMouthing()`; of many agents a count."""
+    """Return the agents with a policy and the policies, such as `sr_2: BadMouthing()`; of many
+    agents a count.
+    """
     by_policy: dict[Any, list[str]] = {}
     for name, policy in policies.items():
         by_policy.setdefault(policy, []).append(name)

@@ -1,8 +1,10 @@
-"""The cells of a game: the pairs of a rater and a provider for which a round has numbers, and what is summed over them.
+"""The cells of a game: the pairs of a rater and a provider for which a round has numbers, and what
+is summed over them.
 
-The rules of a round are written once, in `Game.step`, for arrays whose first axis is the rater and whose second axis is
-its cells. In `Cells` a rater has a cell for every provider. In `MetCells` it has one for each provider that it meets in
-a round, so that time and memory grow with the services of a round, not with S times P.
+The rules of a round are written once, in `Game.step`, for arrays whose first axis is the rater and
+whose second axis is its cells. In `Cells` a rater has a cell for every provider. In `MetCells` it
+has one for each provider that it meets in a round, so that time and memory grow with the services
+of a round, not with S times P.
 """
 
 from typing import Any, NamedTuple
@@ -25,11 +27,13 @@ MOST_CELLS = 4_000_000
 """Number of pairs up to which encounters are played on a grid."""
 
 Met = Any
-"""Index of the provider of each cell, whole, shape (S, K); None on a grid, where it is the place of the cell."""
+"""Index of the provider of each cell, whole, shape (S, K); None on a grid, where it is the place of
+the cell."""
 
 
 class Cells:
-    """The cells of a game: those of all pairs, arrays of shape (S, P, ...), for any trust model and array library.
+    """The cells of a game: those of all pairs, arrays of shape (S, P, ...), for any trust model and
+    array library.
 
     Below, K is the number of cells of a rater, here P.
 
@@ -38,17 +42,22 @@ class Cells:
         not_self: Whether rater and provider are two agents, boolean, shape (S, P).
     """
 
-    def __init__(self, scenario: Scenario, roster: Roster, model: TrustModel[Any], like: Array) -> None:
+    def __init__(
+        self, scenario: Scenario, roster: Roster, model: TrustModel[Any], like: Array
+    ) -> None:
         """Try the model on one round.
 
         Raises:
-            ValueError: The model fails, see `check_trust_model`; or the scenario is for a `SparseGame`.
+            ValueError: The model fails, see `check_trust_model`; or the scenario is for a
+                `SparseGame`.
         """
         xp, cells = namespace(like), roster.n_raters * roster.n_providers
         if isinstance(scenario.access, Encounters) and cells > MOST_CELLS:
             raise ValueError(
-                f"scenario {scenario.name!r} has {roster.n_raters:,} x {roster.n_providers:,} pairs, of which only "
-                "some meet in a round: too many for Game and for environments; roletrust_env.SparseGame plays it"
+                f"scenario {scenario.name!r} has {roster.n_raters:,} x {roster.n_providers:,} "
+                "pairs, of which only "
+                "some meet in a round: too many for Game and for environments; "
+                "roletrust_env.SparseGame plays it"
             )
         self.width, self._rule, self._model = roster.n_providers, scenario.access, model
         self.not_self = xp.asarray(roster.not_self, device=like.device)
@@ -67,21 +76,28 @@ class Cells:
         return start_model(self._model, nothing, self._peers), nothing[0]
 
     def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
-        """Return providers of the cells, and flags that are false, where nobody has met yet. Shape (S, K, ...)."""
+        """Return providers of the cells, and flags that are false, where nobody has met yet. Shape
+        (S, K, ...).
+        """
         return None, for_batch(self.not_self & False, shape)
 
     def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
-        """Return the providers of the cells of a round, and whether rater and provider meet, boolean.
+        """Return the providers of the cells of a round, and whether rater and provider meet,
+        boolean.
 
         Args:
             shape: Shape (S, K, ...) of the cells.
-            noise: Uniform noise of encounters, shape (S, k, ...); of no use where nobody meets by chance.
+            noise: Uniform noise of encounters, shape (S, k, ...); of no use where nobody meets by
+                chance.
         """
         if not isinstance(self._rule, Encounters):
             return None, for_batch(self.not_self, shape)
         batch = (1,) * (len(shape) - 2)
         own, places = self._own.reshape(-1, *batch), self._places.reshape(1, -1, *batch)
-        met, mask = meet(self._rule, own, self.width, noise), for_batch(self.not_self & False, shape)
+        met, mask = (
+            meet(self._rule, own, self.width, noise),
+            for_batch(self.not_self & False, shape),
+        )
         for n in range(self._rule.providers):
             mask = mask | (met[:, n : n + 1, ...] == places)
         return None, mask
@@ -89,7 +105,8 @@ class Cells:
     def update(
         self, trust: Any, met: Met, ratings: Array, rated: Array | None, round: Array
     ) -> tuple[Any, Array, Array]:
-        """Return the state of the trust model after the ratings of a round, and the trust as `read` does.
+        """Return the state of the trust model after the ratings of a round, and the trust as `read`
+        does.
 
         Args:
             trust: State of the trust model before the round.
@@ -104,11 +121,15 @@ class Cells:
         return after, *self.read(after)
 
     def read(self, trust: Any) -> tuple[Array, Array]:
-        """Return the trust of the raters, shape (S, ...), and of the providers, shape (P, ...), in a state."""
+        """Return the trust of the raters, shape (S, ...), and of the providers, shape (P, ...), in
+        a state.
+        """
         return self._model.rater_trust(trust), self._model.provider_trust(trust)
 
     def of_providers(self, values: Array, met: Met) -> Array:
-        """Return the provider's value for each cell, from shape (P, ...), in a shape that broadcasts with the cells."""
+        """Return the provider's value for each cell, from shape (P, ...), in a shape that
+        broadcasts with the cells.
+        """
         return values[None, ...]
 
     def counts(self, flags: Array, met: Met, dtype: Any) -> Array:
@@ -121,7 +142,8 @@ class Cells:
 
 
 class SparseTrust(NamedTuple):
-    """Trust of a game on slots after a round. The run is shared and goes on, so a state is stepped from once.
+    """Trust of a game on slots after a round. The run is shared and goes on, so a state is stepped
+    from once.
 
     Attributes:
         run: Run of all agents and pairs.
@@ -137,7 +159,8 @@ class SparseTrust(NamedTuple):
 
 
 class MetCells(Cells):
-    """The cells of the pairs that meet: arrays of shape (S, K), for one game with encounters on NumPy.
+    """The cells of the pairs that meet: arrays of shape (S, K), for one game with encounters on
+    NumPy.
 
     Attributes:
         width: Number of providers K that a rater meets in a round.
@@ -154,7 +177,8 @@ class MetCells(Cells):
         self.width, self._rule, self._model = rule.providers, rule, edge_model(model)
         if takes_peers(model) and roster.n_both:
             raise ValueError(
-                f"trust model {model!r} depends on which rater is which provider, and a sparse game does not tell it; "
+                f"trust model {model!r} depends on which rater is which provider, and a sparse "
+                "game does not tell it; "
                 "give the scenario agents of one role, SR and SP, or take another model"
             )
         self._shape = roster.n_raters, roster.n_providers
@@ -186,7 +210,8 @@ class MetCells(Cells):
         """
         if trust.rounds != trust.run.rounds:
             raise ValueError(
-                f"round {trust.rounds} of this sparse game has been played, and its trust has gone on to round "
+                f"round {trust.rounds} of this sparse game has been played, and its trust has gone "
+                "on to round "
                 f"{trust.run.rounds}; step from the newest state, or start another game"
             )
         flags: npt.NDArray[np.bool_] = np.ones(ratings.shape, bool) if rated is None else rated
@@ -218,7 +243,8 @@ class MetCells(Cells):
 def for_batch(constant: Array, shape: tuple[int, ...]) -> Array:
     """Return a constant, such as one of shape (S, P), for every game of a batch.
 
-    It is a view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the trust model.
+    It is a view and not a copy: on the CPU, compiled torch takes as long to write booleans as for
+        the trust model.
     """
     if constant.shape == shape:
         return constant

@@ -1,4 +1,6 @@
-"""A coalition as one mind: what it remembers, the features of providers that it decides by, and its actions."""
+"""A coalition as one mind: what it remembers, the features of providers that it decides by, and its
+actions.
+"""
 
 from typing import NamedTuple, Self
 
@@ -34,19 +36,26 @@ REACH = 1.5
 """Largest distance of a lie from the perceived quality, before it is cut to [0, 1]."""
 
 _STEPS = 10_000.0  # of published trust: providers that are alike tie, whatever the rounding errors
-_CHANGES, _LEADS = 5.0, 10.0  # small differences of trust decide; this brings them near the size of other features
+_CHANGES, _LEADS = (
+    5.0,
+    10.0,
+)  # small differences of trust decide; this brings them near the size of other features
 
 
 class CoalitionMemory(NamedTuple):
     """Memory of a coalition, or of a member of it.
 
     Attributes:
-        total: Sum of the perceived qualities of each provider, over its raters and the rounds, shape (P, ...).
+        total: Sum of the perceived qualities of each provider, over its raters and the rounds,
+            shape (P, ...).
         count: Number of these perceptions, shape (P, ...).
-        published: Published trust of each provider as far as it is seen, to four digits, shape (P, ...).
+        published: Published trust of each provider as far as it is seen, to four digits, shape (P,
+            ...).
         change: Change of that trust in the last round, shape (P, ...).
-        accounts: Accounts of the raters with the own providers; None where nobody treats raters by them.
-        given: Quality of the last service of each own provider to each rater, as it was chosen, shape (S, n, ...).
+        accounts: Accounts of the raters with the own providers; None where nobody treats raters by
+            them.
+        given: Quality of the last service of each own provider to each rater, as it was chosen,
+            shape (S, n, ...).
     """
 
     total: Array
@@ -62,7 +71,9 @@ class CoalitionMemory(NamedTuple):
         return cls(0 * published, 0 * published, published, 0 * published)
 
     def remember(self, published: Array) -> Self:
-        """Return the memory with the published trust of a round, shape (P, ...). Call it once in every round."""
+        """Return the memory with the published trust of a round, shape (P, ...). Call it once in
+        every round.
+        """
         return self._replace(published=published, change=published - self.published)
 
     def perceive(self, service: Array, awaiting: Array) -> Self:
@@ -77,7 +88,9 @@ class CoalitionMemory(NamedTuple):
 
     @property
     def perceived(self) -> Array:
-        """Mean perceived quality of each provider, shape (P, ...); its published trust where there is none."""
+        """Mean perceived quality of each provider, shape (P, ...); its published trust where there
+        is none.
+        """
         where = namespace(self.total).where
         return where(self.count > 0, self.total / (self.count + (self.count == 0)), self.published)
 
@@ -97,15 +110,17 @@ def provider_features(
     own_share: float,
     clock: Array,
 ) -> Array:
-    """Return the features of each provider, shape (F, P, ...), in [-1, 1], in the order of `FEATURES`.
+    """Return the features of each provider, shape (F, P, ...), in [-1, 1], in the order of
+    `FEATURES`.
 
-    - `published`, `published_rank`: its published trust to four digits, and the rank of that, 0 for the highest and
-      1 for the lowest; `published_change`: five times the change in the last round.
-    - `perceived`, `perceived_rank`: its mean perceived quality, see `CoalitionMemory`, and the rank of that.
+    - `published`, `published_rank`: its published trust to four digits, and the rank of that, 0 for
+      the highest and 1 for the lowest; `published_change`: five times the change in the last round.
+    - `perceived`, `perceived_rank`: its mean perceived quality, see `CoalitionMemory`, and the rank
+      of that.
     - `published_less_perceived`: the difference of the two.
     - `last_lie`: rating of it that arrived in the last round, less the perceived quality.
-    - `most_trusted`: 1 for a provider with the highest published trust, to which consumers go, else 0; `lead`: ten
-      times its published trust less the highest one of the others, cut to [-1, 1].
+    - `most_trusted`: 1 for a provider with the highest published trust, to which consumers go, else
+      0; `lead`: ten times its published trust less the highest one of the others, cut to [-1, 1].
     - `perceived_gap`: distance to the best perceived quality.
     - `accomplice`: 1 for a provider of the coalition, else 0.
     - `served`: 1 if its service awaits a rating, else 0.
@@ -143,7 +158,8 @@ def provider_features(
 
 
 def lie_ratings(memory: CoalitionMemory, lie: Array) -> Array:
-    """Return the ratings that tell a lie: the perceived quality plus `REACH` times (2 x - 1), cut to [0, 1].
+    """Return the ratings that tell a lie: the perceived quality plus `REACH` times (2 x - 1), cut
+    to [0, 1].
 
     Args:
         memory: Memory with what is seen in this round.
@@ -153,7 +169,9 @@ def lie_ratings(memory: CoalitionMemory, lie: Array) -> Array:
 
 
 def _best_other(values: Array) -> Array:
-    """Return the highest of the other values for each value along the first axis; the value itself if it is alone."""
+    """Return the highest of the other values for each value along the first axis; the value itself
+    if it is alone.
+    """
     xp, top = namespace(values), largest(values)
     highest = values == top
     if values.shape[0] == 1:
@@ -164,7 +182,9 @@ def _best_other(values: Array) -> Array:
 
 
 def _rank(values: Array) -> Array:
-    """Return the rank of each value along the first axis: 0 for the highest, 1 for the lowest; ties share the mean."""
+    """Return the rank of each value along the first axis: 0 for the highest, 1 for the lowest; ties
+    share the mean.
+    """
     return mean_places(values) / max(1, values.shape[0] - 1)
 
 
@@ -173,13 +193,15 @@ IDENTITY_FEATURES = ("turn", "trust", "present", "succeeds", "provides", "clock"
 
 
 class Decision(NamedTuple):
-    """The decision of a coalition in a round, in [0, 1]. None is what a coalition without these agents decides.
+    """The decision of a coalition in a round, in [0, 1]. None is what a coalition without these
+    agents decides.
 
     Attributes:
         lie: Lie about each provider, which all its raters tell, see `lie_ratings`, shape (P, ...).
         quality: Quality of each provider, shape (P, ...); those of providers of others are ignored.
         silence: Above 0.5, its raters do not rate the provider, shape (P, ...); None rates all.
-        treatment: Share of that quality for each rater by each own provider, shape (S, n, ...); None serves all alike.
+        treatment: Share of that quality for each rater by each own provider, shape (S, n, ...);
+            None serves all alike.
     """
 
     lie: Array | None = None
@@ -194,7 +216,8 @@ class Coalition:
     Args:
         game: Game.
         identities: Names of the compromised agents and of their identities in reserve.
-        wide: Whether its raters can be silent, and its providers keep accounts of the raters, to treat each by its own.
+        wide: Whether its raters can be silent, and its providers keep accounts of the raters, to
+            treat each by its own.
 
     Attributes:
         rates: Whether any of them rates.
@@ -218,7 +241,10 @@ class Coalition:
         ally = np.isin(np.arange(roster.n_raters), self.raters).astype(float)
         of_raters = np.stack([ally, np.arange(roster.n_raters) / max(1, roster.n_raters - 1)])
         self._of_raters = xp.asarray(of_raters, dtype=like.dtype, device=like.device)
-        columns = [self.providers.index(p) if p in self.providers else -1 for p in range(roster.n_providers)]
+        columns = [
+            self.providers.index(p) if p in self.providers else -1
+            for p in range(roster.n_providers)
+        ]
         self._columns = columns  # of a treatment by own providers; the last one is that of others
         self._agents = places(identities, roster.names)
         turn = np.asarray([roster.identity_index[place] for place in self._agents], float)
@@ -238,7 +264,9 @@ class Coalition:
         return memory._replace(accounts=Accounts.begin(nothing), given=nothing)
 
     def remember(self, state: State, memory: CoalitionMemory) -> CoalitionMemory:
-        """Return the memory with what the coalition sees in a state. Call it once in every round."""
+        """Return the memory with what the coalition sees in a state. Call it once in every
+        round.
+        """
         memory = memory.remember(self._published(state))
         if memory.accounts is not None:
             mine = state.ratings[:, self.providers, ...], state.rated[:, self.providers, ...]
@@ -250,9 +278,10 @@ class Coalition:
     def features(self, state: State, memory: CoalitionMemory) -> Array:
         """Return the features of each provider, shape (F, P, ...), see `provider_features`.
 
-        `last_lie` is the mean over the raters of the coalition. `own_trust` is the mean published ToR of them; without
-        any, the mean ToP of its providers. The perceived quality is a mean over all its raters and rounds, so it has
-        less noise than the perception of any honest rater.
+        `last_lie` is the mean over the raters of the coalition. `own_trust` is the mean published
+        ToR of them; without any, the mean ToP of its providers. The perceived quality is a mean
+        over all its raters and rounds, so it has less noise than the perception of any honest
+        rater.
         """
         xp, perceived = namespace(memory.total), memory.perceived
         lie = served = 0 * perceived
@@ -272,12 +301,16 @@ class Coalition:
         )
 
     def account_features(self, memory: CoalitionMemory) -> Array:
-        """Return the features of the accounts of raters with own providers, (A, S, n, ...), see `account_features`.
+        """Return the features of the accounts of raters with own providers, (A, S, n, ...), see
+        `account_features`.
 
-        The best provider of others is the one with the best perceived quality, see `CoalitionMemory`.
+        The best provider of others is the one with the best perceived quality, see
+        `CoalitionMemory`.
         """
         if memory.accounts is None or memory.given is None:
-            raise ValueError("the memory has no accounts: the coalition is not wide, or has no providers")
+            raise ValueError(
+                "the memory has no accounts: the coalition is not wide, or has no providers"
+            )
         perceived, xp = memory.perceived, namespace(memory.total)
         others = self._accomplice.reshape(-1, *[1] * (perceived.ndim - 1)) == 0
         ally, place = self._of_raters.reshape(2, -1, *[1] * perceived.ndim)
@@ -290,11 +323,13 @@ class Coalition:
         )
 
     def identity_features(self, state: State) -> Array:
-        """Return the features of each own identity, shape (I, n, ...), in [0, 1], in the order of `IDENTITY_FEATURES`.
+        """Return the features of each own identity, shape (I, n, ...), in [0, 1], in the order of
+        `IDENTITY_FEATURES`.
 
         - `turn`: 0 for the first identity of an agent, 1 for its last one in reserve.
         - `trust`: its published trust by its role.
-        - `present`: whether it is present; `succeeds`: whether the identity before it is gone for good.
+        - `present`: whether it is present; `succeeds`: whether the identity before it is gone for
+          good.
         - `provides`: whether it provides.
         - `clock`: share of the game that is over.
         """
@@ -309,20 +344,25 @@ class Coalition:
         return xp.stack([nothing + turn, trust, *flags, nothing + provides, nothing + clock])
 
     def wanted(self, chosen: Array) -> Array:
-        """Return which identities of all agents shall be present, boolean, shape (N, ...), from a choice for own ones.
+        """Return which identities of all agents shall be present, boolean, shape (N, ...), from a
+        choice for own ones.
 
         Args:
             chosen: Whether each own identity shall be present, boolean, shape (n, ...).
         """
         xp, n = namespace(chosen), len(self._game.roster.names)
-        order = [self._agents.index(place) if place in self._agents else len(self._agents) for place in range(n)]
+        order = [
+            self._agents.index(place) if place in self._agents else len(self._agents)
+            for place in range(n)
+        ]
         return xp.concat([chosen, chosen[:1, ...] & False])[order, ...]
 
     def decision(self, flat: Array) -> Decision:
         """Return the decision of an action, shape (action_size, ...), in [0, 1].
 
-        As far as the coalition decides on them: lies about each provider, qualities of each provider, silence about
-        each provider, and the treatment of each rater by each own provider.
+        As far as the coalition decides on them: lies about each provider, qualities of each
+            provider, silence about each provider, and the treatment of each rater by each own
+            provider.
         """
         at, parts = 0, dict[str, Array]()
         for name, size in self.sizes.items():
@@ -334,7 +374,9 @@ class Coalition:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Size of each part of an action that the coalition decides on, in the order of `Decision`."""
+        """Size of each part of an action that the coalition decides on, in the order of
+        `Decision`.
+        """
         raters, providers = self._game.roster.n_raters, self._game.roster.n_providers
         parts = {
             "lie": providers * self.rates,
@@ -350,7 +392,8 @@ class Coalition:
         return sum(self.sizes.values())
 
     def actions(self, decision: Decision, memory: CoalitionMemory) -> Actions:
-        """Return the actions of all agents that follow from a decision; those of other agents have no meaning.
+        """Return the actions of all agents that follow from a decision; those of other agents have
+        no meaning.
 
         Args:
             decision: Decision, see `Decision`.
@@ -360,10 +403,16 @@ class Coalition:
         lie, quality, silence, treatment = decision
         said = nothing + 1 if lie is None else lie_ratings(memory, lie)
         ratings = xp.broadcast_to(said[None, ...], (s, *said.shape))
-        withheld = None if silence is None else xp.broadcast_to(silence[None, ...] > 0.5, ratings.shape)
+        withheld = (
+            None if silence is None else xp.broadcast_to(silence[None, ...] > 0.5, ratings.shape)
+        )
         if treatment is not None:
-            treatment = xp.concat([treatment, 0 * treatment[:, :1, ...] + 1], axis=1)[:, self._columns, ...]
-        return Actions(nothing + 1 if quality is None else quality, ratings, None, withheld, treatment)
+            treatment = xp.concat([treatment, 0 * treatment[:, :1, ...] + 1], axis=1)[
+                :, self._columns, ...
+            ]
+        return Actions(
+            nothing + 1 if quality is None else quality, ratings, None, withheld, treatment
+        )
 
     def gave(self, memory: CoalitionMemory, actions: Actions) -> CoalitionMemory:
         """Return the memory with the services that the own providers chose in this round."""
@@ -375,7 +424,8 @@ class Coalition:
     def _published(self, state: State) -> Array:
         """Return the published trust that the coalition sees, to four digits, shape (P, ...).
 
-        Raters see the trust of every provider. Providers see their own, and assume the mean of theirs for others.
+        Raters see the trust of every provider. Providers see their own, and assume the mean of
+        theirs for others.
         """
         top = to_digits(self._game.published(state)[1])
         if self.rates:

@@ -1,4 +1,6 @@
-"""The attack task of a coalition as one mind: features of each provider, and a decision about each provider."""
+"""The attack task of a coalition as one mind: features of each provider, and a decision about each
+provider.
+"""
 
 from typing import Any
 
@@ -12,10 +14,11 @@ from roletrust_env.randomness import Random
 class CoalitionTask(AttackTask):
     """An attack task in which the compromised agents share what they see and tell the same lie.
 
-    Rewards and rules are those of `AttackTask`. The observation holds the features of each provider, and the action a
-    decision about each provider, so that a network with shared weights plays with any number of them. This is what the
-    coalitions of `roletrust_agents` learn with. A wide one also observes the accounts of raters with own providers, and
-    decides on silence and on the treatment of each rater.
+    Rewards and rules are those of `AttackTask`. The observation holds the features of each
+    provider, and the action a decision about each provider, so that a network with shared weights
+    plays with any number of them. This is what the coalitions of `roletrust_agents` learn with. A
+    wide one also observes the accounts of raters with own providers, and decides on silence and on
+    the treatment of each rater.
 
     Args:
         *arguments: Arguments of `AttackTask`.
@@ -29,7 +32,9 @@ class CoalitionTask(AttackTask):
     def __init__(self, *arguments: Any, wide: bool = False, **options: Any) -> None:
         super().__init__(*arguments, **options)
         if self.knowledge != "black_box":
-            raise ValueError(f"knowledge is {self.knowledge!r}; a coalition has black_box knowledge")
+            raise ValueError(
+                f"knowledge is {self.knowledge!r}; a coalition has black_box knowledge"
+            )
         self.coalition = Coalition(self.game, self.identities, wide=wide)
 
     @property
@@ -43,12 +48,18 @@ class CoalitionTask(AttackTask):
         return self.coalition.action_size
 
     def follow(self, game: State, memories: tuple[Any, ...], before: TaskState | None) -> TaskState:
-        """Return the state of the task with the memory of the coalition. See `AttackTask.follow`."""
+        """Return the state of the task with the memory of the coalition. See
+        `AttackTask.follow`.
+        """
         known = self.coalition.begin(game) if before is None else _known(before)
         return TaskState(game, memories, self.coalition.remember(game, known))
 
-    def joint(self, state: TaskState, action: Array | Actions, random: Random) -> tuple[Actions, tuple[Any, ...]]:
-        """Return the actions of all agents and the memories of the scripted ones. See `AttackTask.joint`."""
+    def joint(
+        self, state: TaskState, action: Array | Actions, random: Random
+    ) -> tuple[Actions, tuple[Any, ...]]:
+        """Return the actions of all agents and the memories of the scripted ones. See
+        `AttackTask.joint`.
+        """
         if not isinstance(action, Actions):
             action = self.coalition.actions(self.coalition.decision(action), _known(state))
         return super().joint(state, action, random)
@@ -58,13 +69,18 @@ class CoalitionTask(AttackTask):
     ) -> tuple[TaskState, Outcome]:
         """Play one round, and remember the services that were given. See `AttackTask.advance`."""
         return super().advance(
-            state._replace(coalition=self.coalition.gave(_known(state), actions)), actions, memories, noise
+            state._replace(coalition=self.coalition.gave(_known(state), actions)),
+            actions,
+            memories,
+            noise,
         )
 
     def observe(self, state: TaskState) -> Array:
-        """Return the observation, shape (F P, ...), or (F P + A S n, ...) of a wide coalition with n providers.
+        """Return the observation, shape (F P, ...), or (F P + A S n, ...) of a wide coalition with
+        n providers.
 
-        Each of F features for all providers, in their order; then each of A features for all accounts, rater by rater.
+        Each of F features for all providers, in their order; then each of A features for all
+        accounts, rater by rater.
         """
         batch = state.game.round.shape
         features = self.coalition.features(state.game, _known(state)).reshape(-1, *batch)

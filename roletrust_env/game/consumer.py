@@ -20,15 +20,17 @@ class Bought(NamedTuple):
 
 
 def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -> Bought:
-    """Return the qualities that consumers get from the providers that serve and have trust; 0 where there is none.
+    """Return the qualities that consumers get from the providers that serve and have trust; 0 where
+    there is none.
 
     Args:
         trust: Trust of the providers at the time of the choice; NaN where a provider is absent.
-        offered: Quality on offer, of the same shape; NaN where a provider does not serve. It may have an axis of raters
-            before that of providers, for providers that treat raters differently; then the mean over raters counts.
+        offered: Quality on offer, of the same shape; NaN where a provider does not serve. It may
+            have an axis of raters before that of providers, for providers that treat raters
+            differently; then the mean over raters counts.
         axis: Axis of the providers.
-        temperature: Above 0, the choice is at random in proportion to exp(trust / temperature), which has a slope for
-            gradients.
+        temperature: Above 0, the choice is at random in proportion to exp(trust / temperature),
+            which has a slope for gradients.
 
     Example:
         >>> import numpy as np
@@ -42,8 +44,12 @@ def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -
     there = (offered == offered) & (trust == trust)
     quality, known = xp.where(there, offered, 0 * there), xp.where(there, trust, 0 * there - 1)
     highest = xp.max(known, axis=axis, keepdims=True)
-    chosen = there * xp.exp((known - highest) / temperature) if temperature > 0 else known == highest
-    return Bought(_mean(quality, chosen, axis), xp.max(quality, axis=axis), _mean(quality, there, axis))
+    chosen = (
+        there * xp.exp((known - highest) / temperature) if temperature > 0 else known == highest
+    )
+    return Bought(
+        _mean(quality, chosen, axis), xp.max(quality, axis=axis), _mean(quality, there, axis)
+    )
 
 
 def _mean(values: Array, where: Array, axis: int) -> Array:

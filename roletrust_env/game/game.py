@@ -1,10 +1,11 @@
 """The game: the transition from one round to the next, pure and batched.
 
-One round is: ratings arrive -> trust -> presence -> services -> rewards. Providers and raters act at once. So the
-ratings of a round are for the services of the round before, and on the first step there is nothing to rate.
+One round is: ratings arrive -> trust -> presence -> services -> rewards. Providers and raters act
+at once. So the ratings of a round are for the services of the round before, and on the first step
+there is nothing to rate.
 
-Random numbers are drawn outside and passed in. So a planner cannot foresee the noise, and one game and a batch of games
-can have the same noise.
+Random numbers are drawn outside and passed in. So a planner cannot foresee the noise, and one game
+and a batch of games can have the same noise.
 """
 
 from collections.abc import Iterator, Mapping
@@ -37,8 +38,8 @@ class Game:
 
     Args:
         scenario: Scenario of the game.
-        trust_model: Name of a trust model, which is made with the `lam` and `initial_trust` of the scenario; or a trust
-            model as it is.
+        trust_model: Name of a trust model, which is made with the `lam` and `initial_trust` of the
+            scenario; or a trust model as it is.
         like: Array of the library, dtype and device to play with; by default NumPy's float64.
 
     Attributes:
@@ -56,18 +57,27 @@ class Game:
         like: Array | None = None,
     ) -> None:
         if not isinstance(scenario, Scenario):
-            raise ValueError(f"scenario is {scenario!r}; it must be a Scenario: make_scenario() makes one by name")
+            raise ValueError(
+                f"scenario is {scenario!r}; it must be a Scenario: make_scenario() makes one by "
+                "name"
+            )
         self.scenario = scenario
         self.like = like = np.zeros(()) if like is None else like
         if str(like.dtype).removeprefix("torch.") not in ("float32", "float64"):
-            raise ValueError(f"like is of dtype {like.dtype}; games are played in float32 or float64")
+            raise ValueError(
+                f"like is of dtype {like.dtype}; games are played in float32 or float64"
+            )
         if isinstance(trust_model, str):
             offered = {"lam": scenario.lam, "initial": scenario.initial_trust}
-            trust_model = trust_models.make(trust_model, **trust_models.accepted_parameters(trust_model, offered))
+            trust_model = trust_models.make(
+                trust_model, **trust_models.accepted_parameters(trust_model, offered)
+            )
         if isinstance(trust_model, Mapping):
             trust_model = trust_models.read(trust_model)
         if isinstance(trust_model, type) or not isinstance(trust_model, TrustModel):
-            raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
+            raise ValueError(
+                f"trust_model is {trust_model!r}; it must be a trust model, or the name of one"
+            )
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
         self._cells = self._make_cells()
@@ -76,9 +86,13 @@ class Game:
         self.presence = Presence(scenario, roster, like)
         self._property_sampler = AgentPropertySampler(roster, like)
         self._on_numpy = isinstance(like, np.ndarray)
-        self._noise_source = NoiseSource(scenario, roster, self.presence.changes, like, self._cells.width)
+        self._noise_source = NoiseSource(
+            scenario, roster, self.presence.changes, like, self._cells.width
+        )
         self._nowhere = self._constant(np.nan, like.dtype)
-        self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
+        self._zero = self._constant(
+            0, like.dtype
+        )  # `where` takes a number at twice the cost of a small array
         self._perturbations = Perturbations(scenario, like)
         always, self._duty = True, None
         if any(group.turns for group in scenario.agents):
@@ -89,7 +103,8 @@ class Game:
         self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
         self._everyone = open_to_all and not roster.n_both  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
-        # The state of the model after the last round with its published trust, so that the trust is read out once.
+        # The state of the model after the last round with its published trust, so that the trust is
+        # read out once.
         self._published: tuple[Any, tuple[Array, Array] | None] = (None, None)
 
     def __repr__(self) -> str:
@@ -102,7 +117,9 @@ class Game:
         return grid
 
     def check_policy(self, policy: Policy, memory: Any) -> None:
-        """Refuse a policy that this game cannot seat, by its memory before the first round; here every one can play."""
+        """Refuse a policy that this game cannot seat, by its memory before the first round; here
+        every one can play.
+        """
 
     def random(self, seed: int | None = None) -> Random:
         """Return a source of random numbers with the array library, dtype and device of this game.
@@ -140,15 +157,16 @@ class Game:
     def random_end(self, random: Random, batch: tuple[int, ...] = ()) -> Any:
         """Return the number of rounds after which games that begin now end at random.
 
-        It is in no state, as no agent knows it. Games that measure or search do not end at random, see
-        `Scenario.round_weights`.
+        It is in no state, as no agent knows it. Games that measure or search do not end at random,
+        see `Scenario.round_weights`.
 
         Args:
             random: Source of random numbers, which has drawn the noise of the start.
             batch: Shape of the batch.
 
         Returns:
-            Whole numbers of the batch's shape, or one for all; above `max_cycles` where a game is cut off before.
+            Whole numbers of the batch's shape, or one for all; above `max_cycles` where a game is
+            cut off before.
         """
         never, continuation = self.scenario.max_cycles + 1, self.scenario.continuation
         return never if continuation == 1 else random.lengths(continuation, never, batch)
@@ -170,14 +188,18 @@ class Game:
             service=xp.zeros_like(nothing),
             awaiting=self._cells.nobody(nothing.shape)[1],
             value=self._payoff.next_value(of_providers + 1, noise.value),
-            counts=Counts(0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...])
+            counts=Counts(
+                0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...]
+            )
             if roster.n_both
             else None,
             population=self.presence.start(noise.presence) if self.presence.changes else None,
             motion=mobility.scatter(rules.access, noise.position, noise.goal)
             if isinstance(rules.access, InRange)
             else None,
-            transit=rating_delivery.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
+            transit=rating_delivery.start(rules.ratings, nothing)
+            if rules.ratings.late > 0
+            else None,
             properties=self._property_sampler.start(nothing[:, 0, ...], of_providers, *traits),
             full=False,
             met=met,
@@ -188,16 +210,18 @@ class Game:
 
         Args:
             state: State before the round; it is not changed.
-            actions: Actions of all agents. Those of absent agents, and ratings of services that were not received, are
-                ignored. A withheld rating never arrives, but the service counts as provided.
+            actions: Actions of all agents. Those of absent agents, and ratings of services that
+                were not received, are ignored. A withheld rating never arrives, but the service
+                counts as provided.
             noise: Noise of the round.
 
         Returns:
-            The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
+            The state after the round, and the rewards, shape (N, ...), in the order of
+            `roster.names`.
 
         Raises:
-            ValueError: The shapes of the actions are not those of the state, or a trust model fails; or, on NumPy, an
-                action is NaN or outside [0, 1].
+            ValueError: The shapes of the actions are not those of the state, or a trust model
+                fails; or, on NumPy, an action is NaN or outside [0, 1].
         """
         xp, rules, roster, cells = namespace(self.like), self.scenario, self.roster, self._cells
         actions = fitted(actions, state)
@@ -209,14 +233,16 @@ class Game:
         full = state.full and self._lossless and withheld is None
         if full:
             ratings = copy(ratings)  # whoever sent them may write to theirs again
-        trust, tor, top = cells.update(state.trust, state.met, ratings, None if full else rated, state.round)
+        trust, tor, top = cells.update(
+            state.trust, state.met, ratings, None if full else rated, state.round
+        )
         if type(top) is np.ndarray:  # of a game on NumPy that is not traced
             self._published = trust, (tor, top)
 
         counts = state.counts
         if counts is not None:
-            # A service counts for both when its round is over, so that the trust by which somebody is cut off is the
-            # one that is published.
+            # A service counts for both when its round is over, so that the trust by which somebody
+            # is cut off is the one that is published.
             counts = Counts(
                 counts.rated + roster.both(rated.sum(axis=1, dtype=tor.dtype)),
                 counts.provided + roster.both(cells.counts(state.awaiting, state.met, top.dtype)),
@@ -224,7 +250,9 @@ class Game:
 
         if population is not None:
             agents = self._payoff.agent_trust(tor, top, counts)
-            population = self.presence.step(population, state.round + 1, agents, noise.presence, actions.presence)
+            population = self.presence.step(
+                population, state.round + 1, agents, noise.presence, actions.presence
+            )
         motion = state.motion
         if motion is not None and isinstance(rules.access, InRange):
             motion = mobility.move(rules.access, motion, noise.goal)
@@ -235,11 +263,18 @@ class Game:
             quality = mean_or_zero(chosen, served)
         else:
             chosen = quality = (
-                copy(chosen) if self._everyone else xp.where(cells.anywhere(served, met), chosen, self._zero)
+                copy(chosen)
+                if self._everyone
+                else xp.where(cells.anywhere(served, met), chosen, self._zero)
             )
-        strength, perception = self._perturbations.strength(state.round), state.properties.perception
+        strength, perception = (
+            self._perturbations.strength(state.round),
+            state.properties.perception,
+        )
         offered = chosen if met is None else cells.of_providers(chosen, met)
-        service = self.service.perceive(offered, strength, state.round, noise.perception, perception)
+        service = self.service.perceive(
+            offered, strength, state.round, noise.perception, perception
+        )
         if not self._everyone:
             service = xp.where(served, service, self._zero)
         after = State(
@@ -262,35 +297,47 @@ class Game:
         return after, self._payoff.rewards(tor, top, counts, quality, state.value)
 
     def published(self, state: State) -> tuple[Array, Array]:
-        """Return the published trust: ToR of the raters, shape (S, ...), and ToP of the providers, shape (P, ...)."""
+        """Return the published trust: ToR of the raters, shape (S, ...), and ToP of the providers,
+        shape (P, ...).
+        """
         trust, published = self._published
         if trust is state.trust and published is not None:  # most often that of the last round
             return published
         return self._cells.read(state.trust)
 
     def known_trust(self, state: State) -> Array:
-        """Return the trust of each provider as each rater knows it, shape (S, P, ...); NaN where they are one agent.
+        """Return the trust of each provider as each rater knows it, shape (S, P, ...); NaN where
+        they are one agent.
 
-        A rater has a view of its own under a personal model, and knows the published trust under any other.
+        A rater has a view of its own under a personal model, and knows the published trust under
+        any other.
         """
         shape, judge_trust = state.ratings.shape, getattr(self.model, "judge_trust", None)
         own = for_batch(self._not_self, shape)
-        known = self.published(state)[1][None, ...] if judge_trust is None else judge_trust(state.trust)
+        known = (
+            self.published(state)[1][None, ...] if judge_trust is None else judge_trust(state.trust)
+        )
         return namespace(known).where(own, known, self._nowhere)
 
     def agent_trust(self, state: State) -> Array:
-        """Return the trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
+        """Return the trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an
+        SR+SP agent.
+        """
         return self._payoff.agent_trust(*self.published(state), state.counts)
 
     def present(self, state: State) -> Array | None:
-        """Return whether each agent is present, boolean, shape (N, ...); None where everybody always is."""
+        """Return whether each agent is present, boolean, shape (N, ...); None where everybody
+        always is.
+        """
         return None if state.population is None else state.population.phase == PRESENT
 
     def offered(self, before: State, actions: Actions, after: State) -> Array:
-        """Return the quality on offer in a round, shape (P, ...); NaN where a provider did not serve.
+        """Return the quality on offer in a round, shape (P, ...); NaN where a provider did not
+        serve.
 
-        Delivered quality is 0 where no rater came, but a consumer could still have had the quality on offer. Where a
-        provider treats raters differently, the shape is (S, P, ...): the quality on offer for each rater.
+        Delivered quality is 0 where no rater came, but a consumer could still have had the quality
+        on offer. Where a provider treats raters differently, the shape is (S, P, ...): the quality
+        on offer for each rater.
         """
         xp, quality = namespace(self.like), intended(actions, before.properties)
         for _, providing in self._acting(before, after.population):
@@ -298,7 +345,9 @@ class Game:
         return quality
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
-        """Return the views of all providers, with one further axis (P, ...), and of all raters, with one (S, ...)."""
+        """Return the views of all providers, with one further axis (P, ...), and of all raters,
+        with one (S, ...).
+        """
         return make_views(
             self._clock(state),
             *self.published(state),
@@ -311,7 +360,9 @@ class Game:
         )
 
     def observations(self, state: State) -> tuple[Array, Array, Array | None]:
-        """Return the observation vectors of the SR, (K, n, ...), the SP and the SR+SP agents, None without any."""
+        """Return the observation vectors of the SR, (K, n, ...), the SP and the SR+SP agents, None
+        without any.
+        """
         provider, rater = self.views(state)
         of_raters, of_providers = self.layout.flatten(rater), self.layout.flatten(provider)
         both = self.roster.n_both
@@ -319,31 +370,47 @@ class Game:
             return of_raters, of_providers, None
         trust = self.agent_trust(state)[self.roster.n_agents - both :]
         n_sr, n_sp = self.roster.n_raters - both, self.roster.n_providers - both
-        of_both = namespace(self.like).concat([trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]])
+        of_both = namespace(self.like).concat(
+            [trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]]
+        )
         return of_raters[:, :n_sr, ...], of_providers[:, :n_sp, ...], of_both
 
     def _acting(self, state: State, population: Population | None) -> Iterator[tuple[Array, Array]]:
-        """Yield which raters and which providers act in this round, once for each reason not to act."""
+        """Yield which raters and which providers act in this round, once for each reason not to
+        act.
+        """
         xp, roster = namespace(self.like), self.roster
         if self._duty is not None:
-            rating, providing = (xp.moveaxis(entries(duty, state.round), -1, 0) for duty in self._duty)
+            rating, providing = (
+                xp.moveaxis(entries(duty, state.round), -1, 0) for duty in self._duty
+            )
             yield rating, providing
         if population is not None and state.population is not None:
-            # A newcomer acts from its first full round on, and who leaves in this round serves nobody any more.
+            # A newcomer acts from its first full round on, and who leaves in this round serves
+            # nobody any more.
             acting = (population.phase == PRESENT) & (state.population.phase == PRESENT)
             yield roster.raters(acting), roster.providers(acting)
 
     def _served(
-        self, state: State, population: Population | None, motion: mobility.Motion | None, top: Array, noise: Noise
+        self,
+        state: State,
+        population: Population | None,
+        motion: mobility.Motion | None,
+        top: Array,
+        noise: Noise,
     ) -> tuple[Any, Array]:
-        """Return the providers of the cells in this round, and whether each serves the rater, boolean, (S, K, ...)."""
+        """Return the providers of the cells in this round, and whether each serves the rater,
+        boolean, (S, K, ...).
+        """
         rules, roster, cells = self.scenario, self.roster, self._cells
         met, served = cells.meet(state.awaiting.shape, noise.choice)
         for rating, providing in self._acting(state, population):
             served = served & rating[:, None, ...] & cells.of_providers(providing, met)
         if motion is not None and isinstance(rules.access, InRange):
             position = motion.position
-            near = access.in_range(roster.raters(position), roster.providers(position), rules.access.radius)
+            near = access.in_range(
+                roster.raters(position), roster.providers(position), rules.access.radius
+            )
             served = served & near
         if isinstance(rules.access, Choice):
             served = access.choose(rules.access, top, served, noise.choice)

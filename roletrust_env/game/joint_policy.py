@@ -18,7 +18,9 @@ from roletrust_env.world.presence import PRESENT
 from roletrust_env.world.roster import role_in_name, shown
 
 Memory = TypeVar("Memory")
-Places = Any  # indices of agents: a slice or an array on NumPy, which are quicker, and a list on torch
+Places = (
+    Any  # indices of agents: a slice or an array on NumPy, which are quicker, and a list on torch
+)
 
 _CHANNELS: dict[Role, frozenset[Channel]] = {
     "SR": frozenset({"ratings"}),
@@ -34,7 +36,8 @@ _PRESENCE: frozenset[Channel] = frozenset({"presence"})
 
 
 class Player:
-    """A policy seated at one agent of a PettingZoo game: a function from its observation to its action.
+    """A policy seated at one agent of a PettingZoo game: a function from its observation to its
+    action.
 
     It holds the memory of its policy, so make a new one for each episode.
 
@@ -45,8 +48,8 @@ class Player:
         seed: Random seed.
 
     Raises:
-        ValueError: The policy attacks on no channel of the agent, or it needs identities in reserve, which PettingZoo
-            does not have.
+        ValueError: The policy attacks on no channel of the agent, or it needs identities in
+            reserve, which PettingZoo does not have.
     """
 
     def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
@@ -61,13 +64,19 @@ class Player:
         return f"{type(self).__name__}({self.agent!r}, {self.policy!r})"
 
     def __call__(self, observation: Array) -> Array:
-        """Return the action for an observation: quality, then ratings, as far as the role has them."""
+        """Return the action for an observation: quality, then ratings, as far as the role has
+        them.
+        """
         policy, memory, random = self.policy, self._memory, self._random
         if self._role == "SR+SP":
-            quality, ratings, self._memory = policy.both(self._layout.both(observation), memory, random)
+            quality, ratings, self._memory = policy.both(
+                self._layout.both(observation), memory, random
+            )
             action = [np.reshape(quality, 1), ratings]
         elif self._role == "SP":
-            quality, self._memory = policy.quality(self._layout.provider(observation), memory, random)
+            quality, self._memory = policy.quality(
+                self._layout.provider(observation), memory, random
+            )
             action = [np.reshape(quality, 1)]
         else:
             ratings, self._memory = policy.ratings(self._layout.rater(observation), memory, random)
@@ -76,7 +85,9 @@ class Player:
 
 
 class _Group(NamedTuple):
-    """Agents that share a policy and a role, by their indices on the provider, the rater and the agent axis."""
+    """Agents that share a policy and a role, by their indices on the provider, the rater and the
+    agent axis.
+    """
 
     policy: Policy
     size: int
@@ -86,7 +97,9 @@ class _Group(NamedTuple):
 
 
 class _GroupActions(NamedTuple):
-    """Actions of agents that share a policy and a role, as fields of `Actions`, with the axis of these agents first."""
+    """Actions of agents that share a policy and a role, as fields of `Actions`, with the axis of
+    these agents first.
+    """
 
     quality: Array | None = None
     treatment: Array | None = None
@@ -101,12 +114,12 @@ class JointPolicy:
 
     Args:
         game: Game to play.
-        policies: Policies by the name of the agent; a policy plays the agent's identities in reserve, too. Agents that
-            are not named play honestly.
+        policies: Policies by the name of the agent; a policy plays the agent's identities in
+            reserve, too. Agents that are not named play honestly.
 
     Raises:
-        ValueError: A name is no agent of the scenario or an identity in reserve, a policy attacks on no channel of its
-            agent, or it needs more identities than the agent has in reserve.
+        ValueError: A name is no agent of the scenario or an identity in reserve, a policy attacks
+            on no channel of its agent, or it needs more identities than the agent has in reserve.
     """
 
     def __init__(self, game: Game, policies: Mapping[str, Policy]) -> None:
@@ -120,7 +133,9 @@ class JointPolicy:
         groups: dict[tuple[Role, Policy], tuple[list[int], list[int], list[int]]] = {}
         for place, name in enumerate(roster.names):
             policy = seated.get(name, honest)
-            providers, raters, agents = groups.setdefault((roster.roles[name], policy), ([], [], []))
+            providers, raters, agents = groups.setdefault(
+                (roster.roles[name], policy), ([], [], [])
+            )
             agents.append(place)
             if name in roster.provider_places:
                 providers.append(roster.provider_places[name])
@@ -133,7 +148,9 @@ class JointPolicy:
         self._orders = tuple(_order(list(axis)) for axis in zip(*groups.values(), strict=True))
         self._has_reserve = any(roster.identity_index)
         self._before = list(roster.previous_identity)
-        self._turn = namespace(game.like).asarray(roster.identity_index, dtype=game.like.dtype, device=game.like.device)
+        self._turn = namespace(game.like).asarray(
+            roster.identity_index, dtype=game.like.dtype, device=game.like.device
+        )
 
     def __repr__(self) -> str:
         seated = players(self.policies) or "all play honestly"
@@ -156,7 +173,9 @@ class JointPolicy:
             self.game.check_policy(group.policy, None if group.rater is None else memory)
         return memories
 
-    def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
+    def act(
+        self, state: State, memories: tuple[Any, ...], random: Random
+    ) -> tuple[Actions, tuple[Any, ...]]:
         """Return the actions of all agents in a state, and the new memories."""
         views = self.game.views(state)
         identities = self._identities(state) if self._has_reserve else None
@@ -172,27 +191,38 @@ class JointPolicy:
             after.append(remembered)
         providers, raters, agents = self._orders
         qualities, ratings = [one.quality for one in providing], [one.ratings for one in rating]
-        treatment = _unusual([one.treatment for one in providing], qualities, self._alike, providers)
+        treatment = _unusual(
+            [one.treatment for one in providing], qualities, self._alike, providers
+        )
         actions = Actions(
             quality=_arrange(qualities, providers),
             ratings=_arrange(ratings, raters),
             presence=_arrange(wanted, agents) if wanted else None,
-            withheld=_unusual([one.withheld for one in rating], ratings, lambda rates: rates < 0, raters),
+            withheld=_unusual(
+                [one.withheld for one in rating], ratings, lambda rates: rates < 0, raters
+            ),
             treatment=None if treatment is None else treatment.swapaxes(0, 1),
         )
         return actions, tuple(after)
 
-    def checked_act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
+    def checked_act(
+        self, state: State, memories: tuple[Any, ...], random: Random
+    ) -> tuple[Actions, tuple[Any, ...]]:
         """Return what `act` returns, once it is checked: the policies may come from other packages.
 
         Raises:
-            ValueError: A policy fails, or an action is NaN or outside [0, 1]. The message names the round.
+            ValueError: A policy fails, or an action is NaN or outside [0, 1]. The message names the
+                round.
         """
         names = dict.fromkeys(map(policy_name, self.policies.values()))
-        return checked_actions(self.game, state, f"a policy ({', '.join(names)})", self.act, memories, random)
+        return checked_actions(
+            self.game, state, f"a policy ({', '.join(names)})", self.act, memories, random
+        )
 
     def _alike(self, quality: Array) -> Array:
-        """Return the treatment, (n, S, ...), by providers of this quality, (n, ...), that serve all raters alike."""
+        """Return the treatment, (n, S, ...), by providers of this quality, (n, ...), that serve all
+        raters alike.
+        """
         shape = (quality.shape[0], self.game.roster.n_raters, *quality.shape[1:])
         return namespace(quality).broadcast_to((0 * quality + 1)[:, None, ...], shape)
 
@@ -203,19 +233,33 @@ class JointPolicy:
         broadcast = namespace(trust).broadcast_to
         turn = broadcast(self._turn.reshape(-1, *[1] * (trust.ndim - 1)), trust.shape)
         return IdentityView(
-            broadcast(state.round, trust.shape), trust, turn, phase == PRESENT, phase[self._before, ...] > PRESENT
+            broadcast(state.round, trust.shape),
+            trust,
+            turn,
+            phase == PRESENT,
+            phase[self._before, ...] > PRESENT,
         )
 
     def _ask(
-        self, group: _Group, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
+        self,
+        group: _Group,
+        state: State,
+        providers: ProviderView,
+        raters: RaterView,
+        memory: Any,
+        random: Random,
     ) -> tuple[_GroupActions, Any]:
         """Return the actions of agents that share a policy, and their new memory."""
-        provider = None if group.provider is None else ProviderView(*_take(providers, group.provider))
+        provider = (
+            None if group.provider is None else ProviderView(*_take(providers, group.provider))
+        )
         rater = None if group.rater is None else type(raters)(*_take(raters, group.rater))
         quality = treatment = given = withheld = None
         if provider is not None and rater is not None:
             trust = self.game.agent_trust(state)[group.agent, ...]
-            quality, given, memory = group.policy.both(AgentView(trust, provider, rater), memory, random)
+            quality, given, memory = group.policy.both(
+                AgentView(trust, provider, rater), memory, random
+            )
         elif provider is not None:
             quality, memory = group.policy.quality(provider, memory, random)
         elif rater is not None:
@@ -270,12 +314,18 @@ def _check_actions(actions: Actions, game: Game, where: str) -> None:
         ("treatment", treatment, providers),
     ):
         if chosen is not None and bool((wrong := ~((chosen >= 0) & (chosen <= 1))).any()):
-            agent = names[int(np.argwhere(np.asarray(wrong.reshape(len(names), -1).any(axis=1)))[0, 0])]
-            raise ValueError(f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]")
+            agent = names[
+                int(np.argwhere(np.asarray(wrong.reshape(len(names), -1).any(axis=1)))[0, 0])
+            ]
+            raise ValueError(
+                f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]"
+            )
 
 
 def _order(parts: Sequence[list[int]]) -> list[int] | None:
-    """Return the order that brings the rows of all groups to their places; None if they are there."""
+    """Return the order that brings the rows of all groups to their places; None if they are
+    there.
+    """
     places = [place for part in parts for place in part]
     return None if places == sorted(places) else np.argsort(places).tolist()
 
@@ -283,11 +333,15 @@ def _order(parts: Sequence[list[int]]) -> list[int] | None:
 def _check_seat(game: Game, name: str, policy: Policy, reserve: int) -> None:
     names, owners = game.roster.names, game.roster.owners
     if name in owners and owners[name] != name:
-        raise ValueError(f"agent {name!r} is an identity in reserve of {owners[name]!r}; name the policy of that")
+        raise ValueError(
+            f"agent {name!r} is an identity in reserve of {owners[name]!r}; name the policy of that"
+        )
     if name not in owners:
         raise ValueError(f"there is no agent {name!r}; the scenario has {shown(names)}")
     further = _TREATMENT if name in game.roster.provider_places else _NONE
-    further |= (_SILENCE if name in game.roster.rater_places else _NONE) | (_PRESENCE if reserve else _NONE)
+    further |= (_SILENCE if name in game.roster.rater_places else _NONE) | (
+        _PRESENCE if reserve else _NONE
+    )
     _check_channels(name, game.roster.role(name), policy, further, reserve)
 
 
@@ -299,20 +353,27 @@ def _check_channels(
         raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
     if not isinstance(policy.attacks, frozenset):
         raise ValueError(
-            f"{policy_name(policy)} attacks by {policy.attacks!r}; attacks must be a frozenset of channels"
+            f"{policy_name(policy)} attacks by {policy.attacks!r}; attacks must be a frozenset of "
+            "channels"
         )
     if type(policy).__hash__ is None:
-        raise ValueError(f"{policy_name(policy)} cannot be hashed; a policy is immutable, such as a frozen dataclass")
+        raise ValueError(
+            f"{policy_name(policy)} cannot be hashed; a policy is immutable, such as a frozen "
+            "dataclass"
+        )
     channels = _CHANNELS[role] | further
     if policy.attacks and not policy.attacks & channels:
         raise ValueError(
-            f"agent {name!r} cannot play {policy_name(policy)}: that attacks by {_words(policy.attacks)}, "
+            f"agent {name!r} cannot play {policy_name(policy)}: that attacks by "
+            f"{_words(policy.attacks)}, "
             f"and the agent only decides on {_words(channels)}"
         )
     if policy.reserve > reserve:
         raise ValueError(
-            f"agent {name!r} cannot play {policy_name(policy)}: that needs a reserve of {policy.reserve}, and the "
-            f"agent has {reserve} here; its group in the scenario gives it identities, by reserve = {policy.reserve}, "
+            f"agent {name!r} cannot play {policy_name(policy)}: that needs a reserve of "
+            f"{policy.reserve}, and the "
+            f"agent has {reserve} here; its group in the scenario gives it identities, by reserve "
+            f"= {policy.reserve}, "
             "and PettingZoo leaves them out"
         )
 
@@ -334,7 +395,9 @@ def _take(view: ProviderView | RaterView, places: Places) -> list[Array]:
     """Return the fields of a view of all agents for some of them."""
     at = (..., places, *[slice(None)] * (view.trust.ndim - 1))
     if isinstance(places, slice):
-        return [field[at].copy("K") for field in view]  # a policy may write to it, and not to the state
+        return [
+            field[at].copy("K") for field in view
+        ]  # a policy may write to it, and not to the state
     return [field[at] for field in view]
 
 
@@ -344,12 +407,19 @@ def _own_axis_first(of_others: Array | None) -> Array | None:
 
 
 def _unusual(
-    parts: Sequence[Array | None], actions: Sequence[Array], usual: Callable[[Array], Array], order: list[int] | None
+    parts: Sequence[Array | None],
+    actions: Sequence[Array],
+    usual: Callable[[Array], Array],
+    order: list[int] | None,
 ) -> Array | None:
-    """Arrange actions on a channel that few policies use. None stands for the usual action; all None stay None."""
+    """Arrange actions on a channel that few policies use. None stands for the usual action; all
+    None stay None.
+    """
     if all(part is None for part in parts):
         return None
-    whole = [usual(action) if part is None else part for part, action in zip(parts, actions, strict=True)]
+    whole = [
+        usual(action) if part is None else part for part, action in zip(parts, actions, strict=True)
+    ]
     return _arrange(whole, order)
 
 

@@ -18,7 +18,8 @@ _AHEAD = 256
 """Number of rounds of a single small game for which noise is made at once."""
 
 _MANY = 4096
-"""Random numbers in a round above which a call for each round is cheaper than one call for many rounds."""
+"""Random numbers in a round above which a call for each round is cheaper than one call for many
+rounds."""
 
 _OF_THE_START = ("position", "ability", "bias", "scale")
 """NoiseSource that only the start of a game takes."""
@@ -30,7 +31,8 @@ _Kind = tuple[Callable[..., Array], tuple[int, ...]]
 
 
 class NoiseSource:
-    """A source of noise: it makes the noise of a round from a key, see `counter_rng`. Each field has its own stream.
+    """A source of noise: it makes the noise of a round from a key, see `counter_rng`. Each field
+    has its own stream.
 
     Args:
         scenario: Scenario of the game.
@@ -40,15 +42,21 @@ class NoiseSource:
         width: Number of cells of each rater: P, or fewer in a `SparseGame`.
 
     Attributes:
-        starts: Whether the start uses further noise, for positions of agents or for their properties.
+        starts: Whether the start uses further noise, for positions of agents or for their
+            properties.
     """
 
-    def __init__(self, scenario: Scenario, roster: Roster, changes: bool, like: Array, width: int) -> None:
+    def __init__(
+        self, scenario: Scenario, roster: Roster, changes: bool, like: Array, width: int
+    ) -> None:
         s, p, n = roster.n_raters, roster.n_providers, roster.n_agents
         moves = isinstance(scenario.access, InRange)
         choice: _Kind | None = None
         if isinstance(scenario.access, Choice | Encounters):
-            choice = counter_rng.uniform, (s, p if isinstance(scenario.access, Choice) else scenario.access.providers)
+            choice = (
+                counter_rng.uniform,
+                (s, p if isinstance(scenario.access, Choice) else scenario.access.providers),
+            )
         fields: dict[str, _Kind | None] = {
             "perception": (counter_rng.normal, (s, width)),
             "lost": (counter_rng.uniform, (s, width)) if scenario.ratings.lost > 0 else None,
@@ -68,14 +76,17 @@ class NoiseSource:
         self._cells = sum(prod(shape) for _, shape in self._fields.values())
 
     def rounds_at_once(self, batch: tuple[int, ...]) -> int:
-        """Return the number of rounds for which noise is best made at once; small arrays gain from more than one."""
+        """Return the number of rounds for which noise is best made at once; small arrays gain from
+        more than one.
+        """
         numbers = max(1, self._cells * prod(batch))
         return 1 if numbers > _MANY else min(_AHEAD, 4 * counter_rng.BLOCK // numbers)
 
     def make_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
         """Return the noise of one round, or of the start, which uses all fields.
 
-        The key has shape (STREAMS, 4), or (STREAMS, 4, ...) if every game has its own; then all have the number 0.
+        The key has shape (STREAMS, 4), or (STREAMS, 4, ...) if every game has its own; then all
+        have the number 0.
         """
         games = counter_rng.counters(self._like, prod(batch) if key.ndim == 2 else 1)
 
@@ -94,12 +105,18 @@ class NoiseSource:
             words = [np.repeat(keys[:, stream, k], games) for k in range(4)]
             made = kind(self._like, prod(shape), numbers, words).reshape(*shape, rounds, *batch)
             by_round = np.moveaxis(made, len(shape), 0)
-            return by_round if batch else np.ascontiguousarray(by_round)  # a round of one game lies together
+            return (
+                by_round if batch else np.ascontiguousarray(by_round)
+            )  # a round of one game lies together
 
-        parts = (repeat(None, rounds) if part is None else part for part in self._noise(make, False))
+        parts = (
+            repeat(None, rounds) if part is None else part for part in self._noise(make, False)
+        )
         return [Noise(*noise) for noise in zip(*parts, strict=True)]
 
-    def _noise(self, make: Callable[[Callable[..., Array], tuple[int, ...], int], Array], start: bool) -> Noise:
+    def _noise(
+        self, make: Callable[[Callable[..., Array], tuple[int, ...], int], Array], start: bool
+    ) -> Noise:
         return Noise(
             **{
                 name: make(*kind, _STREAM[name])

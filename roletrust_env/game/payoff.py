@@ -19,7 +19,11 @@ class Payoff:
     """
 
     def __init__(self, scenario: Scenario, roster: Roster, like: Array) -> None:
-        self._weights, self._initial, self._roster = scenario.rewards, scenario.initial_trust, roster
+        self._weights, self._initial, self._roster = (
+            scenario.rewards,
+            scenario.initial_trust,
+            roster,
+        )
         self._values = None
         if len(set(scenario.values)) > 1:
             shares = np.asarray(scenario.values) / max(scenario.values)
@@ -27,12 +31,16 @@ class Payoff:
         self._cost = scenario.rewards.quality_cost * max(scenario.values)
 
     def next_value(self, value: Array, noise: Array | None) -> Array:
-        """Return the value of the next service of each provider, shape (P, ...), relative to the highest value."""
+        """Return the value of the next service of each provider, shape (P, ...), relative to the
+        highest value.
+        """
         if self._values is None or noise is None:
             return value
         return entries(self._values, cast(noise * len(self._values), whole_dtype(noise)))
 
-    def rewards(self, tor: Array, top: Array, counts: Counts | None, quality: Array, value: Array) -> Array:
+    def rewards(
+        self, tor: Array, top: Array, counts: Counts | None, quality: Array, value: Array
+    ) -> Array:
         """Return the rewards, shape (N, ...).
 
         Args:
@@ -58,4 +66,10 @@ class Payoff:
 
     def _both_trust(self, tor: Array, top: Array, counts: Counts) -> Array:
         both = self._roster.both
-        return agent_trust(both(tor), both(top), rated=counts.rated, provided=counts.provided, initial=self._initial)
+        return agent_trust(
+            both(tor),
+            both(top),
+            rated=counts.rated,
+            provided=counts.provided,
+            initial=self._initial,
+        )

@@ -1,4 +1,6 @@
-"""Policies: how an agent plays, as functions of what it may see; their registry, and bases of attacks."""
+"""Policies: how an agent plays, as functions of what it may see; their registry, and bases of
+attacks.
+"""
 
 import re
 from typing import Any, ClassVar, Literal, Self
@@ -12,15 +14,18 @@ from roletrust_env.randomness import Random
 from roletrust_env.registry import Registry
 
 Channel = Literal["quality", "treatment", "ratings", "silence", "presence"]
-"""Decision of an agent. `"treatment"` is the share of quality for each rater, `"silence"` the ratings it withholds."""
+"""Decision of an agent. `"treatment"` is the share of quality for each rater, `"silence"` the
+ratings it withholds."""
 
 
 class Policy:
-    """The behaviour of an agent. This class plays honestly; subclasses override what they do differently.
+    """The behaviour of an agent. This class plays honestly; subclasses override what they do
+    differently.
 
-    A policy is immutable. Its memory from round to round is separate, and its methods return the new memory. A policy
-    sees one agent. Further axes of the view (agents that share the policy, then the batch) are carried along, so that
-    one object plays in a PettingZoo loop, in one game and in a million.
+    A policy is immutable. Its memory from round to round is separate, and its methods return the
+    new memory. A policy sees one agent. Further axes of the view (agents that share the policy,
+    then the batch) are carried along, so that one object plays in a PettingZoo loop, in one game
+    and in a million.
 
     Attributes:
         attacks: Channels on which the policy does not play honestly, see `Channel`.
@@ -34,7 +39,9 @@ class Policy:
         return f"{type(self).__name__}()"
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
-        """Return the memory before the first round, for agents and a batch of this shape; None without a memory."""
+        """Return the memory before the first round, for agents and a batch of this shape; None
+        without a memory.
+        """
         return None
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -42,11 +49,13 @@ class Policy:
         return 0 * view.trust + 1, memory
 
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
-        """Return the share of that quality for each rater, shape (S, ...), in [0, 1], and the new memory.
+        """Return the share of that quality for each rater, shape (S, ...), in [0, 1], and the new
+        memory.
 
         None serves all raters alike.
 
-        Called after `quality` in a `JointPolicy`; the faces of PettingZoo and a task's action have no such channel.
+        Called after `quality` in a `JointPolicy`; the faces of PettingZoo and a task's action have
+        no such channel.
         """
         return None, memory
 
@@ -58,14 +67,18 @@ class Policy:
         return view.service, memory
 
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
-        """Return which ratings are withheld, boolean, shape (P, ...), and the new memory; None sends all ratings.
+        """Return which ratings are withheld, boolean, shape (P, ...), and the new memory; None
+        sends all ratings.
 
-        Called after `ratings` in a `JointPolicy`; the faces of PettingZoo and a task's action have no such channel.
+        Called after `ratings` in a `JointPolicy`; the faces of PettingZoo and a task's action have
+        no such channel.
         """
         return None, memory
 
     def both(self, view: AgentView, memory: Any, random: Random) -> tuple[Array, Array, Any]:
-        """Return quality and ratings of an SR+SP agent, and the new memory. By default each role decides alone."""
+        """Return quality and ratings of an SR+SP agent, and the new memory. By default each role
+        decides alone.
+        """
         quality, memory = self.quality(view.provider, memory, random)
         ratings, memory = self.ratings(view.rater, memory, random)
         return quality, ratings, memory
@@ -73,8 +86,8 @@ class Policy:
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether this identity shall be present, boolean, shape (...), and the new memory.
 
-        Called for each identity of an agent, after quality and ratings, in games with identities in reserve. An honest
-        agent keeps its first identity.
+        Called for each identity of an agent, after quality and ratings, in games with identities in
+        reserve. An honest agent keeps its first identity.
         """
         return view.turn == 0, memory
 
@@ -107,7 +120,8 @@ def make_attacker(name: str, **parameters: Any) -> Policy:
         **parameters: Parameters of the attacker.
 
     Raises:
-        ValueError: The name is unknown, the attacker has no such parameter, or a value is not allowed.
+        ValueError: The name is unknown, the attacker has no such parameter, or a value is not
+            allowed.
 
     Example:
         >>> make_attacker("on-off", period=4, start=10)
@@ -182,7 +196,9 @@ class WindowedAttack(Policy):
 
 
 def asleep(random: Random, shape: tuple[int, ...]) -> Array:
-    """Return the memory of sleepers before the first round, boolean, see `wake` and `Policy.begin`."""
+    """Return the memory of sleepers before the first round, boolean, see `wake` and
+    `Policy.begin`.
+    """
     like = random.like
     return namespace(like).zeros(shape, dtype=like.dtype, device=device_of(like)) > 0
 

@@ -28,7 +28,8 @@ class Players(Protocol):
         """Return the actions of all agents, each in [0, 1], and the new memory.
 
         Raises:
-            ValueError: A policy fails, or an action is NaN or outside [0, 1]. The message names the round.
+            ValueError: A policy fails, or an action is NaN or outside [0, 1]. The message names the
+                round.
         """
 
 
@@ -40,7 +41,8 @@ class Round(NamedTuple):
         actions: Actions of all agents.
         state: State after the round.
         rewards: Rewards of the agents, shape (N, ...).
-        weight: Probability that the round is played, see `Scenario.round_weights`; 1 unless games end at random.
+        weight: Probability that the round is played, see `Scenario.round_weights`; 1 unless games
+            end at random.
     """
 
     before: State
@@ -57,16 +59,19 @@ class History(NamedTuple):
         tor: Trust of the raters, shape (T, S, ...).
         top: Trust of the providers, shape (T, P, ...).
         trust: Trust of the agents by role, shape (T, N, ...).
-        quality: Delivered quality, shape (T, P, ...): the mean over the raters that were served, 0 without any.
+        quality: Delivered quality, shape (T, P, ...): the mean over the raters that were served, 0
+            without any.
         ratings: Ratings that arrived, shape (T, S, P, ...); 0 where none did.
         rated: Whether a rating arrived, boolean, shape (T, S, P, ...).
-        served: Whether a provider served a rater, boolean, shape (T, S, P, ...). The rating follows in the next round
-            at the earliest.
+        served: Whether a provider served a rater, boolean, shape (T, S, P, ...). The rating follows
+            in the next round at the earliest.
         rewards: Rewards of the agents, shape (T, N, ...).
-        present: Whether an agent is present after the round, boolean, shape (T, N, ...). The trust of an absent agent
-            is the initial trust before it joins, and stays constant after it has left; leave it out of means.
-        offered: Quality that was on offer, shape (T, P, ...), or shape (T, S, P, ...) where a provider treated raters
-            differently; NaN where a provider did not serve. See `Game.offered`.
+        present: Whether an agent is present after the round, boolean, shape (T, N, ...). The trust
+            of an absent agent is the initial trust before it joins, and stays constant after it has
+            left; leave it out of means.
+        offered: Quality that was on offer, shape (T, P, ...), or shape (T, S, P, ...) where a
+            provider treated raters differently; NaN where a provider did not serve. See
+            `Game.offered`.
     """
 
     tor: Array
@@ -87,16 +92,23 @@ class History(NamedTuple):
 
 
 def rollout(
-    players: Players, noise: Random, chance: Random, batch: tuple[int, ...] = (), *, rows: int | None = None
+    players: Players,
+    noise: Random,
+    chance: Random,
+    batch: tuple[int, ...] = (),
+    *,
+    rows: int | None = None,
 ) -> Iterator[Round]:
     """Play games round by round, `max_cycles` rounds. Every other loop over rounds is this one.
 
     Args:
         players: Behaviour of all agents.
         noise: Random numbers of the game, with its array library, dtype and device.
-        chance: Random numbers of the policies. It may be the same object as `noise`: the two streams are independent.
+        chance: Random numbers of the policies. It may be the same object as `noise`: the two
+            streams are independent.
         batch: Shape of the batch of games.
-        rows: Number of rows K of games that meet the same noise. The players see the batch (K, *batch).
+        rows: Number of rows K of games that meet the same noise. The players see the batch (K,
+            *batch).
 
     Yields:
         The rounds, in order.
@@ -105,7 +117,9 @@ def rollout(
         ValueError: `batch` is no tuple, or the players fail, see `Players.checked_act`.
     """
     if not isinstance(batch, tuple):
-        raise ValueError(f"batch is {batch!r}; it must be a shape, such as () for one game or (1000,)")
+        raise ValueError(
+            f"batch is {batch!r}; it must be a shape, such as () for one game or (1000,)"
+        )
     game = players.game
     state = game.start(_draw(game, noise, batch, rows, start=True))
     memory = players.begin(chance, batch if rows is None else (rows, *batch))
@@ -145,7 +159,19 @@ def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = (
         present = game.present(state)
         if present is None:
             present = trust == trust  # everybody
-        rows.append((tor, top, trust, state.quality, state.ratings, state.rated, state.awaiting, rewards, present))
+        rows.append(
+            (
+                tor,
+                top,
+                trust,
+                state.quality,
+                state.ratings,
+                state.rated,
+                state.awaiting,
+                rewards,
+                present,
+            )
+        )
     stack = namespace(rows[0][0]).stack
     columns = [*(stack(column) for column in zip(*rows, strict=True)), stack_offered(offered)]
     return History(*columns)
@@ -157,10 +183,17 @@ def stack_offered(offered: Sequence[Array]) -> Array:
     return xp.stack([xp.broadcast_to(one, shape) for one in offered])
 
 
-def _draw(game: Game, random: Random, batch: tuple[int, ...], rows: int | None, *, start: bool = False) -> Noise:
+def _draw(
+    game: Game, random: Random, batch: tuple[int, ...], rows: int | None, *, start: bool = False
+) -> Noise:
     """Draw the noise of a round, the same for every row."""
     noise = game.draw(random, batch, start=start)
     if rows is None:
         return noise
     axis = -1 - len(batch)
-    return Noise(*(None if part is None else namespace(part).stack([part] * rows, axis=axis) for part in noise))
+    return Noise(
+        *(
+            None if part is None else namespace(part).stack([part] * rows, axis=axis)
+            for part in noise
+        )
+    )

@@ -1,4 +1,6 @@
-"""The game of a city: each rater meets few of many providers, and only pairs that meet take time and memory."""
+"""The game of a city: each rater meets few of many providers, and only pairs that meet take time
+and memory.
+"""
 
 from typing import Any, cast
 
@@ -17,19 +19,22 @@ from roletrust_env.world.scenario import Encounters, Scenario
 
 
 class SparseGame(Game):
-    """The rules of `Game` for a scenario with encounters, on the pairs that meet: one game on NumPy, in float64.
+    """The rules of `Game` for a scenario with encounters, on the pairs that meet: one game on
+    NumPy, in float64.
 
-    It is `Game` on other cells: where an array of `Game` has shape (S, P), that of this game has shape (S, K), with K
-    the `providers` that a rater meets in a round, and `State.met` has the index of the provider of each cell. With the
-    same noise for each pair, trust, quality and rewards are those of `Game`. A round takes time and memory in
-    proportion to S K + P. A model with a memory of pairs keeps every pair that ever met.
+    It is `Game` on other cells: where an array of `Game` has shape (S, P), that of this game has
+    shape (S, K), with K the `providers` that a rater meets in a round, and `State.met` has the
+    index of the provider of each cell. With the same noise for each pair, trust, quality and
+    rewards are those of `Game`. A round takes time and memory in proportion to S K + P. A model
+    with a memory of pairs keeps every pair that ever met.
 
     What differs:
 
     - The trust model runs on edges, see `roletrust_env.trust.edges.runs_on_edges`.
-    - The trust of a game goes on in place, so `step` takes the newest state only; an older one can still be read.
-    - A rater sees the providers that it met, see `SparseRaterView`; its last `ratings` are in the cells of the round
-      before. A provider does not see single ratings.
+    - The trust of a game goes on in place, so `step` takes the newest state only; an older one can
+      still be read.
+    - A rater sees the providers that it met, see `SparseRaterView`; its last `ratings` are in the
+      cells of the round before. A provider does not see single ratings.
     - Ratings arrive at once or are lost, and providers serve all raters alike.
 
     Args:
@@ -37,7 +42,8 @@ class SparseGame(Game):
         trust_model: Name of a trust model, or a trust model, see `Game`.
 
     Raises:
-        ValueError: The scenario has another access, late ratings or cameras; the model does not run on edges.
+        ValueError: The scenario has another access, late ratings or cameras; the model does not run
+            on edges.
 
     Example:
         >>> from roletrust_env import JointPolicy, Scenario, SparseGame
@@ -52,9 +58,11 @@ class SparseGame(Game):
         >>> bought = game.bought(*rounds[-1][:3])
         >>> bool(bought.got > 0.95 * bought.best)
         True
-    """
+    """  # noqa: E501
 
-    def __init__(self, scenario: Scenario, trust_model: str | TrustModel[Any] = "role-trust") -> None:
+    def __init__(
+        self, scenario: Scenario, trust_model: str | TrustModel[Any] = "role-trust"
+    ) -> None:
         if isinstance(scenario, Scenario):
             _check(scenario)
         super().__init__(scenario, trust_model)
@@ -65,18 +73,21 @@ class SparseGame(Game):
         return MetCells(self.scenario.access, self.roster, self.model)
 
     def check_policy(self, policy: Policy, memory: Any) -> None:
-        """Refuse a policy that remembers each provider, or that treats raters differently. See `Game.check_policy`.
+        """Refuse a policy that remembers each provider, or that treats raters differently. See
+        `Game.check_policy`.
 
         Raises:
             ValueError: The policy is one of these.
         """
         if "treatment" in policy.attacks:
             raise ValueError(
-                f"{policy_name(policy)} treats raters differently; in a sparse game providers serve all alike"
+                f"{policy_name(policy)} treats raters differently; in a sparse game providers "
+                "serve all alike"
             )
         if any(leaf is not None for leaf in leaves(memory)):
             raise ValueError(
-                f"{policy_name(policy)} remembers what it saw of each provider; in a sparse game a rater meets others "
+                f"{policy_name(policy)} remembers what it saw of each provider; in a sparse game a "
+                "rater meets others "
                 "in each round, so only policies without such a memory can rate"
             )
 
@@ -89,7 +100,8 @@ class SparseGame(Game):
         shape = self.roster.n_raters, self._cells.width
         if noise.perception.shape != shape:
             raise ValueError(
-                f"the noise has shape {noise.perception.shape}; a sparse game has no batch, and needs {shape}"
+                f"the noise has shape {noise.perception.shape}; a sparse game has no batch, and "
+                f"needs {shape}"
             )
         return super().start(noise)
 
@@ -97,14 +109,19 @@ class SparseGame(Game):
         """Play one round from the newest state. See `Game.step`.
 
         Raises:
-            ValueError: A later round has been played, the shapes of the actions are not those of the state, or a
-                provider treats raters differently.
+            ValueError: A later round has been played, the shapes of the actions are not those of
+                the state, or a provider treats raters differently.
         """
         if actions.treatment is not None:
-            raise ValueError("a provider treats raters differently; in a sparse game it serves all alike")
+            raise ValueError(
+                "a provider treats raters differently; in a sparse game it serves all alike"
+            )
         for name in ("quality", "ratings"):
             if not np.isfinite(np.asarray(getattr(actions, name))).all():
-                raise ValueError(f"{name} of the actions are not all numbers; the trust of a city goes on in place")
+                raise ValueError(
+                    f"{name} of the actions are not all numbers; the trust of a city goes on in "
+                    "place"
+                )
         return super().step(state, actions, noise)
 
     def known_trust(self, state: State) -> Array:
@@ -112,15 +129,29 @@ class SparseGame(Game):
         return self._cells.of_providers(self.published(state)[1], state.met)
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
-        """Return the views of all providers, fields of shape (P,), and of all raters, (S,) and (K, S). See `Game`."""
+        """Return the views of all providers, fields of shape (P,), and of all raters, (S,) and (K,
+        S). See `Game`.
+        """
         tor, top = self.published(state)
         clock = np.asarray(self._clock(state))
         none = np.zeros((0, len(top)))
         provider = ProviderView(
-            np.broadcast_to(clock, top.shape), top, state.value, state.quality, none, none.astype(bool)
+            np.broadcast_to(clock, top.shape),
+            top,
+            state.value,
+            state.quality,
+            none,
+            none.astype(bool),
         )
         met: Array = state.met
-        cells = (self.known_trust(state), state.service, state.awaiting, state.ratings, state.rated, met)
+        cells = (
+            self.known_trust(state),
+            state.service,
+            state.awaiting,
+            state.ratings,
+            state.rated,
+            met,
+        )
         rater = SparseRaterView(np.broadcast_to(clock, tor.shape), tor, *(cell.T for cell in cells))
         return provider, cast(RaterView, rater)  # policies read it as one
 
@@ -133,10 +164,11 @@ class SparseGame(Game):
         raise ValueError("a sparse game has no observation vectors; policies play it by `views`")
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
-        """Return the qualities that consumers got in a round by the trust before it, means over the raters.
+        """Return the qualities that consumers got in a round by the trust before it, means over the
+        raters.
 
-        Each rater is a consumer that goes to the most trusted of the providers that serve it in the round. A rater that
-        nobody serves counts as 0 in all three.
+        Each rater is a consumer that goes to the most trusted of the providers that serve it in the
+        round. A rater that nobody serves counts as 0 in all three.
         """
         cells, top = self._cells, self.published(before)[1]
         offered = cells.of_providers(self.offered(before, actions, after), after.met)
@@ -149,10 +181,13 @@ def _check(scenario: Scenario) -> None:
     """Refuse what a sparse game does not play."""
     if not isinstance(scenario.access, Encounters):
         raise ValueError(
-            f"access is of kind {scenario.access.kind!r}; a sparse game needs 'encounters', in which a rater meets few "
+            f"access is of kind {scenario.access.kind!r}; a sparse game needs 'encounters', in "
+            "which a rater meets few "
             "providers"
         )
     if scenario.ratings.late > 0:
         raise ValueError(f"ratings.late is {scenario.ratings.late}; it must be 0 in a sparse game")
     if scenario.service != "synthetic":
-        raise ValueError(f"service is {scenario.service!r}; it must be 'synthetic' in a sparse game")
+        raise ValueError(
+            f"service is {scenario.service!r}; it must be 'synthetic' in a sparse game"
+        )

@@ -20,11 +20,11 @@ class Actions(NamedTuple):
     Attributes:
         quality: Quality of the services, shape (P, ...), in [0, 1].
         ratings: Ratings, shape (S, P, ...), in [0, 1].
-        presence: Identities that agents with a reserve want to be present, boolean, shape (N, ...), see
-            `Presence.step`; None changes nothing.
+        presence: Identities that agents with a reserve want to be present, boolean, shape (N, ...),
+            see `Presence.step`; None changes nothing.
         withheld: Ratings that are not sent, boolean, shape (S, P, ...); None where all are sent.
-        treatment: Share of its quality that each provider gives each rater, shape (S, P, ...), in [0, 1]; None where
-            providers serve all raters alike.
+        treatment: Share of its quality that each provider gives each rater, shape (S, P, ...), in
+            [0, 1]; None where providers serve all raters alike.
     """
 
     quality: Array
@@ -52,9 +52,10 @@ class State(NamedTuple):
         trust: State of the trust model.
         ratings: Ratings that arrived in the last round, shape (S, P, ...); 0 where none did.
         rated: Whether a rating arrived, boolean, shape (S, P, ...).
-        quality: Quality delivered in the last round, shape (P, ...); for a provider that treats raters differently the
-            mean over the raters that it served.
-        service: Perceived quality of the services that await their rating, shape (S, P, ...); 0 elsewhere.
+        quality: Quality delivered in the last round, shape (P, ...); for a provider that treats
+            raters differently the mean over the raters that it served.
+        service: Perceived quality of the services that await their rating, shape (S, P, ...); 0
+            elsewhere.
         awaiting: Whether a service awaits its rating, boolean, shape (S, P, ...).
         value: Value of the next service of each provider, shape (P, ...).
         counts: Services that SR+SP agents rated and provided; None without such agents.
@@ -62,9 +63,10 @@ class State(NamedTuple):
         motion: Positions and waypoints of the agents, if they move.
         transit: Ratings that are late; None where none can be.
         properties: Properties in which agents differ.
-        full: Whether every service awaits its rating, in every game, so that `awaiting` need not be read.
-        met: Index of the provider of each cell of `service` and `awaiting`, shape (S, K), in a `SparseGame`, whose
-            cells are (S, K) in place of (S, P, ...); None elsewhere.
+        full: Whether every service awaits its rating, in every game, so that `awaiting` need not be
+            read.
+        met: Index of the provider of each cell of `service` and `awaiting`, shape (S, K), in a
+            `SparseGame`, whose cells are (S, K) in place of (S, P, ...); None elsewhere.
     """
 
     round: Array
@@ -90,11 +92,13 @@ class State(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """The noise of one round: uniform in [0, 1), except `perception`, which is standard normal. None where unused.
+    """The noise of one round: uniform in [0, 1), except `perception`, which is standard normal.
+    None where unused.
 
-    Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `choice` (S, P, ...), for encounters
-    with k providers (S, k, ...); `presence` (N, ...); `value` (P, ...); `goal` (N, 2, ...); and at the start only
-    `position` (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
+    Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `choice` (S, P,
+        ...), for encounters with k providers (S, k, ...); `presence` (N, ...); `value` (P, ...);
+        `goal` (N, 2, ...); and at the start only `position` (N, 2, ...), `ability` (P, ...), `bias`
+        and `scale` (S, ...).
     """
 
     perception: Array
@@ -114,27 +118,35 @@ class Noise(NamedTuple):
 
 
 def intended(actions: Actions, properties: AgentProperties) -> Array:
-    """Return the chosen quality within the ability of the providers, shape (P, ...), or (S, P, ...) for each rater."""
-    quality = actions.quality if properties.ability is None else properties.ability * actions.quality
+    """Return the chosen quality within the ability of the providers, shape (P, ...), or (S, P, ...)
+    for each rater.
+    """
+    quality = (
+        actions.quality if properties.ability is None else properties.ability * actions.quality
+    )
     return quality if actions.treatment is None else actions.treatment * quality
 
 
 def fitted(actions: Actions, state: State) -> Actions:
-    """Return the actions in the dtype of a state, so that double precision does not spread to the whole game.
+    """Return the actions in the dtype of a state, so that double precision does not spread to the
+    whole game.
 
     Raises:
-        ValueError: The actions have other shapes than the state needs; or, on NumPy, are NaN or outside [0, 1].
+        ValueError: The actions have other shapes than the state needs; or, on NumPy, are NaN or
+            outside [0, 1].
     """
     cells = "(S, P, ...)" if state.met is None else "(S, K)"
     if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
         raise ValueError(
-            f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
+            f"actions have shapes {tuple(actions.quality.shape)} and "
+            f"{tuple(actions.ratings.shape)}; needed are "
             f"(P, ...) = {tuple(state.quality.shape)} and {cells} = {tuple(state.ratings.shape)}"
         )
     wanted, population = actions.presence, state.population
     if wanted is not None and (population is None or wanted.shape != population.phase.shape):
         raise ValueError(
-            f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
+            f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where "
+            "nobody comes or goes"
         )
     for name, part, nobody in (
         ("withheld", actions.withheld, "withholds a rating"),
@@ -149,14 +161,23 @@ def fitted(actions: Actions, state: State) -> Actions:
     for name, part in parts.items():
         # On NumPy, where it takes few microseconds, and not where a game is traced.
         if type(part) is np.ndarray and part.size and not (part.min() >= 0 and part.max() <= 1):
-            raise ValueError(f"{name} hold {part[~((part >= 0) & (part <= 1))][0]}; none may be NaN or outside [0, 1]")
+            raise ValueError(
+                f"{name} hold {part[~((part >= 0) & (part <= 1))][0]}; none may be NaN or outside "
+                "[0, 1]"
+            )
     dtype = state.ratings.dtype
-    others = {name: cast(part, dtype) for name, part in parts.items() if part is not None and part.dtype != dtype}
+    others = {
+        name: cast(part, dtype)
+        for name, part in parts.items()
+        if part is not None and part.dtype != dtype
+    }
     return actions._replace(**others) if others else actions
 
 
 def first_game(state: State) -> State:
-    """Return the state of the first game of a batch, (E,), on the CPU; a single game's state is returned as it is."""
+    """Return the state of the first game of a batch, (E,), on the CPU; a single game's state is
+    returned as it is.
+    """
     return one_game(state, (0,)) if state.round.ndim else state
 
 
@@ -167,5 +188,7 @@ def one_game(state: State, place: tuple[int, ...]) -> State:
         state: State of a batch.
         place: Index of the game along the axes of the batch.
     """
-    one: State = map_leaves(lambda leaf: to_device(leaf[..., *place], "cpu") if is_array(leaf) else leaf, state)
+    one: State = map_leaves(
+        lambda leaf: to_device(leaf[..., *place], "cpu") if is_array(leaf) else leaf, state
+    )
     return one

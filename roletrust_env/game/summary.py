@@ -9,15 +9,19 @@ from roletrust_env.world.scenario import InRange
 def summary_size(game: Game) -> int:
     """Return the number of entries of `summarise`."""
     s, p, n = game.roster.n_raters, game.roster.n_providers, game.roster.n_agents
-    return 1 + s + 3 * p + n + 4 * s * p + (2 * n if isinstance(game.scenario.access, InRange) else 0)
+    return (
+        1 + s + 3 * p + n + 4 * s * p + (2 * n if isinstance(game.scenario.access, InRange) else 0)
+    )
 
 
 def summarise(game: Game, state: State) -> Array:
     """Return the whole state as a vector, shape (summary_size, ...), every entry in [0, 1].
 
-    In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P); presence (N). Then,
-    row by row, S x P each: perceived quality of the services without a rating yet, whether there is one, ratings that
-    arrived, and whether one did. Where robots move, their positions relative to the arena (N x 2).
+    In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P);
+        presence (N). Then,
+    row by row, S x P each: perceived quality of the services without a rating yet, whether there is
+        one, ratings that arrived, and whether one did. Where robots move, their positions relative
+        to the arena (N x 2).
     """
     xp, batch, roster = namespace(game.like), state.round.shape, game.roster
     tor, top = game.published(state)

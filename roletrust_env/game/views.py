@@ -1,7 +1,8 @@
 """The views of agents, as named fields and as the flat vector of an observation space.
 
-A view is that of one agent and may have further axes: agents with a common view, then the batch. A field has shape
-(...) if it is one number, (P, ...) if there is one per provider, (S, ...) if there is one per rater.
+A view is that of one agent and may have further axes: agents with a common view, then the batch. A
+field has shape (...) if it is one number, (P, ...) if there is one per provider, (S, ...) if there
+is one per rater.
 """
 
 from dataclasses import dataclass
@@ -44,7 +45,8 @@ class RaterView(NamedTuple):
         round: Number of the round, shape (...).
         trust: Its own ToR, shape (...).
         published: Published ToP of every provider, shape (P, ...).
-        service: Perceived quality of the services that await its rating, shape (P, ...); 0 where none does.
+        service: Perceived quality of the services that await its rating, shape (P, ...); 0 where
+            none does.
         awaiting: Whether a service awaits its rating, boolean, shape (P, ...).
         ratings: Its ratings that arrived in the last round, shape (P, ...); 0 where none did.
         rated: Whether its rating arrived, boolean, shape (P, ...).
@@ -63,7 +65,8 @@ class RaterView(NamedTuple):
 
 
 class SparseRaterView(NamedTuple):
-    """The view of a rater in a `SparseGame`: a `RaterView` with a row for each of the K providers that it met.
+    """The view of a rater in a `SparseGame`: a `RaterView` with a row for each of the K providers
+    that it met.
 
     A policy that takes providers one by one reads it like a `RaterView`.
 
@@ -71,9 +74,11 @@ class SparseRaterView(NamedTuple):
         round: Number of the round, shape (...).
         trust: Its own ToR, shape (...).
         published: Published ToP of the providers that it met, shape (K, ...).
-        service: Perceived quality of the services that await its rating, shape (K, ...); 0 where none does.
+        service: Perceived quality of the services that await its rating, shape (K, ...); 0 where
+            none does.
         awaiting: Whether a service awaits its rating, boolean, shape (K, ...).
-        ratings: Its ratings of those that it met the round before, as they arrived, shape (K, ...); 0 where none did.
+        ratings: Its ratings of those that it met the round before, as they arrived, shape (K, ...);
+            0 where none did.
         rated: Whether such a rating arrived, boolean, shape (K, ...).
         met: Index of the provider of each row, whole, shape (K, ...).
     """
@@ -137,7 +142,8 @@ def make_views(
     ratings: Array,
     rated: Array,
 ) -> tuple[ProviderView, RaterView]:
-    """Return the views of all providers, with one further axis (P, ...), and of all raters, with one (S, ...).
+    """Return the views of all providers, with one further axis (P, ...), and of all raters, with
+    one (S, ...).
 
     Args:
         round: Number of the round, shape (...).
@@ -167,8 +173,9 @@ def view_of(views: View, place: int) -> View:
 class Layout:
     """The positions of the fields of a view in the observation vector.
 
-    An observation has shape (K, ...), every entry in [0, 1]: the fields of the view one after the other, the round as a
-    share of the game's length. An SR+SP agent's is its ToA, then the provider's fields, then the rater's.
+    An observation has shape (K, ...), every entry in [0, 1]: the fields of the view one after the
+    other, the round as a share of the game's length. An SR+SP agent's is its ToA, then the
+    provider's fields, then the rater's.
 
     Attributes:
         n_raters: S.
@@ -193,20 +200,28 @@ class Layout:
     def flatten(self, view: View) -> Array:
         """Return the observation vector of the view of a provider or a rater."""
         one, (round, *rest) = view.trust.ndim, view
-        parts = [field if field.ndim > one else field[None, ...] for field in (round / self.max_cycles, *rest)]
+        parts = [
+            field if field.ndim > one else field[None, ...]
+            for field in (round / self.max_cycles, *rest)
+        ]
         return namespace(view.trust).concat(parts)
 
     def places(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return the positions of the entries of raters' observations, (K, S), and of providers', (K, P), in a vector.
+        """Return the positions of the entries of raters' observations, (K, S), and of providers',
+        (K, P), in a vector.
 
-        The vector has the clock, ToR (S), ToP (P), the value of the next services (P), delivered quality (P), perceived
-        quality, what awaits a rating, ratings and where they arrived (S x P each). A single game is observed faster
-        entry by entry than field by field.
+        The vector has the clock, ToR (S), ToP (P), the value of the next services (P), delivered
+        quality (P), perceived quality, what awaits a rating, ratings and where they arrived (S x P
+        each). A single game is observed faster entry by entry than field by field.
         """
         s, p = self.n_raters, self.n_providers
         sizes = (1, s, p, p, p, *[s * p] * 4)
-        clock, tor, top, value, quality, *grids = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
-        provider, rater = make_views(clock[0], tor, top, value, quality, *(grid.reshape(s, p) for grid in grids))
+        clock, tor, top, value, quality, *grids = np.split(
+            np.arange(sum(sizes)), np.cumsum(sizes)[:-1]
+        )
+        provider, rater = make_views(
+            clock[0], tor, top, value, quality, *(grid.reshape(s, p) for grid in grids)
+        )
         # The place of the clock is 0, as a share of the game's length too.
         return self.flatten(rater).astype(np.intp), self.flatten(provider).astype(np.intp)
 
@@ -223,13 +238,19 @@ class Layout:
     def rater(self, observation: Array) -> RaterView:
         """Return the view in the observation of a rater."""
         o, p = observation, self.n_providers
-        published, service, awaiting, ratings, rated = (o[2 + k * p : 2 + (k + 1) * p] for k in range(5))
-        return RaterView(self._round(o), o[1], published, service, awaiting > 0.5, ratings, rated > 0.5)
+        published, service, awaiting, ratings, rated = (
+            o[2 + k * p : 2 + (k + 1) * p] for k in range(5)
+        )
+        return RaterView(
+            self._round(o), o[1], published, service, awaiting > 0.5, ratings, rated > 0.5
+        )
 
     def both(self, observation: Array) -> AgentView:
         """Return the view in the observation of an SR+SP agent."""
         end = 1 + self.provider_size
-        return AgentView(observation[0], self.provider(observation[1:end]), self.rater(observation[end:]))
+        return AgentView(
+            observation[0], self.provider(observation[1:end]), self.rater(observation[end:])
+        )
 
     def _round(self, observation: Array) -> Array:
         return namespace(observation).round(observation[0] * self.max_cycles)

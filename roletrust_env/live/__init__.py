@@ -1,1 +1,3 @@
-"""The live system: the same trust models on a network, with cameras, raters and a manager as separate processes."""
+"""The live system: the same trust models on a network, with cameras, raters and a manager as
+separate processes.
+"""

@@ -1,8 +1,10 @@
-"""The journal of a manager. Every round is on disk before it is published, so no published trust is ever lost.
+"""The journal of a manager. Every round is on disk before it is published, so no published trust is
+ever lost.
 
-Beside it lies a snapshot of the manager's memory, so that a restart does not replay all rounds. A snapshot is a file of
-arrays, see `roletrust_env.storage.arrays`. It is never more than a shortcut. One that is damaged, of other settings or
-of another journal is ignored, and all rounds are replayed.
+Beside it lies a snapshot of the manager's memory, so that a restart does not replay all rounds. A
+snapshot is a file of arrays, see `roletrust_env.storage.arrays`. It is never more than a shortcut.
+One that is damaged, of other settings or of another journal is ignored, and all rounds are
+replayed.
 """
 
 import hashlib
@@ -117,13 +119,15 @@ class JournalPosition(NamedTuple):
 class Journal:
     """A file to which one line of JSON is appended for each round.
 
-    A line with the names of the team precedes the team's first round. Floats are read back to the last bit.
+    A line with the names of the team precedes the team's first round. Floats are read back to the
+    last bit.
 
     Args:
-        path: Path of the file; it is created if it does not exist. A last line without an end, as a killed manager
-            leaves it, is cut off.
+        path: Path of the file; it is created if it does not exist. A last line without an end, as a
+            killed manager leaves it, is cut off.
         about: Settings that all rounds have in common, such as the trust model.
-        after: Position whose earlier rounds need not be read, if they have not changed since; None for the start.
+        after: Position whose earlier rounds need not be read, if they have not changed since; None
+            for the start.
 
     Attributes:
         after: Position from which the rounds were read; None for the start.
@@ -134,7 +138,9 @@ class Journal:
         OSError: The file cannot be read or written.
     """
 
-    def __init__(self, path: Path, about: dict[str, Any], after: JournalPosition | None = None) -> None:
+    def __init__(
+        self, path: Path, about: dict[str, Any], after: JournalPosition | None = None
+    ) -> None:
         self.path, self._team = path, Team()
         self.rounds, self._digest, self._size = 0, hashlib.sha256(), 0
         self.after: JournalPosition | None = None
@@ -152,7 +158,9 @@ class Journal:
     def _begin(self, header: dict[str, Any], after: JournalPosition | None) -> None:
         with self.path.open("rb") as file:
             first = file.readline()
-        if _line(header).startswith(first) and not first.endswith(b"\n"):  # new, or killed while it wrote the header
+        if _line(header).startswith(first) and not first.endswith(
+            b"\n"
+        ):  # new, or killed while it wrote the header
             os.ftruncate(self._file, 0)
             self._write(header)
             return
@@ -160,7 +168,9 @@ class Journal:
         if stored.get("journal") != _VERSION:
             raise ValueError(f"{self.path} is no journal of version {_VERSION}")
         if stored != header:
-            raise ValueError(f"{self.path} is a journal with other settings: {_difference(stored, header)}")
+            raise ValueError(
+                f"{self.path} is a journal with other settings: {_difference(stored, header)}"
+            )
         os.ftruncate(self._file, _complete_size(self.path))
         with self.path.open("rb") as file:
             if after is not None and self._hash(file, after.offset) == (after.offset, after.digest):
@@ -192,7 +202,14 @@ class Journal:
         if entry.team != self._team:
             self._write({"raters": entry.team.raters, "providers": entry.team.providers})
         when = {"round": entry.round, "stamp": entry.stamp, "closed": entry.closed}
-        self._write({**when, "ratings": dict(entry.ratings), "missing": entry.missing, **entry.trust._asdict()})
+        self._write(
+            {
+                **when,
+                "ratings": dict(entry.ratings),
+                "missing": entry.missing,
+                **entry.trust._asdict(),
+            }
+        )
         self._team, self.rounds = entry.team, self.rounds + 1
 
     def close(self) -> None:
@@ -245,7 +262,9 @@ def read_journal(path: Path, after: JournalPosition | None = None) -> Iterator[J
             except ValueError:
                 raise _damaged(path, line) from None
             if entry.round != rounds:
-                raise ValueError(f"{path} is damaged: it has round {entry.round} in place of round {rounds}")
+                raise ValueError(
+                    f"{path} is damaged: it has round {entry.round} in place of round {rounds}"
+                )
             yield entry
             rounds += 1
 
@@ -293,7 +312,8 @@ def read_snapshot(journal: Path) -> Snapshot | None:
     """Return the snapshot of a journal; None if there is none.
 
     Raises:
-        ValueError: It is damaged, or of another version. The message says what is wrong, without the path.
+        ValueError: It is damaged, or of another version. The message says what is wrong, without
+            the path.
         OSError: It cannot be read.
     """
     try:
@@ -311,7 +331,11 @@ def _entry(line: "_RoundLine", team: Team) -> JournalEntry:
     Raises:
         ValueError: The line is not a round of this team.
     """
-    trust, ratings, sizes = Trust(line.tor, line.top, line.toa), line.ratings, (len(team.raters), len(team.providers))
+    trust, ratings, sizes = (
+        Trust(line.tor, line.top, line.toa),
+        line.ratings,
+        (len(team.raters), len(team.providers)),
+    )
     if sizes != (len(trust.tor), len(trust.top)) or not set(ratings) <= set(team.raters):
         raise ValueError("the round is of another team")
     if any(len(row) > len(team.providers) for row in ratings.values()):
@@ -326,7 +350,9 @@ def _lock(file: int, path: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise ValueError(f"{path} is in use by another manager; stop that manager, or name another journal") from None
+        raise ValueError(
+            f"{path} is in use by another manager; stop that manager, or name another journal"
+        ) from None
 
 
 def _complete_size(path: Path) -> int:
@@ -350,9 +376,14 @@ def _parse(path: Path, line: bytes) -> dict[str, Any]:
 
 
 def _damaged(path: Path, line: bytes) -> ValueError:
-    return ValueError(f"{path} is no journal: {line[:60].decode(errors='replace').rstrip()!r} is not a line of one")
+    return ValueError(
+        f"{path} is no journal: {line[:60].decode(errors='replace').rstrip()!r} is not a line of "
+        "one"
+    )
 
 
 def _difference(stored: dict[str, Any], header: dict[str, Any]) -> str:
     keys = [key for key in {**stored, **header} if stored.get(key) != header.get(key)]
-    return "; ".join(f"{key} is {stored.get(key)!r} there and {header.get(key)!r} here" for key in keys)
+    return "; ".join(
+        f"{key} is {stored.get(key)!r} there and {header.get(key)!r} here" for key in keys
+    )

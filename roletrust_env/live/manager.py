@@ -22,16 +22,16 @@ from roletrust_env.trust import TrustModel
 class Manager:
     """Turns incoming ratings into trust, round by round.
 
-    A round is in the journal before it is published. A manager that opens an existing journal continues after its last
-    round, with the same trust to the last bit.
+    A round is in the journal before it is published. A manager that opens an existing journal
+    continues after its last round, with the same trust to the last bit.
 
     Args:
         model: Trust model.
         journal: Path of the journal; the file is created if it does not exist.
         timing: How long to wait for a round.
         team: Agents that are expected from the start; newcomers are appended.
-        keyring: Keys of the agents; None accepts every rater. The settings' raters may not serve, and its providers may
-            not rate, unless they have both roles.
+        keyring: Keys of the agents; None accepts every rater. The settings' raters may not serve,
+            and its providers may not rate, unless they have both roles.
         report: Function that shows a line to the user, before a long replay.
 
     Attributes:
@@ -40,8 +40,8 @@ class Manager:
         known_raters: Raters that have a key or, without keys, a place in the team.
 
     Raises:
-        ValueError: The model is not sound, the journal belongs to another manager, or replaying it gives other trust
-            than it contains.
+        ValueError: The model is not sound, the journal belongs to another manager, or replaying it
+            gives other trust than it contains.
         OSError: The journal cannot be written.
     """
 
@@ -59,12 +59,18 @@ class Manager:
         self._trust = TeamTrust(model, journal, timing.period, settings, report)
         rater_keys, provider_keys = keys_by_role(keyring, settings)
         raters, providers = self._trust.team.raters, self._trust.team.providers
-        admitted = Membership(raters, timing.period, rater_keys, len(set(raters) - set(settings.raters)))
+        admitted = Membership(
+            raters, timing.period, rater_keys, len(set(raters) - set(settings.raters))
+        )
         strangers = len(set(providers) - set(settings.providers))
         self._providers = Membership(providers, timing.period, provider_keys, strangers)
-        self.validator = MessageValidator(timing.limits, rater_keys, self._trust.last_stamps, admitted, settings.raters)
+        self.validator = MessageValidator(
+            timing.limits, rater_keys, self._trust.last_stamps, admitted, settings.raters
+        )
         self.known_raters: Container[str] = admitted if rater_keys is None else rater_keys
-        self.rounds: RoundAssembler[dict[str, float]] = RoundAssembler(timing, raters, self._trust.last_stamp)
+        self.rounds: RoundAssembler[dict[str, float]] = RoundAssembler(
+            timing, raters, self._trust.last_stamp
+        )
 
     @property
     def next_round(self) -> int:
@@ -85,7 +91,9 @@ class Manager:
         """
         self._providers.admits(provider, now)
 
-    def receive(self, message: RatingMessage, now: int, arrival: int | None = None) -> list[JournalEntry]:
+    def receive(
+        self, message: RatingMessage, now: int, arrival: int | None = None
+    ) -> list[JournalEntry]:
         """Take a message and return the rounds that it closes. They are in the journal by then.
 
         Args:
@@ -94,7 +102,9 @@ class Manager:
             arrival: Time of arrival, nanoseconds, if the message has waited since then.
         """
         rater, stamp = message.envelope.sender, message.envelope.stamp
-        accepted = self.validator.accepted_ratings(message, self._providers, now if arrival is None else arrival)
+        accepted = self.validator.accepted_ratings(
+            message, self._providers, now if arrival is None else arrival
+        )
         if self._trust.newcomers_wait:
             accepted = self._of_members(rater, accepted)
         if not accepted:
@@ -114,7 +124,9 @@ class Manager:
         return self._trust.close_round(closed, now, self.validator.last_stamps)
 
     def _of_members(self, rater: str, accepted: dict[str, float]) -> dict[str, float]:
-        """Return the ratings that members of the team gave members; newcomers have to wait until they have joined."""
+        """Return the ratings that members of the team gave members; newcomers have to wait until
+        they have joined.
+        """
         team = self._trust.team
         early = [provider for provider in accepted if provider not in team.providers]
         self._trust.join(() if rater in team.raters else (rater,), early)
@@ -123,4 +135,6 @@ class Manager:
             return {}
         if early:
             self.validator.refuse(rater, RefusalReason.JOINING, len(early))
-        return {provider: value for provider, value in accepted.items() if provider in team.providers}
+        return {
+            provider: value for provider, value in accepted.items() if provider in team.providers
+        }

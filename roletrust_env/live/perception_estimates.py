@@ -1,8 +1,8 @@
 """Estimates of the raters' bias and noise from their ratings, which are clipped to [0, 1].
 
-A rating is min(max(q_j + b_i + s_i n, 0), 1) with a standard normal n. This is a censored regression
-(Tobin 1958, "Estimation of relationships for limited dependent variables"), fitted by expectation maximisation
-(Dempster, Laird and Rubin 1977).
+A rating is min(max(q_j + b_i + s_i n, 0), 1) with a standard normal n. This is a censored
+regression (Tobin 1958, "Estimation of relationships for limited dependent variables"), fitted by
+expectation maximisation (Dempster, Laird and Rubin 1977).
 """
 
 import math
@@ -17,9 +17,13 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 _Z_95 = 1.959963984540054
-_QUARTILE = 0.31863936396437515  # quartile of |n|: attacks in a third of the rounds hardly change it
+_QUARTILE = (
+    0.31863936396437515  # quartile of |n|: attacks in a third of the rounds hardly change it
+)
 _FAR = 5.0  # standard deviations from the median beyond which a rating counts as an attack
-_SURE = 3.0  # largest distance of a level beyond a bound, in standard deviations, if all ratings are at the bound
+# largest distance of a level beyond a bound, in standard deviations, if all ratings are at the
+# bound
+_SURE = 3.0
 _STEPS, _TOLERANCE = 300, 1e-10
 _MIN_NOISE = 1e-9  # smaller standard deviations count as no noise
 
@@ -53,7 +57,8 @@ class _Fit(NamedTuple):
 
 
 def estimate_perception(ratings: Floats, calm: Mask) -> PerceptionEstimates:
-    """Estimate how raters perceive services. Attacks in less than a third of the rounds hardly change the estimates.
+    """Estimate how raters perceive services. Attacks in less than a third of the rounds hardly
+    change the estimates.
 
     Args:
         ratings: Ratings, (R, S, P); NaN where there is none.
@@ -101,9 +106,14 @@ def _fit(rows: Floats) -> _Fit:
     """Fit the ratings of one rater, (R, P)."""
     columns = [column[~np.isnan(column)] for column in rows.T]
     middle = np.array([np.median(column) if len(column) else np.nan for column in columns])
-    deviations = np.concatenate([_unclipped_deviations(column, m) for column, m in zip(columns, middle, strict=True)])
+    deviations = np.concatenate(
+        [_unclipped_deviations(column, m) for column, m in zip(columns, middle, strict=True)]
+    )
     scale = float(np.quantile(deviations, 0.25)) / _QUARTILE if len(deviations) else 0.0
-    near = [column[abs(column - m) <= _FAR * scale + _MIN_NOISE] for column, m in zip(columns, middle, strict=True)]
+    near = [
+        column[abs(column - m) <= _FAR * scale + _MIN_NOISE]
+        for column, m in zip(columns, middle, strict=True)
+    ]
     counts = np.array([((column > 0) & (column < 1)).sum() for column in near], float)
     level, noise = middle, scale
     for _ in range(_STEPS if scale > _MIN_NOISE else 0):
@@ -114,7 +124,11 @@ def _fit(rows: Floats) -> _Fit:
         noise = math.sqrt(sum(one.squares for one in steps) / sum(map(len, near)))
         if abs(noise - before) < _TOLERANCE:
             break
-    return _Fit(level, noise, counts if scale > _MIN_NOISE else np.array([len(column) for column in near], float))
+    return _Fit(
+        level,
+        noise,
+        counts if scale > _MIN_NOISE else np.array([len(column) for column in near], float),
+    )
 
 
 def _unclipped_deviations(column: Floats, middle: float) -> Floats:
@@ -124,14 +138,18 @@ def _unclipped_deviations(column: Floats, middle: float) -> Floats:
 
 
 class _EMStep(NamedTuple):
-    """A step of expectation maximisation: the change of the level, and the expected squares around the new level."""
+    """A step of expectation maximisation: the change of the level, and the expected squares around
+    the new level.
+    """
 
     step: float
     squares: float
 
 
 def _em_step(column: Floats, level: float, noise: float) -> _EMStep:
-    """Return the step for the ratings of one provider. A rating at a bound may have been any value beyond it."""
+    """Return the step for the ratings of one provider. A rating at a bound may have been any value
+    beyond it.
+    """
     if not len(column):
         return _EMStep(0.0, 0.0)
     inside = column[(column > 0) & (column < 1)] - level

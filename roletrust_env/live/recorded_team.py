@@ -1,4 +1,6 @@
-"""The scenario of a recorded team, as far as a scenario can express it: agents, presence, losses, disturbances."""
+"""The scenario of a recorded team, as far as a scenario can express it: agents, presence, losses,
+disturbances.
+"""
 
 import math
 import statistics
@@ -14,7 +16,12 @@ import numpy.typing as npt
 
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.nodes.manager_node import replay_recording
-from roletrust_env.live.perception_estimates import Floats, Mask, PerceptionEstimates, estimate_perception
+from roletrust_env.live.perception_estimates import (
+    Floats,
+    Mask,
+    PerceptionEstimates,
+    estimate_perception,
+)
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.team import Team
 from roletrust_env.live.validation import Envelope, Keyring, is_genuine
@@ -71,7 +78,8 @@ def observe_team(
     Args:
         recording: Messages in order of arrival.
         keyring: Agents that may take part; None accepts every agent.
-        again: Function that iterates over the messages of the team for the manager, and may show how far it is.
+        again: Function that iterates over the messages of the team for the manager, and may show
+            how far it is.
 
     Raises:
         ValueError: The recording has less than two rounds of ratings.
@@ -83,14 +91,21 @@ def observe_team(
         if camera := owner(message.topic, IMAGES):
             if keyring is None or _origin(message, camera, keyring) is not None:
                 pictures.setdefault(camera, []).append(message.time)
-                of_team.append(message._replace(raw=b"") if message.kind == messages.IMAGE else message)
+                of_team.append(
+                    message._replace(raw=b"") if message.kind == messages.IMAGE else message
+                )
         elif rater := owner(message.topic, RATINGS):
             of_team.append(message)
-            if message.kind == messages.RATINGS and (origin := _origin(message, rater, keyring)) is not None:
+            if (
+                message.kind == messages.RATINGS
+                and (origin := _origin(message, rater, keyring)) is not None
+            ):
                 providers = tuple(messages.read_ratings(message.raw).providers)
                 authentic.append(_Ratings(rater, message.time, origin.stamp, providers))
     period = _period(authentic)
-    timely = [one for one in authentic if abs(one.stamp - one.time) <= RoundTiming(period).tolerance]
+    timely = [
+        one for one in authentic if abs(one.stamp - one.time) <= RoundTiming(period).tolerance
+    ]
     if not any(one.providers for one in timely):
         raise ValueError("the recording has no rating whose stamp is near the time of its arrival")
     team = Team(
@@ -120,7 +135,9 @@ def observe_team(
 
 
 def _origin(message: RecordedMessage, name: str, keyring: Keyring | None) -> Envelope | None:
-    """Return the origin of a picture or of ratings; None if it is not from the agent of its topic."""
+    """Return the origin of a picture or of ratings; None if it is not from the agent of its
+    topic.
+    """
     try:
         if owner(message.topic, IMAGES):
             envelope = messages.read_picture(name, message.raw).envelope
@@ -132,7 +149,9 @@ def _origin(message: RecordedMessage, name: str, keyring: Keyring | None) -> Env
 
 
 def _period(ratings: Iterable[_Ratings]) -> int:
-    """Return the time between rounds: the median time between two messages of a rater, nanoseconds."""
+    """Return the time between rounds: the median time between two messages of a rater,
+    nanoseconds.
+    """
     stamps: dict[str, list[int]] = {}
     for one in ratings:
         stamps.setdefault(one.rater, []).append(one.stamp)
@@ -145,10 +164,18 @@ def _period(ratings: Iterable[_Ratings]) -> int:
 def _counted(
     recording: Iterable[RecordedMessage], team: Team, period: int, keyring: Keyring | None
 ) -> Iterable[tuple[int, str, str, float]]:
-    """Iterate over the ratings that reach the trust model, as (stamp, rater, provider, rating); any model will do."""
+    """Iterate over the ratings that reach the trust model, as (stamp, rater, provider, rating); any
+    model will do.
+    """
     with tempfile.TemporaryDirectory() as folder:
         journal = Path(folder) / "journal"
-        manager = Manager(make_trust_model("constant"), journal, timing=RoundTiming(period), team=team, keyring=keyring)
+        manager = Manager(
+            make_trust_model("constant"),
+            journal,
+            timing=RoundTiming(period),
+            team=team,
+            keyring=keyring,
+        )
         for entry in replay_recording(recording, manager, period):
             for rater, row in entry.ratings.items():
                 for provider, value in zip(entry.team.providers, row, strict=False):
@@ -194,8 +221,9 @@ class InferredScenario(NamedTuple):
 def infer_scenario(observation: TeamObservation, name: str) -> InferredScenario:
     """Infer the scenario of a team.
 
-    A rating that arrives after its round was closed does not count in the live system, so it counts as lost here.
-    Attackers are treated like other agents; see `estimate_perception` for the effect of attacks.
+    A rating that arrives after its round was closed does not count in the live system, so it counts
+    as lost here. Attackers are treated like other agents; see `estimate_perception` for the effect
+    of attacks.
     """
     team, rounds = observation.team, len(observation.ratings)
     rates: Mask = np.any(observation.sent, axis=2)
@@ -210,36 +238,55 @@ def infer_scenario(observation: TeamObservation, name: str) -> InferredScenario:
     worse = relative < 1 - max(_MIN_DROP, _MIN_DROP_DEVIATIONS * deviation)
     disturbances = _disturbances(relative, worse)
     perception = estimate_perception(observation.ratings, ~worse)
-    agents = [_agent(name, observation, perception, rating, serving) for name in _ordered_names(observation)]
+    agents = [
+        _agent(name, observation, perception, rating, serving)
+        for name in _ordered_names(observation)
+    ]
     data: dict[str, Any] = {
         "name": name,
-        "description": f"A team as it was recorded: {len(team.raters)} raters, {len(team.providers)} providers",
+        "description": f"A team as it was recorded: {len(team.raters)} raters, {len(team.providers)} providers",  # noqa: E501
         "agents": agents,
         "ratings": {"lost": round(lost.value, 4)},
         "perturbations": [
-            {"start": start, "stop": stop, "strength": round(strength, 2)} for start, stop, strength in disturbances
+            {"start": start, "stop": stop, "strength": round(strength, 2)}
+            for start, stop, strength in disturbances
         ],
         "max_cycles": rounds,
         "period_s": round(observation.period / 1e9, 6),
     }
     away = [
         name
-        for names, spans, here in ((team.raters, rating, present[0]), (team.providers, serving, present[1]))
+        for names, spans, here in (
+            (team.raters, rating, present[0]),
+            (team.providers, serving, present[1]),
+        )
         for k, name in enumerate(names)
         if (span := spans[k]) is not None and not here[span[0] : span[1], k].all()
     ]
     scenario, names = read_scenario(data, "the recording"), tuple(_ordered_names(observation))
-    return InferredScenario(scenario, names, team.raters, team.providers, lost, float(late), perception, tuple(away))
+    return InferredScenario(
+        scenario, names, team.raters, team.providers, lost, float(late), perception, tuple(away)
+    )
 
 
 def _ordered_names(observation: TeamObservation) -> list[str]:
-    """Return the names of all agents in the order of a scenario: raters, providers, agents with both roles."""
-    raters, providers, both = observation.team.raters, observation.team.providers, observation.team.dual_role
+    """Return the names of all agents in the order of a scenario: raters, providers, agents with
+    both roles.
+    """
+    raters, providers, both = (
+        observation.team.raters,
+        observation.team.providers,
+        observation.team.dual_role,
+    )
     return [*(x for x in raters if x not in both), *(x for x in providers if x not in both), *both]
 
 
 def _agent(
-    name: str, observation: TeamObservation, perception: PerceptionEstimates, rating: Spans, serving: Spans
+    name: str,
+    observation: TeamObservation,
+    perception: PerceptionEstimates,
+    rating: Spans,
+    serving: Spans,
 ) -> dict[str, Any]:
     """Return a group of one agent, without default values."""
     team, rounds = observation.team, len(observation.ratings)
@@ -272,13 +319,19 @@ def _round_digits(value: float) -> float:
 
 
 def _longest_silence(active: Mask) -> int:
-    """Return the longest silence that lost messages alone can explain, rounds, given the active rounds, (R, n)."""
+    """Return the longest silence that lost messages alone can explain, rounds, given the active
+    rounds, (R, n).
+    """
     gaps = []
     for column in active.T:
         at = np.flatnonzero(column)
         gaps += [1 - len(at) / (at[-1] - at[0] + 1)] if len(at) else []
     share = min(float(np.median(gaps)), 0.9) if gaps else 0.0
-    return max(_MIN_SILENCE, math.ceil(math.log(_UNLIKELY) / math.log(share))) if share > 0 else _MIN_SILENCE
+    return (
+        max(_MIN_SILENCE, math.ceil(math.log(_UNLIKELY) / math.log(share)))
+        if share > 0
+        else _MIN_SILENCE
+    )
 
 
 def _spans(active: Mask, silence: int) -> Spans:
@@ -293,12 +346,16 @@ def _spans(active: Mask, silence: int) -> Spans:
             spans.append(None)
             continue
         first, last = int(at[0]), int(at[-1]) + 1
-        spans.append((first if first > silence else 0, last if len(column) - last > silence else len(column)))
+        spans.append(
+            (first if first > silence else 0, last if len(column) - last > silence else len(column))
+        )
     return spans
 
 
 def _presence(active: Mask, spans: Spans, silence: int) -> Mask:
-    """Return the mask of the rounds in which each agent was present: its span without long silences, (R, n)."""
+    """Return the mask of the rounds in which each agent was present: its span without long
+    silences, (R, n).
+    """
     present = np.zeros(active.shape, bool)
     for k, span in enumerate(spans):
         if span is None:
@@ -312,7 +369,9 @@ def _presence(active: Mask, spans: Spans, silence: int) -> Mask:
 
 
 def _lost(due: Mask, ratings: Floats) -> Interval:
-    """Return the share of the due ratings that did not count, with an interval over rounds, since losses cluster."""
+    """Return the share of the due ratings that did not count, with an interval over rounds, since
+    losses cluster.
+    """
     expected = due.any(axis=(1, 2))
     counts = due[expected].sum(axis=(1, 2))
     missing = (due & np.isnan(ratings))[expected].sum(axis=(1, 2))
@@ -330,13 +389,16 @@ def _relative_quality(ratings: Floats) -> Floats:
 
 
 def _disturbances(relative: Floats, worse: Mask) -> list[tuple[int, int, float]]:
-    """Return the intervals of rounds in which all services were worse together, as (start, stop, strength).
+    """Return the intervals of rounds in which all services were worse together, as (start, stop,
+    strength).
 
     With a single provider there are none, since a disturbance would look like an attack.
     """
     rated = ~np.isnan(relative)
     disturbed = (worse | ~rated).all(axis=1) & rated.any(axis=1) & (relative.shape[1] > 1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], disturbed, [False]]).astype(int))).reshape(-1, 2)
+    edges = np.flatnonzero(
+        np.diff(np.concatenate([[False], disturbed, [False]]).astype(int))
+    ).reshape(-1, 2)
     return [(int(a), int(b), float(np.clip(1 - np.nanmean(relative[a:b]), 0, 1))) for a, b in edges]
 
 

@@ -1,4 +1,6 @@
-"""Assembly of messages into rounds when some are lost or late: the manager's deadlines around synchronisation."""
+"""Assembly of messages into rounds when some are lost or late: the manager's deadlines around
+synchronisation.
+"""
 
 import math
 from collections import Counter
@@ -19,9 +21,12 @@ class RoundTiming:
 
     Attributes:
         period: Time between rounds, nanoseconds.
-        deadline: Time from the first message of an incomplete round to its end, as a share of the period.
-        silence: Number of periods without a message after which a stream is no longer missing from a round.
-        absence: Number of periods without a message after which no round waits for a stream until its deadline.
+        deadline: Time from the first message of an incomplete round to its end, as a share of the
+            period.
+        silence: Number of periods without a message after which a stream is no longer missing from
+            a round.
+        absence: Number of periods without a message after which no round waits for a stream until
+            its deadline.
     """
 
     period: int
@@ -36,7 +41,9 @@ class RoundTiming:
 
     @property
     def tolerance(self) -> int:
-        """Largest difference between the stamp of a message and the time of its arrival, nanoseconds: four periods."""
+        """Largest difference between the stamp of a message and the time of its arrival,
+        nanoseconds: four periods.
+        """
         return 4 * self.period
 
     @property
@@ -46,7 +53,9 @@ class RoundTiming:
 
     @property
     def quota(self) -> int:
-        """Largest number of messages of a sender in a second: ten times what it needs, and at least ten."""
+        """Largest number of messages of a sender in a second: ten times what it needs, and at least
+        ten.
+        """
         return max(_QUOTA, math.ceil(_QUOTA * 1e9 / self.period))
 
 
@@ -65,15 +74,17 @@ class MatchedRound(NamedTuple, Generic[Item]):
 
 
 class RoundAssembler(Generic[Item]):
-    """Closes complete rounds at once, and incomplete ones at a deadline with the messages that have arrived.
+    """Closes complete rounds at once, and incomplete ones at a deadline with the messages that have
+    arrived.
 
-    ROS's synchronisation publishes complete matches only: a stream that loses a message costs all streams the round,
-    and a stream that stops ends all rounds. Here the messages that it gives up form a partial round. A silent stream is
-    not expected until it sends again, but rounds stay open for it until their deadline, so that its first message
-    counts however late in the round it comes. Only after a long absence are rounds complete without it. A new stream is
-    expected from its first message on. Rounds close in the order of their stamps, which begins anew when the clock is
-    set back, see `StampLimits`. A message that arrives after its round was closed is in no round and is counted; this
-    may happen to the first message of a new stream.
+    ROS's synchronisation publishes complete matches only: a stream that loses a message costs all
+    streams the round, and a stream that stops ends all rounds. Here the messages that it gives up
+    form a partial round. A silent stream is not expected until it sends again, but rounds stay open
+    for it until their deadline, so that its first message counts however late in the round it
+    comes. Only after a long absence are rounds complete without it. A new stream is expected from
+    its first message on. Rounds close in the order of their stamps, which begins anew when the
+    clock is set back, see `StampLimits`. A message that arrives after its round was closed is in no
+    round and is counted; this may happen to the first message of a new stream.
 
     Args:
         timing: How long to wait for a round.
@@ -84,7 +95,9 @@ class RoundAssembler(Generic[Item]):
         unused: Number of messages in no round, by stream: late ones, and duplicates within a round.
     """
 
-    def __init__(self, timing: RoundTiming, expected: Iterable[str] = (), after: int | None = None) -> None:
+    def __init__(
+        self, timing: RoundTiming, expected: Iterable[str] = (), after: int | None = None
+    ) -> None:
         self._timing, self._after = timing, after
         self._initial, self._latest = tuple(expected), after or 0
         self._last_heard: dict[str, int] = {}
@@ -111,24 +124,38 @@ class RoundAssembler(Generic[Item]):
             self._last_heard = dict.fromkeys(self._initial, now)
             self._reset_synchroniser(self._initial)
         closed = self._begin_anew(now)
-        self._last_heard[name] = max(now, stamp)  # a stream that is ahead is not silent before its round
+        self._last_heard[name] = max(
+            now, stamp
+        )  # a stream that is ahead is not silent before its round
         self._silent.discard(name)
         closed += [] if name in self._streams else self._wait_for((*self._streams, name))
         if self._is_closed(stamp):
             self.unused[name] += 1
             return closed
-        return closed + self._apply(self._sync.add(self._streams.index(name), Message(stamp, now, item)))
+        return closed + self._apply(
+            self._sync.add(self._streams.index(name), Message(stamp, now, item))
+        )
 
     def close_due(self, now: int) -> list[MatchedRound[Item]]:
-        """Return the rounds whose deadline has passed, and stop expecting silent streams. Call it often."""
-        closed = self._begin_anew(now) + self._close_until(now - self._timing.deadline * self._timing.period)
-        periods = {name: (now - self._last_heard[name]) / self._timing.period for name in self._streams}
-        self._silent = {name for name, silence in periods.items() if silence >= self._timing.silence}
+        """Return the rounds whose deadline has passed, and stop expecting silent streams. Call it
+        often.
+        """
+        closed = self._begin_anew(now) + self._close_until(
+            now - self._timing.deadline * self._timing.period
+        )
+        periods = {
+            name: (now - self._last_heard[name]) / self._timing.period for name in self._streams
+        }
+        self._silent = {
+            name for name, silence in periods.items() if silence >= self._timing.silence
+        }
         streams = tuple(name for name, silence in periods.items() if silence < self._timing.absence)
         return closed + self._wait_for(streams) if streams != self._streams else closed
 
     def _begin_anew(self, now: int) -> list[MatchedRound[Item]]:
-        """Close what waits if the clock has gone back; the stamps of later rounds may be those of earlier ones then."""
+        """Close what waits if the clock has gone back; the stamps of later rounds may be those of
+        earlier ones then.
+        """
         closed = list[MatchedRound[Item]]()
         if self._latest > now + self._timing.limits.set_back:
             closed, self._after = self._close_until(math.inf), None
@@ -137,15 +164,20 @@ class RoundAssembler(Generic[Item]):
         return closed
 
     def _close_until(self, latest: float) -> list[MatchedRound[Item]]:
-        """Return the rounds whose first message is not later than a time, as far as they have come."""
+        """Return the rounds whose first message is not later than a time, as far as they have
+        come.
+        """
         closed = list[MatchedRound[Item]]()
         while (start := self._wait_start()) is not None and start <= latest:
-            decisions = self._sync.publish_candidate()  # its round may be closed already, and then it closes none
+            decisions = (
+                self._sync.publish_candidate()
+            )  # its round may be closed already, and then it closes none
             closed += self._apply(decisions) if decisions else self._close_partial()
         return closed
 
     def _wait_start(self) -> int | None:
-        """Return the time from which the deadline of the earliest round counts; None if no message waits.
+        """Return the time from which the deadline of the earliest round counts; None if no message
+        waits.
 
         This is the arrival of the round's first message, or its stamp if that is later.
         """
@@ -154,7 +186,11 @@ class RoundAssembler(Generic[Item]):
 
     def _earliest_round(self, messages: _Named[Item]) -> _Named[Item]:
         start = min((message.stamp for _, message in messages), default=0)
-        return [(name, message) for name, message in messages if message.stamp - start <= self._timing.max_spread]
+        return [
+            (name, message)
+            for name, message in messages
+            if message.stamp - start <= self._timing.max_spread
+        ]
 
     def _waiting(self) -> _Named[Item]:
         return [(self._streams[k], message) for k, message in self._sync.waiting()]
@@ -166,7 +202,9 @@ class RoundAssembler(Generic[Item]):
         start = min(message.stamp for _, message in first)
         closed = self._close(first)
         self._reset_synchroniser(self._streams)
-        return closed + self._feed(entry for entry in pending if entry[1].stamp - start > self._timing.max_spread)
+        return closed + self._feed(
+            entry for entry in pending if entry[1].stamp - start > self._timing.max_spread
+        )
 
     def _wait_for(self, names: tuple[str, ...]) -> list[MatchedRound[Item]]:
         """Change the streams of a complete round; a match that exists is published first."""
@@ -197,7 +235,9 @@ class RoundAssembler(Generic[Item]):
         for decision in decisions:
             pairs = zip(decision.streams, decision.messages, strict=True)
             messages = [(self._streams[k], message) for k, message in pairs]
-            closed += self._close_complete(messages) if decision.matched else self._add_part(*messages[0])
+            closed += (
+                self._close_complete(messages) if decision.matched else self._add_part(*messages[0])
+            )
         return closed
 
     def _close_complete(self, messages: _Named[Item]) -> list[MatchedRound[Item]]:
@@ -225,17 +265,25 @@ class RoundAssembler(Generic[Item]):
         return self._close(list(parts.items()))
 
     def _close(self, messages: _Named[Item]) -> list[MatchedRound[Item]]:
-        """Return the round of some messages, without those of closed rounds; none if no message remains."""
+        """Return the round of some messages, without those of closed rounds; none if no message
+        remains.
+        """
         late = [name for name, message in messages if self._is_closed(message.stamp)]
-        messages = [(name, message) for name, message in messages if not self._is_closed(message.stamp)]
+        messages = [
+            (name, message) for name, message in messages if not self._is_closed(message.stamp)
+        ]
         self.unused.update(late)
         if not messages:
             return []
         stamp = min(message.stamp for _, message in messages)
         items = {name: message.item for name, message in messages}
-        self.unused.update((Counter(name for name, _ in messages) - Counter(list(items))).elements())
+        self.unused.update(
+            (Counter(name for name, _ in messages) - Counter(list(items))).elements()
+        )
         self._after = stamp
-        return [MatchedRound(stamp, items, tuple(name for name in self.expected if name not in items))]
+        return [
+            MatchedRound(stamp, items, tuple(name for name in self.expected if name not in items))
+        ]
 
     def _is_closed(self, stamp: int) -> bool:
         """Return whether the round of a stamp, or a later one, is closed."""

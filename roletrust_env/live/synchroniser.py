@@ -1,4 +1,6 @@
-"""ROS's approximate time synchronisation without ROS: which messages of several streams belong together."""
+"""ROS's approximate time synchronisation without ROS: which messages of several streams belong
+together.
+"""
 
 from collections.abc import Iterable
 from typing import Generic, NamedTuple, TypeVar
@@ -29,7 +31,8 @@ class _Candidate(NamedTuple, Generic[Item]):
 
 
 class Decision(NamedTuple, Generic[Item]):
-    """A decision on messages: they match, one of each stream, or a message will never be part of a match.
+    """A decision on messages: they match, one of each stream, or a message will never be part of a
+    match.
 
     Attributes:
         streams: Numbers of the streams.
@@ -43,26 +46,40 @@ class Decision(NamedTuple, Generic[Item]):
 
 
 class ApproximateTimeSynchroniser(Generic[Item]):
-    """Matches messages of several streams, one of each, whose stamps are closest; no message is in two matches.
+    """Matches messages of several streams, one of each, whose stamps are closest; no message is in
+    two matches.
 
-    The rules are those of `message_filters::ApproximateTime` in ROS, for any number of streams. Every stream has a
-    queue in the order of arrival. Once no queue is empty, the heads of all queues are compared and the earliest is set
-    aside, again and again. The first heads that are close enough become the candidate. The latest of them is the pivot,
-    which every better match contains. The candidate is published as soon as no better match can come.
+    The rules are those of `message_filters::ApproximateTime` in ROS, for any number of streams.
+    Every stream has a queue in the order of arrival. Once no queue is empty, the heads of all
+    queues are compared and the earliest is set aside, again and again. The first heads that are
+    close enough become the candidate. The latest of them is the pivot, which every better match
+    contains. The candidate is published as soon as no better match can come.
 
     Args:
         streams: Number of streams, at least 1.
         max_interval: Largest difference between the stamps of a match, nanoseconds.
-        lower_bound: Smallest difference between two successive messages of a stream, nanoseconds. The closer it is to
-            the true period, the sooner a match is published; with 0, a match waits for the next round to arrive.
-        age_penalty: Relative amount by which a later match must be narrower to be better, at least 0.
+        lower_bound: Smallest difference between two successive messages of a stream, nanoseconds.
+            The closer it is to the true period, the sooner a match is published; with 0, a match
+            waits for the next round to arrive.
+        age_penalty: Relative amount by which a later match must be narrower to be better, at least
+            0.
         queue_size: Number of messages that each queue holds; beyond that, the oldest is dropped.
     """
 
     def __init__(
-        self, streams: int, *, max_interval: int, lower_bound: int = 0, age_penalty: float = 0.1, queue_size: int = 100
+        self,
+        streams: int,
+        *,
+        max_interval: int,
+        lower_bound: int = 0,
+        age_penalty: float = 0.1,
+        queue_size: int = 100,
     ) -> None:
-        self._max_interval, self._lower_bound, self._queue_size = max_interval, lower_bound, queue_size
+        self._max_interval, self._lower_bound, self._queue_size = (
+            max_interval,
+            lower_bound,
+            queue_size,
+        )
         self._lateness = 1 + age_penalty
         self._queues: list[list[Message[Item]]] = [[] for _ in range(streams)]
         self._aside: list[list[Message[Item]]] = [[] for _ in range(streams)]
@@ -88,7 +105,9 @@ class ApproximateTimeSynchroniser(Generic[Item]):
         return decisions
 
     def publish_candidate(self) -> list[Decision[Item]]:
-        """Publish the candidate, if there is one, without waiting for a better match, and return the decisions."""
+        """Publish the candidate, if there is one, without waiting for a better match, and return
+        the decisions.
+        """
         if self._candidate is not None:
             self._publish(self._candidate)
             self._search()
@@ -98,7 +117,12 @@ class ApproximateTimeSynchroniser(Generic[Item]):
     def waiting(self) -> list[tuple[int, Message[Item]]]:
         """Return all undecided messages with the numbers of their streams, in order of arrival."""
         both = zip(self._aside, self._queues, strict=True)
-        undecided = [(stream, message) for stream, parts in enumerate(both) for part in parts for message in part]
+        undecided = [
+            (stream, message)
+            for stream, parts in enumerate(both)
+            for part in parts
+            for message in part
+        ]
         return sorted(undecided, key=lambda entry: entry[1].arrival)
 
     def _search(self) -> None:
@@ -107,7 +131,9 @@ class ApproximateTimeSynchroniser(Generic[Item]):
             heads = [queue[0].stamp for queue in self._queues]
             first, last = _earliest(heads), _latest(heads)
             start, end = heads[first], heads[last]
-            self._dropped = [dropped and stream == last for stream, dropped in enumerate(self._dropped)]
+            self._dropped = [
+                dropped and stream == last for stream, dropped in enumerate(self._dropped)
+            ]
             best = self._candidate
             if best is None:
                 if end - start > self._max_interval or self._dropped[last]:
@@ -117,7 +143,11 @@ class ApproximateTimeSynchroniser(Generic[Item]):
             if best is None or (end - best.end) * self._lateness < start - best.start:
                 best = self._nominate(start, end)
             self._aside[first].append(self._queues[first].pop(0))
-            if first == self._pivot or self._is_best(best, end) or (not all(self._queues) and self._proven(best)):
+            if (
+                first == self._pivot
+                or self._is_best(best, end)
+                or (not all(self._queues) and self._proven(best))
+            ):
                 self._publish(best)
 
     def _nominate(self, start: int, end: int) -> _Candidate[Item]:
@@ -133,7 +163,9 @@ class ApproximateTimeSynchroniser(Generic[Item]):
         return (end - best.end) * self._lateness >= self._pivot_stamp - best.start
 
     def _proven(self, best: _Candidate[Item]) -> bool:
-        """Return whether no better match can come, even if all streams send as early as they can."""
+        """Return whether no better match can come, even if all streams send as early as they
+        can.
+        """
         at = [0] * len(self._queues)  # position of each stream beyond its head
         while True:
             heads = [self._earliest_stamp(stream, offset) for stream, offset in enumerate(at)]
@@ -145,7 +177,9 @@ class ApproximateTimeSynchroniser(Generic[Item]):
             at[first] += 1
 
     def _earliest_stamp(self, stream: int, offset: int) -> int:
-        """Return the stamp of a message that many places behind the head, or the earliest that it can have."""
+        """Return the stamp of a message that many places behind the head, or the earliest that it
+        can have.
+        """
         queue = self._queues[stream]
         if offset < len(queue):
             return queue[offset].stamp

@@ -11,12 +11,14 @@ from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
 RatingRows = Mapping[str, Sequence[float | None]]
-"""The ratings of a round: for each rater, one entry per provider in the team's order. None means no rating."""
+"""The ratings of a round: for each rater, one entry per provider in the team's order. None means no
+rating."""
 
 
 @dataclass(frozen=True)
 class Team:
-    """The agents of a team, in the order of the array axes. An agent with both roles is on both axes.
+    """The agents of a team, in the order of the array axes. An agent with both roles is on both
+    axes.
 
     Attributes:
         raters: Names of the raters, in the order of axis 0.
@@ -34,12 +36,17 @@ class Team:
 
     def with_newcomers(self, raters: Iterable[str], providers: Iterable[str]) -> "Team":
         """Return the team with new agents appended."""
-        return Team(tuple(dict.fromkeys((*self.raters, *raters))), tuple(dict.fromkeys((*self.providers, *providers))))
+        return Team(
+            tuple(dict.fromkeys((*self.raters, *raters))),
+            tuple(dict.fromkeys((*self.providers, *providers))),
+        )
 
     @property
     def peers(self) -> NDArray[np.bool_]:
         """Mask of the pairs in which rater and provider are the same agent, shape (S, P)."""
-        return np.array([[rater == provider for provider in self.providers] for rater in self.raters], bool)
+        return np.array(
+            [[rater == provider for provider in self.providers] for rater in self.raters], bool
+        )
 
     @property
     def dual_role(self) -> tuple[str, ...]:

@@ -18,7 +18,8 @@ _NEAR = 1e-12  # sums over more agents may be rounded in another way
 
 
 class TeamRun(GridRun):
-    """The run of a team, in which rounds go by name. Its trust equals that of a game with the same masks.
+    """The run of a team, in which rounds go by name. Its trust equals that of a game with the same
+    masks.
 
     Attributes:
         team: Agents of the team.
@@ -30,8 +31,8 @@ class TeamRun(GridRun):
         Args:
             model: Trust model, see `TrustModel`.
             team: One or more raters and providers.
-            past: Ratings of the rounds so far. An agent that is missing there counts as present, but without ratings
-                given or received.
+            past: Ratings of the rounds so far. An agent that is missing there counts as present,
+                but without ratings given or received.
 
         Raises:
             ValueError: The model is not sound, see `check_trust_model` and `watched_update`.
@@ -75,7 +76,9 @@ class TeamRun(GridRun):
         """
         values = np.full(self.shape, np.nan)
         for name, row in ratings.items():
-            values[self.team.raters.index(name), : len(row)] = [np.nan if rating is None else rating for rating in row]
+            values[self.team.raters.index(name), : len(row)] = [
+                np.nan if rating is None else rating for rating in row
+            ]
         mask = ~np.isnan(values)
         values[~mask] = 0
         self.update(Ratings(values, mask))
@@ -101,7 +104,8 @@ class TeamRun(GridRun):
 
 
 def grows(model: TrustModel[Any]) -> bool:
-    """Return whether growing the state of a model is as good as a replay in which newcomers were silent before.
+    """Return whether growing the state of a model is as good as a replay in which newcomers were
+    silent before.
 
     This is tried on random ratings of small teams, with newcomers of every role.
     """
@@ -129,7 +133,10 @@ def _grows_once(model: TrustModel[Any], random: np.random.Generator, trial: int)
         for one, there in zip(ratings[_ROUNDS:], mask[_ROUNDS:], strict=True):
             whole.update(Ratings(one, there))
             part.update(Ratings(one, there))
-            if not (_near(whole.rater_trust, part.rater_trust) and _near(whole.provider_trust, part.provider_trust)):
+            if not (
+                _near(whole.rater_trust, part.rater_trust)
+                and _near(whole.provider_trust, part.provider_trust)
+            ):
                 return False
     except Exception:  # a model of another package may have any state
         return False

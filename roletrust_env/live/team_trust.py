@@ -1,4 +1,6 @@
-"""The trust of a team that grows, on disk: a journal of all rounds, and snapshots that make a restart quick."""
+"""The trust of a team that grows, on disk: a journal of all rounds, and snapshots that make a
+restart quick.
+"""
 
 import time
 from collections import deque
@@ -29,9 +31,10 @@ _TICK_S = 0.005  # time for a gradual replay, each time
 class TeamTrust:
     """Closes rounds: updates trust, and writes the round to the journal before it is published.
 
-    A newcomer counts as present all along, without ratings given or received. The state of most models grows by the
-    newcomer's start values, with the same trust as that of a replay. For other models, see `grows`, the rounds so far
-    are replayed with the larger team, a little at a time. Until then the newcomers wait, and the team goes on.
+    A newcomer counts as present all along, without ratings given or received. The state of most
+    models grows by the newcomer's start values, with the same trust as that of a replay. For other
+    models, see `grows`, the rounds so far are replayed with the larger team, a little at a time.
+    Until then the newcomers wait, and the team goes on.
 
     Args:
         model: Trust model.
@@ -42,12 +45,13 @@ class TeamTrust:
 
     Attributes:
         team: Agents of the team.
-        last_stamps: Last accepted stamp of each rater, nanoseconds; after a replay, that of its last round.
+        last_stamps: Last accepted stamp of each rater, nanoseconds; after a replay, that of its
+            last round.
         last_stamp: Stamp of the last round in the journal, nanoseconds; None if it was empty.
 
     Raises:
-        ValueError: The model is not sound, the journal belongs to another manager, or replaying it gives other trust
-            than it contains.
+        ValueError: The model is not sound, the journal belongs to another manager, or replaying it
+            gives other trust than it contains.
         OSError: The journal cannot be written.
     """
 
@@ -85,7 +89,9 @@ class TeamTrust:
             why = f"its snapshot cannot be used: {fault}" if fault else "it has no snapshot"
             report(f"{path}: {replayed} rounds are replayed, since {why}")
         entries = self._noted(read_journal(path, after))
-        self._run = replay_rounds(model, entries, None if self._grows else self.team, path, self._run)
+        self._run = replay_rounds(
+            model, entries, None if self._grows else self.team, path, self._run
+        )
         if replayed > _AT_ONCE:
             self._write_snapshot()
         if self.newcomers_wait:
@@ -105,7 +111,11 @@ class TeamTrust:
             raise ValueError("agents have joined since")
         run = TeamRun(self._model, snapshot.position.team)
         run.load(snapshot.run)
-        self._run, self.last_stamps, self.last_stamp = run, dict(snapshot.last_stamps), snapshot.stamp
+        self._run, self.last_stamps, self.last_stamp = (
+            run,
+            dict(snapshot.last_stamps),
+            snapshot.stamp,
+        )
         return snapshot.position
 
     def _noted(self, entries: Iterable[JournalEntry]) -> Iterable[JournalEntry]:
@@ -154,7 +164,9 @@ class TeamTrust:
         """
         run = TeamRun(self._model, team)
         for entry in chain(read_journal(self._path), iter(self._closed.popleft, None)):
-            if entry.round == run.rounds:  # the file may have contained rounds that are noted as well
+            if (
+                entry.round == run.rounds
+            ):  # the file may have contained rounds that are noted as well
                 run.play_named(entry.ratings)
             yield run
 
@@ -175,11 +187,18 @@ class TeamTrust:
         elif self._run.team != self.team and self._grows:
             self._run.grow(self.team)
         elif self._run.team != self.team:
-            self._run = TeamRun(self._model, self.team, (entry.ratings for entry in read_journal(self._path)))
-        ratings = {name: [row.get(provider) for provider in self.team.providers] for name, row in closed.items.items()}
+            self._run = TeamRun(
+                self._model, self.team, (entry.ratings for entry in read_journal(self._path))
+            )
+        ratings = {
+            name: [row.get(provider) for provider in self.team.providers]
+            for name, row in closed.items.items()
+        }
         self._run.play_named(ratings)
         trust = self._run.trust
-        entry = JournalEntry(self.next_round, closed.stamp, now, self.team, ratings, closed.missing, trust)
+        entry = JournalEntry(
+            self.next_round, closed.stamp, now, self.team, ratings, closed.missing, trust
+        )
         self._journal.append(entry)
         if self._replay is not None:
             self._closed.append(entry)
@@ -197,11 +216,18 @@ class TeamTrust:
         if self._run is not None and self.last_stamp is not None:
             with suppress(OSError, TypeError, ValueError):
                 position = self._journal.position
-                write_snapshot(self._path, Snapshot(position, self.last_stamp, self.last_stamps, self._run.save()))
+                write_snapshot(
+                    self._path,
+                    Snapshot(position, self.last_stamp, self.last_stamps, self._run.save()),
+                )
 
 
 def replay_rounds(
-    model: TrustModel[Any], entries: Iterable[JournalEntry], team: Team | None, path: Path, run: TeamRun | None = None
+    model: TrustModel[Any],
+    entries: Iterable[JournalEntry],
+    team: Team | None,
+    path: Path,
+    run: TeamRun | None = None,
 ) -> TeamRun | None:
     """Replay some rounds and check their trust; return None if there are none and no run.
 
@@ -223,7 +249,8 @@ def replay_rounds(
         run.play_named(entry.ratings)
         if run.team == entry.team and run.trust != entry.trust:
             raise ValueError(
-                f"{path}: the journal has the trust {entry.trust} after round {entry.round}, but a replay with "
+                f"{path}: the journal has the trust {entry.trust} after round {entry.round}, but a "
+                "replay with "
                 f"{model!r} gives {run.trust}; another version wrote the journal, or it was changed"
             )
     return run

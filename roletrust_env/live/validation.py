@@ -1,4 +1,6 @@
-"""Validation of incoming messages: which of them count, which newcomers may join, and why the others are refused."""
+"""Validation of incoming messages: which of them count, which newcomers may join, and why the
+others are refused.
+"""
 
 import math
 from collections import Counter
@@ -17,7 +19,9 @@ MAX_STRANGERS = 8
 
 _MINUTE = 60 * 10**9
 _NEWCOMERS = 10  # of a team that may join in a period
-_REMEMBERED = 1000  # senders that are remembered without keys, so that fresh names do not fill the memory
+_REMEMBERED = (
+    1000  # senders that are remembered without keys, so that fresh names do not fill the memory
+)
 
 
 class Envelope(NamedTuple):
@@ -51,7 +55,9 @@ class RatingMessage(NamedTuple):
 
 
 class RefusalReason(StrEnum):
-    """Reason for a refusal: down to `CROWDED` of a whole message, from `UNKNOWN_PROVIDER` on of a single rating."""
+    """Reason for a refusal: down to `CROWDED` of a whole message, from `UNKNOWN_PROVIDER` on of a
+    single rating.
+    """
 
     FLOOD = "too many messages"
     GARBAGE = "garbage"
@@ -107,7 +113,9 @@ class KeysOfOthers:
 
 
 def keys_by_role(keyring: Keyring | None, team: Team) -> tuple[Keyring | None, Keyring | None]:
-    """Return the keys of those that may rate and of those that may serve; None where there are no keys."""
+    """Return the keys of those that may rate and of those that may serve; None where there are no
+    keys.
+    """
     if keyring is None:
         return None, None
     raters, providers = set(team.raters), set(team.providers)
@@ -118,10 +126,14 @@ def keys_by_role(keyring: Keyring | None, team: Team) -> tuple[Keyring | None, K
 
 
 def is_genuine(envelope: Envelope, keyring: Keyring | None) -> bool:
-    """Return whether a message is from the sender that it names, at any time; without keys, every message is."""
+    """Return whether a message is from the sender that it names, at any time; without keys, every
+    message is.
+    """
     if keyring is None:
         return True
-    return envelope.sender in keyring and keyring.verifies(envelope.sender, envelope.signed, envelope.signature)
+    return envelope.sender in keyring and keyring.verifies(
+        envelope.sender, envelope.signed, envelope.signature
+    )
 
 
 @dataclass(frozen=True)
@@ -130,8 +142,9 @@ class StampLimits:
 
     Attributes:
         tolerance: Largest difference between a stamp and the time of arrival, nanoseconds.
-        min_gap: Smallest difference between two stamps of one sender, nanoseconds; for example half a period. It limits
-            the share of the rounds, and of the receiver's time, that one sender can take.
+        min_gap: Smallest difference between two stamps of one sender, nanoseconds; for example half
+            a period. It limits the share of the rounds, and of the receiver's time, that one sender
+            can take.
     """
 
     tolerance: int
@@ -139,7 +152,9 @@ class StampLimits:
 
     @property
     def set_back(self) -> int:
-        """Time by which a clock must go back to be one that was set, nanoseconds; a shorter time soon passes."""
+        """Time by which a clock must go back to be one that was set, nanoseconds; a shorter time
+        soon passes.
+        """
         return max(self.tolerance, _MINUTE)
 
 
@@ -180,7 +195,11 @@ class Membership:
     """
 
     def __init__(
-        self, members: Iterable[str], period: int, known: Container[str] | None = None, strangers: int = 0
+        self,
+        members: Iterable[str],
+        period: int,
+        known: Container[str] | None = None,
+        strangers: int = 0,
     ) -> None:
         self._members, self._known, self._strangers = set(members), known, strangers
         self._limit = NewcomerLimit(_NEWCOMERS, period)
@@ -210,10 +229,11 @@ class Membership:
 class MessageValidator:
     """Accepts valid messages. Refused ones are counted and change nothing else.
 
-    The stamps of a sender must increase, so a message that is sent twice counts once. Cheap checks come first: the
-    signatures of messages that come too often are not even verified. Where the last stamp of a sender is a minute or
-    more in the future, the clock has gone back since. Without keys its stamps then begin anew. With keys its messages
-    are refused until the clock has caught up, since they could be those that it sent at that time before.
+    The stamps of a sender must increase, so a message that is sent twice counts once. Cheap checks
+    come first: the signatures of messages that come too often are not even verified. Where the last
+    stamp of a sender is a minute or more in the future, the clock has gone back since. Without keys
+    its stamps then begin anew. With keys its messages are refused until the clock has caught up,
+    since they could be those that it sent at that time before.
 
     Args:
         limits: Limits on the stamps.
@@ -268,7 +288,9 @@ class MessageValidator:
         return self._last_stamps.get(sender, -1)
 
     def remember(self, sender: str, stamp: int | None) -> int | None:
-        """Set the last accepted stamp of a sender, None for none so far, and return the one before it."""
+        """Set the last accepted stamp of a sender, None for none so far, and return the one before
+        it.
+        """
         before = self._last_stamps.pop(sender, None)
         if stamp is not None:
             self._last_stamps[sender] = stamp  # the newest last
@@ -276,11 +298,13 @@ class MessageValidator:
             del self._last_stamps[next(iter(self._last_stamps))]
         return before
 
-    def accepted_ratings(self, message: RatingMessage, providers: Container[str], now: int) -> dict[str, float]:
+    def accepted_ratings(
+        self, message: RatingMessage, providers: Container[str], now: int
+    ) -> dict[str, float]:
         """Return the valid ratings of a message, by provider; none if the message is refused.
 
-        A message is refused as a whole if its rater or its time is in doubt. Otherwise each rating is checked on its
-        own.
+        A message is refused as a whole if its rater or its time is in doubt. Otherwise each rating
+        is checked on its own.
 
         Args:
             message: Message.
@@ -299,7 +323,8 @@ class MessageValidator:
         return accepted
 
     def error(self, envelope: Envelope, now: int) -> RefusalReason | None:
-        """Return the reason why a message is refused; None if it is valid. Nothing is counted or remembered.
+        """Return the reason why a message is refused; None if it is valid. Nothing is counted or
+        remembered.
 
         Args:
             envelope: Origin of the message.

@@ -1,8 +1,22 @@
-"""Metrics of games: harm, detection, accuracy of rankings and utility of consumers, one function each."""
+"""Metrics of games: harm, detection, accuracy of rankings and utility of consumers, one function
+each.
+"""
 
 from roletrust_env.metrics.consumers import blind_utility, robustness, share_of_best, skill, utility
-from roletrust_env.metrics.detection import Classification, auc, classify, false_alarms, rounds_to_detection
-from roletrust_env.metrics.harm import WorstAttack, damage, exploitability, recovery, return_on_attack
+from roletrust_env.metrics.detection import (
+    Classification,
+    auc,
+    classify,
+    false_alarms,
+    rounds_to_detection,
+)
+from roletrust_env.metrics.harm import (
+    WorstAttack,
+    damage,
+    exploitability,
+    recovery,
+    return_on_attack,
+)
 from roletrust_env.metrics.ranking import absolute_error, coverage, kendall_tau, spearman
 from roletrust_env.metrics.score import Score, present_trust
 

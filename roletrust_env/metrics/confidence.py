@@ -14,15 +14,17 @@ from roletrust_env.metrics.score import mean_or_nan, ratio
 Floats = npt.NDArray[np.float64]
 
 _MANY = 1000
-"""Degrees of freedom above which the peak of Student's distribution is too narrow to be integrated."""
+"""Degrees of freedom above which the peak of Student's distribution is too narrow to be
+integrated."""
 
 _RESAMPLES = 2000
 
 _PRIOR_SHARE = 0.5
 """Share of the degrees of freedom of a prior that count.
 
-True variances need not scatter as the prior says. This share keeps the level of the tests for tiers where the variance
-between seeds differs from model to model, see `tests/benchmarking/test_verdict.py`.
+True variances need not scatter as the prior says. This share keeps the level of the tests for tiers
+where the variance between seeds differs from model to model, see
+`tests/benchmarking/test_verdict.py`.
 """
 
 
@@ -40,7 +42,8 @@ class Estimate(NamedTuple):
     Attributes:
         mean: Mean.
         half: Half the width of its 95% confidence interval; NaN for a single game.
-        why: Reason why the metric is undefined in some games, and the number of these games; empty if there are none.
+        why: Reason why the metric is undefined in some games, and the number of these games; empty
+            if there are none.
     """
 
     mean: float
@@ -58,7 +61,8 @@ class GameMean(NamedTuple):
 
     Attributes:
         mean: Means.
-        half: Half the width of their 95% confidence intervals; NaN where there are fewer than two games.
+        half: Half the width of their 95% confidence intervals; NaN where there are fewer than two
+            games.
         games: Number of games in each mean.
     """
 
@@ -78,7 +82,9 @@ def over_games(values: Floats) -> GameMean:
 
 
 def estimate(per_game: Floats) -> Estimate:
-    """Return the mean of one number for each game, shape (E,), which is NaN where it is undefined."""
+    """Return the mean of one number for each game, shape (E,), which is NaN where it is
+    undefined.
+    """
     mean, half, _ = over_games(per_game)
     return Estimate(float(mean), float(half))
 
@@ -100,23 +106,29 @@ class SeedMean(NamedTuple):
     def estimates(self) -> list[Estimate]:
         """Means with half their 95% confidence intervals."""
         halves = student_quantile(self.freedom) * self.error
-        return [Estimate(float(mean), float(half)) for mean, half in zip(self.mean, halves, strict=True)]
+        return [
+            Estimate(float(mean), float(half)) for mean, half in zip(self.mean, halves, strict=True)
+        ]
 
 
 def over_seeds(values: Floats, independent: int) -> SeedMean:
-    """Return the means over the games of some seeds, with their errors as estimates of runs with new seeds.
+    """Return the means over the games of some seeds, with their errors as estimates of runs with
+    new seeds.
 
-    A seed searches and chooses attacks, and then plays its games. So the means of seeds differ by more than the noise
-    of games. With two or three seeds, the variance between the seeds of a single mean is hardly known. It is moderated
-    by a prior, as in limma (Smyth 2004, Statistical Applications in Genetics and Molecular Biology 3): the prior
-    variance is the noise of the games of that mean, plus the additional variance that the N means have on average. The
-    own estimate has S - 1 degrees of freedom, and the prior has a number that depends on how much the own estimates
-    scatter about it. A single mean has no prior. With a single seed only the noise of games is known.
+    A seed searches and chooses attacks, and then plays its games. So the means of seeds differ by
+    more than the noise of games. With two or three seeds, the variance between the seeds of a
+    single mean is hardly known. It is moderated by a prior, as in limma (Smyth 2004, Statistical
+    Applications in Genetics and Molecular Biology 3): the prior variance is the noise of the games
+    of that mean, plus the additional variance that the N means have on average. The own estimate
+    has S - 1 degrees of freedom, and the prior has a number that depends on how much the own
+    estimates scatter about it. A single mean has no prior. With a single seed only the noise of
+    games is known.
 
     Args:
-        values: Values of N means in G games of each of S seeds, shape (N, S, G). Games with NaN are left out.
-        independent: Number of the means that do not follow from others: N for scores of N models, N - 1 for all the
-            differences between them.
+        values: Values of N means in G games of each of S seeds, shape (N, S, G). Games with NaN are
+            left out.
+        independent: Number of the means that do not follow from others: N for scores of N models, N
+            - 1 for all the differences between them.
     """
     by_seed, within, games = _moments(values)
     noise = ratio(within, games)
@@ -133,7 +145,9 @@ def over_seeds(values: Floats, independent: int) -> SeedMean:
 
 
 def _moments(values: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
-    """Return the mean, the variance and the number of the values along the last axis, without those that are NaN."""
+    """Return the mean, the variance and the number of the values along the last axis, without those
+    that are NaN.
+    """
     known = ~np.isnan(values)
     n = known.sum(axis=-1)
     mean = mean_or_nan(values, axis=-1)
@@ -144,9 +158,9 @@ def _moments(values: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
 def _prior_freedom(variances: Floats, freedom: int, independent: int) -> float:
     """Return the degrees of freedom of a prior of variances, by the method of moments.
 
-    If all true variances are as the prior says, estimates of them scatter as chi-square divided by its degrees of
-    freedom, and the prior is as good as all other means together. If they scatter more, so do the true ones, and the
-    prior is worth less.
+    If all true variances are as the prior says, estimates of them scatter as chi-square divided by
+    its degrees of freedom, and the prior is as good as all other means together. If they scatter
+    more, so do the true ones, and the prior is worth less.
 
     Args:
         variances: Estimated variances as multiples of the prior.
@@ -160,7 +174,8 @@ def _prior_freedom(variances: Floats, freedom: int, independent: int) -> float:
 
 
 def student_quantile(freedom: npt.ArrayLike, level: float = 0.95) -> Floats:
-    """Return the t with P(|T| < t) = level for Student's distribution; NaN with less than one degree of freedom.
+    """Return the t with P(|T| < t) = level for Student's distribution; NaN with less than one
+    degree of freedom.
 
     Args:
         freedom: Degrees of freedom, of any shape.
@@ -172,16 +187,18 @@ def student_quantile(freedom: npt.ArrayLike, level: float = 0.95) -> Floats:
     """
     numbers = np.asarray(freedom, np.float64)
     distinct, which = np.unique(numbers, return_inverse=True)
-    return np.array([_student_quantile(float(one), level) for one in distinct])[which].reshape(numbers.shape)
+    return np.array([_student_quantile(float(one), level) for one in distinct])[which].reshape(
+        numbers.shape
+    )
 
 
 @functools.cache
 def _student_quantile(freedom: float, level: float) -> float:
     """Return the quantile for one number of degrees of freedom.
 
-    With T = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle) ** (freedom - 1), which is
-    integrated numerically. With many degrees of freedom the peak is too narrow for that. There, the first terms of the
-    series in 1 / freedom are exact to 1e-8.
+    With T = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle) **
+    (freedom - 1), which is integrated numerically. With many degrees of freedom the peak is too
+    narrow for that. There, the first terms of the series in 1 / freedom are exact to 1e-8.
     """
     if not freedom >= 1:
         return math.nan
@@ -195,19 +212,20 @@ def _student_quantile(freedom: float, level: float) -> float:
 
 
 def interquartile_mean(strata: Sequence[Floats], seed: int = 0) -> Interval:
-    """Return the mean of the middle half of all runs, with a stratified bootstrap interval (Agarwal et al., 2021).
+    """Return the mean of the middle half of all runs, with a stratified bootstrap interval (Agarwal
+    et al., 2021).
 
-    The interquartile mean is less sensitive to outliers than the mean, and has less variance than the median. The
-    resamples are drawn within each stratum, because differences between tasks are not random. The interval is between
-    percentiles of the resamples.
+    The interquartile mean is less sensitive to outliers than the mean, and has less variance than
+    the median. The resamples are drawn within each stratum, because differences between tasks are
+    not random. The interval is between percentiles of the resamples.
 
     Args:
         strata: Scores of the runs of each task, shape (R,) each.
         seed: Random seed of the resamples.
 
     Returns:
-        The mean and its interval. The interval is NaN if a stratum has a single run, and so is the mean if a stratum
-        has no runs.
+        The mean and its interval. The interval is NaN if a stratum has a single run, and so is the
+        mean if a stratum has no runs.
     """
     from scipy.stats import bootstrap, trim_mean  # type: ignore[import-untyped]
 
@@ -221,6 +239,11 @@ def interquartile_mean(strata: Sequence[Floats], seed: int = 0) -> Interval:
     if min(map(len, strata)) < 2:
         return Interval(value, math.nan, math.nan)
     interval = bootstrap(
-        strata, middle, n_resamples=_RESAMPLES, method="percentile", vectorized=True, random_state=seed
+        strata,
+        middle,
+        n_resamples=_RESAMPLES,
+        method="percentile",
+        vectorized=True,
+        random_state=seed,
     ).confidence_interval
     return Interval(value, float(interval.low), float(interval.high))

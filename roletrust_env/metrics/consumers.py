@@ -11,25 +11,30 @@ _ROUNDING = 1e-9  # a blind choice that is so near to the best one has no other 
 
 
 def utility(trust: Floats, offered: Floats, weights: Floats | None = None) -> Score:
-    """Return the quality that a consumer gets from the most trusted provider, as a share of the best quality offered.
+    """Return the quality that a consumer gets from the most trusted provider, as a share of the
+    best quality offered.
 
-        utility = sum over rounds t of offered[t, argmax trust[t - 1]] / sum over rounds t of max offered[t]
+        utility = sum over rounds t of offered[t, argmax trust[t - 1]] / sum over rounds t of max
+        offered[t]
 
-    The consumer knows the trust published after the previous round. Ties are broken uniformly. If providers treat
-    raters differently, every rater is such a consumer, and both sums are over all raters, too.
+    The consumer knows the trust published after the previous round. Ties are broken uniformly. If
+    providers treat raters differently, every rater is such a consumer, and both sums are over all
+    raters, too.
 
     Args:
         trust: Trust of the providers, shape (T, P, ...); NaN where one is absent.
-        offered: Quality that each provider offers, shape (T, P, ...), or offers to each rater, shape (T, S, P, ...);
-            NaN where it does not serve, see `Game.offered`.
-        weights: Weights of the rounds, shape (T,), see `Scenario.round_weights`; None weights all alike.
+        offered: Quality that each provider offers, shape (T, P, ...), or offers to each rater,
+            shape (T, S, P, ...); NaN where it does not serve, see `Game.offered`.
+        weights: Weights of the rounds, shape (T,), see `Scenario.round_weights`; None weights all
+            alike.
     """
     bought = _bought(trust, offered, weights)
     return share_of_best(bought.got, bought.best)
 
 
 def blind_utility(trust: Floats, offered: Floats, weights: Floats | None = None) -> Score:
-    """Return the utility of a consumer that chooses providers uniformly at random, as a baseline for `utility`.
+    """Return the utility of a consumer that chooses providers uniformly at random, as a baseline
+    for `utility`.
 
         utility = sum over rounds t of mean offered[t] / sum over rounds t of max offered[t]
 
@@ -43,15 +48,17 @@ def blind_utility(trust: Floats, offered: Floats, weights: Floats | None = None)
 
 
 def skill(utility: Floats, blind: Floats) -> Floats:
-    """Return the skill of the choice by trust against a blind choice in the same games, for each game.
+    """Return the skill of the choice by trust against a blind choice in the same games, for each
+    game.
 
         skill = s + (utility - blind - s (1 - blind)) / mean (1 - blind)
         s = mean (utility - blind) / mean (1 - blind)
 
-    The means are over games. The mean of the result is s, the skill score of forecasts (Murphy, 1988): 1 for the best
-    choice in every round, 0 for a choice no better than chance, and below 0 if trust misleads. It does not depend on
-    how many good providers there are, as utility does. Around s the games vary as the quotient of means does to first
-    order, so that the interval of their mean is that of s. NaN if a blind choice is the best in all games.
+    The means are over games. The mean of the result is s, the skill score of forecasts (Murphy,
+    1988): 1 for the best choice in every round, 0 for a choice no better than chance, and below 0
+    if trust misleads. It does not depend on how many good providers there are, as utility does.
+    Around s the games vary as the quotient of means does to first order, so that the interval of
+    their mean is that of s. NaN if a blind choice is the best in all games.
 
     Args:
         utility: Utility of each game, shape (G,), see `utility`; NaN where it is undefined.
@@ -74,9 +81,11 @@ def skill(utility: Floats, blind: Floats) -> Floats:
 
 
 def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> Score:
-    """Return the robustness of Zhang, Jiang, Zhang and Ng (2012) in [-1, 1]: 1 robust, 0 vulnerable, below 0 defeated.
+    """Return the robustness of Zhang, Jiang, Zhang and Ng (2012) in [-1, 1]: 1 robust, 0
+    vulnerable, below 0 defeated.
 
-        RE = (services that honest buyers had from honest sellers - from dishonest sellers) / services that they had
+        RE = (services that honest buyers had from honest sellers - from dishonest sellers) /
+        services that they had
 
     Args:
         served: Boolean array of shape (T, S, P, ...), true where the provider served the rater.

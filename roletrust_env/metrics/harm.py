@@ -1,6 +1,7 @@
 """Metrics of harm: damage by an attack, its duration, and its cost to the attackers.
 
-An attack is compared with a paired run: the same games with the same random numbers, in which all agents are honest.
+An attack is compared with a paired run: the same games with the same random numbers, in which all
+agents are honest.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,31 +20,41 @@ class WorstAttack(NamedTuple):
     damage: float
 
 
-def damage(trust: Floats, paired: Floats, agents: Sequence[int], weights: Floats | None = None) -> Score:
+def damage(
+    trust: Floats, paired: Floats, agents: Sequence[int], weights: Floats | None = None
+) -> Score:
     """Return the mean trust that an attack takes from some agents.
 
         damage = mean over rounds t and agents k of paired[t, k] - trust[t, k]
 
-    The mean is over the rounds in which an agent is present in at least one of the two runs. If it is absent in the
-    other one, for example cut off because of the attack, its last trust there counts. Otherwise the agents with most
-    damage would drop out of the mean.
+    The mean is over the rounds in which an agent is present in at least one of the two runs. If it
+    is absent in the other one, for example cut off because of the attack, its last trust there
+    counts. Otherwise the agents with most damage would drop out of the mean.
 
     Args:
         trust: Trust under the attack, shape (T, N, ...), NaN where an agent is absent.
         paired: Trust in the paired run, of the same shape.
-        agents: Indices of the agents: the honest ones, or the attackers for the trust that they lost themselves.
-        weights: Weights of the rounds, shape (T,), see `Scenario.round_weights`; None weights all alike.
+        agents: Indices of the agents: the honest ones, or the attackers for the trust that they
+            lost themselves.
+        weights: Weights of the rounds, shape (T,), see `Scenario.round_weights`; None weights all
+            alike.
     """
     absent = np.isnan(paired) & np.isnan(trust)
-    difference = np.where(absent, np.nan, _fill_forward(paired) - _fill_forward(trust))[:, list(agents)]
+    difference = np.where(absent, np.nan, _fill_forward(paired) - _fill_forward(trust))[
+        :, list(agents)
+    ]
     loss = mean_or_nan(difference, (0, 1), weights)
     return Score.where(~np.isnan(loss), loss, "none of the agents was ever present")
 
 
-def recovery(trust: Floats, paired: Floats, agents: Sequence[int], stop: int, within: float = 0.05) -> Score:
-    """Return the number of rounds from the end of an attack until the mean trust of some agents has recovered.
+def recovery(
+    trust: Floats, paired: Floats, agents: Sequence[int], stop: int, within: float = 0.05
+) -> Score:
+    """Return the number of rounds from the end of an attack until the mean trust of some agents has
+    recovered.
 
-        recovery = min {r >= 0: |mean over k of trust[stop + r, k] - mean over k of paired[stop + r, k]| <= within}
+        recovery = min {r >= 0: |mean over k of trust[stop + r, k] - mean over k of paired[stop + r,
+        k]| <= within}
 
     Args:
         trust: Trust under the attack, shape (T, N, ...), NaN where an agent is absent.
@@ -56,10 +67,18 @@ def recovery(trust: Floats, paired: Floats, agents: Sequence[int], stop: int, wi
         ValueError: `stop` is not a round of the game.
     """
     if not 0 <= stop < len(trust):
-        raise ValueError(f"stop is {stop}; it must be a round of the game, from 0 to {len(trust) - 1}")
-    after = mean_or_nan(trust[stop:, list(agents)], axis=1) - mean_or_nan(paired[stop:, list(agents)], axis=1)
+        raise ValueError(
+            f"stop is {stop}; it must be a round of the game, from 0 to {len(trust) - 1}"
+        )
+    after = mean_or_nan(trust[stop:, list(agents)], axis=1) - mean_or_nan(
+        paired[stop:, list(agents)], axis=1
+    )
     recovered = abs(after) <= within
-    return Score.where(recovered.any(axis=0), recovered.argmax(axis=0), "trust did not recover before the game ended")
+    return Score.where(
+        recovered.any(axis=0),
+        recovered.argmax(axis=0),
+        "trust did not recover before the game ended",
+    )
 
 
 def return_on_attack(gained: Score | npt.ArrayLike, lost: Score | npt.ArrayLike) -> Score:
@@ -68,16 +87,20 @@ def return_on_attack(gained: Score | npt.ArrayLike, lost: Score | npt.ArrayLike)
         return = gained / lost
 
     Args:
-        gained: Damage to the honest agents, or profit of the attackers beyond honest play: a score, or shape (...).
+        gained: Damage to the honest agents, or profit of the attackers beyond honest play: a score,
+            or shape (...).
         lost: Mean trust that the attackers lost, see `damage`: a score, or shape (...).
     """
     gain, price = as_numbers(gained), as_numbers(lost)
     known = (price > 0) & ~np.isnan(gain)
-    return Score.where(known, ratio(gain, price), "the attackers lost no trust, or their gain is undefined")
+    return Score.where(
+        known, ratio(gain, price), "the attackers lost no trust, or their gain is undefined"
+    )
 
 
 def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> WorstAttack:
-    """Return the worst case over attacks, after RobustBench (Croce et al. 2021): the highest mean damage.
+    """Return the worst case over attacks, after RobustBench (Croce et al. 2021): the highest mean
+    damage.
 
         exploitability = max over attacks of the mean over games of damage
 
@@ -89,7 +112,10 @@ def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> WorstAttack:
     """
     if not damages:
         raise ValueError("damages is empty; there must be at least one attack")
-    means = {attack: float(mean_or_nan(as_numbers(damage).reshape(-1), 0)) for attack, damage in damages.items()}
+    means = {
+        attack: float(mean_or_nan(as_numbers(damage).reshape(-1), 0))
+        for attack, damage in damages.items()
+    }
     for attack, mean in means.items():
         if np.isnan(mean):
             raise ValueError(f"the damage by {attack!r} is undefined in every game")
@@ -98,7 +124,9 @@ def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> WorstAttack:
 
 
 def _fill_forward(trust: Floats) -> Floats:
-    """Return trust of shape (T, ...) in which absent agents keep their last value; NaN before the first value."""
+    """Return trust of shape (T, ...) in which absent agents keep their last value; NaN before the
+    first value.
+    """
     rounds = np.arange(len(trust)).reshape(-1, *[1] * (trust.ndim - 1))
     last = np.maximum.accumulate(np.where(np.isnan(trust), 0, rounds), axis=0)
     filled: Floats = np.take_along_axis(trust, last, axis=0)

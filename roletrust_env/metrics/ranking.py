@@ -8,16 +8,18 @@ from roletrust_env.metrics.score import Flags, Floats, Score, mean_or_nan, ratio
 
 
 def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -> Score:
-    """Return the rank correlation of Kendall (1938), from C concordant and D discordant pairs of K providers.
+    """Return the rank correlation of Kendall (1938), from C concordant and D discordant pairs of K
+    providers.
 
         tau_a = (C - D) / (K (K - 1) / 2)
         tau_b = (C - D) / sqrt(pairs not tied in trust * pairs not tied in quality)
 
     Args:
         trust: Trust of the providers, shape (P, ...), NaN where undefined.
-        quality: True quality of the providers, shape (P, ...), for example the best quality that each of them offered,
-            `np.nanmax(history.offered, axis=0)`.
-        ties: Treatment of tied pairs: `"a"` counts them in the denominator, `"b"` leaves them out (Kendall 1945).
+        quality: True quality of the providers, shape (P, ...), for example the best quality that
+            each of them offered, `np.nanmax(history.offered, axis=0)`.
+        ties: Treatment of tied pairs: `"a"` counts them in the denominator, `"b"` leaves them out
+            (Kendall 1945).
 
     Raises:
         ValueError: `ties` is neither `"a"` nor `"b"`.
@@ -30,7 +32,9 @@ def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -
     if ties == "a":
         pairs = known.sum(axis=0).astype(np.float64)
     else:
-        pairs = np.sqrt((known & (in_trust != 0)).sum(axis=0) * 1.0 * (known & (in_quality != 0)).sum(axis=0))
+        pairs = np.sqrt(
+            (known & (in_trust != 0)).sum(axis=0) * 1.0 * (known & (in_quality != 0)).sum(axis=0)
+        )
     return Score.where(pairs > 0, ratio(agreeing, pairs), "there are no two providers that differ")
 
 
@@ -46,7 +50,9 @@ def spearman(trust: Floats, quality: Floats) -> Score:
     known = ~np.isnan(trust) & ~np.isnan(quality)
     x, y = (_centred(_ranks(np.where(known, values, np.nan))) for values in (trust, quality))
     spread = np.sqrt((x * x).sum(axis=0) * (y * y).sum(axis=0))
-    return Score.where(spread > 0, ratio((x * y).sum(axis=0), spread), "there are no two providers that differ")
+    return Score.where(
+        spread > 0, ratio((x * y).sum(axis=0), spread), "there are no two providers that differ"
+    )
 
 
 def absolute_error(trust: Floats, quality: Floats) -> Score:
@@ -63,7 +69,8 @@ def absolute_error(trust: Floats, quality: Floats) -> Score:
 
 
 def coverage(rated: Flags) -> Score:
-    """Return the share of providers with at least one rating. The others still have their initial trust.
+    """Return the share of providers with at least one rating. The others still have their initial
+    trust.
 
         coverage = providers j with a rating[t, i, j] in any round t by any rater i / providers
 
@@ -74,7 +81,9 @@ def coverage(rated: Flags) -> Score:
 
 
 def _pairs(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Return the differences of all pairs in two arrays, shape (K (K - 1) / 2, ...) each; NaN if one is undefined."""
+    """Return the differences of all pairs in two arrays, shape (K (K - 1) / 2, ...) each; NaN if
+    one is undefined.
+    """
     i, j = np.triu_indices(len(a), 1)
     difference, other = a[i] - a[j], b[i] - b[j]
     unknown = np.isnan(difference) | np.isnan(other)
@@ -82,7 +91,9 @@ def _pairs(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 
 def _ranks(values: Floats) -> Floats:
-    """Return the ranks along the first axis, from 1/2 on. Ties have their mean rank, and NaN stays NaN."""
+    """Return the ranks along the first axis, from 1/2 on. Ties have their mean rank, and NaN stays
+    NaN.
+    """
     known = ~np.isnan(values)
     below = (values[:, None] > values[None]).sum(axis=1)
     tied = (values[:, None] == values[None]).sum(axis=1)

@@ -1,8 +1,9 @@
 """Score, the result of a metric, and functions that metrics share.
 
-In arrays of recorded trust, axis 0 is the round, axis 1 is the agent, and all further axes are the games of a batch, as
-in `History`. The trust of an absent agent is NaN. A score has one number for each game: NaN where the metric is
-undefined, with the reason. Rounds of games that end at random count by their weights, see `Scenario.round_weights`.
+In arrays of recorded trust, axis 0 is the round, axis 1 is the agent, and all further axes are the
+games of a batch, as in `History`. The trust of an absent agent is NaN. A score has one number for
+each game: NaN where the metric is undefined, with the reason. Rounds of games that end at random
+count by their weights, see `Scenario.round_weights`.
 """
 
 from typing import Any, NamedTuple
@@ -35,7 +36,9 @@ class Score(NamedTuple):
 
 
 def present_trust(history: History) -> Floats:
-    """Return the trust of the agents in a recorded game, shape (T, N, ...), NaN where they are absent."""
+    """Return the trust of the agents in a recorded game, shape (T, N, ...), NaN where they are
+    absent.
+    """
     return np.where(np.asarray(history.present), np.asarray(history.trust, np.float64), np.nan)
 
 
@@ -44,7 +47,9 @@ def as_numbers(score: Score | npt.ArrayLike) -> Floats:
     return np.asarray(score.value if isinstance(score, Score) else score, np.float64)
 
 
-def mean_or_nan(values: Floats, axis: int | tuple[int, ...], weights: Floats | None = None) -> Floats:
+def mean_or_nan(
+    values: Floats, axis: int | tuple[int, ...], weights: Floats | None = None
+) -> Floats:
     """Return the mean along some axes over all values but NaN; NaN if there are none.
 
     Args:
@@ -59,12 +64,16 @@ def mean_or_nan(values: Floats, axis: int | tuple[int, ...], weights: Floats | N
 
 
 def in_rounds(values: npt.NDArray[Any], weights: Floats | None) -> Floats:
-    """Return values of shape (T, ...), times the weights of the rounds, shape (T,), if there are any."""
+    """Return values of shape (T, ...), times the weights of the rounds, shape (T,), if there are
+    any.
+    """
     return values if weights is None else values * weights.reshape(-1, *[1] * (values.ndim - 1))
 
 
 def ratio(part: npt.ArrayLike, whole: npt.ArrayLike) -> Floats:
     """Return a quotient; NaN where the denominator is 0."""
     denominator = np.asarray(whole, np.float64)
-    quotient: Floats = np.asarray(part, np.float64) / np.where(denominator == 0, np.nan, denominator)
+    quotient: Floats = np.asarray(part, np.float64) / np.where(
+        denominator == 0, np.nan, denominator
+    )
     return quotient

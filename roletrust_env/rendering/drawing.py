@@ -19,24 +19,38 @@ from roletrust_env.world.scenario import Scenario
 
 SIZE, DPI = (12.8, 7.2), 100
 
-# Perceptually uniform and safe for colour-blind readers; its brightest end is left out, which would vanish on white.
-SCALE = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0, 0.93, 256))).with_extremes(bad="#eef1f5")
+# Perceptually uniform and safe for colour-blind readers; its brightest end is left out, which would
+# vanish on white.
+SCALE = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0, 0.93, 256))).with_extremes(
+    bad="#eef1f5"
+)
 
 INK, GREY, PALE = "#1b2430", "#7b8794", "#eef1f5"
 
 ATTACK = "#d55e00"  # vermilion, which is not on the scale
 
-HONEST = ("#0072b2", "#009e73", "#56b4e9", "#332288")  # distinguishable for colour-blind readers, too
+HONEST = (
+    "#0072b2",
+    "#009e73",
+    "#56b4e9",
+    "#332288",
+)  # distinguishable for colour-blind readers, too
 
 CROWD = "#9fb3c8"
 
 KEYS = ("each honest agent", "their mean", "attackers")
 
-# A few curves stay visible even where they coincide: those of attackers are the widest and lie under the honest ones,
-# and within each group every further curve is narrower, dashed, and lies on top.
+# A few curves stay visible even where they coincide: those of attackers are the widest and lie
+# under the honest ones, and within each group every further curve is narrower, dashed, and lies on
+# top.
 ATTACKS = (ATTACK, "#cc79a7", "#e69f00", "#8c510a")
 
-DASHES: tuple[tuple[float, Sequence[float]], ...] = ((0, ()), (0, (4, 2.5)), (0, (1.2, 1.8)), (0, (6, 2, 1.2, 2)))
+DASHES: tuple[tuple[float, Sequence[float]], ...] = (
+    (0, ()),
+    (0, (4, 2.5)),
+    (0, (1.2, 1.8)),
+    (0, (6, 2, 1.2, 2)),
+)
 
 WIDTHS = np.asarray((2.8, 2.0, 1.6, 1.3))
 
@@ -74,10 +88,21 @@ class Graph:
         both = len(set(scene.raters.names) & set(scene.providers.names))
         rows = max(scene.ratings.shape)
         height = axes.bbox.height / rows
-        left = np.stack([np.full(len(scene.raters.names), 0.235), _rows(len(scene.raters.names), both, rows)], -1)
-        right = np.stack([np.full(len(scene.providers.names), 0.74), _rows(len(scene.providers.names), both, rows)], -1)
+        left = np.stack(
+            [np.full(len(scene.raters.names), 0.235), _rows(len(scene.raters.names), both, rows)],
+            -1,
+        )
+        right = np.stack(
+            [
+                np.full(len(scene.providers.names), 0.74),
+                _rows(len(scene.providers.names), both, rows),
+            ],
+            -1,
+        )
         for y in left[len(left) - both :, 1]:
-            axes.plot((0.03, 0.97), (y, y), color=PALE, lw=0.55 * height, solid_capstyle="round", zorder=0)
+            axes.plot(
+                (0.03, 0.97), (y, y), color=PALE, lw=0.55 * height, solid_capstyle="round", zorder=0
+            )
         axes.text(0.235, 1.02, "raters", ha="center", color=GREY)
         axes.text(0.725, 1.02, "providers", ha="center", color=GREY)
 
@@ -88,9 +113,18 @@ class Graph:
         axes.add_collection(self._edges, autolim=False)
         self._numbers = []
         if scene.ratings.size <= _MAX_NUMBERED:
-            pad = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
-            for x, y in (self._paths[..., 0, :] * 0.79 + self._paths[..., 1, :] * 0.21).reshape(-1, 2):
-                self._numbers.append(axes.text(x, y, "", fontsize=8.5, ha="center", va="center", bbox=pad))
+            pad = {
+                "boxstyle": "round,pad=0.15",
+                "facecolor": "white",
+                "edgecolor": "none",
+                "alpha": 0.85,
+            }
+            for x, y in (self._paths[..., 0, :] * 0.79 + self._paths[..., 1, :] * 0.21).reshape(
+                -1, 2
+            ):
+                self._numbers.append(
+                    axes.text(x, y, "", fontsize=8.5, ha="center", va="center", bbox=pad)
+                )
         self._sides = (
             _Nodes(axes, left, scene.raters, height, both, "right"),
             _Nodes(axes, right, scene.providers, height, both, "left"),
@@ -117,11 +151,19 @@ class Graph:
 
 
 class _Nodes:
-    """One side of the graph: a node for each agent with its trust, and its name and caption on the outside."""
+    """One side of the graph: a node for each agent with its trust, and its name and caption on the
+    outside.
+    """
 
-    def __init__(self, axes: Axes, places: Floats, side: Side, height: float, both: int, align: str) -> None:
+    def __init__(
+        self, axes: Axes, places: Floats, side: Side, height: float, both: int, align: str
+    ) -> None:
         diameter = float(np.clip(0.8 * height, 12, 52)) * 72 / axes.figure.dpi
-        outside = (-1 if align == "right" else 1) * (0.75 * diameter * axes.figure.dpi / 72 + 8) / axes.bbox.width
+        outside = (
+            (-1 if align == "right" else 1)
+            * (0.75 * diameter * axes.figure.dpi / 72 + 8)
+            / axes.bbox.width
+        )
         n = len(places)
         x, y = places.T
         self._own = axes.scatter(x[: n - both], y[: n - both], diameter**2, marker="o")
@@ -136,16 +178,27 @@ class _Nodes:
         small = float(np.clip(diameter / 3.3, 5, 10.5))
         size = float(np.clip(height / 4, 7, 10.5))
         gap = min(0.0135, 0.2 * height / axes.bbox.height)
-        self._trust = [axes.text(x, y, "", fontsize=small, ha="center", va="center_baseline") for x, y in places]
+        self._trust = [
+            axes.text(x, y, "", fontsize=small, ha="center", va="center_baseline")
+            for x, y in places
+        ]
         self._names = [
             axes.text(x + outside, y, name, fontsize=size, ha=align, va="center", weight="bold")
             for (x, y), name in zip(places, side.names, strict=True)
         ]
         self._captions = [
-            axes.text(x + outside, y - 1.4 * gap, "", fontsize=0.85 * size, ha=align, va="center") for x, y in places
+            axes.text(x + outside, y - 1.4 * gap, "", fontsize=0.85 * size, ha=align, va="center")
+            for x, y in places
         ]
         self._split, self._middle, self._gap = n - both, places[:, 1], gap
-        self.moving: list[Artist] = [self._rings, self._own, self._shared, *self._trust, *self._names, *self._captions]
+        self.moving: list[Artist] = [
+            self._rings,
+            self._own,
+            self._shared,
+            *self._trust,
+            *self._names,
+            *self._captions,
+        ]
 
     def update(self, side: Side) -> None:
         """Show one side of a scene."""
@@ -154,8 +207,13 @@ class _Nodes:
         inks = np.where(faces[:, :3] @ (0.299, 0.587, 0.114) > 0.5, INK, "white")
         faces[absent] = to_rgba("white")
         rims = np.where(absent[:, None], to_rgba(GREY), faces)
-        dashes: list[tuple[float, Sequence[float]]] = [(0, (2, 2) if missing else ()) for missing in absent]
-        for nodes, part in ((self._own, slice(self._split)), (self._shared, slice(self._split, None))):
+        dashes: list[tuple[float, Sequence[float]]] = [
+            (0, (2, 2) if missing else ()) for missing in absent
+        ]
+        for nodes, part in (
+            (self._own, slice(self._split)),
+            (self._shared, slice(self._split, None)),
+        ):
             nodes.set_facecolor(list(map(tuple, faces[part])))
             nodes.set_edgecolor(list(map(tuple, rims[part])))
             nodes.set_linestyle(dashes[part])
@@ -184,11 +242,28 @@ class Matrix:
         for part, shape in ((grid, (s, p)), (rows, (s, 1)), (columns, (1, p))):
             part.axis("off")
             self._images.append(part.imshow(np.zeros(shape), SCALE, vmin=0, vmax=1, aspect="auto"))
-        rows.text(0.5, 1.05, "ToR", transform=rows.transAxes, ha="center", va="center", color=GREY, fontsize=9)
-        columns.text(1.012, 0.5, "ToP", transform=columns.transAxes, va="center", color=GREY, fontsize=9)
+        rows.text(
+            0.5,
+            1.05,
+            "ToR",
+            transform=rows.transAxes,
+            ha="center",
+            va="center",
+            color=GREY,
+            fontsize=9,
+        )
+        columns.text(
+            1.012, 0.5, "ToP", transform=columns.transAxes, va="center", color=GREY, fontsize=9
+        )
         axes.text(0.57, -0.015, f"{p} providers", ha="center", va="top", color=GREY)
         axes.text(0.17, -0.015, f"{s} raters", ha="center", va="top", color=GREY)
-        mark: dict[str, Any] = {"color": ATTACK, "ms": 5, "clip_on": False, "ls": "none", "mec": "none"}
+        mark: dict[str, Any] = {
+            "color": ATTACK,
+            "ms": 5,
+            "clip_on": False,
+            "ls": "none",
+            "mec": "none",
+        }
         words: dict[str, Any] = {"color": ATTACK, "fontsize": 8, "weight": "bold"}
         at = np.flatnonzero(scene.raters.attacker)
         rows.plot(np.full(at.shape, -0.75), at, marker=">", **mark)
@@ -197,12 +272,18 @@ class Matrix:
         at = np.flatnonzero(scene.providers.attacker)
         columns.plot(at, np.full(at.shape, -0.75), marker="v", **mark)
         for k, name in _labels(scene.providers):
-            columns.text(k, -1.1, name, ha="left", va="bottom", rotation=35, rotation_mode="anchor", **words)
+            columns.text(
+                k, -1.1, name, ha="left", va="bottom", rotation=35, rotation_mode="anchor", **words
+            )
         self.moving: list[Artist] = list(self._images)
 
     def update(self, scene: Scene) -> None:
         """Show the ratings of a scene as cells."""
-        parts = scene.ratings, _trust_of_present(scene.raters)[:, None], _trust_of_present(scene.providers)[None]
+        parts = (
+            scene.ratings,
+            _trust_of_present(scene.raters)[:, None],
+            _trust_of_present(scene.providers)[None],
+        )
         for image, values in zip(self._images, parts, strict=True):
             image.set_data(np.ma.masked_invalid(values))
 
@@ -217,7 +298,9 @@ class TrustCurves:
         self._period = scenario.period_s
         self._open = any(group.open for group in scenario.agents)
         xlabel = "time (s); grey: perturbation" if scenario.perturbations else "time (s)"
-        axes.set(xlim=(0, scenario.max_cycles * scenario.period_s), ylim=(-0.02, 1.02), xlabel=xlabel)
+        axes.set(
+            xlim=(0, scenario.max_cycles * scenario.period_s), ylim=(-0.02, 1.02), xlabel=xlabel
+        )
         axes.set_yticks(np.linspace(0, 1, 6))
         axes.grid(axis="y", color=PALE)
         axes.set_axisbelow(True)
@@ -227,15 +310,21 @@ class TrustCurves:
             axes.axvspan(*span, color=GREY, alpha=0.25 * perturbation.strength, lw=0, zorder=0)
         n = len(side.names)
         few = n <= _MAX_COLOURED
-        self._order = np.argsort(~side.attacker if few else side.attacker, kind="stable")  # many: attackers on top
+        self._order = np.argsort(
+            ~side.attacker if few else side.attacker, kind="stable"
+        )  # many: attackers on top
         self._honest = ~side.attacker
         if few:
             ranks = np.where(side.attacker, np.cumsum(side.attacker), np.cumsum(self._honest)) - 1
-            colours = [(ATTACKS if bad else HONEST)[k] for bad, k in zip(side.attacker, ranks, strict=True)]
+            colours = [
+                (ATTACKS if bad else HONEST)[k] for bad, k in zip(side.attacker, ranks, strict=True)
+            ]
             widths = WIDTHS[ranks] + 1.6 * side.attacker
             dashes = [DASHES[k] for k in ranks]
         else:
-            colours = [ATTACK if bad else f"{CROWD}c0" for bad in side.attacker]  # c0: a little transparent
+            colours = [
+                ATTACK if bad else f"{CROWD}c0" for bad in side.attacker
+            ]  # c0: a little transparent
             widths = np.where(side.attacker, 2.2 if n <= 20 else 1.2, 0.6)
             dashes = [DASHES[0]] * n
         self._lines = LineCollection(
@@ -249,7 +338,10 @@ class TrustCurves:
         axes.add_collection(self._lines, autolim=False)
         (self._mean,) = axes.plot([], [], color=HONEST[0], lw=2.2)
         self._mean.set_visible(not few and bool(self._honest.any()))
-        keys = [(name, c, 2.5, DASHES[0]) for name, c in zip(KEYS, (CROWD, HONEST[0], ATTACK), strict=True)]
+        keys = [
+            (name, c, 2.5, DASHES[0])
+            for name, c in zip(KEYS, (CROWD, HONEST[0], ATTACK), strict=True)
+        ]
         if few:
             labels = [
                 f"{name}, attacker" if attacks else name
@@ -259,7 +351,9 @@ class TrustCurves:
         elif self._honest.all():
             keys.pop()
         axes.legend(
-            handles=[Line2D([], [], color=c, lw=lw, ls=ls, label=label) for label, c, lw, ls in keys],
+            handles=[
+                Line2D([], [], color=c, lw=lw, ls=ls, label=label) for label, c, lw, ls in keys
+            ],
             loc="lower left",
             bbox_to_anchor=(-0.02, 0.985),
             ncols=len(keys),
@@ -307,10 +401,14 @@ def _trust_of_present(side: Side) -> Floats:
 
 
 def _rows(n: int, both: int, rows: int) -> Floats:
-    """Return the heights of n nodes. The last ones, SR+SP agents, have the lowest rows, the same on both sides."""
+    """Return the heights of n nodes. The last ones, SR+SP agents, have the lowest rows, the same on
+    both sides.
+    """
     own = n - both
     top = 1 - both / rows  # share of the height for the other agents
-    return np.concatenate([1 - top * (np.arange(own) + 0.5) / max(own, 1), (both - np.arange(both) - 0.5) / rows])
+    return np.concatenate(
+        [1 - top * (np.arange(own) + 0.5) / max(own, 1), (both - np.arange(both) - 0.5) / rows]
+    )
 
 
 def _labels(side: Side) -> list[tuple[float, str]]:
@@ -328,7 +426,9 @@ def _labels(side: Side) -> list[tuple[float, str]]:
     return labels
 
 
-_WINDOWLESS = frozenset(("agg", "cairo", "inline", "pdf", "pgf", "ps", "svg", "template"))  # backends of matplotlib
+_WINDOWLESS = frozenset(
+    ("agg", "cairo", "inline", "pdf", "pgf", "ps", "svg", "template")
+)  # backends of matplotlib
 _GRAPH_LIMIT = 20  # raters or providers; with more, single edges could not be seen
 
 
@@ -424,24 +524,42 @@ class Picture:
         with matplotlib.rc_context(STYLE):
             figure.text(0.025, 0.945, scene.title, fontsize=17, weight="bold")
             self._clock = figure.text(0.025, 0.908, "", fontsize=11, color=GREY)
-            self._perturbed = figure.text(0.595, 0.93, "", fontsize=10, ha="right", va="center", color="white")
-            self._perturbed.set_bbox({"boxstyle": "round,pad=0.45", "facecolor": INK, "edgecolor": "none"})
+            self._perturbed = figure.text(
+                0.595, 0.93, "", fontsize=10, ha="right", va="center", color="white"
+            )
+            self._perturbed.set_bbox(
+                {"boxstyle": "round,pad=0.45", "facecolor": INK, "edgecolor": "none"}
+            )
             _scale_bar(figure.add_axes((0.2, 0.043, 0.2, 0.013)))
             left = figure.add_axes((0.02, 0.1, 0.58, 0.74))
             large = max(scene.ratings.shape) > _GRAPH_LIMIT
             self._ratings: Matrix | Graph = Matrix(left, scene) if large else Graph(left, scene)
             self._tor = TrustCurves(
-                figure.add_axes((0.655, 0.555, 0.325, 0.33)), "Trust of raters, ToR", scenario, scene.raters
+                figure.add_axes((0.655, 0.555, 0.325, 0.33)),
+                "Trust of raters, ToR",
+                scenario,
+                scene.raters,
             )
             self._top = TrustCurves(
-                figure.add_axes((0.655, 0.085, 0.325, 0.33)), "Trust of providers, ToP", scenario, scene.providers
+                figure.add_axes((0.655, 0.085, 0.325, 0.33)),
+                "Trust of providers, ToP",
+                scenario,
+                scene.providers,
             )
-        self.moving = [self._clock, self._perturbed, *self._ratings.moving, *self._tor.moving, *self._top.moving]
+        self.moving = [
+            self._clock,
+            self._perturbed,
+            *self._ratings.moving,
+            *self._tor.moving,
+            *self._top.moving,
+        ]
         for z, artist in enumerate(self.moving, start=10):
             artist.set_zorder(z)  # a window draws in this order, and should look like a frame
 
     def can_show(self, scene: Scene) -> bool:
-        """Return whether this picture can show the scene: the attackers, which are drawn once, must be the same."""
+        """Return whether this picture can show the scene: the attackers, which are drawn once, must
+        be the same.
+        """
         return self._attackers == _attackers(scene)
 
     def update(self, scene: Scene, curves: Curves) -> None:

@@ -1,7 +1,8 @@
 """Renderer of a game: a picture, a window or a table of text.
 
-A `Scene` is the visible content of a state. `as_text` turns it into text, and `Renderer` shows it in a render mode.
-`roletrust_env.rendering.drawing`, which needs matplotlib, is imported only for pictures and windows.
+A `Scene` is the visible content of a state. `as_text` turns it into text, and `Renderer` shows it
+in a render mode. `roletrust_env.rendering.drawing`, which needs matplotlib, is imported only for
+pictures and windows.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ class Renderer:
 
     Args:
         game: Game to show.
-        mode: Render mode: `"rgb_array"`, `"ansi"` or `"human"`. Without a display, `"human"` shows nothing and warns
-            once.
+        mode: Render mode: `"rgb_array"`, `"ansi"` or `"human"`. Without a display, `"human"` shows
+            nothing and warns once.
     """
 
     def __init__(self, game: Game, mode: Literal["human", "rgb_array", "ansi"]) -> None:
@@ -38,7 +39,9 @@ class Renderer:
         self._surface: Canvas | Window | None = None
         self._shown: tuple[State, tuple[str, ...]] | None = None
 
-    def render(self, state: State, curves: Curves, attackers: tuple[str, ...]) -> npt.NDArray[np.uint8] | str | None:
+    def render(
+        self, state: State, curves: Curves, attackers: tuple[str, ...]
+    ) -> npt.NDArray[np.uint8] | str | None:
         """Show the state of a single game, not of a batch.
 
         Args:
@@ -82,7 +85,8 @@ def _open(mode: Literal["human", "rgb_array"], game: Game) -> Canvas | Window | 
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
         raise DependencyNotInstalled(
-            f"render_mode {mode!r} needs matplotlib: pip install 'roletrust-env[cli]'; 'ansi' does not need it"
+            f"render_mode {mode!r} needs matplotlib: pip install 'roletrust-env[cli]'; 'ansi' does "
+            "not need it"
         ) from None
     if mode == "rgb_array":
         return Canvas(game.scenario)

@@ -27,7 +27,8 @@ class Side(NamedTuple):
         names: Names of the agents.
         trust: ToR or ToP, shape (K,).
         attacker: Boolean array of shape (K,), true for agents marked as attackers.
-        absences: Reason why each agent is absent: `"waiting"`, `"left"` or `"cut off"`; empty if it is present.
+        absences: Reason why each agent is absent: `"waiting"`, `"left"` or `"cut off"`; empty if it
+            is present.
         captions: Caption of each agent.
     """
 
@@ -67,7 +68,8 @@ def make_scene(game: Game, state: State, attackers: Iterable[str]) -> Scene:
     toa = [f"ToA {trust:.2f}" for trust in roster.both(game.agent_trust(state))]
     serves = state.awaiting.any(axis=0)
     quality = [
-        f"quality {q:.2f}" if busy else "idle" if played else "" for q, busy in zip(state.quality, serves, strict=True)
+        f"quality {q:.2f}" if busy else "idle" if played else ""
+        for q, busy in zip(state.quality, serves, strict=True)
     ]
     marked = set(attackers)
     n_sr = roster.n_raters - roster.n_both
@@ -82,7 +84,9 @@ def make_scene(game: Game, state: State, attackers: Iterable[str]) -> Scene:
     )
 
 
-def _side(names: tuple[str, ...], trust: Any, phases: Any, marked: set[str], captions: list[str]) -> Side:
+def _side(
+    names: tuple[str, ...], trust: Any, phases: Any, marked: set[str], captions: list[str]
+) -> Side:
     absences = tuple(_ABSENCES.get(int(phase), "") for phase in phases)
     attacker = np.asarray([name in marked for name in names])
     words = [

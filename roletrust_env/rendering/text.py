@@ -14,7 +14,9 @@ _BAR = 16
 
 
 def as_text(scene: Scene) -> str:
-    """Return tables of the raters with their ratings and of the providers; summaries if there are many."""
+    """Return tables of the raters with their ratings and of the providers; summaries if there are
+    many.
+    """
     header = f"{scene.title}  ·  {scene.clock}"
     if scene.perturbation > 0:
         header += f"  ·  perturbation {scene.perturbation:.0%}"
@@ -27,18 +29,25 @@ def as_text(scene: Scene) -> str:
     given = scene.ratings[~np.isnan(scene.ratings)]
     if not small:
         ratings = f"ratings    {given.size} arrived"
-        tables += ["", ratings + (f", mean {given.mean():.2f}, lowest {given.min():.2f}" if given.size else "")]
+        tables += [
+            "",
+            ratings
+            + (f", mean {given.mean():.2f}, lowest {given.min():.2f}" if given.size else ""),
+        ]
     rule = "─" * max(len(line) for line in [header, *tables])
     return "\n".join([header, rule, *tables])
 
 
 def _table(kind: str, trust: str, side: Side, matrix: Scene | None = None) -> list[str]:
-    """Return the lines of the table of one side, with the ratings of each rater if a matrix is given."""
+    """Return the lines of the table of one side, with the ratings of each rater if a matrix is
+    given.
+    """
     width = max(8, *map(len, side.names))
     captions = max(5, *map(len, side.captions))
     head = f"{kind:<{width}}   {trust}  {'':<{_BAR}}"
     rows = [
-        f"{name:<{width}} {'!' if bad else ' '} {'' if absence else f'{value:.2f}':4} {_bar(value, absence)}  {caption}"
+        f"{name:<{width}} {'!' if bad else ' '} {'' if absence else f'{value:.2f}':4} "
+        f"{_bar(value, absence)}  {caption}"
         for name, value, bad, absence, caption in zip(*side, strict=True)
     ]
     if matrix is not None:
@@ -47,19 +56,24 @@ def _table(kind: str, trust: str, side: Side, matrix: Scene | None = None) -> li
         head = f"{head}  {'':<{captions}}  {' '.join(titles)}"
         wide = len(rows[0]) - len(side.captions[0]) + captions
         rows = [
-            f"{row:<{wide}}  " + " ".join(f"{_rating(f):>{w}}" for f, w in zip(given, columns, strict=True))
+            f"{row:<{wide}}  "
+            + " ".join(f"{_rating(f):>{w}}" for f, w in zip(given, columns, strict=True))
             for row, given in zip(rows, matrix.ratings, strict=True)
         ]
     return [line.rstrip() for line in (head, *_few(rows, kind, trust, side))]
 
 
 def _few(rows: list[str], kind: str, trust: str, side: Side) -> list[str]:
-    """Return the rows; if there are too many, return means and the best and the worst of the present agents."""
+    """Return the rows; if there are too many, return means and the best and the worst of the
+    present agents.
+    """
     if len(rows) <= _TABLE_LIMIT:
         return rows
     present = np.asarray([not absence for absence in side.absences])
     best = [int(k) for k in np.argsort(-side.trust, kind="stable") if present[k]]
-    summary = [f"{present.sum()} of {len(rows)} {kind}s present, mean {trust} {_mean(side.trust[present])}"]
+    summary = [
+        f"{present.sum()} of {len(rows)} {kind}s present, mean {trust} {_mean(side.trust[present])}"
+    ]
     if side.attacker.any():
         attackers, honest = present & side.attacker, present & ~side.attacker
         summary.append(
@@ -81,7 +95,9 @@ def _rating(rating: float) -> str:
 
 
 def _bar(value: float, absence: str) -> str:
-    """Return a bar with a resolution of an eighth of a character; it is blank for an absent agent."""
+    """Return a bar with a resolution of an eighth of a character; it is blank for an absent
+    agent.
+    """
     if absence:
         return " " * _BAR
     full, rest = divmod(round(value * _BAR * 8), 8)

@@ -58,7 +58,8 @@ class About(_Message):
     scale: Annotated[list[float], Field(min_length=2, max_length=2)]
     """Worst and best rating."""
     same_agents: bool
-    """Whether the name of an agent is one agent in both roles, so that trust in it as a rater counts."""
+    """Whether the name of an agent is one agent in both roles, so that trust in it as a rater
+    counts."""
     work: Annotated[int, Field(ge=0, le=256)]
     """Zero bits of the proof of work of a newcomer."""
     quota: Count

@@ -15,14 +15,26 @@ from roletrust_env.errors import explain, printable
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.live.wire.keys import Signer, check_name, make_keys
 from roletrust_env.service.answers import About, Agent, Agents, Problem, Receipt, Receipts, Refusals
-from roletrust_env.service.tokens import Claims, Leave, Rating, Registration, key_as_text, sign, with_work
+from roletrust_env.service.tokens import (
+    Claims,
+    Leave,
+    Rating,
+    Registration,
+    key_as_text,
+    sign,
+    with_work,
+)
 from roletrust_env.storage.files import replacing
 
 MAX_WORK = 24
 """Zero bits of the largest proof of work that a client does, on average within half a minute."""
 
 _PAUSE_S, _LONGEST_PAUSE_S = 0.1, 2.0  # before the same request is sent again
-_RESTARTS = 502, 503, 504  # statuses of a manager that restarts or cannot store, and of what stands in front of it
+_RESTARTS = (
+    502,
+    503,
+    504,
+)  # statuses of a manager that restarts or cannot store, and of what stands in front of it
 _SIGNATURES = 3  # of one request, where another process with the same key is quicker
 Answer = TypeVar("Answer", bound=BaseModel)
 
@@ -34,7 +46,8 @@ class RefusalError(ValueError):
         reason: Reason in a few words, such as those of `RefusalReason`.
         status: Status of HTTP.
         at: Place of the refused rating in the request; None if it is about all.
-        wait_s: Time after which the manager would look at it again, seconds; None if it does not say.
+        wait_s: Time after which the manager would look at it again, seconds; None if it does not
+            say.
     """
 
     def __init__(self, problem: Problem, status: int, wait_s: float | None = None) -> None:
@@ -45,7 +58,8 @@ class RefusalError(ValueError):
 class UnreachableError(ConnectionError):
     """No answer by a manager: it is not there, or not in time.
 
-    A rating may have arrived. The next call with the same arguments sends the same tokens, which count once.
+    A rating may have arrived. The next call with the same arguments sends the same tokens, which
+    count once.
     """
 
 
@@ -67,17 +81,20 @@ class _Letter:
 class TrustClient:
     """An agent of a trust manager, or without a name a reader.
 
-    Requests are sent again while the manager restarts or cannot store, always with the same tokens, so that a rating
-    whose acknowledgement was lost counts once. Threads may share a client; they take turns.
+    Requests are sent again while the manager restarts or cannot store, always with the same tokens,
+    so that a rating whose acknowledgement was lost counts once. Threads may share a client; they
+    take turns.
 
     Args:
         url: Address of the manager.
         name: Name of the agent; None to read only.
         keys: Folder with the private key of the agent, `NAME.key`, which is made if there is none.
-        patience_s: Time for an answer, with all tries, seconds; well below the `tolerance` of the manager.
+        patience_s: Time for an answer, with all tries, seconds; well below the `tolerance` of the
+            manager.
 
     Raises:
-        ValueError: The address or the name is not valid, or the key is not, or can be read by others.
+        ValueError: The address or the name is not valid, or the key is not, or can be read by
+            others.
         OSError: The folder cannot be written.
 
     Example:
@@ -88,10 +105,17 @@ class TrustClient:
     """
 
     def __init__(
-        self, url: str, name: str | None = None, keys: Path = Path("keys"), *, patience_s: float = 15.0
+        self,
+        url: str,
+        name: str | None = None,
+        keys: Path = Path("keys"),
+        *,
+        patience_s: float = 15.0,
     ) -> None:
         if not re.fullmatch(r"https?://[^/\s]+(/\S*)?", url):
-            raise ValueError(f"{url!r} is no address of a trust manager, such as http://127.0.0.1:8000")
+            raise ValueError(
+                f"{url!r} is no address of a trust manager, such as http://127.0.0.1:8000"
+            )
         self.url, self.name, self._patience_s = url.rstrip("/"), name, patience_s
         self._signer: Signer | None = None
         if name is not None:
@@ -140,7 +164,10 @@ class TrustClient:
             UnreachableError: There is no answer.
         """
         if (work := self.about().work) > MAX_WORK:
-            raise ValueError(f"{self.url} asks for a proof of work of {work} bits; a client does up to {MAX_WORK}")
+            raise ValueError(
+                f"{self.url} asks for a proof of work of {work} bits; a client does up to "
+                f"{MAX_WORK}"
+            )
         key = [] if self._signer is None else [{"key": key_as_text(self._signer.key.public_key())}]
         return self._send(Receipt, "POST", "/agents", Registration, key)
 
@@ -220,7 +247,9 @@ class TrustClient:
         try:
             with (
                 replacing(path) as unfinished,
-                self._http.stream("GET", f"{self.url}/ratings", timeout=self._patience_s) as response,
+                self._http.stream(
+                    "GET", f"{self.url}/ratings", timeout=self._patience_s
+                ) as response,
                 unfinished.open("wb") as file,
             ):
                 if not response.is_success:
@@ -231,27 +260,39 @@ class TrustClient:
             raise self._unreachable(error) from None
 
     def _send(
-        self, answer: type[Answer], method: str, path: str, kind: type[Claims], contents: list[dict[str, Any]]
+        self,
+        answer: type[Answer],
+        method: str,
+        path: str,
+        kind: type[Claims],
+        contents: list[dict[str, Any]],
     ) -> Answer:
         """Return the answer to a signed request.
 
-        It is signed anew only where it cannot have counted: if its first delivery is refused as replayed, because
-        another process with this key was quicker, or a later one as too old.
+        It is signed anew only where it cannot have counted: if its first delivery is refused as
+            replayed, because another process with this key was quicker, or a later one as too old.
         """
         with self._turn:
             asked, signatures = (kind, contents), 0
             while True:
                 before = self._last_us
                 if self._letter is None or self._letter.asked != asked:
-                    self._letter, signatures = _Letter(asked, self._body(kind, contents)), signatures + 1
+                    self._letter, signatures = (
+                        _Letter(asked, self._body(kind, contents)),
+                        signatures + 1,
+                    )
                 letter = self._letter
                 try:
                     found = self._answer(answer, method, path, letter)
                 except RefusalError as error:
                     self._letter = None
-                    if error.reason == RefusalReason.FUTURE:  # it was no time, so the next need not be above it
+                    if (
+                        error.reason == RefusalReason.FUTURE
+                    ):  # it was no time, so the next need not be above it
                         self._last_us = before
-                    harmless = RefusalReason.PAST if letter.deliveries > 1 else RefusalReason.REPLAYED
+                    harmless = (
+                        RefusalReason.PAST if letter.deliveries > 1 else RefusalReason.REPLAYED
+                    )
                     if error.reason != harmless or signatures == _SIGNATURES:
                         raise
                 else:
@@ -270,7 +311,9 @@ class TrustClient:
         for content in contents:
             self._last_us = max(time.time_ns() // 1000, self._last_us + 1)
             try:
-                claims = kind(iss=self.name or "", aud=self.manager.name, iat=self._last_us / 1e6, **content)
+                claims = kind(
+                    iss=self.name or "", aud=self.manager.name, iat=self._last_us / 1e6, **content
+                )
             except ValidationError as error:
                 raise ValueError(explain(error)) from None
             if isinstance(claims, Registration):
@@ -313,21 +356,31 @@ class TrustClient:
         try:
             return kind.model_validate_json(response.content)
         except ValidationError as error:
-            raise ValueError(f"{self.url} is no trust manager, or one of another version: {explain(error)}") from None
+            raise ValueError(
+                f"{self.url} is no trust manager, or one of another version: {explain(error)}"
+            ) from None
 
     def _failure(self, response: httpx2.Response) -> RefusalError | UnreachableError:
         """Return the error of an answer that is a refusal, or that no manager gives."""
         try:
             problem = Problem.model_validate_json(response.content)
         except ValidationError:
-            return UnreachableError(f"{self.url} is no trust manager: it answers with status {response.status_code}")
+            return UnreachableError(
+                f"{self.url} is no trust manager: it answers with status {response.status_code}"
+            )
         wait = response.headers.get("Retry-After", "")
-        return RefusalError(problem, response.status_code, float(wait) if wait.isdecimal() else None)
+        return RefusalError(
+            problem, response.status_code, float(wait) if wait.isdecimal() else None
+        )
 
     def _unreachable(self, error: httpx2.HTTPError) -> UnreachableError:
         """Return the error of a request without an answer."""
         if isinstance(error, httpx2.ConnectError):
             return UnreachableError(f"no trust manager answers at {self.url}")
         if isinstance(error, httpx2.TimeoutException):
-            return UnreachableError(f"the trust manager at {self.url} gives no answer within {self._patience_s:g} s")
-        return UnreachableError(f"the connection to the trust manager at {self.url} broke: {printable(str(error))}")
+            return UnreachableError(
+                f"the trust manager at {self.url} gives no answer within {self._patience_s:g} s"
+            )
+        return UnreachableError(
+            f"the connection to the trust manager at {self.url} broke: {printable(str(error))}"
+        )

@@ -12,10 +12,11 @@ _ARRIVAL_S = 30.0  # for a request, from the connection or its first byte
 
 
 def limited_protocol(refuse: Callable[[], object]) -> type[Any]:
-    """Return the protocol of connections: HTTP by uvicorn with limits, at which a connection is cut.
+    """Return the protocol of connections: HTTP by uvicorn with limits, at which a connection is
+    cut.
 
-    Without them, one stranger could fill the memory of a manager with headers and with requests that wait, or its table
-    of files with requests that never end.
+    Without them, one stranger could fill the memory of a manager with headers and with requests
+    that wait, or its table of files with requests that never end.
 
     Args:
         refuse: Function that counts a refusal.
@@ -48,7 +49,10 @@ def limited_protocol(refuse: Callable[[], object]) -> type[Any]:
             self._head = 0
             super().on_headers_complete()
             if self.cycle is not None:
-                self._cycles = (*(one for one in self._cycles if not one.response_complete), self.cycle)
+                self._cycles = (
+                    *(one for one in self._cycles if not one.response_complete),
+                    self.cycle,
+                )
 
         def on_body(self, body: bytes) -> None:
             self._head = 0
@@ -68,7 +72,9 @@ def limited_protocol(refuse: Callable[[], object]) -> type[Any]:
                 self._deadline.cancel()
 
         def _end(self) -> None:
-            """End all requests; uvicorn ends the newest only, and another one would write an error to the log."""
+            """End all requests; uvicorn ends the newest only, and another one would write an error
+            to the log.
+            """
             self._arrived()
             for cycle in self._cycles:
                 cycle.disconnected = True

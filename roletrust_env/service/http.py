@@ -57,9 +57,16 @@ _WORDS = {
     429: "There are too many ratings or newcomers in this round",
     503: "The store cannot be written, and nothing counts; or too many wait",
 }
-_MOST_BYTES = {"/ratings": answers.MAX_TOKENS * (MAX_TOKEN + 16), "/rounds": 64_000_000}  # of a body
+_MOST_BYTES = {
+    "/ratings": answers.MAX_TOKENS * (MAX_TOKEN + 16),
+    "/rounds": 64_000_000,
+}  # of a body
 _FEW_BYTES = 64_000
-_MOST_STREAMS, _MOST_ROUNDS, _QUIET_S = 100, 16, 15.0  # of changes; rounds that wait for a slow reader of them
+_MOST_STREAMS, _MOST_ROUNDS, _QUIET_S = (
+    100,
+    16,
+    15.0,
+)  # of changes; rounds that wait for a slow reader of them
 _RETRY = {"Retry-After": "1"}
 _SHOWN = 5  # wrong fields that are listed
 _SHOWN_PATH = 100  # characters of a path that are shown
@@ -67,7 +74,9 @@ _SHOWN_PATH = 100  # characters of a path that are shown
 
 def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Return the description of errors for OpenAPI."""
-    return {status: {"model": answers.Problem, "description": _WORDS[status]} for status in statuses}
+    return {
+        status: {"model": answers.Problem, "description": _WORDS[status]} for status in statuses
+    }
 
 
 class Endpoints:
@@ -87,7 +96,9 @@ class Endpoints:
 
     @asynccontextmanager
     async def life(self, app: object) -> AsyncIterator[None]:
-        """End rounds when their time is over, and tell of them, as long as the application lives."""
+        """End rounds when their time is over, and tell of them, as long as the application
+        lives.
+        """
         loop = asyncio.get_running_loop()
         self._manager.tell = lambda end: loop.call_soon_threadsafe(self._publish, end)
         task = asyncio.create_task(self._tick())
@@ -139,15 +150,20 @@ class Endpoints:
         The last request of an agent may be sent again, and counts once.
         """
         receipts = await self._writer.take(Request(Rating, body.tokens))
-        return answers.Receipts(receipts=[answers.Receipt(**receipt._asdict()) for receipt in receipts])
+        return answers.Receipts(
+            receipts=[answers.Receipt(**receipt._asdict()) for receipt in receipts]
+        )
 
     async def agents(
-        self, start: Annotated[int, Query(ge=0, le=2**31)] = 0, limit: Annotated[int, Query(ge=1, le=1000)] = 100
+        self,
+        start: Annotated[int, Query(ge=0, le=2**31)] = 0,
+        limit: Annotated[int, Query(ge=1, le=1000)] = 100,
     ) -> answers.Agents:
         """List agents with the trust in them, the best providers first."""
         members = self._manager.members()
         return answers.Agents(
-            agents=[self._agent(member) for member in members[start : start + limit]], total=len(members)
+            agents=[self._agent(member) for member in members[start : start + limit]],
+            total=len(members),
         )
 
     async def agent(self, name: Name, explain: bool = False) -> answers.Agent:
@@ -161,10 +177,14 @@ class Endpoints:
         if self._explaining.locked():
             raise BusyError
         async with self._explaining:
-            return agent.model_copy(update={"explanation": await run_in_threadpool(self._explained, member)})
+            return agent.model_copy(
+                update={"explanation": await run_in_threadpool(self._explained, member)}
+            )
 
     async def ratings(self, counted: bool = False) -> StreamingResponse:
-        """Export the ratings as CSV, which `roletrust rate` reads; `counted` leaves out those of the running round."""
+        """Export the ratings as CSV, which `roletrust rate` reads; `counted` leaves out those of
+        the running round.
+        """
         parts = self._manager.export(counted=counted)
         first = await run_in_threadpool(next, parts)  # before the status is sent
         return StreamingResponse(chain([first], parts), media_type="text/csv; charset=utf-8")
@@ -203,7 +223,9 @@ class Endpoints:
         body = await request.body()
         try:
             async with self._playing:
-                text = await run_in_threadpool(self._rounds.answer_lines, body.decode("utf-8", "replace"))
+                text = await run_in_threadpool(
+                    self._rounds.answer_lines, body.decode("utf-8", "replace")
+                )
         except ValueError as error:
             return PlainTextResponse(f"{printable(str(error))}\n", 400)
         except Exception as error:  # a model of another package may raise anything
@@ -211,7 +233,9 @@ class Endpoints:
         return PlainTextResponse(text)
 
     def _agent(self, member: Member) -> answers.Agent:
-        provider, rater = (answers.AgentTrust(**one._asdict()) for one in self._manager.standings(member))
+        provider, rater = (
+            answers.AgentTrust(**one._asdict()) for one in self._manager.standings(member)
+        )
         return answers.Agent(
             name=member.name,
             key=member.key,
@@ -251,7 +275,9 @@ class BodyLimit:
             size += len(message.get("body", b""))
             if size > most:
                 self._refuse()
-                raise HTTPException(_STATUS[RefusalReason.TOO_LARGE], f"a body has up to {most:,} bytes here")
+                raise HTTPException(
+                    _STATUS[RefusalReason.TOO_LARGE], f"a body has up to {most:,} bytes here"
+                )
             return message
 
         await self._app(scope, limited if scope["type"] == "http" else receive, send)
@@ -277,11 +303,19 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     def refuse(reason: RefusalReason) -> None:
         manager.validator.refuse("", reason)
 
-    def add(method: str, path: str, endpoint: Any, *errors: int, status: int = 200, **more: Any) -> None:
+    def add(
+        method: str, path: str, endpoint: Any, *errors: int, status: int = 200, **more: Any
+    ) -> None:
         name = endpoint.__name__
         documented = _problems(*errors) | more.pop("responses", {})
         app.add_api_route(
-            path, endpoint, methods=[method], status_code=status, operation_id=name, responses=documented, **more
+            path,
+            endpoint,
+            methods=[method],
+            status_code=status,
+            operation_id=name,
+            responses=documented,
+            **more,
         )
 
     taken = 401, 403, 404, 409, 413, 422, 429, 503
@@ -291,8 +325,23 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
     add("GET", "/agents/{name}", ends.agent, 404, 422, 503)
     add("DELETE", "/agents/{name}", ends.leave, *taken)
     add("POST", "/ratings", ends.rate, *taken, status=201)
-    add("GET", "/ratings", ends.ratings, 422, 503, responses=_text("text/csv"), response_class=StreamingResponse)
-    add("GET", "/events", ends.events, 503, responses=_text("text/event-stream"), response_class=StreamingResponse)
+    add(
+        "GET",
+        "/ratings",
+        ends.ratings,
+        422,
+        503,
+        responses=_text("text/csv"),
+        response_class=StreamingResponse,
+    )
+    add(
+        "GET",
+        "/events",
+        ends.events,
+        503,
+        responses=_text("text/event-stream"),
+        response_class=StreamingResponse,
+    )
     add("GET", "/refusals", ends.refusals)
     if rounds is not None:
         add("POST", "/rounds", ends.play_rounds, include_in_schema=False)
@@ -300,11 +349,15 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
 
     async def refused(request: Any, error: RefusedError) -> JSONResponse:
         status = _STATUS.get(error.reason, 422)
-        return _problem(status, error.reason.value, error.detail, error.at, _RETRY if status == 429 else None)
+        return _problem(
+            status, error.reason.value, error.detail, error.at, _RETRY if status == 429 else None
+        )
 
     async def not_stored(request: Any, error: StoreError) -> JSONResponse:
         ends.log(error)  # whose words are for the operator: where the store is
-        return _problem(503, "not stored", "the store cannot be used now, and nothing counts", headers=_RETRY)
+        return _problem(
+            503, "not stored", "the store cannot be used now, and nothing counts", headers=_RETRY
+        )
 
     async def busy(request: Any, error: BusyError) -> JSONResponse:
         return _problem(503, "busy", "too many wait for an answer; try again later", headers=_RETRY)
@@ -321,11 +374,19 @@ def make_app(manager: TrustManager, rounds: TrustService | None = None) -> Any:
         here = [route for route in app.routes if route.matches(request.scope)[0] is not Match.NONE]
         if not here:
             paths = ", ".join(dict.fromkeys(route.path for route in app.routes))
-            return _problem(404, "unknown path", f"there is no {request.url.path[:_SHOWN_PATH]}; there are {paths}")
-        reason = {404: "unknown agent", 413: RefusalReason.TOO_LARGE.value}.get(error.status_code, "invalid")
+            return _problem(
+                404,
+                "unknown path",
+                f"there is no {request.url.path[:_SHOWN_PATH]}; there are {paths}",
+            )
+        reason = {404: "unknown agent", 413: RefusalReason.TOO_LARGE.value}.get(
+            error.status_code, "invalid"
+        )
         headers = dict(error.headers or {})
         if "Allow" in headers:  # which has the methods of one endpoint of the path
-            headers["Allow"] = ", ".join(sorted(set[str]().union(*(route.methods for route in here))))
+            headers["Allow"] = ", ".join(
+                sorted(set[str]().union(*(route.methods for route in here)))
+            )
         return _problem(error.status_code, reason, str(error.detail), headers=headers)
 
     for kind, handler in (
@@ -345,7 +406,11 @@ def _text(kind: str, status: int = 200) -> dict[int | str, Any]:
 
 
 def _problem(
-    status: int, reason: str, detail: str, at: int | None = None, headers: dict[str, str] | None = None
+    status: int,
+    reason: str,
+    detail: str,
+    at: int | None = None,
+    headers: dict[str, str] | None = None,
 ) -> JSONResponse:
     body = {"reason": reason, "detail": printable(detail), "at": at}
     return JSONResponse(body, status, headers=headers)
@@ -353,7 +418,9 @@ def _problem(
 
 def _wrong(error: RequestValidationError) -> str:
     """Return what is wrong with a request, in a line."""
-    return "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()[:_SHOWN])
+    return "; ".join(
+        f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()[:_SHOWN]
+    )
 
 
 def _explanation(found: Found, names: Sequence[str]) -> answers.Explanation:
@@ -369,5 +436,9 @@ def _explanation(found: Found, names: Sequence[str]) -> answers.Explanation:
         for reason in found.reasons
     ]
     return answers.Explanation(
-        trust=found.trust, rank=found.rank, n_ratings=found.n_ratings, n_others=found.n_others, reasons=reasons
+        trust=found.trust,
+        rank=found.rank,
+        n_ratings=found.n_ratings,
+        n_others=found.n_others,
+        reasons=reasons,
     )

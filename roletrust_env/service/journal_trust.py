@@ -1,4 +1,6 @@
-"""Trust from the journal of a manager: its rounds are played from there, and never from anywhere else."""
+"""Trust from the journal of a manager: its rounds are played from there, and never from anywhere
+else.
+"""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -28,7 +30,8 @@ _FAR = MOST - 2  # rounds without a rating after which none can be taken
 
 
 class Standing(NamedTuple):
-    """Trust in an agent in a role, and what it rests on, see `roletrust_env.data.evidence.Evidence`.
+    """Trust in an agent in a role, and what it rests on, see
+    `roletrust_env.data.evidence.Evidence`.
 
     Attributes:
         trust: Trust, in [0, 1].
@@ -89,7 +92,9 @@ class Ranking:
         return self._places.get(name, len(self.names))
 
     def standing(self, name: str, start: float) -> Standing:
-        """Return the standing of an agent, which has the trust of a newcomer if it has no ratings."""
+        """Return the standing of an agent, which has the trust of a newcomer if it has no
+        ratings.
+        """
         of, place = len(self.names), self.place(name)
         if place == of:
             return Standing(start, of=of)
@@ -99,9 +104,9 @@ class Ranking:
 class JournalTrust:
     """Trust after the rounds of a journal that have ended.
 
-    Ratings count when the time of their round is over. The rounds are those of `roletrust rate --every` on the exported
-    journal, and so is the trust. A model that keeps numbers for all pairs has to know all agents from the start, so the
-    whole journal is played for it after each round.
+    Ratings count when the time of their round is over. The rounds are those of `roletrust rate
+    --every` on the exported journal, and so is the trust. A model that keeps numbers for all pairs
+    has to know all agents from the start, so the whole journal is played for it after each round.
 
     Args:
         store: Journal, which need not be open yet.
@@ -114,14 +119,21 @@ class JournalTrust:
         rates_raters: Whether the model has trust in raters.
         counted: Number of the last event that counts.
         n_counted: Number of ratings that count.
-        rankings: Agents with ratings by role. They are replaced as a whole, so that any thread may read them.
+        rankings: Agents with ratings by role. They are replaced as a whole, so that any thread may
+            read them.
 
     Raises:
         ValueError: The scale or the length of a round is not allowed.
     """
 
     def __init__(
-        self, store: Store, model: TrustModel[Any], every: float, scale: tuple[float, float], *, same_agents: bool
+        self,
+        store: Store,
+        model: TrustModel[Any],
+        every: float,
+        scale: tuple[float, float],
+        *,
+        same_agents: bool,
     ) -> None:
         check_scale(scale)
         check_rounds(every, None)
@@ -129,12 +141,20 @@ class JournalTrust:
         self._every, self._scale, self._same_agents = every, scale, same_agents
         self._stream = None
         if runs_on_edges(self._model):
-            settings: Any = {"every": every, "scale": scale, "same_agents": same_agents, "keep_evidence": True}
+            settings: Any = {
+                "every": every,
+                "scale": scale,
+                "same_agents": same_agents,
+                "keep_evidence": True,
+            }
             self._stream = TrustStream(self._model, **settings)
         self.rounds = self.counted = self.n_counted = 0
         self.rates_raters: bool = self._model.rates_raters
         newcomer = make_run(self._model, (1, 1), one_role=not same_agents)
-        self._newcomer = {"ratee": float(newcomer.provider_trust[0]), "rater": float(newcomer.rater_trust[0])}
+        self._newcomer = {
+            "ratee": float(newcomer.provider_trust[0]),
+            "rater": float(newcomer.rater_trust[0]),
+        }
         self._start: float | None = None  # time of the first rating
         self._first: float | None = None  # of the first that does not count yet
         self.rankings: dict[Role, Ranking] = {"ratee": Ranking(), "rater": Ranking()}
@@ -149,7 +169,9 @@ class JournalTrust:
         return True
 
     def has_round(self, time: float) -> bool:
-        """Return whether a time has a round: there may have been too many rounds without a rating before it."""
+        """Return whether a time has a round: there may have been too many rounds without a rating
+        before it.
+        """
         return self._start is None or time <= self._furthest
 
     def expect(self, time: float) -> None:
@@ -158,7 +180,8 @@ class JournalTrust:
         self._first = time if self._first is None else self._first
 
     def advance(self, now: float) -> RoundEnd | None:
-        """Count the ratings of rounds whose time is over, and return what has changed; None if none is over.
+        """Count the ratings of rounds whose time is over, and return what has changed; None if none
+        is over.
 
         Args:
             now: Time, seconds.
@@ -182,7 +205,10 @@ class JournalTrust:
                 break
         rounds, found = self._played_all() if self._stream is None else self._finished(self._stream)
         self.rankings = {role: Ranking(one) for role, one in found.items()}
-        self.rounds, self.n_counted = rounds, number  # last: they tell other threads that the trust is there
+        self.rounds, self.n_counted = (
+            rounds,
+            number,
+        )  # last: they tell other threads that the trust is there
         provider, rater = (
             {
                 name: trust
@@ -202,7 +228,10 @@ class JournalTrust:
         pairs = log.pairs()
         run = played(self._model, log, log_rounds(log, self._every), pairs=pairs)
         trusts = run.provider_trust, run.rater_trust
-        return run.rounds, {role: evidence(log, role, trust, pairs) for role, trust in zip(_ROLES, trusts, strict=True)}
+        return run.rounds, {
+            role: evidence(log, role, trust, pairs)
+            for role, trust in zip(_ROLES, trusts, strict=True)
+        }
 
     def standing(self, name: str, role: Role) -> Standing:
         """Return the standing of an agent in a role."""
@@ -211,8 +240,8 @@ class JournalTrust:
     def explain(self, name: str, role: Role) -> tuple[Explanation, Sequence[str]] | None:
         """Return what makes the trust in an agent, and the names of the others by place.
 
-        None if it has no ratings that count, or as a rater if the model has no trust in raters. The journal is played
-        several times, which takes as long. Any thread may call it.
+        None if it has no ratings that count, or as a rater if the model has no trust in raters. The
+        journal is played several times, which takes as long. Any thread may call it.
 
         Raises:
             StoreError: The journal cannot be read.
@@ -223,7 +252,9 @@ class JournalTrust:
         own, other = log.rater_names, log.ratee_names
         if role == "ratee":
             own, other = other, own
-        if name not in own or (agent := own.index(name)) not in (log.ratees if role == "ratee" else log.raters):
+        if name not in own or (agent := own.index(name)) not in (
+            log.ratees if role == "ratee" else log.raters
+        ):
             return None
         return explain(self._model, log, log_rounds(log, self._every), role, agent), other
 
@@ -233,12 +264,15 @@ class JournalTrust:
         raters = NameIndex("raters")
         ratees = raters if self._same_agents else NameIndex("ratees")
         i, j = (
-            index.places(index.check([row[side] for row in rows])) for side, index in enumerate((raters, ratees), 1)
+            index.places(index.check([row[side] for row in rows]))
+            for side, index in enumerate((raters, ratees), 1)
         )
         values = unit_ratings(np.array([row.rating for row in rows]), self._scale)
         times = np.array([row.time for row in rows]) / SECOND
         names = raters.names
-        return RatingLog(i, j, values, times, names, names if raters is ratees else ratees.names, was_sorted=True)
+        return RatingLog(
+            i, j, values, times, names, names if raters is ratees else ratees.names, was_sorted=True
+        )
 
     def _ratings(self, until: int | None = None) -> Select[Any]:
         """Return the query of the ratings that do not count yet, or of all up to an event."""

@@ -14,10 +14,11 @@ _MOST = 10_000_000  # numbers of all rounds
 
 
 def observe_log(log: RatingLog, every: float) -> TeamObservation:
-    """Return the rounds of a log, such as the export of a trust manager. A name is one agent in both roles.
+    """Return the rounds of a log, such as the export of a trust manager. A name is one agent in
+    both roles.
 
-    Several ratings of one agent by another in a round are their mean. A provider serves in the rounds in which it is
-    rated; that a rater is silent counts as loss.
+    Several ratings of one agent by another in a round are their mean. A provider serves in the
+    rounds in which it is rated; that a rater is silent counts as loss.
 
     Args:
         log: Log with times.
@@ -33,10 +34,18 @@ def observe_log(log: RatingLog, every: float) -> TeamObservation:
     if shape[0] < 2:
         raise ValueError(f"the log has less than two rounds of {every:g} s")
     if shape[0] * shape[1] * shape[2] > _MOST:
-        raise ValueError("the log has {:,} rounds of {:,} raters and {:,} providers: take longer rounds".format(*shape))
+        raise ValueError(
+            "the log has {:,} rounds of {:,} raters and {:,} providers: take longer rounds".format(
+                *shape
+            )
+        )
     cells = np.ravel_multi_index((numbers, i, j), shape)
-    counts, sums = (np.bincount(cells, weights, minlength=np.prod(shape)) for weights in (None, log.values))
+    counts, sums = (
+        np.bincount(cells, weights, minlength=np.prod(shape)) for weights in (None, log.values)
+    )
     ratings = ratio(sums, counts).reshape(shape)
-    team = Team(tuple(log.rater_names[k] for k in raters), tuple(log.ratee_names[k] for k in providers))
+    team = Team(
+        tuple(log.rater_names[k] for k in raters), tuple(log.ratee_names[k] for k in providers)
+    )
     sent: Any = ~np.isnan(ratings)
     return TeamObservation(team, round(every * 1e9), ratings, sent, sent.any(axis=1))

@@ -1,4 +1,6 @@
-"""The trust manager of agents that report ratings: who may rate, what is acknowledged, and whom to trust."""
+"""The trust manager of agents that report ratings: who may rate, what is acknowledged, and whom to
+trust.
+"""
 
 import time
 from collections import Counter
@@ -27,7 +29,15 @@ from roletrust_env.live.wire.keys import KnownKeys, is_forgeable
 from roletrust_env.parameters import truth_value
 from roletrust_env.service.journal_trust import SECOND, JournalTrust, RoundEnd, Standing
 from roletrust_env.service.store import BLOCK, Event, Store, StoreError, events
-from roletrust_env.service.tokens import Claims, Rating, Registration, has_work, key_as_text, key_of_text, read_token
+from roletrust_env.service.tokens import (
+    Claims,
+    Rating,
+    Registration,
+    has_work,
+    key_as_text,
+    key_of_text,
+    read_token,
+)
 from roletrust_env.trust.model import TrustModel, registry
 
 _VERSION = version("roletrust-env")
@@ -40,8 +50,8 @@ _WHY = {
     RefusalReason.UNKNOWN: "{} is not registered here",
     RefusalReason.FUTURE: "the token of {} was signed in the future",
     RefusalReason.PAST: "the token of {} was signed too long ago, so sign it anew",
-    RefusalReason.CLOCK: "the clock here has gone back since the last token of {}, so try again later",
-    RefusalReason.REPLAYED: "a token of {} that was signed at this time or later has come before, so sign it anew",
+    RefusalReason.CLOCK: "the clock here has gone back since the last token of {}, so try again later",  # noqa: E501
+    RefusalReason.REPLAYED: "a token of {} that was signed at this time or later has come before, so sign it anew",  # noqa: E501
     RefusalReason.UNSIGNED: "the token of {} has no signature",
     RefusalReason.MIS_SIGNED: "the token was not signed with the key of {}",
     RefusalReason.NO_WORK: "the registration of {} lacks its proof of work",
@@ -152,15 +162,17 @@ class Member(NamedTuple):
 class TrustManager:
     """Takes signed ratings, keeps them, and says whom to trust.
 
-    What it has acknowledged is in the store. All else follows from the store by a replay at the start, so that another
-    model, scale or length of a round is another start. It is used by one thread at a time, but for what only reads:
-    `about`, `member`, `members`, `standings`, `explain` and `export`.
+    What it has acknowledged is in the store. All else follows from the store by a replay at the
+    start, so that another model, scale or length of a round is another start. It is used by one
+    thread at a time, but for what only reads: `about`, `member`, `members`, `standings`, `explain`
+    and `export`.
 
     Args:
         store: Journal, which is opened.
         model: Name of the trust model, such as `roletrust list models` has it.
         settings: Settings.
-        clock: Function that returns the time, seconds since 1970. Rounds never go back, even if it does.
+        clock: Function that returns the time, seconds since 1970. Rounds never go back, even if it
+            does.
         monotonic: Function that returns the time by a clock that nobody sets, seconds.
         make: Function that makes the trust model of a name.
 
@@ -199,10 +211,16 @@ class TrustManager:
         self._replay()
 
     def _replay(self) -> None:
-        """Begin with what the store has; it is opened once all that can be checked without it has been."""
+        """Begin with what the store has; it is opened once all that can be checked without it has
+        been.
+        """
         settings = self.settings
         self._trust = JournalTrust(
-            self._store, self._made, settings.every, settings.scale, same_agents=settings.same_agents
+            self._store,
+            self._made,
+            settings.every,
+            settings.scale,
+            same_agents=settings.same_agents,
         )
         self._store.open()
         limits = StampLimits(round(settings.tolerance * 1e9), 1)
@@ -217,7 +235,9 @@ class TrustManager:
         for event in self._store.history():
             name = event.sender.partition(_AGAIN)[0]
             if not self._follows(event, name, stamps.get(name, 0)):
-                raise self._store.damaged(event.seq, f"{event.sender!r} cannot have sent this {event.kind} then")
+                raise self._store.damaged(
+                    event.seq, f"{event.sender!r} cannot have sent this {event.kind} then"
+                )
             stamps[name], self._latest[name] = event.stamp, event.seq
             self._time, last = event.time, event.seq
             if event.kind == "rating":
@@ -227,11 +247,15 @@ class TrustManager:
         self.validator.refusals = self.refusals
         self._seq = last  # now that nothing is missing
         self.advance()
-        running = select(events.c.sender).where(events.c.kind == "rating", events.c.seq > self._trust.counted)
+        running = select(events.c.sender).where(
+            events.c.kind == "rating", events.c.seq > self._trust.counted
+        )
         self._sent.update(sender.partition(_AGAIN)[0] for (sender,) in self._store.rows(running))
 
     def _follows(self, event: Event, name: str, stamp: int) -> bool:
-        """Take an event into account; return whether its agent can have sent it after its last one with a stamp."""
+        """Take an event into account; return whether its agent can have sent it after its last one
+        with a stamp.
+        """
         member = self._members.get(name)
         if event.stamp <= stamp or (event.kind == "register") != (member is None):
             return False
@@ -241,7 +265,11 @@ class TrustManager:
             except ValueError:
                 return False
             key = key_of_text(claims.key)
-            if (claims.iss, claims.stamp, self._keys.setdefault(name, key)) != (name, event.stamp, key):
+            if (claims.iss, claims.stamp, self._keys.setdefault(name, key)) != (
+                name,
+                event.stamp,
+                key,
+            ):
                 return False
             member = self._join(claims, Receipt(event.seq, event.time / SECOND))
             self._limit.admits(event.time * _NANO)
@@ -249,17 +277,24 @@ class TrustManager:
             del self._members[name]
         else:
             rated = self._members.get((event.provider or "").partition(_AGAIN)[0])
-            if rated is None or rated == member or rated.identity != event.provider or event.rating is None:
+            if (
+                rated is None
+                or rated == member
+                or rated.identity != event.provider
+                or event.rating is None
+            ):
                 return False
         return member is not None and member.identity == event.sender
 
-    # --- requests -----------------------------------------------------------------------------------
+    # --- requests
+    # -----------------------------------------------------------------------------------
 
     def take(self, requests: Sequence[Request]) -> list[list[Receipt] | RefusedError | StoreError]:
-        """Return the answer to each request. Those that are acknowledged are in the store, by one transaction.
+        """Return the answer to each request. Those that are acknowledged are in the store, by one
+        transaction.
 
-        A request counts as a whole. The last request of an agent may be sent again, and is acknowledged again. Refusals
-        are counted, and change nothing else.
+        A request counts as a whole. The last request of an agent may be sent again, and is
+        acknowledged again. Refusals are counted, and change nothing else.
         """
         try:
             if self._in_doubt and self._store.last() != self._seq:
@@ -276,7 +311,10 @@ class TrustManager:
             except StoreError as error:
                 self._take_back(0)
                 self._in_doubt = True
-                return [error if isinstance(one, list) and one[-1].seq > self._seq else one for one in answers]
+                return [
+                    error if isinstance(one, list) and one[-1].seq > self._seq else one
+                    for one in answers
+                ]
             self._seq = self._new[-1].seq
             if times := [event.time for event in self._new if event.rating is not None]:
                 self._ratings += len(times)
@@ -289,7 +327,8 @@ class TrustManager:
         """End the round whose time is over, if there is one, and return what has changed, by name.
 
         Raises:
-            StoreError: The store cannot be read, or the model fails, now or before. Trust stays as it is then.
+            StoreError: The store cannot be read, or the model fails, now or before. Trust stays as
+                it is then.
         """
         before, self._read_at = self._read_at, self._monotonic()
         elapsed = round((self._read_at - before) * SECOND)
@@ -299,21 +338,26 @@ class TrustManager:
         try:
             end = self._trust.advance(self._time / SECOND)
         except (ValueError, MemoryError) as error:
-            self._failure = f"{self._model} cannot go on, so start with another model or scale: {error}"
+            self._failure = (
+                f"{self._model} cannot go on, so start with another model or scale: {error}"
+            )
             raise StoreError(self._failure) from None
         if end is None:
             return None
         self._sent.clear()
         here = {member.identity: member.name for member in self._members.values()}
         provider, rater = (
-            {here[one]: trust for one, trust in side.items() if one in here} for side in (end.provider, end.rater)
+            {here[one]: trust for one, trust in side.items() if one in here}
+            for side in (end.provider, end.rater)
         )
         end = end._replace(provider=provider, rater=rater)
         self.tell(end)
         return end
 
     def _answer(self, request: Request) -> list[Receipt] | RefusedError | StoreError:
-        """Return the receipts of a request, whose events are not in the store yet, or why there are none."""
+        """Return the receipts of a request, whose events are not in the store yet, or why there are
+        none.
+        """
         mark, self._time = len(self._undo), self._time + 1
         try:
             signed = [self._read(request, at) for at in range(len(request.tokens))]
@@ -340,11 +384,15 @@ class TrustManager:
         if claims.aud != self._store.name:
             raise _refusal(RefusalReason.ELSEWHERE, claims, at, f"this is {self._store.name}")
         if request.name not in (None, claims.iss):
-            raise _refusal(RefusalReason.ELSEWHERE, claims, at, f"the request is about {request.name}")
+            raise _refusal(
+                RefusalReason.ELSEWHERE, claims, at, f"the request is about {request.name}"
+            )
         return signed
 
     def _acknowledged(self, request: Sequence[Signed]) -> list[Receipt]:
-        """Return the receipts of a request that is the last one of its sender, sent again; none if it is not."""
+        """Return the receipts of a request that is the last one of its sender, sent again; none if
+        it is not.
+        """
         claims = request[0].claims
         if claims.stamp > self.validator.last_stamp(claims.iss):
             return []
@@ -402,22 +450,40 @@ class TrustManager:
         rater, provider = claims.iss, claims.sub
         worst, best = self.settings.scale
         before = {provider} if (rater, provider) in rated else ()
-        if reason := rating_error(rater, provider, claims.rating, self._members, before, self.settings.scale):
-            raise _refusal(reason, claims, at, f"it is {claims.rating} of {provider}, from {worst:g} to {best:g}")
+        if reason := rating_error(
+            rater, provider, claims.rating, self._members, before, self.settings.scale
+        ):
+            raise _refusal(
+                reason,
+                claims,
+                at,
+                f"it is {claims.rating} of {provider}, from {worst:g} to {best:g}",
+            )
         if self._sent[rater] >= self.settings.quota:
-            raise _refusal(RefusalReason.FLOOD, claims, at, f"{self.settings.quota:,} ratings in a round are allowed")
+            raise _refusal(
+                RefusalReason.FLOOD,
+                claims,
+                at,
+                f"{self.settings.quota:,} ratings in a round are allowed",
+            )
         self._verify(signed, at)
         if not self._trust.has_round(self._time / SECOND):
-            raise StoreError("there have been too many rounds without a rating; start with a longer --every")
+            raise StoreError(
+                "there have been too many rounds without a rating; start with a longer --every"
+            )
         rated.add((rater, provider))
         self._sent[rater] += 1
         self._undo.append(partial(self._sent.subtract, {rater: 1}))
         self._append(signed, self._members[provider].identity, claims.rating)
 
     def _is_registered(self, signed: Signed) -> bool:
-        """Return whether a registration is by the holder of the key that the agent has registered with."""
+        """Return whether a registration is by the holder of the key that the agent has registered
+        with.
+        """
         claims = signed.claims
-        return claims.key == self._members[claims.iss].key and is_genuine(signed.envelope, KnownKeys(self._keys))
+        return claims.key == self._members[claims.iss].key and is_genuine(
+            signed.envelope, KnownKeys(self._keys)
+        )
 
     def _register(self, signed: Signed) -> None:
         """Let an agent join, if its registration is valid.
@@ -428,7 +494,9 @@ class TrustManager:
         claims = signed.claims
         name = claims.iss
         if not has_work(claims, self.settings.work):
-            raise _refusal(RefusalReason.NO_WORK, claims, 0, f"it costs {self.settings.work} bits here")
+            raise _refusal(
+                RefusalReason.NO_WORK, claims, 0, f"it costs {self.settings.work} bits here"
+            )
         if name not in self._keys:
             self._keys[name] = _key(claims)
             self._undo.append(partial(self._keys.pop, name))
@@ -436,11 +504,23 @@ class TrustManager:
             raise _refusal(RefusalReason.TAKEN, claims, 0, "choose another one")
         self._verify(signed, 0)
         if not self._limit.admits(self._time * _NANO):
-            raise _refusal(RefusalReason.CROWDED, claims, 0, f"{self.settings.newcomers:,} in a round are allowed")
+            raise _refusal(
+                RefusalReason.CROWDED,
+                claims,
+                0,
+                f"{self.settings.newcomers:,} in a round are allowed",
+            )
         if not self._trust.fits(sum(self._begun.values()) + 1):
-            raise _refusal(RefusalReason.CROWDED, claims, 0, f"{self._model} has no room for more agents")
+            raise _refusal(
+                RefusalReason.CROWDED, claims, 0, f"{self._model} has no room for more agents"
+            )
         self._undo.append(partial(self._unjoin, name))
-        self._append(signed, None, None, self._join(claims, Receipt(self._next, self._time / SECOND)).identity)
+        self._append(
+            signed,
+            None,
+            None,
+            self._join(claims, Receipt(self._next, self._time / SECOND)).identity,
+        )
 
     def _verify(self, signed: Signed, at: int) -> None:
         """Check when and by whom a token was signed, and remember that.
@@ -454,13 +534,28 @@ class TrustManager:
         before = self.validator.remember(envelope.sender, envelope.stamp)
         self._undo.append(partial(self.validator.remember, envelope.sender, before))
 
-    def _append(self, signed: Signed, provider: str | None = None, rating: float | None = None, own: str = "") -> None:
+    def _append(
+        self,
+        signed: Signed,
+        provider: str | None = None,
+        rating: float | None = None,
+        own: str = "",
+    ) -> None:
         """Add an event to those that will be written."""
         claims = signed.claims
         sender = own or self._members[claims.iss].identity
         self._undo.append(self._new.pop)
         self._new.append(
-            Event(self._next, claims.kind, self._time, sender, claims.stamp, provider, rating, signed.token)
+            Event(
+                self._next,
+                claims.kind,
+                self._time,
+                sender,
+                claims.stamp,
+                provider,
+                rating,
+                signed.token,
+            )
         )
 
     @property
@@ -484,7 +579,8 @@ class TrustManager:
         while len(self._undo) > mark:
             self._undo.pop()()
 
-    # --- what only reads ----------------------------------------------------------------------------
+    # --- what only reads
+    # ----------------------------------------------------------------------------
 
     @property
     def name(self) -> str:
@@ -532,7 +628,9 @@ class TrustManager:
 
     def standings(self, member: Member) -> tuple[Standing, Standing]:
         """Return the trust in an agent as a provider and as a rater."""
-        return self._trust.standing(member.identity, "ratee"), self._trust.standing(member.identity, "rater")
+        return self._trust.standing(member.identity, "ratee"), self._trust.standing(
+            member.identity, "rater"
+        )
 
     def explain(self, member: Member, role: Role) -> tuple[Explanation, Sequence[str]] | None:
         """Return what makes the trust in an agent, see `JournalTrust.explain`."""
@@ -547,10 +645,14 @@ class TrustManager:
         after, until = 0, self._trust.counted if truth_value("counted", counted) else self._seq
         query = select(events).where(events.c.kind == "rating").order_by(events.c.seq).limit(BLOCK)
         head = "rater,ratee,rating,time,token\n"
-        # A query for each block, since whoever reads slowly must not keep the database from tidying up.
+        # A query for each block, since whoever reads slowly must not keep the database from tidying
+        # up.
         while rows := self._store.rows(query.where(events.c.seq > after, events.c.seq <= until)):
             after = rows[-1].seq
-            lines = (f"{row.sender},{row.provider},{row.rating!r},{_decimal(row.time)},{row.token}\n" for row in rows)
+            lines = (
+                f"{row.sender},{row.provider},{row.rating!r},{_decimal(row.time)},{row.token}\n"
+                for row in rows
+            )
             yield head + "".join(lines)
             head = ""
         if head:
@@ -569,11 +671,17 @@ def _key(claims: Registration) -> Ed25519PublicKey:
     """Return the key of a registration.
 
     Raises:
-        RefusedError: Anybody could sign with it, or it is written in another way than `key_as_text` does.
+        RefusedError: Anybody could sign with it, or it is written in another way than `key_as_text`
+            does.
     """
     key = key_of_text(claims.key)
     if is_forgeable(key) or key_as_text(key) != claims.key:
-        raise RefusedError(RefusalReason.GARBAGE, "the key is of small order, or not as RFC 8037 has it", 0, claims.iss)
+        raise RefusedError(
+            RefusalReason.GARBAGE,
+            "the key is of small order, or not as RFC 8037 has it",
+            0,
+            claims.iss,
+        )
     return key
 
 

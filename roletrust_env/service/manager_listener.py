@@ -21,7 +21,8 @@ _PAUSE_S, _PATIENCE_S = 1.0, 5.0  # before another try to reach a manager, and f
 class ManagerListener:
     """Listens to the rounds of a trust manager in a thread, as `TeamListener` to those of a team.
 
-    It shows the agents that are the best providers. A rater is missing in a round in which it has not rated.
+    It shows the agents that are the best providers. A rater is missing in a round in which it has
+    not rated.
 
     Args:
         url: Address of the manager.
@@ -56,7 +57,9 @@ class ManagerListener:
 
     def _listen(self) -> None:
         while self._active:
-            with suppress(httpx2.HTTPError, OSError, ValueError):  # the page shows that it is silent
+            with suppress(
+                httpx2.HTTPError, OSError, ValueError
+            ):  # the page shows that it is silent
                 self._follow()
             time.sleep(_PAUSE_S)
         self._client.close()
@@ -76,16 +79,23 @@ class ManagerListener:
                     return
 
     def _publish(self, number: int, ended: float) -> None:
-        """Take the trust of now as that after a round, unless it is known: a new connection tells of it again."""
+        """Take the trust of now as that after a round, unless it is known: a new connection tells
+        of it again.
+        """
         if self.rounds and self.rounds[-1].round == number:
             return
-        agents, refused = self._client.agents(limit=_AGENTS).agents, self._client.refusals().refusals
+        agents, refused = (
+            self._client.agents(limit=_AGENTS).agents,
+            self._client.refusals().refusals,
+        )
         raters = {one.name: one.rater for one in agents if one.rater and one.rater.ratings}
         given = Counter({name: rater.ratings for name, rater in raters.items()})
         tor = {name: rater.trust for name, rater in raters.items()}
         top = {one.name: one.provider.trust for one in agents if one.provider.ratings}
         missing = tuple(name for name in tor if given[name] == self._given[name])
         self._given = given
-        self.reports = {MANAGER: {f"agents: {reason}": str(count) for reason, count in refused.items()}}
+        self.reports = {
+            MANAGER: {f"agents: {reason}": str(count) for reason, count in refused.items()}
+        }
         self.last_heard = dict.fromkeys([MANAGER, *tor], time.monotonic())
         self.rounds.append(PublishedTrust(number, round(ended * 1e9), tor, top, missing))

@@ -44,7 +44,12 @@ BLOCK = 10_000
 """Number of rows that are read at once."""
 
 _tables = MetaData()
-_meta = Table("meta", _tables, Column("name", String(32), primary_key=True), Column("value", Text, nullable=False))
+_meta = Table(
+    "meta",
+    _tables,
+    Column("name", String(32), primary_key=True),
+    Column("value", Text, nullable=False),
+)
 _number = BigInteger().with_variant(Integer, "sqlite")  # SQLite has whole numbers of 64 bits only
 events = Table(
     "events",
@@ -67,7 +72,8 @@ class Event(NamedTuple):
     Attributes:
         seq: Number, from 1 without gaps.
         kind: Kind of the token: `register`, `rating` or `leave`.
-        time: Time of arrival, microseconds since 1970; that of a request is above that of the one before it.
+        time: Time of arrival, microseconds since 1970; that of a request is above that of the one
+            before it.
         sender: Agent that has signed it, see `Member.identity`.
         stamp: Time of signing, nanoseconds.
         provider: Rated agent, of a rating.
@@ -93,10 +99,12 @@ class StoreError(OSError):
 
 
 class Store:
-    """The journal in a file of SQLite, or in a database of PostgreSQL. One manager has it at a time.
+    """The journal in a file of SQLite, or in a database of PostgreSQL. One manager has it at a
+    time.
 
     Args:
-        address: Path of the file, which is created if it does not exist, or `postgresql://USER:PASSWORD@HOST/DATABASE`.
+        address: Path of the file, which is created if it does not exist, or
+            `postgresql://USER:PASSWORD@HOST/DATABASE`.
         name: Name of the manager; of a new store one is made up if none is given.
 
     Attributes:
@@ -123,7 +131,9 @@ class Store:
                 raise ValueError(f"the address of the store is {address!r}; see --store") from None
             self._shown = url.render_as_string(hide_password=True)
             if url.drivername != "postgresql":
-                raise ValueError(f"the store is {self._shown}; it must be a file of SQLite, or postgresql://...")
+                raise ValueError(
+                    f"the store is {self._shown}; it must be a file of SQLite, or postgresql://..."
+                )
             url = url.set(drivername="postgresql+psycopg")
         self._engine = create_engine(url, pool_pre_ping=True)
         if self._file is not None:
@@ -159,26 +169,45 @@ class Store:
             raise
 
     def _opened(self, connection: Connection) -> str:
-        """Return the name of the manager, after a check of what the store says of itself; a new one is told."""
+        """Return the name of the manager, after a check of what the store says of itself; a new one
+        is told.
+        """
         there = set(inspect(connection).get_table_names())
         if self._file is not None and (others := there - set(_tables.tables)):
-            raise ValueError(f"{self._shown} is a database of another program, with a table {min(others)!r}")
+            raise ValueError(
+                f"{self._shown} is a database of another program, with a table {min(others)!r}"
+            )
         own = {name: table for name, table in _tables.tables.items() if name in there}
-        filled = {name for name, one in own.items() if connection.execute(select(one).limit(1)).first() is not None}
+        filled = {
+            name
+            for name, one in own.items()
+            if connection.execute(select(one).limit(1)).first() is not None
+        }
         if filled == {"events"} or (filled and len(own) < len(_tables.tables)):
-            raise ValueError(f"{self._shown} is damaged: its table meta or its table events is missing or empty")
+            raise ValueError(
+                f"{self._shown} is damaged: its table meta or its table events is missing or empty"
+            )
         _tables.create_all(connection)
         meta: dict[str, str] = {row.name: row.value for row in connection.execute(select(_meta))}
         if not meta:
-            meta = {"schema": str(_SCHEMA), "manager": self._wanted or f"manager-{secrets.token_hex(4)}"}
-            connection.execute(insert(_meta), [{"name": one, "value": value} for one, value in meta.items()])
+            meta = {
+                "schema": str(_SCHEMA),
+                "manager": self._wanted or f"manager-{secrets.token_hex(4)}",
+            }
+            connection.execute(
+                insert(_meta), [{"name": one, "value": value} for one, value in meta.items()]
+            )
         if (schema := meta.get("schema")) != str(_SCHEMA):
             raise ValueError(f"{self._shown} has schema {schema}; schema {_SCHEMA} is read here")
         if not re.fullmatch(NAME, str(meta.get("manager", ""))):
-            raise ValueError(f"{self._shown} is damaged: its manager is called {short(repr(meta.get('manager', '')))}")
+            raise ValueError(
+                f"{self._shown} is damaged: its manager is called "
+                f"{short(repr(meta.get('manager', '')))}"
+            )
         if self._wanted not in (None, meta["manager"]):
             raise ValueError(
-                f"{self._shown} is of the manager {meta['manager']}, not of {self._wanted}; tokens name it"
+                f"{self._shown} is of the manager {meta['manager']}, not of {self._wanted}; tokens "
+                "name it"
             )
         return meta["manager"]
 
@@ -210,10 +239,15 @@ class Store:
             except ValidationError as error:
                 wrong = error.errors()[0]
                 at, field = wrong["loc"][:2]
-                raise self.damaged(seq + 1 + int(at), f"{Event._fields[int(field)]} is {wrong['input']!r}") from None
+                raise self.damaged(
+                    seq + 1 + int(at), f"{Event._fields[int(field)]} is {wrong['input']!r}"
+                ) from None
             for row in rows:
                 if row.seq != seq + 1 or row.time < time:
-                    raise self.damaged(seq + 1, "it is missing" if row.seq != seq + 1 else "it is before the last one")
+                    raise self.damaged(
+                        seq + 1,
+                        "it is missing" if row.seq != seq + 1 else "it is before the last one",
+                    )
                 seq, time = row.seq, row.time
                 yield row
 
@@ -266,7 +300,9 @@ class Store:
 
     def _lock(self, connection: Connection) -> None:
         until = time.monotonic() + _WAIT_S
-        while not connection.execute(text("select pg_try_advisory_lock(:key)"), {"key": _LOCK}).scalar():
+        while not connection.execute(
+            text("select pg_try_advisory_lock(:key)"), {"key": _LOCK}
+        ).scalar():
             if time.monotonic() > until:
                 self._release()
                 raise self._in_use()

@@ -1,6 +1,8 @@
-"""Tokens of agents: registrations, ratings and farewells as signed JSON Web Tokens (RFC 7519), and the proof of work.
+"""Tokens of agents: registrations, ratings and farewells as signed JSON Web Tokens (RFC 7519), and
+the proof of work.
 
-Both sides use it. Agents in other languages need a library for such tokens with EdDSA (RFC 8037), and SHA-256.
+Both sides use it. Agents in other languages need a library for such tokens with EdDSA (RFC 8037),
+and SHA-256.
 """
 
 import base64
@@ -22,17 +24,20 @@ _ALGORITHM = "EdDSA"
 _reader = jwt.PyJWS()
 
 Name = Annotated[str, Field(pattern=f"^{NAME}$", examples=["ann"])]
-"""Name of an agent or of a manager: up to 200 letters, digits and `_.-@:+`, the first a letter or `_`."""
+"""Name of an agent or of a manager: up to 200 letters, digits and `_.-@:+`, the first a letter or
+`_`."""
 
 
 class Claims(BaseModel):
-    """Claims of a token, shared by all kinds. Further claims are allowed, and stand in the journal with the token.
+    """Claims of a token, shared by all kinds. Further claims are allowed, and stand in the journal
+    with the token.
 
     Attributes:
         kind: Kind of the token, so that none can be sent as another.
         iss: Name of the agent that signs it.
         aud: Name of the manager that it is for.
-        iat: Time of signing, seconds since 1970, to the microsecond. It increases from token to token of an agent.
+        iat: Time of signing, seconds since 1970, to the microsecond. It increases from token to
+            token of an agent.
     """
 
     model_config = ConfigDict(strict=True, frozen=True)
@@ -52,7 +57,8 @@ class Registration(Claims):
     """Claims of an agent that registers.
 
     Attributes:
-        key: Public key of the agent, 32 bytes in base64url without padding, as `x` of a JSON Web Key (RFC 8037).
+        key: Public key of the agent, 32 bytes in base64url without padding, as `x` of a JSON Web
+            Key (RFC 8037).
         work: Nonce that proves the work, see `has_work`.
     """
 
@@ -90,7 +96,8 @@ def sign(claims: Claims, key: Ed25519PrivateKey) -> str:
 
 
 def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
-    """Return the claims of a token of some kind, and its origin, which a `MessageValidator` has yet to verify.
+    """Return the claims of a token of some kind, and its origin, which a `MessageValidator` has yet
+    to verify.
 
     Raises:
         ValueError: It is no such token, or its claims are not those of the kind.
@@ -103,7 +110,9 @@ def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
             raise ValueError(f"the algorithm of a token is {_ALGORITHM}")
         claims = kind.model_validate_json(parts["payload"])
     except ValidationError as error:
-        raise ValueError(f"the token has other claims than a {kind.__name__.lower()}: {explain(error)}") from None
+        raise ValueError(
+            f"the token has other claims than a {kind.__name__.lower()}: {explain(error)}"
+        ) from None
     except jwt.InvalidTokenError as error:
         raise ValueError(f"there is no signed JSON Web Token: {error}") from None
     signed = token.rpartition(".")[0].encode()
@@ -127,9 +136,10 @@ def key_of_text(text: str) -> Ed25519PublicKey:
 def has_work(claims: Registration, bits: int) -> bool:
     """Return whether a registration proves the work that a manager asks for.
 
-    The SHA-256 of `aud`, `iss`, `key`, `iat` in whole microseconds, and `work`, joined by newlines, begins with `bits`
-    zeros. `iat` makes each return of an agent cost as much as its first registration, and lets work expire (Back,
-    "Hashcash: A Denial of Service Counter-Measure", 2002). Who knows when it will register can work ahead.
+    The SHA-256 of `aud`, `iss`, `key`, `iat` in whole microseconds, and `work`, joined by newlines,
+    begins with `bits` zeros. `iat` makes each return of an agent cost as much as its first
+    registration, and lets work expire (Back, "Hashcash: A Denial of Service Counter-Measure",
+    2002). Who knows when it will register can work ahead.
 
     Args:
         claims: Claims of the registration.
@@ -139,7 +149,9 @@ def has_work(claims: Registration, bits: int) -> bool:
 
 
 def with_work(claims: Registration, bits: int) -> Registration:
-    """Return a registration with the nonce that proves the work; it takes about 2^bits hashes, a second for 20."""
+    """Return a registration with the nonce that proves the work; it takes about 2^bits hashes, a
+    second for 20.
+    """
     puzzle, nonce = _puzzle(claims), 0
     while not _proves(puzzle + str(nonce).encode(), bits):
         nonce += 1

@@ -22,8 +22,8 @@ class BusyError(Exception):
 class Writer:
     """Hands requests to a manager, in a thread of its own, all that wait at once.
 
-    So the disk is waited for once for many requests, the more the busier it is (group commit: DeWitt et al.,
-    "Implementation Techniques for Main Memory Database Systems", 1984).
+    So the disk is waited for once for many requests, the more the busier it is (group commit:
+    DeWitt et al., "Implementation Techniques for Main Memory Database Systems", 1984).
     """
 
     def __init__(self, manager: TrustManager) -> None:

@@ -18,7 +18,9 @@ _SUM = "sha256"
 
 
 def save_arrays(path: Path, arrays: Arrays) -> None:
-    """Write arrays of numbers to a file with a checksum, completely or not at all, also if the power fails."""
+    """Write arrays of numbers to a file with a checksum, completely or not at all, also if the
+    power fails.
+    """
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays, **{_SUM: _checksum(arrays)})  # type: ignore[arg-type]
         file.flush()
@@ -29,8 +31,8 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays that `save_arrays` has written.
 
     Raises:
-        ValueError: The file is something else, is damaged, or was changed. The message says what is wrong, without the
-            path.
+        ValueError: The file is something else, is damaged, or was changed. The message says what is
+            wrong, without the path.
         OSError: The file cannot be opened.
     """
     with open(path, "rb") as file:
@@ -44,7 +46,9 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
             with np.load(file, allow_pickle=False) as stored:
                 arrays = dict(stored)
             checksum = arrays.pop(_SUM)
-        except Exception as error:  # the readers of NumPy and of zip files raise many kinds on damaged files
+        except (
+            Exception
+        ) as error:  # the readers of NumPy and of zip files raise many kinds on damaged files
             raise ValueError(f"it is no complete file of arrays: {_reason(error)}") from None
     if not np.array_equal(checksum, _checksum(arrays)):
         raise ValueError("its numbers are not the saved ones: the checksum differs")

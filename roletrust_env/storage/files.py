@@ -50,7 +50,9 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def unfinished_path(path: Path) -> Path:
-    """Return the path of a file or folder until it is complete: hidden, and with the number of the writing process."""
+    """Return the path of a file or folder until it is complete: hidden, and with the number of the
+    writing process.
+    """
     return path.with_name(f".{path.stem}.{platform.node()}-{os.getpid()}{path.suffix}")
 
 
@@ -59,11 +61,15 @@ def clear_unfinished(folder: Path, own: Path | None = None) -> None:
 
     Args:
         folder: Folder.
-        own: File that nobody else may write now: its unfinished ones are removed whoever left them, since each run of a
-            container is another machine.
+        own: File that nobody else may write now: its unfinished ones are removed whoever left them,
+            since each run of a container is another machine.
     """
     name = re.compile(rf"\..+\.{re.escape(platform.node())}-(\d+)(\.\w+)?")
-    mine = None if own is None else re.compile(rf"\.{re.escape(own.stem)}\..+-\d+{re.escape(own.suffix)}")
+    mine = (
+        None
+        if own is None
+        else re.compile(rf"\.{re.escape(own.stem)}\..+-\d+{re.escape(own.suffix)}")
+    )
     for path in folder.glob(".*"):
         found = name.fullmatch(path.name)
         if (found and not _alive(int(found[1]))) or (mine and mine.fullmatch(path.name)):
@@ -72,15 +78,19 @@ def clear_unfinished(folder: Path, own: Path | None = None) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep others out who lock the same folder; they wait. The lock leaves no file, and ends with its process.
+    """Keep others out who lock the same folder; they wait. The lock leaves no file, and ends with
+    its process.
 
     Raises:
-        OSError: The folder cannot be created, this thread has locked it, or the system has no such locks.
+        OSError: The folder cannot be created, this thread has locked it, or the system has no such
+            locks.
     """
     folder.mkdir(parents=True, exist_ok=True)
     holder = threading.get_ident(), os.getpid(), folder.resolve()
     if holder in _holders:
-        raise OSError(f"{folder} is in use by this thread already, which would wait for itself for ever")
+        raise OSError(
+            f"{folder} is in use by this thread already, which would wait for itself for ever"
+        )
     if os.name != "posix":
         raise OSError(f"{folder} cannot be locked on this system")
     import fcntl
@@ -99,7 +109,8 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def prepare_folder(folder: Path) -> None:
-    """Check before the work that results can be written to a folder, and remove unfinished files from it.
+    """Check before the work that results can be written to a folder, and remove unfinished files
+    from it.
 
     A new folder is not left behind; it is created with the first result.
 
@@ -114,9 +125,13 @@ def prepare_folder(folder: Path) -> None:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        raise type(error)(f"--out {folder} is no folder that can be written: {error.strerror}") from None
+        raise type(error)(
+            f"--out {folder} is no folder that can be written: {error.strerror}"
+        ) from None
     for path in new:
-        with suppress(OSError):  # in use by another run, or the parent of another folder, such as `a/..`
+        with suppress(
+            OSError
+        ):  # in use by another run, or the parent of another folder, such as `a/..`
             path.rmdir()
 
 

@@ -25,7 +25,8 @@ _PACKAGES = (
 
 
 def provenance(game: Game, seed: int) -> dict[str, Any]:
-    """Return everything that determines a result except the attackers: software, scenario, trust model and seed.
+    """Return everything that determines a result except the attackers: software, scenario, trust
+    model and seed.
 
     It has no time and no host name, so the same run writes the same bytes.
     """
@@ -38,7 +39,9 @@ def provenance(game: Game, seed: int) -> dict[str, Any]:
 
 
 def software() -> dict[str, Any]:
-    """Return the versions of this package, of Python, and of the packages that affect the numbers of a result."""
+    """Return the versions of this package, of Python, and of the packages that affect the numbers
+    of a result.
+    """
     return {
         "package": {"name": "roletrust-env", "version": version("roletrust-env")},
         "python": platform.python_version(),
@@ -53,8 +56,15 @@ def describe_policies(attackers: Mapping[str, Policy]) -> dict[str, dict[str, An
 
 def describe(thing: Any) -> dict[str, Any]:
     """Return the class and the parameters of a model or policy."""
-    parameters = dataclasses.asdict(thing) if dataclasses.is_dataclass(thing) and not isinstance(thing, type) else {}
-    return {"class": f"{type(thing).__module__}.{type(thing).__qualname__}", "parameters": parameters}
+    parameters = (
+        dataclasses.asdict(thing)
+        if dataclasses.is_dataclass(thing) and not isinstance(thing, type)
+        else {}
+    )
+    return {
+        "class": f"{type(thing).__module__}.{type(thing).__qualname__}",
+        "parameters": parameters,
+    }
 
 
 def _version(package: str) -> str | None:

@@ -32,11 +32,18 @@ def as_toml(scenario: Scenario, names: Sequence[str] = ()) -> str:
             tables.append((f"[{field}]", "", value))
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             comments = [f"  # {printable(name)}" for name in names] if field == "agents" else []
-            tables += [(f"[[{field}]]", comments[k] if comments else "", item) for k, item in enumerate(value)]
+            tables += [
+                (f"[[{field}]]", comments[k] if comments else "", item)
+                for k, item in enumerate(value)
+            ]
         else:
             lines.append(f"{field} = {_toml(value)}")
     for heading, comment, table in tables:
-        lines += ["", heading + comment, *(f"{key} = {_toml(value)}" for key, value in table.items())]
+        lines += [
+            "",
+            heading + comment,
+            *(f"{key} = {_toml(value)}" for key, value in table.items()),
+        ]
     return "\n".join(lines) + "\n"
 
 

@@ -16,10 +16,11 @@ def write_table(path: Path, table: Any, advance: Callable[[int], None] = lambda 
     """Write a table of pyarrow, completely or not at all.
 
     Args:
-        path: Path of the file: `.parquet` for Parquet, else CSV. There, texts are in quotes, and missing ones empty.
-            Columns of floats have six decimals if all are below 10^12.
+        path: Path of the file: `.parquet` for Parquet, else CSV. There, texts are in quotes, and
+            missing ones empty. Columns of floats have six decimals if all are below 10^12.
         table: Table.
-        advance: Function that is called with the number of rows that were written since the last call.
+        advance: Function that is called with the number of rows that were written since the last
+            call.
     """
     if path.suffix == ".parquet":
         from pyarrow.parquet import ParquetWriter as Writer
@@ -35,7 +36,9 @@ def write_table(path: Path, table: Any, advance: Callable[[int], None] = lambda 
 
 
 def _decimals(table: Any) -> Any:
-    """Return a table with six decimals in place of floats, and with texts in place of dictionaries of them."""
+    """Return a table with six decimals in place of floats, and with texts in place of dictionaries
+    of them.
+    """
     import pyarrow as arrow
 
     for place, field in enumerate(table.schema):
@@ -46,7 +49,9 @@ def _decimals(table: Any) -> Any:
             if np.abs(values).max(initial=0.0) >= _LARGE:
                 continue
             millionths = arrow.array(np.rint(values * 1e6).astype(np.int64), mask=missing)
-            column = arrow.Array.from_buffers(arrow.decimal64(18, 6), len(column), millionths.buffers())
+            column = arrow.Array.from_buffers(
+                arrow.decimal64(18, 6), len(column), millionths.buffers()
+            )
         elif arrow.types.is_dictionary(field.type):
             column = column.dictionary_decode()
         table = table.set_column(place, field.name, column)

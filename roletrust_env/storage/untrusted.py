@@ -1,4 +1,6 @@
-"""Files from untrusted sources: each is validated or refused with a message of one line, and never executed."""
+"""Files from untrusted sources: each is validated or refused with a message of one line, and never
+executed.
+"""
 
 import json
 import re
@@ -10,12 +12,17 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from roletrust_env.errors import check_unicode, explain
 
 _MAX_GROUP_ROUNDS = 10_000_000
-_MAX_VALUES, _MAX_FIELDS = 3_000_000, 10_000  # of a file and of an object in it: an error may be told of each
+_MAX_VALUES, _MAX_FIELDS = (
+    3_000_000,
+    10_000,
+)  # of a file and of an object in it: an error may be told of each
 _SURROGATE = re.compile(rb"\\u[dD][89a-fA-F]")  # as JSON writes half a character
 
 
 class UntrustedModel(BaseModel):
-    """Base class of untrusted data: no extra fields, no type conversion, and only finite numbers."""
+    """Base class of untrusted data: no extra fields, no type conversion, and only finite
+    numbers.
+    """
 
     model_config = ConfigDict(
         frozen=True, strict=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
@@ -34,7 +41,8 @@ def check_file(path: Path, advice: str, *, wanted: str = "a file") -> None:
         wanted: File to give in place of a folder, for the error message.
 
     Raises:
-        ValueError: There is none, it is a folder, or it cannot be looked up, such as a name that is too long.
+        ValueError: There is none, it is a folder, or it cannot be looked up, such as a name that is
+            too long.
     """
     try:
         if path.is_dir():
@@ -42,7 +50,9 @@ def check_file(path: Path, advice: str, *, wanted: str = "a file") -> None:
         if not path.is_file():
             raise ValueError(f"there is no file {str(path)!r}; {advice}")
     except OSError as error:
-        raise ValueError(f"path {str(path)[:100]!r}... cannot be looked up: {error.strerror}") from None
+        raise ValueError(
+            f"path {str(path)[:100]!r}... cannot be looked up: {error.strerror}"
+        ) from None
 
 
 def read_limited(path: Path, limit: int) -> bytes:
@@ -64,13 +74,16 @@ def read_limited(path: Path, limit: int) -> bytes:
 
 
 def parse_json(text: bytes) -> Any:
-    """Parse strict JSON: without NaN, two fields of one name, and texts that are no Unicode, such as half a surrogate.
+    """Parse strict JSON: without NaN, two fields of one name, and texts that are no Unicode, such
+    as half a surrogate.
 
     Raises:
         ValueError: The text is not such JSON, or it is nested too deeply.
     """
     try:
-        data = json.loads(text.decode(), object_pairs_hook=_unique_fields, parse_constant=_refuse_constant)
+        data = json.loads(
+            text.decode(), object_pairs_hook=_unique_fields, parse_constant=_refuse_constant
+        )
     except RecursionError:
         raise ValueError("the JSON is nested too deeply") from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
@@ -124,13 +137,16 @@ def check_scenario_size(scenario: Any) -> None:
         scenario: Scenario, as parsed JSON.
 
     Raises:
-        ValueError: The scenario has too many groups of agents or rounds, or their number is missing.
+        ValueError: The scenario has too many groups of agents or rounds, or their number is
+            missing.
     """
     groups, rounds = scenario.get("agents"), scenario.get("max_cycles", 1)
     if not isinstance(groups, list) or not isinstance(rounds, int):
         raise ValueError("the scenario must have a list of agents and a whole number of rounds")
     if len(groups) * rounds > _MAX_GROUP_ROUNDS:
-        raise ValueError(f"the scenario has {len(groups)} groups of agents and {rounds} rounds: too many")
+        raise ValueError(
+            f"the scenario has {len(groups)} groups of agents and {rounds} rounds: too many"
+        )
 
 
 def _unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -22,7 +22,9 @@ Shape = tuple[int, ...]
 
 
 class RoundRatings(NamedTuple):
-    """The ratings of one round, shape (S, P, ...), and the mask of the pairs that met; NaN outside the mask."""
+    """The ratings of one round, shape (S, P, ...), and the mask of the pairs that met; NaN outside
+    the mask.
+    """
 
     ratings: Floats
     mask: npt.NDArray[np.bool_]
@@ -37,8 +39,11 @@ class RoundRatings(NamedTuple):
         return Ratings(asarray(self.ratings), asarray(self.mask))
 
 
-def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: int = 0) -> list[RoundRatings]:
-    """Return rounds of random ratings, with some in which no pair, every pair or not every agent takes part.
+def random_rounds(
+    shape: Shape, count: int = 12, dtype: Any = np.float64, seed: int = 0
+) -> list[RoundRatings]:
+    """Return rounds of random ratings, with some in which no pair, every pair or not every agent
+    takes part.
 
     Args:
         shape: Shape of the ratings, (S, P, ...).
@@ -56,7 +61,9 @@ def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: 
 
 
 def some_peers(shape: Shape) -> npt.NDArray[np.bool_]:
-    """Return peers, shape (S, P), in which the last raters are the last providers, as many as half of the fewer."""
+    """Return peers, shape (S, P), in which the last raters are the last providers, as many as half
+    of the fewer.
+    """
     s, p = shape[:2]
     peers = np.zeros((s, p), bool)
     for k in range(1, 1 + min(s, p) // 2):
@@ -95,8 +102,9 @@ def read_trust(model: TrustModel[Any], state: Any) -> tuple[Any, Any]:
 def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
     """Check that a trust model keeps to the contract of `TrustModel`.
 
-    The model has to keep shapes and dtypes, return trust in [0, 1], leave its inputs, its state and itself unchanged,
-    take rounds without ratings and full ones, and treat the games of a batch independently, on NumPy and on torch.
+    The model has to keep shapes and dtypes, return trust in [0, 1], leave its inputs, its state and
+    itself unchanged, take rounds without ratings and full ones, and treat the games of a batch
+    independently, on NumPy and on torch.
 
     Args:
         model: Trust model.
@@ -104,20 +112,25 @@ def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
 
     Raises:
         ValueError: The model cannot play one round, see `roletrust_env.trust.check_trust_model`.
-        AssertionError: The model breaks another rule. The message says which one and what to change.
+        AssertionError: The model breaks another rule. The message says which one and what to
+            change.
 
     Warns:
-        UserWarning: The trust of an agent depends on its position among the agents. Rules that name agents by position
-            do that on purpose; in other models it is a mistake.
+        UserWarning: The trust of an agent depends on its position among the agents. Rules that name
+            agents by position do that on purpose; in other models it is a mistake.
 
     Example:
         >>> from roletrust_env import make_trust_model
         >>> check_trust_model(make_trust_model("role-trust"))
     """
     if isinstance(model, type):
-        raise ValueError(f"trust model {model.__name__} is a class; check an object: {model.__name__}()")
+        raise ValueError(
+            f"trust model {model.__name__} is a class; check an object: {model.__name__}()"
+        )
     if not isinstance(model, TrustModel):
-        raise ValueError(f"{model!r} is no trust model; it needs rates_raters, start, update and both trusts")
+        raise ValueError(
+            f"{model!r} is no trust model; it needs rates_raters, start, update and both trusts"
+        )
     with_torch = truth_value("torch", torch) and find_spec("torch") is not None
     for like in (np.zeros(()), np.zeros((), np.float32), *(_tensors() if with_torch else ())):
         check_one_round(model, namespace(like).asarray(np.zeros((3, 3), bool)), like)
@@ -138,7 +151,9 @@ def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
 
 
 def check_kinds(model: TrustModel[Any], shape: Shape, dtype: Any) -> None:
-    """Check shapes, dtypes and ranges in every round; the state must keep the shape and dtype of its arrays."""
+    """Check shapes, dtypes and ranges in every round; the state must keep the shape and dtype of
+    its arrays.
+    """
     state = start_model(model, np.zeros(shape, dtype), some_peers(shape))
     before = _kinds(model, state, shape)
     for number, played in enumerate(random_rounds(shape, dtype=dtype), 1):
@@ -148,20 +163,34 @@ def check_kinds(model: TrustModel[Any], shape: Shape, dtype: Any) -> None:
         except ValueError as error:
             raise AssertionError(_line(model, f"{error}, as its annotation says")) from None
         _require(
-            _kinds(model, state, shape) == before, model, "update changes the shape or dtype of its state; keep both"
+            _kinds(model, state, shape) == before,
+            model,
+            "update changes the shape or dtype of its state; keep both",
         )
-        for name, trust, n in zip(("rater_trust", "provider_trust"), read_trust(model, state), shape, strict=False):
+        for name, trust, n in zip(
+            ("rater_trust", "provider_trust"), read_trust(model, state), shape, strict=False
+        ):
             needed = (n, *shape[2:])
-            _require(trust.shape == needed, model, f"{name} has shape {trust.shape}; it must be {needed}")
             _require(
-                trust.dtype == dtype, model, f"{name} is {trust.dtype}; it must be {np.dtype(dtype)}, as the ratings"
+                trust.shape == needed, model, f"{name} has shape {trust.shape}; it must be {needed}"
+            )
+            _require(
+                trust.dtype == dtype,
+                model,
+                f"{name} is {trust.dtype}; it must be {np.dtype(dtype)}, as the ratings",
             )
             inside = bool(np.all((trust >= 0) & (trust <= 1)))
-            _require(inside, model, f"{name} is NaN or outside [0, 1]; clip it, and divide only where a rating is")
+            _require(
+                inside,
+                model,
+                f"{name} is NaN or outside [0, 1]; clip it, and divide only where a rating is",
+            )
 
 
 def check_purity(model: TrustModel[Any], shape: Shape) -> None:
-    """Check that the same input has the same result twice, and that inputs, state and model stay unchanged."""
+    """Check that the same input has the same result twice, and that inputs, state and model stay
+    unchanged.
+    """
     itself = copy.deepcopy(vars(model)) if hasattr(model, "__dict__") else {}
     rounds = random_rounds(shape)
     state = play_rounds(model, [], np.zeros(shape))
@@ -175,14 +204,23 @@ def check_purity(model: TrustModel[Any], shape: Shape) -> None:
         _require(same, model, "update writes to its arguments; copy them")
         again = model.update(state, right)
         same = all(map(_equal, read_trust(model, after), read_trust(model, again)))
-        _require(same, model, "the same round has two results; keep all memory in the state, and use no random numbers")
+        _require(
+            same,
+            model,
+            "the same round has two results; keep all memory in the state, and use no random "
+            "numbers",
+        )
         state = after
     first = read_trust(model, state)
     _require(
-        all(map(_equal, first, read_trust(model, state))), model, "reading the trust changes it; do not write to it"
+        all(map(_equal, first, read_trust(model, state))),
+        model,
+        "reading the trust changes it; do not write to it",
     )
     known = vars(model) if hasattr(model, "__dict__") else {}
-    same = known.keys() == itself.keys() and all(_equal(known[name], itself[name]) for name in itself)
+    same = known.keys() == itself.keys() and all(
+        _equal(known[name], itself[name]) for name in itself
+    )
     _require(same, model, "the model changes its own attributes; keep all memory in the state")
 
 
@@ -192,7 +230,11 @@ def check_silence(model: TrustModel[Any], shape: Shape) -> None:
     for played in ([silence] * 3, [*random_rounds(shape), silence]):
         for trust in read_trust(model, play_rounds(model, played, np.zeros(shape))):
             inside = bool(np.all((trust >= 0) & (trust <= 1)))
-            _require(inside, model, "trust is NaN or outside [0, 1] where no pair met; divide only where a rating is")
+            _require(
+                inside,
+                model,
+                "trust is NaN or outside [0, 1] where no pair met; divide only where a rating is",
+            )
 
 
 def check_batch(model: TrustModel[Any], shape: Shape) -> None:
@@ -203,7 +245,11 @@ def check_batch(model: TrustModel[Any], shape: Shape) -> None:
         single = [RoundRatings(ratings[..., *index], mask[..., *index]) for ratings, mask in rounds]
         alone = read_trust(model, play_rounds(model, single, np.zeros(shape[:2])))
         same = all(map(_near, alone, (trust[..., *index] for trust in together)))
-        _require(same, model, "a game in a batch differs from the same game alone; reduce over axes 0 and 1 only")
+        _require(
+            same,
+            model,
+            "a game in a batch differs from the same game alone; reduce over axes 0 and 1 only",
+        )
 
 
 def check_permutation(model: TrustModel[Any], seed: int = 0) -> None:
@@ -215,23 +261,32 @@ def check_permutation(model: TrustModel[Any], seed: int = 0) -> None:
     permuted = [RoundRatings(ratings[i][:, j], mask[i][:, j]) for ratings, mask in rounds]
     found = read_trust(model, play_rounds(model, permuted, np.zeros(shape), peers[i][:, j]))
     same = all(map(_near, found, (raters[i], providers[j])))
-    _require(same, model, "the order of the agents counts; if that is no intention, treat all agents alike")
+    _require(
+        same,
+        model,
+        "the order of the agents counts; if that is no intention, treat all agents alike",
+    )
 
 
 def check_full_rounds(model: TrustModel[Any], shape: Shape) -> None:
-    """Check that a mask of None has the result of a mask that is true everywhere, in any order of rounds."""
+    """Check that a mask of None has the result of a mask that is true everywhere, in any order of
+    rounds.
+    """
     rng = np.random.default_rng(1)
     state = masked = play_rounds(model, [], np.zeros(shape))
     for played in random_rounds(shape, 30):
         if rng.random() < 0.6:
             played = RoundRatings(rng.random(shape), np.ones(shape, bool))
-        state = model.update(state, Ratings(played.ratings) if played.mask.all() else played.given())
+        state = model.update(
+            state, Ratings(played.ratings) if played.mask.all() else played.given()
+        )
         masked = model.update(masked, played.given())
         same = all(map(_near, read_trust(model, state), read_trust(model, masked)))
         _require(
             same,
             model,
-            "a round without a mask differs from one with a mask that is true everywhere; use ratings.weights, which "
+            "a round without a mask differs from one with a mask that is true everywhere; use "
+            "ratings.weights, which "
             "every round has",
         )
 
@@ -242,14 +297,20 @@ def check_torch(model: TrustModel[Any], shape: Shape) -> None:
 
     rounds = random_rounds(shape)
     try:
-        state = play_rounds(model, rounds, torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray)
+        state = play_rounds(
+            model, rounds, torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray
+        )
         found = [trust.detach().numpy() for trust in read_trust(model, state)]
     except Exception as error:  # a model of another package may raise anything
         raise AssertionError(
             _line(model, f"it fails on torch, {type(error).__name__}: {error}; {_ON_TORCH}")
         ) from error
     expected = read_trust(model, play_rounds(model, rounds, np.zeros(shape)))
-    _require(all(map(_near, found, expected)), model, f"torch and NumPy have different results; {_ON_TORCH}")
+    _require(
+        all(map(_near, found, expected)),
+        model,
+        f"torch and NumPy have different results; {_ON_TORCH}",
+    )
 
 
 _ON_TORCH = "use operators and roletrust_env.arrays.namespace(ratings.values) in place of numpy"
@@ -262,13 +323,23 @@ def _tensors() -> list[Any]:
 
 
 def _kinds(model: TrustModel[Any], state: Any, shape: Shape) -> list[tuple[Shape, Any]]:
-    """Return the shape and the dtype of each array of a state, each with the batch on its last axes."""
+    """Return the shape and the dtype of each array of a state, each with the batch on its last
+    axes.
+    """
     found = []
     for leaf in arrays(state):
         is_array = hasattr(leaf, "shape") and hasattr(leaf, "dtype")
-        _require(is_array, model, f"the state holds {leaf!r}; a state is a NamedTuple of arrays, None or flags")
+        _require(
+            is_array,
+            model,
+            f"the state holds {leaf!r}; a state is a NamedTuple of arrays, None or flags",
+        )
         batched = tuple(leaf.shape[leaf.ndim - len(shape[2:]) :]) == shape[2:]
-        _require(batched, model, f"an array of the state has shape {leaf.shape}; its last axes must be the batch")
+        _require(
+            batched,
+            model,
+            f"an array of the state has shape {leaf.shape}; its last axes must be the batch",
+        )
         found.append((tuple(leaf.shape), leaf.dtype))
     return found
 

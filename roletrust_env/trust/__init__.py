@@ -1,7 +1,13 @@
 """Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
 
 from roletrust_env.trust.algorithms import agent_trust, provider_trust, rater_trust
-from roletrust_env.trust.model import Traits, TrustModel, make_trust_model, register_trust_model, trust_models
+from roletrust_env.trust.model import (
+    Traits,
+    TrustModel,
+    make_trust_model,
+    register_trust_model,
+    trust_models,
+)
 from roletrust_env.trust.model_checks import check_trust_model
 from roletrust_env.trust.models.central.means import Mean
 from roletrust_env.trust.models.central.role_trust import RoleTrust

@@ -1,7 +1,9 @@
-"""The three algorithms of Su and Saint-Jore (EWSN 2023, hal-04161463) as pure functions over arrays.
+"""The three algorithms of Su and Saint-Jore (EWSN 2023, hal-04161463) as pure functions over
+arrays.
 
-Axis 0 is the service rater i (of S), axis 1 the service provider j (of P); every further axis is batch. The functions
-run on NumPy and on torch alike, change none of their inputs, and follow the dtype of the ratings.
+Axis 0 is the service rater i (of S), axis 1 the service provider j (of P); every further axis is
+batch. The functions run on NumPy and on torch alike, change none of their inputs, and follow the
+dtype of the ratings.
 """
 
 import math
@@ -12,7 +14,15 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, device_of, is_compiling, namespace
 from roletrust_env.trees import SHARES
-from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerProvider, PerRater, Ratings, smooth
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    TINY,
+    PerProvider,
+    PerRater,
+    Ratings,
+    smooth,
+)
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 """Coefficients of `_sinc_polynomial`, the constant first."""
@@ -21,20 +31,23 @@ _ROUNDING = 1e-12  # a gap to a mean in double precision that is smaller is roun
 
 
 def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> Array:
-    """Return the trust of each rater, ToR (Algorithm 1): how near its ratings are to the average ratings.
+    """Return the trust of each rater, ToR (Algorithm 1): how near its ratings are to the average
+    ratings.
 
         fbar[j] = mean over the raters i of j of f[i, j]
         QoR[i]  = 1 - mean over the providers j that i rated of sqrt(|f[i, j] - fbar[j]|)
         ToR[i] <- lam * QoR[i] + (1 - lam) * ToR[i]
 
     Args:
-        ratings: Ratings f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored, whatever they hold.
+        ratings: Ratings f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored,
+            whatever they hold.
         mask: Mask m, shape (S, P, ...), boolean, true where i rated j in this round.
         previous: Trust ToR before the round, shape (S, ...), in [0, 1].
         lam: Weight of the newest round, in [0.5, 1].
 
     Returns:
-        ToR after the round, shape (S, ...), in [0, 1]. A rater without ratings in this round keeps its ToR.
+        ToR after the round, shape (S, ...), in [0, 1]. A rater without ratings in this round keeps
+        its ToR.
 
     Raises:
         ValueError: If `lam` is outside [0.5, 1], or the shapes do not match.
@@ -53,23 +66,32 @@ def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> 
 
 
 def provider_trust(
-    ratings: Array, mask: Array, *, tor: Array, previous: Array, lam: float, last_ratings: Array, elapsed: Array
+    ratings: Array,
+    mask: Array,
+    *,
+    tor: Array,
+    previous: Array,
+    lam: float,
+    last_ratings: Array,
+    elapsed: Array,
 ) -> Array:
-    """Return the trust of each provider, ToP (Algorithm 2): its ratings' level, their steadiness, their raters' trust.
+    """Return the trust of each provider, ToP (Algorithm 2): its ratings' level, their steadiness,
+    their raters' trust.
 
-        rho[i, j] = sinc(1 - f[i, j]) * sinc(delta[i, j]) ** dt[i, j],   delta = |f - the last rating that i gave j|
-        QoP[j]    = mean over the raters i of j of rho[i, j] * ToR[i] * f[i, j]
-        ToP[j]   <- lam * QoP[j] + (1 - lam) * ToP[j]
+        rho[i, j] = sinc(1 - f[i, j]) * sinc(delta[i, j]) ** dt[i, j],   delta = |f - the last
+        rating that i gave j| QoP[j]    = mean over the raters i of j of rho[i, j] * ToR[i] * f[i,
+        j] ToP[j]   <- lam * QoP[j] + (1 - lam) * ToP[j]
 
     Args:
-        ratings: Ratings f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored, whatever they hold.
+        ratings: Ratings f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored,
+            whatever they hold.
         mask: Mask m, shape (S, P, ...), boolean, true where i rated j in this round.
         tor: Trust ToR as just updated by this round, shape (S, ...), in [0, 1].
         previous: Trust ToP before the round, shape (P, ...), in [0, 1].
         lam: Weight of the newest round, in [0.5, 1).
         last_ratings: Last rating that i gave j, shape (S, P, ...); ignored where `elapsed` is 0.
-        elapsed: Time dt, in service periods since i last rated j, shape (S, P, ...), and 0 where i never did: a first
-            rating has sinc(delta) ** 0 = 1.
+        elapsed: Time dt, in service periods since i last rated j, shape (S, P, ...), and 0 where i
+            never did: a first rating has sinc(delta) ** 0 = 1.
 
     Returns:
         ToP after the round, shape (P, ...), in [0, 1]. A provider without ratings keeps its ToP.
@@ -93,7 +115,8 @@ def provider_trust(
 
 
 def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initial: float) -> Array:
-    """Return the trust of each agent, ToA (Algorithm 3): its two trusts, weighted by how often it played each role.
+    """Return the trust of each agent, ToA (Algorithm 3): its two trusts, weighted by how often it
+    played each role.
 
         alpha[k] = rated[k] / (rated[k] + provided[k])
         ToA[k]   = alpha[k] * ToR[k] + (1 - alpha[k]) * ToP[k]
@@ -145,7 +168,8 @@ def rater_quality(ratings: Ratings, root: Root | None = None) -> Array:
     """
     xp = namespace(ratings.values)
     root = root or xp.sqrt
-    # Relative to the best rating, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
+    # Relative to the best rating, raters who agree are exactly 0 from the average; sqrt would
+    # magnify rounding.
     best = ratings.gather(ratings.reduce(ratings.values, PROVIDER, "max"), PROVIDER)
     blocks = ratings.blocks()
     if len(blocks) == 1:
@@ -153,30 +177,41 @@ def rater_quality(ratings: Ratings, root: Root | None = None) -> Array:
         average = ratings.reduce(below, PROVIDER) * _inverse(ratings.count(PROVIDER))
         return _nearness(ratings, below - ratings.gather(average, PROVIDER), root)
     parts = [ratings.rows(block) for block in blocks]
-    average = reduce(operator.add, (part.reduce(part.weigh(part.values - best), PROVIDER) for part in parts))
+    average = reduce(
+        operator.add, (part.reduce(part.weigh(part.values - best), PROVIDER) for part in parts)
+    )
     average = average * _inverse(ratings.count(PROVIDER))
-    return xp.concat([_nearness(part, part.weigh(part.values - best) - average, root) for part in parts])
+    return xp.concat(
+        [_nearness(part, part.weigh(part.values - best) - average, root) for part in parts]
+    )
 
 
 def _nearness(ratings: Ratings, apart: Array, root: Root) -> Array:
-    """Return 1 minus the mean root of the distances of each rater's ratings to the average ratings."""
+    """Return 1 minus the mean root of the distances of each rater's ratings to the average
+    ratings.
+    """
     distance = ratings.reduce(ratings.weigh(root(without_rounding(abs(apart)))), RATER)
     return 1.0 - distance * _inverse(ratings.count(RATER))
 
 
 def without_rounding(gap: Array) -> Array:
-    """Return the gaps, and 0 for those below 1e-12: the order of a sum decides over them, and a root magnifies them."""
+    """Return the gaps, and 0 for those below 1e-12: the order of a sum decides over them, and a
+    root magnifies them.
+    """
     return namespace(gap).where(gap < _ROUNDING, 0.0, gap)
 
 
-def provider_quality(ratings: Ratings, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
+def provider_quality(
+    ratings: Ratings, tor: Array, last_ratings: Array, elapsed: Array | None
+) -> Array:
     """Return QoP of Algorithm 2, shape (P, ...); 0 for a provider without ratings.
 
     Args:
         ratings: Ratings of the round.
         tor: Trust ToR as just updated by this round, shape (S, ...).
         last_ratings: Last rating that i gave j, for each cell of the round.
-        elapsed: Time dt for each cell of the round, see `provider_trust`; None where it is 1 everywhere.
+        elapsed: Time dt for each cell of the round, see `provider_trust`; None where it is 1
+            everywhere.
     """
     if len(blocks := ratings.blocks()) == 1:
         worth = _worth(ratings, tor, last_ratings, elapsed)
@@ -184,7 +219,12 @@ def provider_quality(ratings: Ratings, tor: Array, last_ratings: Array, elapsed:
         worth = reduce(
             operator.add,
             (
-                _worth(ratings.rows(rows), tor[rows], last_ratings[rows], None if elapsed is None else elapsed[rows])
+                _worth(
+                    ratings.rows(rows),
+                    tor[rows],
+                    last_ratings[rows],
+                    None if elapsed is None else elapsed[rows],
+                )
                 for rows in blocks
             ),
         )
@@ -204,13 +244,17 @@ def _inverse(count: Array) -> Array:
 
 
 def safe_power(base: Array, exponent: float) -> Array:
-    """Return numbers of at least 0 to a power, with slope 0 at 0, where a power below 1 is infinitely steep."""
+    """Return numbers of at least 0 to a power, with slope 0 at 0, where a power below 1 is
+    infinitely steep.
+    """
     xp, zero = namespace(base), base == 0
     return xp.where(zero, 0.0**exponent, xp.where(zero, 1.0, base) ** exponent)
 
 
 def upper_median(values: Array, there: Array) -> Array:
-    """Return the upper median along the first axis of the values that are there; 0 of fewer than two."""
+    """Return the upper median along the first axis of the values that are there; 0 of fewer than
+    two.
+    """
     xp = namespace(values)
     count = xp.sum(there, axis=0)
     ordered = xp.sort(xp.where(there, values, float("inf")), axis=0)
@@ -219,10 +263,12 @@ def upper_median(values: Array, there: Array) -> Array:
 
 
 def lower_median(pairs: Ratings, values: Array, there: Array) -> Array | float:
-    """Return the upper median over the providers whose values are there, at most 0: shape (...), see `upper_median`.
+    """Return the upper median over the providers whose values are there, at most 0: shape (...),
+    see `upper_median`.
 
     Args:
-        pairs: Pairs that have a memory; where they are some of many, the median is over the providers of all.
+        pairs: Pairs that have a memory; where they are some of many, the median is over the
+            providers of all.
         values: A value for each provider, shape (P, ...).
         there: Whether it has one.
     """
@@ -234,7 +280,8 @@ def lower_median(pairs: Ratings, values: Array, there: Array) -> Array | float:
 def sinc(x: Array) -> Array:
     """Return sin(pi x) / (pi x) for x in [0, 1], exactly 1 at x = 0.
 
-    The absolute value keeps the result at or above 0 where float32 rounds pi up, so that sin(pi) < 0.
+    The absolute value keeps the result at or above 0 where float32 rounds pi up, so that sin(pi) <
+    0.
     """
     xp = namespace(x)
     if is_compiling(x) and x.dtype == xp.float32:
@@ -244,9 +291,11 @@ def sinc(x: Array) -> Array:
 
 
 def _sinc_polynomial(x: Array) -> Array:
-    """Return sinc by arithmetic alone, accurate to the rounding of float32: exactly 1 at x = 0 and 0 at x = 1.
+    """Return sinc by arithmetic alone, accurate to the rounding of float32: exactly 1 at x = 0 and
+    0 at x = 1.
 
-    The formula is (1 - x^2) (1 + x^2 p(x^2)), where p, of degree 4, was fitted to sinc at 200 Chebyshev nodes.
+    The formula is (1 - x^2) (1 + x^2 p(x^2)), where p, of degree 4, was fitted to sinc at 200
+    Chebyshev nodes.
     """
     square = x * x
     p = _SINC[-1]
@@ -257,16 +306,21 @@ def _sinc_polynomial(x: Array) -> Array:
 
 def _like(counts: Array, values: Array) -> Array:
     """Return counts, which may be integers, in the dtype of the values, so that results keep it."""
-    return counts if counts.dtype == values.dtype else namespace(counts).astype(counts, values.dtype)
+    return (
+        counts if counts.dtype == values.dtype else namespace(counts).astype(counts, values.dtype)
+    )
 
 
 def _check_shapes(ratings: Array, **others: tuple[Array, str]) -> None:
-    """Refuse arrays whose shapes do not match that of the ratings; `others` are arrays with their axes."""
+    """Refuse arrays whose shapes do not match that of the ratings; `others` are arrays with their
+    axes.
+    """
     shape = ratings.shape
     needed = {"SP": shape, "S": shape[:1] + shape[2:], "P": shape[1:]}
     for name, (array, axes) in others.items():
         if array.shape != needed[axes]:
             raise ValueError(
-                f"{name} has shape {tuple(array.shape)}; with ratings of shape (S, P, ...) = {tuple(shape)} "
+                f"{name} has shape {tuple(array.shape)}; with ratings of shape (S, P, ...) = "
+                f"{tuple(shape)} "
                 f"it must be ({', '.join(axes)}, ...) = {tuple(needed[axes])}"
             )

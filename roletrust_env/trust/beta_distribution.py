@@ -1,14 +1,16 @@
 """The Beta distribution in array arithmetic, for models that count successes and failures.
 
-The functions take a and b from 1 to a million, which is more than a game counts. In float64, masses are accurate
-to 1e-9 for a and b up to a hundred and to 1e-8 beyond, and quantiles to 1e-8 (quantiles below 1e-3 to 1e-6). In
-float32, quantiles are accurate to 2e-6, and masses to 1e-5 for a and b up to a hundred, to 1e-3 at ten thousand, and
-worse beyond. All functions run on NumPy and torch, on batches, on torch in a fixed number of operations.
+The functions take a and b from 1 to a million, which is more than a game counts. In float64, masses
+are accurate to 1e-9 for a and b up to a hundred and to 1e-8 beyond, and quantiles to 1e-8
+(quantiles below 1e-3 to 1e-6). In float32, quantiles are accurate to 2e-6, and masses to 1e-5 for a
+and b up to a hundred, to 1e-3 at ten thousand, and worse beyond. All functions run on NumPy and
+torch, on batches, on torch in a fixed number of operations.
 
-The variable is the log odds. In it the density x^a (1 - x)^b / B(a, b) has one peak, at the mean x = a / (a + b), is
-log-concave, and falls off at least exponentially. A tail is therefore an integral over an interval of known length,
-which the Gauss-Legendre rule computes with a few dozen nodes. Logarithms of large gamma functions are not needed:
-Stirling's formula gives the height of the peak, and only its small remainders are computed.
+The variable is the log odds. In it the density x^a (1 - x)^b / B(a, b) has one peak, at the mean x
+= a / (a + b), is log-concave, and falls off at least exponentially. A tail is therefore an integral
+over an interval of known length, which the Gauss-Legendre rule computes with a few dozen nodes.
+Logarithms of large gamma functions are not needed: Stirling's formula gives the height of the peak,
+and only its small remainders are computed.
 """
 
 import math
@@ -21,17 +23,20 @@ from roletrust_env.arrays import Array, device_of, namespace
 _NODES, _WEIGHTS = ((np.polynomial.legendre.leggauss(24) + np.array([[1.0], [0.0]])) / 2).tolist()
 """The Gauss-Legendre rule with 24 nodes on [0, 1]."""
 
-_LOST = 16.0  # a density is neglected where it is exp(-16), about 1e-7, of that at the start of the tail
+# a density is neglected where it is exp(-16), about 1e-7, of that at the start of the tail
+_LOST = 16.0
 _SHIFTS = 3  # shifts the argument of Stirling's series to at least 4
 _TINY = 1e-30  # replaces 0 in logarithms
 _UNSURE = 1e-3  # a logarithm of a density in float32 is accurate to this
 
 _BLOCK = 1_000
-"""Number of masses that NumPy computes at a time: the values at all nodes fit into a processor's cache."""
+"""Number of masses that NumPy computes at a time: the values at all nodes fit into a processor's
+cache."""
 
 
 def reputation(successes: Array, failures: Array, initial: float = 0.5) -> Array:
-    """Return the mean of Beta(r + 2 initial, s + 2 (1 - initial)): `initial` is the base rate, worth two ratings.
+    """Return the mean of Beta(r + 2 initial, s + 2 (1 - initial)): `initial` is the base rate,
+    worth two ratings.
 
     Args:
         successes: Successes r, at least 0, of any shape.
@@ -42,7 +47,8 @@ def reputation(successes: Array, failures: Array, initial: float = 0.5) -> Array
 
 
 def log_gamma(z: Array) -> Array:
-    """Return the logarithm of the gamma function by Stirling's formula, accurate to rounding for z of at least 1.
+    """Return the logarithm of the gamma function by Stirling's formula, accurate to rounding for z
+    of at least 1.
 
     Example:
         >>> import numpy as np
@@ -51,7 +57,13 @@ def log_gamma(z: Array) -> Array:
     """
     xp, far = namespace(z), z + _SHIFTS
     rising = z * (z + 1) * (z + 2)  # gamma of z + 3 over gamma of z
-    return (far - 0.5) * xp.log(far) - far + 0.5 * math.log(2 * math.pi) + _series(far) - xp.log(rising)
+    return (
+        (far - 0.5) * xp.log(far)
+        - far
+        + 0.5 * math.log(2 * math.pi)
+        + _series(far)
+        - xp.log(rising)
+    )
 
 
 def mass_below(x: Array, a: Array, b: Array) -> Array:
@@ -75,15 +87,17 @@ def mass_below(x: Array, a: Array, b: Array) -> Array:
 
 
 def mass_between(low: Array, high: Array, a: Array, b: Array) -> Array:
-    """Return the mass of Beta(a, b) between two bounds, low <= high, never below 0; see `mass_below`."""
+    """Return the mass of Beta(a, b) between two bounds, low <= high, never below 0; see
+    `mass_below`.
+    """
     return namespace(a).clip(mass_below(high, a, b) - mass_below(low, a, b), 0.0, 1.0)
 
 
 def quantile(q: float, a: Array, b: Array) -> Array:
     """Return the x below which a mass q of Beta(a, b) lies.
 
-    Newton's method is applied to the logarithm of the mass, which is concave since the density is log-concave in the
-    log odds. After one step it approaches from below and cannot overshoot.
+    Newton's method is applied to the logarithm of the mass, which is concave since the density is
+    log-concave in the log odds. After one step it approaches from below and cannot overshoot.
 
     Args:
         q: Mass, in [1e-6, 1 - 1e-6].
@@ -102,7 +116,9 @@ def quantile(q: float, a: Array, b: Array) -> Array:
         return 1.0 - quantile(1.0 - q, b, a)
     xp = namespace(a)
     t = math.sqrt(-2 * math.log(q))
-    normal = (2.30753 + 0.27061 * t) / (1 + 0.99229 * t + 0.04481 * t * t) - t  # Abramowitz and Stegun 26.2.22
+    normal = (2.30753 + 0.27061 * t) / (
+        1 + 0.99229 * t + 0.04481 * t * t
+    ) - t  # Abramowitz and Stegun 26.2.22
     offset, height = normal / xp.sqrt(_precision(a, b)), _log_height(a, b)
     for _ in range(4 if q >= 0.01 else 5):  # steps from the quantile of the normal distribution
         tail = _tail(offset, a, b)
@@ -112,12 +128,14 @@ def quantile(q: float, a: Array, b: Array) -> Array:
 
 
 def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
-    """Return a function that says whether x lies between the q and the 1 - q quantile of Beta(a, b), boolean.
+    """Return a function that says whether x lies between the q and the 1 - q quantile of Beta(a,
+    b), boolean.
 
-    On NumPy it compares the mass beyond x, seen from the mean, with q, which takes few integrals: by Chernoff's bound
-    the mass is at most the density relative to its peak. And it is above q if the logarithm of that density is above
-    1 + ln(y) - y, y = -ln(q) > 1, which holds in the limit a = 1, b without end, and by a margin elsewhere; this was
-    checked on a grid. Elsewhere the quantiles are computed, once for all x, since a compiler has to unroll the calls.
+    On NumPy it compares the mass beyond x, seen from the mean, with q, which takes few integrals:
+        by Chernoff's bound the mass is at most the density relative to its peak. And it is above q
+        if the logarithm of that density is above 1 + ln(y) - y, y = -ln(q) > 1, which holds in the
+        limit a = 1, b without end, and by a margin elsewhere; this was checked on a grid. Elsewhere
+        the quantiles are computed, once for all x, since a compiler has to unroll the calls.
 
     Args:
         q: Mass, in [1e-6, 0.5).
@@ -146,15 +164,17 @@ def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
 
         return is_between
     xp = namespace(a)
-    low, below_one = quantile(q, xp.stack([a, b]), xp.stack([b, a]))  # compiles faster than two calls
+    low, below_one = quantile(
+        q, xp.stack([a, b]), xp.stack([b, a])
+    )  # compiles faster than two calls
     return lambda x: (low <= x) & (x <= 1 - below_one)
 
 
 def _beyond(x: Array, a: Array, b: Array) -> tuple[Array, Array]:
     """Return the mass beyond x, seen from the mean, and whether x is above the mean.
 
-    NumPy leaves out integrals. Beyond 0 and 1 the mass is 0. By Chernoff's bound, it is at most the density relative
-    to its peak; where that is lost in the rounding of 1, it is 0 as well.
+    NumPy leaves out integrals. Beyond 0 and 1 the mass is 0. By Chernoff's bound, it is at most the
+    density relative to its peak; where that is lost in the rounding of 1, it is 0 as well.
     """
     xp = namespace(a)
     if isinstance(a, np.ndarray) and ((x <= 0) | (x >= 1)).any():
@@ -176,12 +196,16 @@ def _beyond(x: Array, a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def _precision(a: Array, b: Array) -> Array:
-    """Return the curvature of the density at its peak: one over the square of the width of the bell."""
+    """Return the curvature of the density at its peak: one over the square of the width of the
+    bell.
+    """
     return a * b / (a + b)
 
 
 def _fall(offset: Array, a: Array, b: Array) -> Array:
-    """Return the log of the density relative to its peak, at an offset of the log odds from the peak; 0 or less."""
+    """Return the log of the density relative to its peak, at an offset of the log odds from the
+    peak; 0 or less.
+    """
     xp, mean = namespace(a), a / (a + b)
     return a * offset - (a + b) * xp.log(1.0 - mean + mean * xp.exp(offset))
 
@@ -189,13 +213,19 @@ def _fall(offset: Array, a: Array, b: Array) -> Array:
 def _log_height(a: Array, b: Array) -> Array:
     """Return the logarithm of the density in the log odds, at its peak."""
     xp = namespace(a)
-    return 0.5 * xp.log(_precision(a, b) / (2 * math.pi)) + _remainder(a + b) - _remainder(a) - _remainder(b)
+    return (
+        0.5 * xp.log(_precision(a, b) / (2 * math.pi))
+        + _remainder(a + b)
+        - _remainder(a)
+        - _remainder(b)
+    )
 
 
 def _tail(offset: Array, a: Array, b: Array) -> Array:
     """Return the mass below an offset from the peak, relative to the density there.
 
-    The length of the interval is the sum of two sufficient ones, of a bell and of an exponential tail.
+    The length of the interval is the sum of two sufficient ones, of a bell and of an exponential
+    tail.
     """
     if isinstance(a, np.ndarray) and a.size > _BLOCK:
         blocks = (slice(at, at + _BLOCK) for at in range(0, len(a), _BLOCK))
@@ -211,7 +241,9 @@ def _tail(offset: Array, a: Array, b: Array) -> Array:
 
 
 def _remainder(z: Array) -> Array:
-    """Return the remainder of Stirling's formula: ln gamma(z) - (z - 1/2) ln z + z - ln(2 pi) / 2, for z >= 1."""
+    """Return the remainder of Stirling's formula: ln gamma(z) - (z - 1/2) ln z + z - ln(2 pi) / 2,
+    for z >= 1.
+    """
     xp, remainder = namespace(z), 0.0 * z
     for _ in range(_SHIFTS):
         remainder = remainder + ((z + 0.5) * xp.log1p(1.0 / z) - 1.0)

@@ -1,8 +1,8 @@
 """Levels of ratings, for models that learn a Dirichlet distribution of how often each level occurs.
 
-The levels are equally spaced in [0, 1]. A rating between two levels counts as a part of an observation of each, more
-of the nearer one, so that its mean level is the rating. With two levels, f counts as f of a success and 1 - f of a
-failure.
+The levels are equally spaced in [0, 1]. A rating between two levels counts as a part of an
+observation of each, more of the nearer one, so that its mean level is the rating. With two levels,
+f counts as f of a success and 1 - f of a failure.
 """
 
 from roletrust_env.arrays import Array, device_of, namespace, total
@@ -10,19 +10,24 @@ from roletrust_env.trust.ratings import Ratings
 
 
 def level_values(levels: int, like: Array) -> Array:
-    """Return the rating that each level stands for, shape (levels, 1, ...), to broadcast with (S, levels, P, ...).
+    """Return the rating that each level stands for, shape (levels, 1, ...), to broadcast with (S,
+    levels, P, ...).
 
     Args:
         levels: Number of levels, at least 2.
-        like: Array of shape (S, P, ...) that shows the number of axes, the dtype and the array library.
+        like: Array of shape (S, P, ...) that shows the number of axes, the dtype and the array
+            library.
     """
     xp, ones = namespace(like), [1] * (like.ndim - 1)
-    values = xp.asarray([x / (levels - 1) for x in range(levels)], dtype=like.dtype, device=device_of(like))
+    values = xp.asarray(
+        [x / (levels - 1) for x in range(levels)], dtype=like.dtype, device=device_of(like)
+    )
     return xp.reshape(values, (levels, *ones))
 
 
 def in_levels(ratings: Ratings, levels: int) -> Array:
-    """Return the part of an observation of each level that each rating is, shape (S, levels, P, ...), 0 without one.
+    """Return the part of an observation of each level that each rating is, shape (S, levels, P,
+    ...), 0 without one.
 
     Args:
         ratings: Ratings of the round, on a grid.
@@ -39,7 +44,8 @@ def in_levels(ratings: Ratings, levels: int) -> Array:
 
 
 def expected_level(evidence: Array, values: Array) -> Array:
-    """Return the mean rating under the Dirichlet distributions of each pair, shape (S, P, ...), in [0, 1].
+    """Return the mean rating under the Dirichlet distributions of each pair, shape (S, P, ...), in
+    [0, 1].
 
     Args:
         evidence: Parameters of the distributions, above 0, shape (S, levels, P, ...).

@@ -37,7 +37,8 @@ def check_keys(keys: Ints, shape: tuple[int, int]) -> None:
 
 
 def pairs_left(keys: Ints, stay: Sequence[npt.NDArray[np.bool_]]) -> tuple[Ints, Ints]:
-    """Return the places of the pairs in which both agents stay, and their keys after those behind them have moved up.
+    """Return the places of the pairs in which both agents stay, and their keys after those behind
+    them have moved up.
 
     Args:
         keys: Keys of all pairs, see `pair_keys`.
@@ -45,12 +46,15 @@ def pairs_left(keys: Ints, stay: Sequence[npt.NDArray[np.bool_]]) -> tuple[Ints,
     """
     ends = pair_ends(keys)
     left = np.flatnonzero(stay[0][ends[0]] & stay[1][ends[1]])
-    raters, providers = ((np.cumsum(flags) - 1)[places[left]] for flags, places in zip(stay, ends, strict=True))
+    raters, providers = (
+        (np.cumsum(flags) - 1)[places[left]] for flags, places in zip(stay, ends, strict=True)
+    )
     return left, pair_keys(raters, providers)
 
 
 def runs_on_edges(model: Any) -> bool:
-    """Return whether a model is central, and its state says of every array which agents or pairs it is about.
+    """Return whether a model is central, and its state says of every array which agents or pairs it
+    is about.
 
     Raises:
         ValueError: The model cannot start.
@@ -61,7 +65,9 @@ def runs_on_edges(model: Any) -> bool:
     try:
         state = start_model(model, grid, grid > 0)
     except Exception as error:  # a model of another package may raise anything
-        raise ValueError(f"trust model {model!r} cannot start: {type(error).__name__}: {error}") from error
+        raise ValueError(
+            f"trust model {model!r} cannot start: {type(error).__name__}: {error}"
+        ) from error
     try:
         return hasattr(state, "_fields") and len(list(kinds(state))) == len(arrays(state))
     except NameError:  # an annotation that is known to type checkers alone
@@ -72,22 +78,27 @@ def edge_model(model: Any) -> TrustModel[Any]:
     """Return a model if it runs on edges.
 
     Raises:
-        ValueError: The model is personal, or an array of its state says not what it is about, see `PerRater`.
+        ValueError: The model is personal, or an array of its state says not what it is about, see
+            `PerRater`.
     """
     if not runs_on_edges(model):
         raise ValueError(
-            f"trust model {model!r} does not run on edges: it is no central model whose state says by PerRater, "
+            f"trust model {model!r} does not run on edges: it is no central model whose state says "
+            "by PerRater, "
             "PerProvider, PerPair and PairAge what its arrays are about; play its ratings on a grid"
         )
     checked: TrustModel[Any] = model
     return checked
 
 
-def start_on_edges(model: Any, shape: tuple[int, int], like: Array | None = None, twins: Array | None = None) -> Any:
+def start_on_edges(
+    model: Any, shape: tuple[int, int], like: Array | None = None, twins: Array | None = None
+) -> Any:
     """Return the state before any rating, without known pairs.
 
-    The formula of the start is that of the grid: all agents start alike, so a grid of one pair shows all values. Where
-    trust depends on the number of agents, a round without ratings sets it.
+    The formula of the start is that of the grid: all agents start alike, so a grid of one pair
+        shows all values. Where trust depends on the number of agents, a round without ratings sets
+        it.
 
     Args:
         model: Central model.
@@ -104,7 +115,9 @@ def start_on_edges(model: Any, shape: tuple[int, int], like: Array | None = None
         return xp.zeros(sizes[kind], dtype=leaf.dtype, device=leaf.device) + leaf.reshape(-1)[0]
 
     state = map_kinds(spread, start_model(model, grid, grid > 0))
-    return model.update(state, no_ratings(grid[:, 0], shape, twins)) if takes_peers(model) else state
+    return (
+        model.update(state, no_ratings(grid[:, 0], shape, twins)) if takes_peers(model) else state
+    )
 
 
 def no_ratings(like: Array, shape: tuple[int, int], twins: Array | None = None) -> Ratings:
@@ -115,5 +128,7 @@ def no_ratings(like: Array, shape: tuple[int, int], twins: Array | None = None) 
 
 
 def takes_peers(model: Any) -> bool:
-    """Return whether trust depends on the number of agents, and on which rater is which provider."""
+    """Return whether trust depends on the number of agents, and on which rater is which
+    provider.
+    """
     return Traits.of(model).takes_peers

@@ -9,21 +9,26 @@ Floats = npt.NDArray[np.float64]
 _FACTOR = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio: neighbours fall far apart
 _LOAD = 0.25  # share of the hash table that is used at most: few keys wait for their place
 _BLOCK = 1 << 16  # keys at a time
-_SPARE, _SMALL = 8, 1 << 20  # entries per key, and the size in any case, up to which keys are their own entries
+_SPARE, _SMALL = (
+    8,
+    1 << 20,
+)  # entries per key, and the size in any case, up to which keys are their own entries
 
 
 class KeyIndex:
-    """Places 0, 1, 2, ... of whole numbers; those of an earlier call have earlier places. At most 2^31 - 1 keys.
+    """Places 0, 1, 2, ... of whole numbers; those of an earlier call have earlier places. At most
+    2^31 - 1 keys.
 
-    Keys from 0 to a few times their number, such as the numbers of members, are entries of a table themselves, and
-    their places are in the order in which they first occur. Other keys are in a hash table with open addressing. The
-    steps of both are operations on arrays, where a dict would take a step of Python for each key.
+    Keys from 0 to a few times their number, such as the numbers of members, are entries of a table
+    themselves, and their places are in the order in which they first occur. Other keys are in a
+    hash table with open addressing. The steps of both are operations on arrays, where a dict would
+    take a step of Python for each key.
 
     Example:
         >>> index = KeyIndex()
         >>> index.places(np.array([70])), index.places(np.array([90, 70, 90])), index.places(np.array([5]), add=False)
         (array([0]), array([1, 0, 1]), array([-1]))
-    """
+    """  # noqa: E501
 
     def __init__(self) -> None:
         self._keys: Ints = np.zeros(1 << 10, np.int64)
@@ -66,7 +71,9 @@ class KeyIndex:
             add: Whether an unknown key is added; otherwise its place is -1.
         """
         keys = np.ascontiguousarray(keys, np.int64)
-        parts = [self._block_places(keys[at : at + _BLOCK], add) for at in range(0, len(keys), _BLOCK)]
+        parts = [
+            self._block_places(keys[at : at + _BLOCK], add) for at in range(0, len(keys), _BLOCK)
+        ]
         return parts[0] if len(parts) == 1 else np.concatenate([*parts, np.empty(0, np.int64)])
 
     def _block_places(self, keys: Ints, add: bool) -> Ints:
@@ -74,14 +81,17 @@ class KeyIndex:
         if add:
             self._make_room(keys)
         found, where = self._find(keys, self._first_entries(keys))
-        while add and len(waiting := (found < 0).nonzero()[0]):  # again where another key took the entry
+        while add and len(
+            waiting := (found < 0).nonzero()[0]
+        ):  # again where another key took the entry
             rest, vacant = keys.take(waiting), where.take(waiting)
             self._add(rest, vacant)
             found[waiting], where[waiting] = self._find(rest, vacant)
         return found
 
     def _find(self, keys: Ints, where: Ints) -> tuple[Ints, Ints]:
-        """Return the place of each key, -1 if unknown, and the entry of that place, which is vacant if unknown.
+        """Return the place of each key, -1 if unknown, and the entry of that place, which is vacant
+        if unknown.
 
         Args:
             keys: Keys, shape (n,).
@@ -108,12 +118,16 @@ class KeyIndex:
         before, after = self._count, self._count + len(chosen)
         self._entries[where.take(chosen)] = np.arange(before, after)
         if after > len(self._keys):
-            self._keys = np.concatenate([self._keys, np.zeros(max(after, len(self._keys)), np.int64)])
+            self._keys = np.concatenate(
+                [self._keys, np.zeros(max(after, len(self._keys)), np.int64)]
+            )
         self._keys[before:after] = keys.take(chosen)
         self._count = after
 
     def _make_room(self, keys: Ints) -> None:
-        """Make the table large enough for more keys. Once they are too far apart to be entries, they are hashed."""
+        """Make the table large enough for more keys. Once they are too far apart to be entries,
+        they are hashed.
+        """
         size, count = self._size, self._count + len(keys)
         if self._direct:
             last = int(keys.view(np.uint64).max())  # keys below 0 are the largest

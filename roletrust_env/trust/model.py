@@ -11,20 +11,23 @@ State = TypeVar("State")
 
 @runtime_checkable
 class TrustModel(Protocol[State]):
-    """A function from rounds of ratings to trust, which knows nothing of games, names, rewards or files.
+    """A function from rounds of ratings to trust, which knows nothing of games, names, rewards or
+    files.
 
-    A personal model may have a method `judge_trust(state)` that returns the trust of each rater in each provider, shape
-    (S, P, ...), where `provider_trust` returns what is published.
+    A personal model may have a method `judge_trust(state)` that returns the trust of each rater in
+    each provider, shape (S, P, ...), where `provider_trust` returns what is published.
 
-    A model is immutable. Its memory is a state, a NamedTuple of arrays that `update` replaces. A model written with
-    operators and `roletrust_env.arrays.namespace` runs on NumPy and torch, for one game and for a batch. A central
-    model that is written with the operations of `Ratings`, and whose state says by `PerRater`, `PerProvider`, `PerPair`
-    and `PairAge` what each array is about, runs on a list of edges, too.
+    A model is immutable. Its memory is a state, a NamedTuple of arrays that `update` replaces. A
+    model written with operators and `roletrust_env.arrays.namespace` runs on NumPy and torch, for
+    one game and for a batch. A central model that is written with the operations of `Ratings`, and
+    whose state says by `PerRater`, `PerProvider`, `PerPair` and `PairAge` what each array is about,
+    runs on a list of edges, too.
 
     Class attributes describe the model, see `Traits`. All of them but `rates_raters` are optional.
 
     Attributes:
-        rates_raters: Whether the model has a notion of rater trust; if not, `rater_trust` reads 1 for all.
+        rates_raters: Whether the model has a notion of rater trust; if not, `rater_trust` reads 1
+            for all.
     """
 
     rates_raters: bool
@@ -32,8 +35,8 @@ class TrustModel(Protocol[State]):
     def start(self, like: Array) -> State:
         """Return the state before any rating.
 
-        A model with `takes_peers` has a second argument: `peers`, shape (S, P), boolean, true where a rater and a
-        provider are one agent.
+        A model with `takes_peers` has a second argument: `peers`, shape (S, P), boolean, true where
+        a rater and a provider are one agent.
 
         Args:
             like: Array of shape (S, P, ...) that shows shapes, dtype, device and array library.
@@ -44,9 +47,10 @@ class TrustModel(Protocol[State]):
 
         Args:
             state: State before the round, which must not be changed.
-            ratings: Ratings of the round. On a grid, its `values` are f, shape (S, P, ...), in [0, 1] where rater i
-                rated provider j and 0 elsewhere, and its `weights` are 1 there and 0 elsewhere. The state may keep
-                them: they are not written to afterwards. Edges come only to a central model that runs on them.
+            ratings: Ratings of the round. On a grid, its `values` are f, shape (S, P, ...), in [0,
+                1] where rater i rated provider j and 0 elsewhere, and its `weights` are 1 there and
+                0 elsewhere. The state may keep them: they are not written to afterwards. Edges come
+                only to a central model that runs on them.
         """
 
     def rater_trust(self, state: State) -> Array:
@@ -57,7 +61,9 @@ class TrustModel(Protocol[State]):
 
 
 class Published:
-    """Read-outs of a model whose state has the published trust: `tor`, shape (S, ...), and `top`, shape (P, ...)."""
+    """Read-outs of a model whose state has the published trust: `tor`, shape (S, ...), and `top`,
+    shape (P, ...).
+    """
 
     def rater_trust(self, state: Any) -> Array:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""
@@ -69,20 +75,23 @@ class Published:
 
 
 class Traits(NamedTuple):
-    """Properties of a trust model, from its class attributes of the same names; here with the default values.
+    """Properties of a trust model, from its class attributes of the same names; here with the
+    default values.
 
     Attributes:
         rates_raters: Whether it has a notion of rater trust.
-        family: Point of view: `"central"` sees all ratings as a manager does; in `"personal"` every rater is a judge.
+        family: Point of view: `"central"` sees all ratings as a manager does; in `"personal"` every
+            rater is a judge.
         source: Paper that describes it.
         differentiable: Whether trust follows ratings without jumps, so that gradients are of use.
         cost: Growth of time and memory with S raters and P providers, such as `"S P"` or `"S^2 P"`.
-        local: Whether a round changes only agents and pairs with ratings in it, and takes nothing from others. Then a
-            log of many agents is played in the time that its ratings take.
-        nearby: Whether a round changes only raters with ratings in it, the providers that these ever rated, and their
-            pairs; and takes nothing else but the pairs of these providers, the trust of their raters and
-            `lower_median`, which alone changes the trust of other providers. Then few ratings among many pairs take
-            little time, too. A round without ratings must change nothing.
+        local: Whether a round changes only agents and pairs with ratings in it, and takes nothing
+            from others. Then a log of many agents is played in the time that its ratings take.
+        nearby: Whether a round changes only raters with ratings in it, the providers that these
+            ever rated, and their pairs; and takes nothing else but the pairs of these providers,
+            the trust of their raters and `lower_median`, which alone changes the trust of other
+            providers. Then few ratings among many pairs take little time, too. A round without
+            ratings must change nothing.
         takes_peers: Whether `start` takes a second argument, `peers`, see `TrustModel.start`.
     """
 
@@ -113,7 +122,9 @@ def start_model(model: TrustModel[State], like: Array, peers: Array) -> State:
     return made
 
 
-registry: Registry[TrustModel[Any]] = Registry("trust model", "roletrust_env.trust_models", TrustModel)
+registry: Registry[TrustModel[Any]] = Registry(
+    "trust model", "roletrust_env.trust_models", TrustModel
+)
 
 
 register_trust_model = registry.register
@@ -128,11 +139,12 @@ def make_trust_model(name: str, **parameters: Any) -> TrustModel[Any]:
 
     Args:
         name: Registered name, or name of an entry point in the group `roletrust_env.trust_models`.
-        **parameters: Parameters of the model; most take `lam`, the weight of the newest round, and `initial`, the trust
-            before any rating.
+        **parameters: Parameters of the model; most take `lam`, the weight of the newest round, and
+            `initial`, the trust before any rating.
 
     Raises:
-        ValueError: If the name is unknown, the model has no such parameter, or a value is outside its range.
+        ValueError: If the name is unknown, the model has no such parameter, or a value is outside
+            its range.
 
     Example:
         >>> make_trust_model("role-trust", lam=0.7)

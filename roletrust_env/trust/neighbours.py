@@ -1,4 +1,6 @@
-"""What a round of few ratings touches among many pairs, and the median of all providers while few of them change."""
+"""What a round of few ratings touches among many pairs, and the median of all providers while few
+of them change.
+"""
 
 import math
 from collections.abc import Callable
@@ -11,13 +13,16 @@ import numpy.typing as npt
 from roletrust_env.trust.key_index import Floats, Ints
 
 _SHARE = 4  # one pair in so many is too many to be told apart from all
-_LINKS = 200  # pairs for each link of a chain that is followed, since all pairs take about as long then
+_LINKS = (
+    200  # pairs for each link of a chain that is followed, since all pairs take about as long then
+)
 _PAIR_BITS = 31
 _WIDTH = 1000  # places on either side of the median whose values are at hand
 
 
 class PairChains:
-    """The known pairs of each agent of one role, as chains: the newest, the one before it, and so on.
+    """The known pairs of each agent of one role, as chains: the newest, the one before it, and so
+    on.
 
     Example:
         >>> chains = PairChains()
@@ -55,7 +60,8 @@ class PairChains:
         self._count += len(agents)
 
     def of(self, agents: Ints, most: int) -> Ints | None:
-        """Return the pairs of some agents in any order, each once; None if there are more, or too long chains.
+        """Return the pairs of some agents in any order, each once; None if there are more, or too
+        long chains.
 
         Args:
             agents: Places of agents, which may repeat.
@@ -63,7 +69,9 @@ class PairChains:
         """
         self._turns, turns = _longer(self._turns, len(self._newest)), np.arange(len(agents))
         self._turns[agents] = turns
-        at = self._newest.take(agents.compress(self._turns.take(agents) == turns))  # every agent once
+        at = self._newest.take(
+            agents.compress(self._turns.take(agents) == turns)
+        )  # every agent once
         parts, found = list[Ints](), 0
         for _ in range(2 + self._count // _LINKS):
             at = at.compress(at >= 0)
@@ -90,7 +98,9 @@ class LowerMedian:
         self.value = 0.0
         self._values: Floats = np.zeros(0)  # infinity where a provider has none
         self._low, self._high = math.inf, math.inf
-        self._inside = np.zeros(0, np.int64)  # places of the values in the window, from `low` to below `high`
+        self._inside = np.zeros(
+            0, np.int64
+        )  # places of the values in the window, from `low` to below `high`
         self._count = self._negative = self._below = self._room = 0
 
     def put(self, places: Ints, size: int, values: Floats, there: npt.NDArray[np.bool_]) -> float:
@@ -148,9 +158,14 @@ class Neighbourhood:
         self._given, self._received, self._providers = PairChains(), PairChains(), 0
 
     def pairs(
-        self, raters: Ints, ends: Callable[[Ints | slice], tuple[Ints, Ints]], size: int, shape: tuple[int, int]
+        self,
+        raters: Ints,
+        ends: Callable[[Ints | slice], tuple[Ints, Ints]],
+        size: int,
+        shape: tuple[int, int],
     ) -> Ints | None:
-        """Return all pairs of all providers that some raters ever rated, in their order; None if these are too many.
+        """Return all pairs of all providers that some raters ever rated, in their order; None if
+        these are too many.
 
         Args:
             raters: Places of raters, which may repeat.
@@ -170,12 +185,16 @@ class Neighbourhood:
         return None if found is None else np.sort(found)
 
     def all_providers(self, size: int) -> Callable[[Floats, npt.NDArray[np.bool_]], float]:
-        """Return `lower_median` for a round that updates all providers, of which there are so many."""
+        """Return `lower_median` for a round that updates all providers, of which there are so
+        many.
+        """
         self.known, self.stale, self._providers = True, False, size
         return partial(self.median.put, np.arange(size), size)
 
     def follow(self, before: float, providers: int) -> None:
-        """Note after a round whether the median is another than before, or newcomers without ratings do not know it."""
+        """Note after a round whether the median is another than before, or newcomers without
+        ratings do not know it.
+        """
         newcomers, self._providers = providers > self._providers, providers
         self.stale |= self.median.value != before or (newcomers and before != 0)
 

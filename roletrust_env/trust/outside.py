@@ -1,7 +1,7 @@
 """A trust model outside this process, in any language: ratings go there, and trust comes back.
 
-The model learns nothing but ratings, see docs/guide/outside.md. Links carry lines there and back, and games
-send one line of JSON for each game and round.
+The model learns nothing but ratings, see docs/guide/outside.md. Links carry lines there and back,
+and games send one line of JSON for each game and round.
 """
 
 import json
@@ -33,7 +33,8 @@ KINDS = ("exec", "http", "https")
 """Beginnings of an address, before its first colon."""
 
 MOST_GAMES = 20_000
-"""Number of games that the other side has to remember. When there are more, the oldest ones are over."""
+"""Number of games that the other side has to remember. When there are more, the oldest ones are
+over."""
 
 _SHOWN = 100  # characters of a wrong answer
 
@@ -51,11 +52,14 @@ _WAITING = 100_000  # answers that nobody has asked for yet
 
 
 class LinkError(ValueError):
-    """The other side cannot be reached, does not answer, or answers what the protocol does not allow."""
+    """The other side cannot be reached, does not answer, or answers what the protocol does not
+    allow.
+    """
 
 
 class ProcessLink:
-    """A process of its own: it reads lines from its standard input and answers on its standard output.
+    """A process of its own: it reads lines from its standard input and answers on its standard
+    output.
 
     Args:
         command: Program and arguments, as in a shell. Nothing of it is interpreted by a shell.
@@ -69,7 +73,10 @@ class ProcessLink:
         self._limit_s = limit_s
         try:
             self._process = subprocess.Popen(
-                shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+                shlex.split(command),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
             )
         except (OSError, ValueError, IndexError) as error:
             raise LinkError(f"it cannot be started ({error or 'the command is empty'})") from None
@@ -192,30 +199,45 @@ class HttpLink:
         import urllib.request
 
         try:
-            request = urllib.request.Request(self._url, body, {"Content-Type": "application/x-ndjson"})
+            request = urllib.request.Request(
+                self._url, body, {"Content-Type": "application/x-ndjson"}
+            )
             with urllib.request.urlopen(request, timeout=self._limit_s) as response:
                 answer: bytes = response.read(_MOST_BYTES)
-                return LinkError("its answer breaks off, or is too long") if response.length else answer
+                return (
+                    LinkError("its answer breaks off, or is too long")
+                    if response.length
+                    else answer
+                )
         except urllib.error.HTTPError as error:
             error.close()
-            return LinkError(f"it answered with status {error.code} {printable(str(error.reason)[:_TOLD])}")
+            return LinkError(
+                f"it answered with status {error.code} {printable(str(error.reason)[:_TOLD])}"
+            )
         except TimeoutError:
             return _late(self._limit_s)
         except OSError as error:
-            return LinkError(f"it cannot be reached ({printable(str(getattr(error, 'reason', error))[:_TOLD])})")
+            return LinkError(
+                f"it cannot be reached ({printable(str(getattr(error, 'reason', error))[:_TOLD])})"
+            )
         except Exception as error:  # what is no HTTP raises many things
-            return LinkError(f"its answer is no HTTP ({type(error).__name__}: {printable(str(error)[:_TOLD])})")
+            return LinkError(
+                f"its answer is no HTTP ({type(error).__name__}: {printable(str(error)[:_TOLD])})"
+            )
 
 
 def _late(limit_s: float, complaint: str = "") -> LinkError:
     return LinkError(f"it has not answered for {limit_s:g} s{complaint}")
 
 
-# --- games at the other side -------------------------------------------------------------------------
+# --- games at the other side
+# -------------------------------------------------------------------------
 
 
 class Answers(NamedTuple):
-    """Trust in G games: of the raters, (S, G), 1 if the model has none, and of the providers, (P, G)."""
+    """Trust in G games: of the raters, (S, G), 1 if the model has none, and of the providers, (P,
+    G).
+    """
 
     tor: Floats
     top: Floats
@@ -242,7 +264,9 @@ class Sessions:
         # A service may have games of several processes, which do not know of each other.
         self._numbers = count(secrets.randbits(32) << 20)
         self._rounds: dict[int, int] = {}
-        self._past: tuple[Sequence[str], int] | None = None  # messages of a game that is copied, and its number
+        self._past: tuple[Sequence[str], int] | None = (
+            None  # messages of a game that is copied, and its number
+        )
         self._ended = list[int]()  # of which the other side has not heard
 
     def begin(self, shape: Shape, games: int) -> tuple[Ints, Answers]:
@@ -273,17 +297,22 @@ class Sessions:
         for k, (number, round) in enumerate(zip(numbers.tolist(), rounds.tolist(), strict=True)):
             raters, providers = np.nonzero(mask[..., k])
             given = ratings[raters, providers, k]
-            listed = [list(one) for one in zip(raters.tolist(), providers.tolist(), given.tolist(), strict=True)]
+            listed = [
+                list(one)
+                for one in zip(raters.tolist(), providers.tolist(), given.tolist(), strict=True)
+            ]
             requests.append(_request(number, round, shape, listed))
         answers = self._ask(requests, shape)
         self._rounds.update(zip(numbers.tolist(), rounds.tolist(), strict=True))
         return answers
 
     def replay(self, shape: Shape, past: Sequence[str], tails: Sequence[str]) -> Floats:
-        """Play a game of known rounds, and return the trust in the providers at its end, shape (P,).
+        """Play a game of known rounds, and return the trust in the providers at its end, shape
+        (P,).
 
-        Messages are sent many at a time, and answers before the last one are not checked. The game is then over. If the
-        other side can copy games, the past is played once, and each further game with the same past begins as its copy.
+        Messages are sent many at a time, and answers before the last one are not checked. The game
+        is then over. If the other side can copy games, the past is played once, and each further
+        game with the same past begins as its copy.
 
         Args:
             shape: Ints of raters and providers, (S, P).
@@ -341,7 +370,9 @@ class Sessions:
 
 def round_tail(round: int, shape: Shape, ratings: list[list[float]]) -> str:
     """Return the message of a round without the number of its game, which comes first."""
-    return json.dumps({"round": round, "raters": shape[0], "providers": shape[1], "ratings": ratings})[1:]
+    return json.dumps(
+        {"round": round, "raters": shape[0], "providers": shape[1], "ratings": ratings}
+    )[1:]
 
 
 def _headed(number: int, tail: str) -> str:
@@ -356,7 +387,8 @@ def _read(line: str, shape: Shape) -> dict[str, list[float]]:
     """Return the lists of an answer.
 
     Raises:
-        LinkError: It is no JSON, or a list is missing, has another length, or has something outside [0, 1].
+        LinkError: It is no JSON, or a list is missing, has another length, or has something outside
+            [0, 1].
     """
     try:
         data = json.loads(line)
@@ -374,11 +406,14 @@ def _read(line: str, shape: Shape) -> dict[str, list[float]]:
     return lists
 
 
-# --- the model --------------------------------------------------------------------------------------
+# --- the model
+# --------------------------------------------------------------------------------------
 
 
 class OutsideState(NamedTuple):
-    """Ints of the games at the other side and their rounds, (...) each; trust of the raters and the providers."""
+    """Ints of the games at the other side and their rounds, (...) each; trust of the raters and the
+    providers.
+    """
 
     game: Array
     round: Array
@@ -390,7 +425,8 @@ class OutsideState(NamedTuple):
 class OutsideModel:
     """A trust model that is a process or an HTTP service, which begins when it is first needed.
 
-    It cannot go back to an earlier round of a game, so a game with it cannot branch, and it has no gradients.
+    It cannot go back to an earlier round of a game, so a game with it cannot branch, and it has no
+    gradients.
 
     Attributes:
         address: `exec:` and a command, such as `exec:./my-model --fast`, or the URL of a service.
@@ -409,13 +445,16 @@ class OutsideModel:
         kind, _, rest = self.address.partition(":")
         if kind not in KINDS or not rest.strip("/ "):
             raise ValueError(
-                f"address is {self.address!r}; it must be exec:COMMAND, such as exec:./my-model, or a URL, such as "
+                f"address is {self.address!r}; it must be exec:COMMAND, such as exec:./my-model, "
+                "or a URL, such as "
                 "http://127.0.0.1:8080"
             )
 
     @property
     def rates_raters(self) -> bool:
-        """True if its answers have trust of raters; a game of one rater and one provider shows it."""
+        """True if its answers have trust of raters; a game of one rater and one provider shows
+        it.
+        """
         if self._sessions().rates_raters is None:
             self._begin(np.zeros((1, 1)))
         return bool(self._sessions().rates_raters)
@@ -426,7 +465,8 @@ class OutsideModel:
         return _state(like, numbers, np.zeros_like(numbers), answers)
 
     def update(self, state: OutsideState, ratings: Ratings) -> OutsideState:
-        """Send a round of ratings, and return the state with the trust that comes back. See `TrustModel.update`.
+        """Send a round of ratings, and return the state with the trust that comes back. See
+        `TrustModel.update`.
 
         Raises:
             ValueError: The other side fails, its answer is wrong, or the game has gone on there.
@@ -469,7 +509,8 @@ class OutsideModel:
             raise ValueError(f"{self}: {error}") from None
 
     def _at_hand(self, numbers: Ints, rounds: Ints, ratings: Array) -> Ints:
-        """Return the numbers of games in these rounds. A game that has not had a rating can begin again.
+        """Return the numbers of games in these rounds. A game that has not had a rating can begin
+        again.
 
         Raises:
             ValueError: A game is in another round at the other side.
@@ -479,7 +520,8 @@ class OutsideModel:
         apart = [k for k, round in enumerate(rounds.tolist()) if there[k] != round]
         if any(rounds[apart]):
             raise ValueError(
-                f"{self} cannot go back to round {max(rounds[apart])} of a game: a model outside cannot branch, be "
+                f"{self} cannot go back to round {max(rounds[apart])} of a game: a model outside "
+                "cannot branch, be "
                 f"copied in a game, or play more than {MOST_GAMES:,} games at once"
             )
         if apart:
@@ -521,11 +563,17 @@ class OutsideFactory:
 
 
 _SESSIONS: "weakref.WeakKeyDictionary[OutsideModel, Sessions]" = weakref.WeakKeyDictionary()
-"""The memory of a model is at the other side. The object itself is immutable, so it can go to another process."""
+"""The memory of a model is at the other side. The object itself is immutable, so it can go to
+another process."""
 
 
 def _state(like: Array, numbers: Ints, rounds: Ints, answers: Answers) -> OutsideState:
     xp, batch = namespace(like), like.shape[2:]
-    game, round = (xp.asarray(part.reshape(batch), device=like.device) for part in (numbers, rounds))
-    tor, top = (xp.asarray(part.reshape(-1, *batch), dtype=like.dtype, device=like.device) for part in answers)
+    game, round = (
+        xp.asarray(part.reshape(batch), device=like.device) for part in (numbers, rounds)
+    )
+    tor, top = (
+        xp.asarray(part.reshape(-1, *batch), dtype=like.dtype, device=like.device)
+        for part in answers
+    )
     return OutsideState(game, round, tor, top)

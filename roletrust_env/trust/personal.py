@@ -1,11 +1,13 @@
-"""The common part of personal models: every rater is a judge, and the published trust is the mean of the judges.
+"""The common part of personal models: every rater is a judge, and the published trust is the mean
+of the judges.
 
-The trust T of the judges in the providers has shape (S, P, ...). Their credence C in the raters as advisers has shape
-(S, S, ...). Axis 0 is the judge, axis 1 the judged agent. A compromised judge counts as one of S, and no more.
+The trust T of the judges in the providers has shape (S, P, ...). Their credence C in the raters as
+advisers has shape (S, S, ...). Axis 0 is the judge, axis 1 the judged agent. A compromised judge
+counts as one of S, and no more.
 
-For a judge, its own ratings are outcomes and the ratings of others are opinions. Where judge and adviser rate a
-provider in the same round, the outcome shows how good the opinion was. Credence is updated first, then trust with the
-new credence.
+For a judge, its own ratings are outcomes and the ratings of others are opinions. Where judge and
+adviser rate a provider in the same round, the outcome shows how good the opinion was. Credence is
+updated first, then trust with the new credence.
 """
 
 import math
@@ -19,9 +21,11 @@ from roletrust_env.trust.ratings import Ratings
 
 
 class Personal:
-    """A personal model: its state has the trust T of each judge in each provider as `trust`, shape (S, P, ...).
+    """A personal model: its state has the trust T of each judge in each provider as `trust`, shape
+    (S, P, ...).
 
-    A state with the credence C of each judge in each rater, shape (S, S, ...), has it as `credence`.
+    A state with the credence C of each judge in each rater, shape (S, S, ...), has it as
+    `credence`.
     """
 
     family = "personal"
@@ -41,30 +45,38 @@ class Personal:
 
 
 _BLOCK = 100_000
-"""Number of values of shape (judges, S, P, ...) computed at a time: about the size of a processor's cache."""
+"""Number of values of shape (judges, S, P, ...) computed at a time: about the size of a processor's
+cache."""
 
 _TINY = 1e-30  # replaces a branch at 0; elsewhere it is lost in rounding
 
 
 def others(like: Array) -> Array:
-    """Return 1 where judge and adviser differ, 0 elsewhere, shape (S, S, 1, ...) to broadcast with (S, S, ...).
+    """Return 1 where judge and adviser differ, 0 elsewhere, shape (S, S, 1, ...) to broadcast with
+    (S, S, ...).
 
     Args:
-        like: Array of shape (S, P, ...) that shows S, the number of axes, the dtype and the array library.
+        like: Array of shape (S, P, ...) that shows S, the number of axes, the dtype and the array
+            library.
     """
     xp, s = namespace(like), like.shape[0]
-    return (1 - xp.eye(s, dtype=like.dtype, device=device_of(like))).reshape(s, s, *[1] * (like.ndim - 2))
+    return (1 - xp.eye(s, dtype=like.dtype, device=device_of(like))).reshape(
+        s, s, *[1] * (like.ndim - 2)
+    )
 
 
-# --- a round ----------------------------------------------------------------------------------------
+# --- a round
+# ----------------------------------------------------------------------------------------
 
 
 def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
-    """Return a function's results for all judges, computed in blocks, so S^2 P values are never in memory at once.
+    """Return a function's results for all judges, computed in blocks, so S^2 P values are never in
+    memory at once.
 
     Args:
         of: Function of a slice of the judges that returns an array whose axis 0 is these judges.
-        like: Array of shape (S, P, ...). A compiler gets all judges at once, since it fuses the loops itself.
+        like: Array of shape (S, P, ...). A compiler gets all judges at once, since it fuses the
+            loops itself.
     """
     many = like.shape[0]
     rows = many if is_compiling(like) else max(1, _BLOCK // max(1, math.prod(like.shape)))
@@ -73,10 +85,12 @@ def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
 
 
 def by_pairs(of: Callable[[slice, slice], Array], like: Array) -> Array:
-    """Return a function's results for all pairs of a judge and an adviser; see `by_judges`. NumPy takes each pair once.
+    """Return a function's results for all pairs of a judge and an adviser; see `by_judges`. NumPy
+    takes each pair once.
 
     Args:
-        of: Symmetric function of a slice of judges and one of advisers, whose axes 0 and 1 are these.
+        of: Symmetric function of a slice of judges and one of advisers, whose axes 0 and 1 are
+            these.
         like: Array of shape (S, P, ...).
     """
     many, rows = like.shape[0], max(1, _BLOCK // max(1, math.prod(like.shape)))
@@ -91,11 +105,13 @@ def by_pairs(of: Callable[[slice, slice], Array], like: Array) -> Array:
 
 
 def compare_opinions(ratings: Ratings, worth: Callable[[Array], Array]) -> Array:
-    """Return the value of a round's opinions to each judge, summed over common providers, shape (S, S, ...).
+    """Return the value of a round's opinions to each judge, summed over common providers, shape (S,
+    S, ...).
 
     Args:
         ratings: Ratings f of the round, on a grid.
-        worth: Function from an opinion's distance to the outcome to its value: |f[i, j] - f[k, j]| in [0, 1].
+        worth: Function from an opinion's distance to the outcome to its value: |f[i, j] - f[k, j]|
+            in [0, 1].
     """
     said, met = ratings.values, ratings.weights
 
@@ -107,7 +123,9 @@ def compare_opinions(ratings: Ratings, worth: Callable[[Array], Array]) -> Array
 
 
 def in_common(ratings: Ratings) -> Array:
-    """Return the number of providers that judge and adviser both rated in the round, shape (S, S, ...)."""
+    """Return the number of providers that judge and adviser both rated in the round, shape (S, S,
+    ...).
+    """
     met = ratings.weights
     if ratings.full and isinstance(met, np.ndarray):
         return credences(met, ratings.shape[1])
@@ -120,19 +138,24 @@ def credence_sum(credence: Array, said: Array) -> Array:
 
 
 def product(one: Array, other: Array) -> Array:
-    """Return the matrix product over the first two axes, game by game: (A, B, ...) and (B, C, ...) make (A, C, ...)."""
+    """Return the matrix product over the first two axes, game by game: (A, B, ...) and (B, C, ...)
+    make (A, C, ...).
+    """
     xp = namespace(one)
     here, there = (0, 1), (-2, -1)
     return xp.moveaxis(xp.moveaxis(one, here, there) @ xp.moveaxis(other, here, there), there, here)
 
 
 def with_self(credence: Array) -> Array:
-    """Return the credence with 1 for each judge in itself, shape (S, S, ...): own experience counts in full."""
+    """Return the credence with 1 for each judge in itself, shape (S, S, ...): own experience counts
+    in full.
+    """
     return 1 - others(credence) * (1 - credence)
 
 
 def weighted_advice(credence: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
-    """Return the mean rating of each provider for each judge, weighted by the credence in the raters.
+    """Return the mean rating of each provider for each judge, weighted by the credence in the
+    raters.
 
     Args:
         credence: Credence of the judges in the raters, shape (S, S, ...), at least 0.
@@ -140,32 +163,40 @@ def weighted_advice(credence: Array, sums: Array, counts: Array) -> tuple[Array,
         counts: Numbers of ratings, of the same shape.
 
     Returns:
-        The means, shape (S, P, ...), in [0, 1], and 0 where there are no ratings; and their total weights.
+        The means, shape (S, P, ...), in [0, 1], and 0 where there are no ratings; and their total
+        weights.
     """
     weight = credence_sum(credence, counts)
     return _in_range(mean(credence_sum(credence, sums), weight)), weight
 
 
-# --- what is remembered -----------------------------------------------------------------------------
+# --- what is remembered
+# -----------------------------------------------------------------------------
 
 
 def credences(like: Array, value: float) -> Array:
-    """Return equal credence of all judges in all advisers, shape (S, S, ...), for an array of shape (S, P, ...)."""
+    """Return equal credence of all judges in all advisers, shape (S, S, ...), for an array of shape
+    (S, P, ...).
+    """
     s, shape = like.shape[0], like.shape[2:]
     return namespace(like).zeros((s, s, *shape), dtype=like.dtype, device=device_of(like)) + value
 
 
 def nothing_yet(like: Array, length: int) -> Array:
-    """Return the memory of each judge of each provider before any rating: zeros of shape (length, S, P, ...)."""
+    """Return the memory of each judge of each provider before any rating: zeros of shape (length,
+    S, P, ...).
+    """
     return namespace(like).zeros((length, *like.shape), dtype=like.dtype, device=device_of(like))
 
 
 def push(memory: Array, newest: Array, ratings: Ratings) -> Array:
-    """Return the memory of each judge's last ratings of each provider, the newest first, after one more round.
+    """Return the memory of each judge's last ratings of each provider, the newest first, after one
+    more round.
 
     Args:
         memory: Memory before the round, shape (length, S, P, ...).
-        newest: Values to put in front for pairs with a rating, shape (S, P, ...); the oldest value is dropped there.
+        newest: Values to put in front for pairs with a rating, shape (S, P, ...); the oldest value
+            is dropped there.
         ratings: Ratings of the round, on a grid.
     """
     return ratings.write(memory, namespace(memory).concat([newest[None], memory[:-1]]))
@@ -177,11 +208,14 @@ def mean(sums: Array, weights: Array) -> Array:
 
 
 def absorb(previous: Array, weight: Array, sums: Array, count: Array) -> Array:
-    """Return a weighted mean after adding `count` values of weight 1 with this sum; unchanged where there are none."""
+    """Return a weighted mean after adding `count` values of weight 1 with this sum; unchanged where
+    there are none.
+    """
     return previous + mean(sums - count * previous, weight + count)
 
 
-# --- what is published ------------------------------------------------------------------------------
+# --- what is published
+# ------------------------------------------------------------------------------
 
 
 def published_providers(trust: Array) -> Array:
@@ -190,7 +224,8 @@ def published_providers(trust: Array) -> Array:
 
 
 def published_raters(credence: Array) -> Array:
-    """Return the other judges' mean credence in each rater, shape (S, ...), from C, shape (S, S, ...).
+    """Return the other judges' mean credence in each rater, shape (S, ...), from C, shape (S, S,
+    ...).
 
     A single rater has no judges, and has trust 1.
     """

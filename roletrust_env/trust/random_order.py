@@ -1,4 +1,6 @@
-"""Agents at random places, so that a trust model cannot know who attacks by where it stands among the agents."""
+"""Agents at random places, so that a trust model cannot know who attacks by where it stands among
+the agents.
+"""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -11,7 +13,9 @@ from roletrust_env.trust.ratings import Ratings
 
 
 class OrderedState(NamedTuple):
-    """State of a model, and the agents at the places that it sees: raters (S, ...) and providers (P, ...)."""
+    """State of a model, and the agents at the places that it sees: raters (S, ...) and providers
+    (P, ...).
+    """
 
     inner: Any
     raters: Array
@@ -20,9 +24,11 @@ class OrderedState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RandomOrder:
-    """A trust model that sees the agents of each game in another order, which stays the same during the game.
+    """A trust model that sees the agents of each game in another order, which stays the same during
+    the game.
 
-    Trust comes back in the order of the game. A model that treats all agents alike gives the same trust as without.
+    Trust comes back in the order of the game. A model that treats all agents alike gives the same
+    trust as without.
 
     Attributes:
         model: The trust model.
@@ -44,10 +50,12 @@ class RandomOrder:
     def start(self, like: Array, peers: Any) -> OrderedState:
         """Draw the order of each game. See `TrustModel.start`.
 
-        Games that differ only by the attacker, along all axes of the batch but the last, have the same order.
+        Games that differ only by the attacker, along all axes of the batch but the last, have the
+        same order.
 
         Raises:
-            ValueError: An agent is both rater and provider: its two places cannot change apart from each other.
+            ValueError: An agent is both rater and provider: its two places cannot change apart from
+                each other.
         """
         if bool(peers.any()):
             raise ValueError("agents cannot change places where one is both rater and provider")
@@ -55,17 +63,22 @@ class RandomOrder:
         random, games = np.random.default_rng(self.seed), batch[-1:]
         orders = (np.argsort(random.random((many, *games)), axis=0) for many in (raters, providers))
         spread = (
-            np.broadcast_to(order.reshape(len(order), *[1] * len(batch[:-1]), *games), (len(order), *batch))
+            np.broadcast_to(
+                order.reshape(len(order), *[1] * len(batch[:-1]), *games), (len(order), *batch)
+            )
             for order in orders
         )
         return OrderedState(
-            start_model(self.model, like, peers), *(xp.asarray(one.copy(), device=like.device) for one in spread)
+            start_model(self.model, like, peers),
+            *(xp.asarray(one.copy(), device=like.device) for one in spread),
         )
 
     def update(self, state: OrderedState, ratings: Ratings) -> OrderedState:
         """Return the state after one more round. See `TrustModel.update`."""
         mask = None if ratings.mask is None else _seen(ratings.mask, state)
-        return state._replace(inner=self.model.update(state.inner, Ratings(_seen(ratings.values, state), mask)))
+        return state._replace(
+            inner=self.model.update(state.inner, Ratings(_seen(ratings.values, state), mask))
+        )
 
     def rater_trust(self, state: OrderedState) -> Array:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""

@@ -1,8 +1,9 @@
-"""The ratings of one round, on a grid of all pairs or as a list of edges: one set of operations for both.
+"""The ratings of one round, on a grid of all pairs or as a list of edges: one set of operations for
+both.
 
-A trust model is written once, with these operations. On a grid, values of ratings have shape (S, P, ...), and every
-axis after the second is batch. On edges they have shape (E,), for E pairs that have a rating: time and memory grow with
-the number of ratings, not with S times P.
+A trust model is written once, with these operations. On a grid, values of ratings have shape (S, P,
+...), and every axis after the second is batch. On edges they have shape (E,), for E pairs that have
+a rating: time and memory grow with the number of ratings, not with S times P.
 """
 
 from collections.abc import Callable
@@ -21,13 +22,16 @@ PerProvider: TypeAlias = Annotated[Any, "provider"]
 """Array with an entry for each provider, shape (P, ...)."""
 
 PerPair: TypeAlias = Annotated[Any, "pair"]
-"""Memory of each pair, 0 where there is none: shape (S, P, ...) on a grid, (K,) for K known pairs on edges."""
+"""Memory of each pair, 0 where there is none: shape (S, P, ...) on a grid, (K,) for K known pairs
+on edges."""
 
 PairAge: TypeAlias = Annotated[Any, "age"]
-"""Number of rounds since the last rating of each pair, 0 where there is none; otherwise as `PerPair`."""
+"""Number of rounds since the last rating of each pair, 0 where there is none; otherwise as
+`PerPair`."""
 
 Side: TypeAlias = Literal[0, 1]
-"""Role of an agent in a rating, `RATER` or `PROVIDER`: on a grid, the axis of the agents of this role."""
+"""Role of an agent in a rating, `RATER` or `PROVIDER`: on a grid, the axis of the agents of this
+role."""
 
 RATER: Final = 0
 """Side of the raters; on a grid their axis."""
@@ -43,23 +47,28 @@ _SPARE = 4  # numbers for each rating up to which repeats are counted, not sorte
 _NO_SIGN = np.uint16(0x7FFF)  # -0.0 is 0.0
 
 _LARGE, _BLOCK = 1_000_000, 100_000
-"""Number of ratings above which NumPy works in blocks, and the size of a block: about 30 raters of 3,000 providers."""
+"""Number of ratings above which NumPy works in blocks, and the size of a block: about 30 raters of
+3,000 providers."""
 
 
 class Ratings:
-    """The ratings of one round, and the operations that a trust model needs on one value for each rating.
+    """The ratings of one round, and the operations that a trust model needs on one value for each
+    rating.
 
     Attributes:
-        values: Ratings in [0, 1], and 0 outside the mask: shape (S, P, ...) on a grid, (E,) on edges; None for pairs
-            without ratings, see `pairs`.
+        values: Ratings in [0, 1], and 0 outside the mask: shape (S, P, ...) on a grid, (E,) on
+            edges; None for pairs without ratings, see `pairs`.
         mask: Mask on a grid, boolean, shape (S, P, ...); None if every pair has a rating.
         shape: Number of raters S and number of providers P.
         raters: Place of the rater of each rating, whole, shape (E,), in [0, S); None on a grid.
-        providers: Place of the provider of each rating, whole, shape (E,), in [0, P); None on a grid.
-        twins: Place of the rater that is the same agent as the provider, shape (P,), -1 where there is none; None on a
-            grid, and if no agent has two roles.
-        slots: Place of each rating's pair among the known pairs, shape (E,); None if these are the pairs of the round.
-        beyond: Function that is `lower_median` over all providers, where these are some of a run; otherwise None.
+        providers: Place of the provider of each rating, whole, shape (E,), in [0, P); None on a
+            grid.
+        twins: Place of the rater that is the same agent as the provider, shape (P,), -1 where there
+            is none; None on a grid, and if no agent has two roles.
+        slots: Place of each rating's pair among the known pairs, shape (E,); None if these are the
+            pairs of the round.
+        beyond: Function that is `lower_median` over all providers, where these are some of a run;
+            otherwise None.
         full: Whether this is a grid in which every rater rated every provider.
 
     Example:
@@ -88,16 +97,19 @@ class Ratings:
         pairs: "Ratings | None" = None,
         slots: Array | None = None,
     ) -> None:
-        """Take ratings on a grid; with raters, providers and a shape, take edges, at most one for each pair.
+        """Take ratings on a grid; with raters, providers and a shape, take edges, at most one for
+        each pair.
 
         Args:
-            values: Ratings, in [0, 1] where the mask is true, anything elsewhere. They must not be written to later.
+            values: Ratings, in [0, 1] where the mask is true, anything elsewhere. They must not be
+                written to later.
             mask: See `Ratings`.
             raters: See `Ratings`.
             providers: See `Ratings`.
             shape: See `Ratings`.
             twins: See `Ratings`.
-            pairs: Known pairs on edges, which have a memory; None if these are the pairs of the round.
+            pairs: Known pairs on edges, which have a memory; None if these are the pairs of the
+                round.
             slots: See `Ratings`; needed with `pairs`.
 
         Raises:
@@ -106,13 +118,16 @@ class Ratings:
         self.values, self.mask, self.raters, self._weights = values, mask, raters, None
         self.shape: tuple[int, int] = values.shape[:2] if shape is None else shape
         self.full = raters is None and mask is None
-        self._counts: list[Array | None] = [self.shape[1], self.shape[0]] if self.full else [None, None]
+        self._counts: list[Array | None] = (
+            [self.shape[1], self.shape[0]] if self.full else [None, None]
+        )
         if raters is not None:
             self.providers, self.twins, self.slots, self._pairs = providers, twins, slots, pairs
         elif mask is not None:
             if mask.shape != values.shape:
                 raise ValueError(
-                    f"mask has shape {tuple(mask.shape)}; it must be that of the ratings, {tuple(values.shape)}"
+                    f"mask has shape {tuple(mask.shape)}; it must be that of the ratings, "
+                    f"{tuple(values.shape)}"
                 )
             xp = namespace(values)
             self._weights = xp.astype(mask, values.dtype)
@@ -120,12 +135,16 @@ class Ratings:
 
     @property
     def weights(self) -> Array:
-        """Weight of each pair, in the dtype and shape of the ratings: 1 with a rating, 0 without. Read only."""
+        """Weight of each pair, in the dtype and shape of the ratings: 1 with a rating, 0 without.
+        Read only.
+        """
         return ones(self.values) if self._weights is None else self._weights
 
     @property
     def pairs(self) -> "Ratings":
-        """All pairs that have a memory. On a grid these are the pairs of the round, on edges the pairs known so far."""
+        """All pairs that have a memory. On a grid these are the pairs of the round, on edges the
+        pairs known so far.
+        """
         return self if self._pairs is None else self._pairs
 
     def _places(self, side: Side) -> Any:
@@ -147,12 +166,14 @@ class Ratings:
         return agents.take(places) if isinstance(agents, np.ndarray) else agents[places]
 
     def reduce(self, values: Array, side: Side, op: Literal["sum", "max"] = "sum") -> Array:
-        """Return the sum, or the largest, of the values of each agent's ratings, shape (S, ...) or (P, ...).
+        """Return the sum, or the largest, of the values of each agent's ratings, shape (S, ...) or
+        (P, ...).
 
         Args:
-            values: A value for each rating, in the shape of the ratings, 0 where there is none. For `"max"`, no value
-                may be below 0.
-            side: Role of the agents of the result: for `PROVIDER`, the values of a provider's raters are added up.
+            values: A value for each rating, in the shape of the ratings, 0 where there is none. For
+                `"max"`, no value may be below 0.
+            side: Role of the agents of the result: for `PROVIDER`, the values of a provider's
+                raters are added up.
             op: `"sum"`, or `"max"`: the largest of 0 and the values.
         """
         if self.raters is None:
@@ -161,11 +182,15 @@ class Ratings:
         return at(self._places(side), values, self.shape[side])
 
     def count(self, side: Side) -> Array:
-        """Return the number of ratings of each agent, shape (S, ...) or (P, ...); one number if this is full."""
+        """Return the number of ratings of each agent, shape (S, ...) or (P, ...); one number if
+        this is full.
+        """
         known = self._counts[side]
         if known is None:
             if isinstance(self.raters, np.ndarray):
-                known = np.bincount(self._places(side), minlength=self.shape[side]).astype(self.values.dtype)
+                known = np.bincount(self._places(side), minlength=self.shape[side]).astype(
+                    self.values.dtype
+                )
             else:
                 known = self.reduce(self.weights, side)
             self._counts[side] = known
@@ -184,7 +209,8 @@ class Ratings:
         return memory if self.slots is None else memory[self.slots]
 
     def write(self, memory: PerPair, values: Array | float) -> PerPair:
-        """Return a memory with new values where the pair has a rating in this round, and as it was elsewhere.
+        """Return a memory with new values where the pair has a rating in this round, and as it was
+        elsewhere.
 
         Args:
             memory: Memory before the round, which is not changed.
@@ -200,7 +226,8 @@ class Ratings:
         return after
 
     def sorted_by_provider(self) -> tuple["Ratings", Array, Array]:
-        """Return each provider's ratings in ascending order: pairs, values, and places among the provider's ratings.
+        """Return each provider's ratings in ascending order: pairs, values, and places among the
+        provider's ratings.
 
         On a grid, pairs without a rating come last, with the value infinity.
         """
@@ -212,13 +239,23 @@ class Ratings:
             return self, xp.sort(values, axis=0), place.reshape(-1, *[1] * (values.ndim - 1))
         order = _stable_order(values)
         order = order[_stable_order(self.providers[order])]
-        raters, providers, received = self.raters[order], self.providers[order], self.count(PROVIDER)
+        raters, providers, received = (
+            self.raters[order],
+            self.providers[order],
+            self.count(PROVIDER),
+        )
         first = xp.cumulative_sum(received) - received
         place = xp.arange(len(order), dtype=values.dtype, device=values.device) - first[providers]
-        return Ratings(None, raters=raters, providers=providers, shape=self.shape), values[order], place
+        return (
+            Ratings(None, raters=raters, providers=providers, shape=self.shape),
+            values[order],
+            place,
+        )
 
     def blocks(self) -> list[slice]:
-        """Return slices of raters whose ratings fit into a processor's cache; one slice if the library does that."""
+        """Return slices of raters whose ratings fit into a processor's cache; one slice if the
+        library does that.
+        """
         values = self.values
         if self.raters is not None or not isinstance(values, np.ndarray) or values.size <= _LARGE:
             return [slice(None)]
@@ -226,7 +263,9 @@ class Ratings:
         return [slice(at, at + rows) for at in range(0, len(values), rows)]
 
     def rows(self, block: slice) -> "Ratings":
-        """Return the ratings of some raters on a grid; the providers' counts are still those of all raters."""
+        """Return the ratings of some raters on a grid; the providers' counts are still those of all
+        raters.
+        """
         part, given = copy(self), self.count(RATER)
         part._counts = [given if self.full else given[block], self.count(PROVIDER)]
         part.values, part.shape = self.values[block], (len(self.values[block]), self.shape[1])
@@ -236,7 +275,8 @@ class Ratings:
 
 
 def mean(ratings: Ratings, values: Array, side: Side) -> Array:
-    """Return the mean of the values of each agent's ratings, shape (S, ...) or (P, ...), and 0 where there are none.
+    """Return the mean of the values of each agent's ratings, shape (S, ...) or (P, ...), and 0
+    where there are none.
 
     Args:
         ratings: Ratings of the round.
@@ -252,7 +292,8 @@ def mean(ratings: Ratings, values: Array, side: Side) -> Array:
 
 
 def weighted_mean(pairs: Ratings, values: Array, weights: Array, side: Side) -> Array:
-    """Return the weighted mean of each agent's values, shape (S, ...) or (P, ...), and 0 where all weights are 0.
+    """Return the weighted mean of each agent's values, shape (S, ...) or (P, ...), and 0 where all
+    weights are 0.
 
     Args:
         pairs: Ratings of the round, or pairs that have a memory.
@@ -264,7 +305,8 @@ def weighted_mean(pairs: Ratings, values: Array, weights: Array, side: Side) -> 
 
 
 def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
-    """Return the exponential mean lam * value + (1 - lam) * previous, and the previous value where the count is 0.
+    """Return the exponential mean lam * value + (1 - lam) * previous, and the previous value where
+    the count is 0.
 
     It is computed as a step from the previous value, so that it is exact where the step is 0.
 
@@ -275,12 +317,14 @@ def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
         count: Number of values in the mean, see `Ratings.count`; 0 where there are none.
 
     Raises:
-        TypeError: The count has another dtype, such as that of whole numbers, which would change that of the trust.
+        TypeError: The count has another dtype, such as that of whole numbers, which would change
+            that of the trust.
     """
     kind = getattr(count, "dtype", previous.dtype)  # the count of full ratings is one number
     if kind != previous.dtype:
         raise TypeError(
-            f"smooth has a count of dtype {kind}; it must be {previous.dtype}, as the mean so far, see ratings.count"
+            f"smooth has a count of dtype {kind}; it must be {previous.dtype}, as the mean so far, "
+            "see ratings.count"
         )
     return previous + lam * occurred(count) * (value - previous)
 
@@ -291,16 +335,21 @@ def occurred(count: Array) -> Array:
 
 
 def aged(ratings: Ratings, ages: PairAge) -> PairAge:
-    """Return the ages after the round: 1 for a pair with a rating in it, 1 more for others that ever had one."""
+    """Return the ages after the round: 1 for a pair with a rating in it, 1 more for others that
+    ever had one.
+    """
     only_these = ratings.raters is not None and ratings.slots is None
     return ratings.write(ages if only_these else ages + ages / (ages + TINY), 1.0)
 
 
-def merge_repeats(raters: Ints, providers: Ints, values: Floats, pair: Ints) -> tuple[Ints, Ints, Floats, Ints]:
-    """Return the ratings of a round as edges with one rating for each pair: the mean of its ratings.
+def merge_repeats(
+    raters: Ints, providers: Ints, values: Floats, pair: Ints
+) -> tuple[Ints, Ints, Floats, Ints]:
+    """Return the ratings of a round as edges with one rating for each pair: the mean of its
+    ratings.
 
-    A rater has one voice about a provider in a round. Otherwise it could outvote others by repeating itself, and the
-    ratings of a round, which have no order, would need one.
+    A rater has one voice about a provider in a round. Otherwise it could outvote others by
+    repeating itself, and the ratings of a round, which have no order, would need one.
 
     Args:
         raters: Place of the rater of each rating, shape (E,).
@@ -309,13 +358,14 @@ def merge_repeats(raters: Ints, providers: Ints, values: Floats, pair: Ints) -> 
         pair: Number that tells pairs apart, whole, at least 0, shape (E,).
 
     Returns:
-        The raters, the providers, the values and the pairs; the arguments themselves if no pair repeats.
+        The raters, the providers, the values and the pairs; the arguments themselves if no pair
+        repeats.
 
     Example:
         >>> _, _, values, pair = merge_repeats(np.r_[0, 0, 1], np.r_[1, 1, 0], np.r_[0.2, 0.6, 1.0], np.r_[1, 1, 2])
         >>> values, pair
         (array([0.4, 1. ]), array([1, 2]))
-    """
+    """  # noqa: E501
     numbers = pair
     if (pair[1:] > pair[:-1]).all():  # as where all pairs are new
         return raters, providers, values, pair
@@ -331,13 +381,19 @@ def merge_repeats(raters: Ints, providers: Ints, values: Floats, pair: Ints) -> 
     last = np.empty_like(counts)
     last[numbers] = np.arange(len(numbers))
     last = last[there]
-    return raters[last], providers[last], np.bincount(numbers, values)[there] / counts[there], pair[last]
+    return (
+        raters[last],
+        providers[last],
+        np.bincount(numbers, values)[there] / counts[there],
+        pair[last],
+    )
 
 
 def _stable_order(numbers: Array) -> Array:
     """Return the order of numbers of at least 0, as a stable `argsort` does.
 
-    NumPy sorts whole numbers of 16 bits in linear time, so many numbers are sorted by one digit after the other.
+    NumPy sorts whole numbers of 16 bits in linear time, so many numbers are sorted by one digit
+    after the other.
     """
     if not isinstance(numbers, np.ndarray) or numbers.itemsize < 8 or len(numbers) < _BLOCK:
         return namespace(numbers).argsort(numbers, stable=True)
@@ -354,7 +410,9 @@ def _stable_order(numbers: Array) -> Array:
 def sum_at(places: Array, values: Array, length: int) -> Array:
     """Return the sum of the values at each place, shape (length,), in the dtype of the values."""
     if isinstance(values, np.ndarray):
-        return np.bincount(places, weights=values, minlength=length).astype(values.dtype, copy=False)
+        return np.bincount(places, weights=values, minlength=length).astype(
+            values.dtype, copy=False
+        )
     xp = namespace(values)
     return xp.zeros(length, dtype=values.dtype, device=values.device).index_add(0, places, values)
 

@@ -1,7 +1,8 @@
-"""One runner of trust: a model, its state and the rounds so far, from ratings between agents at places 0, 1, 2, ...
+"""One runner of trust: a model, its state and the rounds so far, from ratings between agents at
+places 0, 1, 2, ...
 
-Agents join, rate and leave. A central model runs on edges, in the memory of the pairs that met; any model runs on a
-grid of all pairs.
+Agents join, rate and leave. A central model runs on edges, in the memory of the pairs that met; any
+model runs on a grid of all pairs.
 """
 
 import math
@@ -68,15 +69,19 @@ class TrustRun(ABC):
         """The trust of each provider, shape (P,), in [0, 1]."""
 
     @abstractmethod
-    def play(self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None) -> None:
-        """Play one round. Agents with a place beyond all earlier ones join; ratings of one pair count as their mean.
+    def play(
+        self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None
+    ) -> None:
+        """Play one round. Agents with a place beyond all earlier ones join; ratings of one pair
+        count as their mean.
 
         Args:
             raters: Place of the rater of each rating, shape (E,), at least 0.
             providers: Place of the provider of each rating, shape (E,), at least 0.
             values: Ratings, shape (E,), in [0, 1].
-            pairs: Number of the pair of each rating, in the order in which pairs first occur, shape (E,); in all rounds
-                or in none. A local model need not find them then, but is not saved, and no agent leaves.
+            pairs: Number of the pair of each rating, in the order in which pairs first occur, shape
+                (E,); in all rounds or in none. A local model need not find them then, but is not
+                saved, and no agent leaves.
         """
 
     def skip(self, rounds: int) -> None:
@@ -90,10 +95,12 @@ class TrustRun(ABC):
 
     @abstractmethod
     def remove(self, raters: Ints, providers: Ints) -> None:
-        """Let agents leave, with their trust and the memory of their pairs; those after them move up.
+        """Let agents leave, with their trust and the memory of their pairs; those after them move
+        up.
 
-        It takes time in proportion to all agents and pairs. What their ratings did to the trust of others stays where a
-        model keeps that trust; models that compute it from the memory of all pairs do so in the next round.
+        It takes time in proportion to all agents and pairs. What their ratings did to the trust of
+        others stays where a model keeps that trust; models that compute it from the memory of all
+        pairs do so in the next round.
 
         Places without an agent are ignored.
         """
@@ -104,14 +111,16 @@ class TrustRun(ABC):
 
     @abstractmethod
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Go on from what another run of the same model has kept; nothing else may be among the arrays.
+        """Go on from what another run of the same model has kept; nothing else may be among the
+        arrays.
 
         Raises:
             ValueError: The arrays do not fit together, or are not what a run can have.
         """
 
     def _check_loaded(self, state: Any, left: Mapping[str, Any]) -> None:
-        """Refuse arrays that are of no part of a state, a state that no rounds lead to, and trust outside [0, 1].
+        """Refuse arrays that are of no part of a state, a state that no rounds lead to, and trust
+        outside [0, 1].
 
         Raises:
             ValueError: There are such arrays, or there is such a state or trust.
@@ -125,32 +134,38 @@ class TrustRun(ABC):
 
 
 def make_run(model: Any, shape: tuple[int, int] = (0, 0), *, one_role: bool = True) -> TrustRun:
-    """Return a run with so many raters and providers: on edges if the model runs there, otherwise on a grid.
+    """Return a run with so many raters and providers: on edges if the model runs there, otherwise
+    on a grid.
 
     Args:
         model: Trust model.
         shape: Number of raters and of providers at the start.
-        one_role: Whether raters and providers are different agents. Otherwise rater 7 and provider 7 are one agent.
+        one_role: Whether raters and providers are different agents. Otherwise rater 7 and provider
+            7 are one agent.
 
     Raises:
         MemoryError: The state on a grid would take more than `MEMORY`. The message says how much.
     """
     if not runs_on_edges(model):
         check_memory(model, shape)
-        return GridRun(model, np.zeros(shape), pairs_of(shape, one_role=one_role), one_role=one_role)
+        return GridRun(
+            model, np.zeros(shape), pairs_of(shape, one_role=one_role), one_role=one_role
+        )
     run = EdgeRun(model, one_role=one_role)
     run.join(*shape)
     return run
 
 
-# --- on a grid ----------------------------------------------------------------------------------------
+# --- on a grid
+# ----------------------------------------------------------------------------------------
 
 
 class GridRun(TrustRun):
-    """A run of any model on a grid of all pairs, as in a game; the games of a batch have further axes.
+    """A run of any model on a grid of all pairs, as in a game; the games of a batch have further
+    axes.
 
-    A newcomer has the values of the start. For a model in which the memory of silent agents changes, too, that is not
-    what it would have if it had been there all along.
+    A newcomer has the values of the start. For a model in which the memory of silent agents
+    changes, too, that is not what it would have if it had been there all along.
 
     Attributes:
         state: State of the model, which is not written to.
@@ -164,8 +179,8 @@ class GridRun(TrustRun):
             model: Trust model.
             like: Array of shape (S, P, ...) that shows shapes, dtype and array library.
             peers: Pairs that are one agent.
-            one_role: Whether raters and providers that join by `play` are different agents. Otherwise rater 7 and
-                provider 7 are one agent.
+            one_role: Whether raters and providers that join by `play` are different agents.
+                Otherwise rater 7 and provider 7 are one agent.
         """
         self.model, self.rounds, self.peers, self._one_role = model, 0, peers, one_role
         self.state = start_model(model, like, peers)
@@ -186,14 +201,18 @@ class GridRun(TrustRun):
         """The trust of each provider. See `TrustRun.provider_trust`."""
         return self.model.provider_trust(self.state)
 
-    def play(self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None) -> None:
+    def play(
+        self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None
+    ) -> None:
         """Play one round. See `TrustRun.play`.
 
         Raises:
             ValueError: The model fails, see `watched_update`.
         """
         self.join(int(raters.max(initial=-1)) + 1, int(providers.max(initial=-1)) + 1)
-        raters, providers, values, _ = merge_repeats(raters, providers, values, raters * self.shape[1] + providers)
+        raters, providers, values, _ = merge_repeats(
+            raters, providers, values, raters * self.shape[1] + providers
+        )
         ratings, mask = np.zeros(self.shape), np.zeros(self.shape, bool)
         ratings[raters, providers], mask[raters, providers] = values, True
         self.update(Ratings(ratings, mask))
@@ -214,7 +233,8 @@ class GridRun(TrustRun):
         Args:
             raters: Number of raters.
             providers: Number of providers.
-            peers: Pairs that are one agent then, shape (S, P); left out, those that `play` would have.
+            peers: Pairs that are one agent then, shape (S, P); left out, those that `play` would
+                have.
 
         Raises:
             MemoryError: The state would take more than `MEMORY`. The message says how much.
@@ -236,7 +256,10 @@ class GridRun(TrustRun):
         """Let agents leave. See `TrustRun.remove`."""
         if not self._one_role:
             raters = providers = np.union1d(raters, providers)
-        stay = [np.flatnonzero(staying(size, gone)) for size, gone in zip(self.shape, (raters, providers), strict=True)]
+        stay = [
+            np.flatnonzero(staying(size, gone))
+            for size, gone in zip(self.shape, (raters, providers), strict=True)
+        ]
 
         def cut(leaf: Any, trial: Any) -> Any:
             for axis, size in enumerate(getattr(trial, "shape", ())):
@@ -244,13 +267,20 @@ class GridRun(TrustRun):
                     leaf = np.take(leaf, stay[_SIDES.index(size)], axis)
             return leaf
 
-        self.state, self.peers = map_leaves(cut, self.state, _trial(self.model)), self.peers[np.ix_(*stay)]
+        self.state, self.peers = (
+            map_leaves(cut, self.state, _trial(self.model)),
+            self.peers[np.ix_(*stay)],
+        )
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the run keeps, by name. See `TrustRun.save`."""
         kept = (leaf for leaf in leaves(self.state) if leaf is not None)
         leaves_by_name = {f"state_{n}": np.asarray(leaf) for n, leaf in enumerate(kept)}
-        return {"counts": np.array([*self.shape, self.rounds]), "peers": self.peers, **leaves_by_name}
+        return {
+            "counts": np.array([*self.shape, self.rounds]),
+            "peers": self.peers,
+            **leaves_by_name,
+        }
 
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Go on from what another run has kept. See `TrustRun.load`."""
@@ -258,7 +288,9 @@ class GridRun(TrustRun):
         *shape, rounds = taken_counts(left)
         peers = taken(left, "peers", bool, tuple(shape))
         check_memory(self.model, peers.shape)
-        if not np.array_equal(peers, self.peers if peers.shape == self.shape else self._pairs(peers.shape)):
+        if not np.array_equal(
+            peers, self.peers if peers.shape == self.shape else self._pairs(peers.shape)
+        ):
             raise ValueError("other pairs are one agent")
         state = map_leaves(restoring(left), start_model(self.model, np.zeros(peers.shape), peers))
         self.state, self.peers, self.rounds = state, peers, rounds
@@ -281,31 +313,40 @@ def check_memory(model: Any, shape: tuple[int, int]) -> None:
     needed = sum(leaf.itemsize * math.prod(sizes.get(n, n) for n in leaf.shape) for leaf in found)
     if needed > MEMORY:
         raise MemoryError(
-            f"trust model {model!r} keeps numbers for pairs of agents: with {shape[0]:,} raters and {shape[1]:,} "
-            f"ratees its state would take {needed / 1e9:,.1f} GB, and {MEMORY / 1e9:.0f} GB are allowed; central "
+            f"trust model {model!r} keeps numbers for pairs of agents: with {shape[0]:,} raters "
+            f"and {shape[1]:,} "
+            f"ratees its state would take {needed / 1e9:,.1f} GB, and {MEMORY / 1e9:.0f} GB are "
+            "allowed; central "
             "models keep what the ratings take"
         )
 
 
 def _trial(model: Any) -> Any:
-    """Return a small state, whose shapes show which axes of a state are about raters and which about providers."""
+    """Return a small state, whose shapes show which axes of a state are about raters and which
+    about providers.
+    """
     return start_model(model, np.zeros(_SIDES), np.zeros(_SIDES, bool))
 
 
 def _grown(old: Any, new: Any) -> Any:
     """Return the array of a larger start with the values that were there before."""
-    if not (isinstance(old, np.ndarray) and isinstance(new, np.ndarray) and old.ndim == new.ndim > 0):
+    if not (
+        isinstance(old, np.ndarray) and isinstance(new, np.ndarray) and old.ndim == new.ndim > 0
+    ):
         return old
     grown = new.astype(old.dtype)
     grown[tuple(slice(size) for size in old.shape)] = old
     return grown
 
 
-# --- on edges ----------------------------------------------------------------------------------------
+# --- on edges
+# ----------------------------------------------------------------------------------------
 
 
 class _Touched(NamedTuple):
-    """The agents of one role in a round: their places (all if None), their number, and the ratings' places in these."""
+    """The agents of one role in a round: their places (all if None), their number, and the ratings'
+    places in these.
+    """
 
     agents: Ints | None
     size: int
@@ -313,12 +354,13 @@ class _Touched(NamedTuple):
 
 
 class EdgeRun(TrustRun):
-    """A run of a central model on edges: only what a round touches is updated, and memory grows with pairs that met.
+    """A run of a central model on edges: only what a round touches is updated, and memory grows
+    with pairs that met.
 
-    A model whose formula is local (`local = True`: trust of an agent follows from its own ratings and the trust of
-    their raters alone) takes time in proportion to the ratings of a round, and one that is `nearby` in proportion to
-    the pairs of the providers that the raters of the round ever rated, if these are few. Other models take time in
-    proportion to all pairs that ever met.
+    A model whose formula is local (`local = True`: trust of an agent follows from its own ratings
+    and the trust of their raters alone) takes time in proportion to the ratings of a round, and one
+    that is `nearby` in proportion to the pairs of the providers that the raters of the round ever
+    rated, if these are few. Other models take time in proportion to all pairs that ever met.
     """
 
     def __init__(self, model: TrustModel[Any], *, one_role: bool = True) -> None:
@@ -326,7 +368,8 @@ class EdgeRun(TrustRun):
 
         Args:
             model: Central model.
-            one_role: Whether raters and providers are different agents. Otherwise rater 7 and provider 7 are one agent.
+            one_role: Whether raters and providers are different agents. Otherwise rater 7 and
+                provider 7 are one agent.
 
         Raises:
             ValueError: The model does not run on edges.
@@ -358,7 +401,9 @@ class EdgeRun(TrustRun):
         self._settle()
         return np.array(self.model.provider_trust(self._view(ages=False)))
 
-    def play(self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None) -> None:
+    def play(
+        self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None
+    ) -> None:
         """Play one round. See `TrustRun.play`.
 
         Raises:
@@ -401,10 +446,18 @@ class EdgeRun(TrustRun):
         raters, providers, rounds = taken_counts(left)
         keys = taken(left, "pairs", np.int64, (None if self._remembers else 0,))
         check_keys(keys, (raters, providers))
-        sizes: dict[Kind, int] = {"rater": raters, "provider": providers, "pair": len(keys), "age": len(keys)}
+        sizes: dict[Kind, int] = {
+            "rater": raters,
+            "provider": providers,
+            "pair": len(keys),
+            "age": len(keys),
+        }
 
         restored = restoring(left)
-        state = map_kinds(lambda kind, leaf: restored(np.broadcast_to(leaf.dtype.type(), sizes[kind])), self._start)
+        state = map_kinds(
+            lambda kind, leaf: restored(np.broadcast_to(leaf.dtype.type(), sizes[kind])),
+            self._start,
+        )
         index = KeyIndex.of(keys)
         self._state, self._index, self.rounds, self._sizes = state, index, rounds, sizes
         self._check_loaded(state, left)
@@ -443,7 +496,9 @@ class EdgeRun(TrustRun):
             if missing <= 0:
                 return leaf
             if kind not in ("pair", "age"):
-                return np.concatenate([leaf, np.full(max(missing, len(leaf)), start[0], start.dtype)])
+                return np.concatenate(
+                    [leaf, np.full(max(missing, len(leaf)), start[0], start.dtype)]
+                )
             new = np.zeros(len(leaf) + max(missing, _SPARE * len(leaf)), start.dtype)
             new[: len(leaf)] = leaf
             return new
@@ -453,7 +508,9 @@ class EdgeRun(TrustRun):
             self._sizes.update(larger)
 
     def _view(self, *, ages: bool = True) -> Any:
-        """Return the state without spare room, with ages as of now; without `ages`, for a read-out, with stamps."""
+        """Return the state without spare room, with ages as of now; without `ages`, for a read-out,
+        with stamps.
+        """
 
         def cut(kind: Kind, leaf: Floats) -> Floats:
             there = leaf[: self._sizes[kind]]
@@ -462,13 +519,19 @@ class EdgeRun(TrustRun):
         return map_kinds(cut, self._state)
 
     def _ages(self, stamps: Floats) -> Floats:
-        """Return the rounds since a pair's last rating; a stamp is 1 more than the round before it, and 0 for none."""
+        """Return the rounds since a pair's last rating; a stamp is 1 more than the round before it,
+        and 0 for none.
+        """
         return np.where(stamps > 0, self.rounds + 1 - stamps, 0.0)
 
     def _play_touched(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
-        """Update the agents and the pairs that have ratings in the round: a small game of their own."""
+        """Update the agents and the pairs that have ratings in the round: a small game of their
+        own.
+        """
         one, other = self._touched("rater", raters), self._touched("provider", providers)
-        ratings = Ratings(values, raters=one.places, providers=other.places, shape=(one.size, other.size))
+        ratings = Ratings(
+            values, raters=one.places, providers=other.places, shape=(one.size, other.size)
+        )
         self._play_some(one, other, pair, ratings)
 
     def _play_some(self, one: _Touched, other: _Touched, pair: Ints, ratings: Ratings) -> None:
@@ -493,19 +556,28 @@ class EdgeRun(TrustRun):
         self._state = map_kinds(put, self._state, after)
 
     def _play_near(self, near: Neighbourhood, raters: Ints, values: Floats, pair: Ints) -> bool:
-        """Update the raters of the round and all providers that they ever rated; return whether these are few."""
-        before, pairs = near.median.value, near.pairs(raters, self._ends, len(self._index), self.shape)
+        """Update the raters of the round and all providers that they ever rated; return whether
+        these are few.
+        """
+        before, pairs = (
+            near.median.value,
+            near.pairs(raters, self._ends, len(self._index), self.shape),
+        )
         if pairs is None:
             return False
         givers, receivers = self._ends(pairs)
         one, other = self._touched("rater", givers), self._touched("provider", receivers)
         if one.agents is None or other.agents is None:
             return False
-        known = Ratings(None, raters=one.places, providers=other.places, shape=(one.size, other.size))
+        known = Ratings(
+            None, raters=one.places, providers=other.places, shape=(one.size, other.size)
+        )
         slots = np.searchsorted(pairs, pair)
         known.beyond = partial(near.median.put, other.agents, self.shape[1])
         who, whom = one.places.take(slots), other.places.take(slots)
-        ratings = Ratings(values, raters=who, providers=whom, shape=known.shape, pairs=known, slots=slots)
+        ratings = Ratings(
+            values, raters=who, providers=whom, shape=known.shape, pairs=known, slots=slots
+        )
         self._play_some(one, other, pairs, ratings)
         near.follow(before, self.shape[1])
         return True
@@ -531,7 +603,9 @@ class EdgeRun(TrustRun):
             self._marks = np.zeros(2 * size, np.int32)
         turn = np.arange(len(places), dtype=np.int32)
         self._marks[places] = turn
-        agents = places.compress(self._marks.take(places) == turn)  # every agent once; no sort is needed
+        agents = places.compress(
+            self._marks.take(places) == turn
+        )  # every agent once; no sort is needed
         self._marks[agents] = turn[: len(agents)]
         return _Touched(agents, len(agents), self._marks.take(places).astype(np.int64))
 
@@ -554,7 +628,9 @@ class EdgeRun(TrustRun):
         after = self._updated(self._view(), ratings)
 
         def put(kind: Kind, leaf: Floats, new: Floats) -> Floats:
-            leaf[: self._sizes[kind]] = np.where(new > 0, self.rounds + 2 - new, 0.0) if kind == "age" else new
+            leaf[: self._sizes[kind]] = (
+                np.where(new > 0, self.rounds + 2 - new, 0.0) if kind == "age" else new
+            )
             return leaf
 
         self._state = map_kinds(put, self._state, after)
@@ -567,5 +643,9 @@ class EdgeRun(TrustRun):
     def _known_pairs(self, values: Floats | None) -> Ratings:
         """Return all known pairs, with a rating each if values are given."""
         raters, providers = self._ends(slice(None))
-        twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
+        twins = (
+            np.arange(self._sizes["provider"])
+            if takes_peers(self.model) and not self._one_role
+            else None
+        )
         return Ratings(values, raters=raters, providers=providers, shape=self.shape, twins=twins)

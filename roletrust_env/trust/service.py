@@ -1,4 +1,6 @@
-"""A trust model of this package for programs in any language: the other side of `roletrust_env.trust.outside`."""
+"""A trust model of this package for programs in any language: the other side of
+`roletrust_env.trust.outside`.
+"""
 
 import json
 from copy import copy
@@ -57,14 +59,15 @@ class TrustService:
         '{"providers": [0.5, 0.5], "copies": true}'
         >>> service.answer('{"game": 1, "round": 1, "raters": 1, "providers": 2, "ratings": [[0, 1, 0.9]]}')
         '{"providers": [0.5, 0.7]}'
-    """
+    """  # noqa: E501
 
     def __init__(self, model: TrustModel[Any]) -> None:
         self._model = model
         self._games: dict[int, GridRun] = {}
 
     def answer(self, line: str) -> str | None:
-        """Return the answer to a message, one line of JSON without its end; None if a message has no answer.
+        """Return the answer to a message, one line of JSON without its end; None if a message has
+        no answer.
 
         Raises:
             ValueError: The message is not valid, or is of a game that is in another round.
@@ -75,7 +78,9 @@ class TrustService:
                 for game in _Over.model_validate_json(line).over:
                     self._games.pop(game, None)
                 return None
-            kind: type[_Copy | _Round] = _Copy if isinstance(data, dict) and "copy" in data else _Round
+            kind: type[_Copy | _Round] = (
+                _Copy if isinstance(data, dict) and "copy" in data else _Round
+            )
             message = kind.model_validate_json(line)
         except ValidationError as error:
             raise ValueError(explain(error)) from None
@@ -91,7 +96,8 @@ class TrustService:
         return json.dumps(trust)
 
     def answer_lines(self, text: str) -> str:
-        """Return the answers to the messages of a text, one on each line; those before a wrong message count.
+        """Return the answers to the messages of a text, one on each line; those before a wrong
+        message count.
 
         Raises:
             ValueError: See `answer`.
@@ -100,7 +106,9 @@ class TrustService:
         return "".join(f"{answer}\n" for answer in answers if answer is not None)
 
     def _copied(self, message: _Copy) -> GridRun:
-        """Return the run of a game of which another begins as a copy; a round makes a new run of it."""
+        """Return the run of a game of which another begins as a copy; a round makes a new run of
+        it.
+        """
         if message.copied not in self._games:
             raise ValueError(f"game {message.copied} is not in progress, so it cannot be copied")
         self._check_number(message.game)
@@ -108,13 +116,17 @@ class TrustService:
 
     def _check_number(self, game: int) -> None:
         if game not in self._games and len(self._games) >= MOST_GAMES:
-            raise ValueError(f"{MOST_GAMES:,} games are in progress, which is the most; say which ones are over")
+            raise ValueError(
+                f"{MOST_GAMES:,} games are in progress, which is the most; say which ones are over"
+            )
 
     def _play(self, message: _Round) -> GridRun:
         """Return a run after the round of a message; the one before it is as it was."""
         game, shape = message.game, (message.raters, message.providers)
         if shape[0] * shape[1] > _MOST_CELLS:
-            raise ValueError(f"game {game} has {shape[0]} x {shape[1]} pairs; the most are {_MOST_CELLS:,}")
+            raise ValueError(
+                f"game {game} has {shape[0]} x {shape[1]} pairs; the most are {_MOST_CELLS:,}"
+            )
         if message.round == 0:
             if message.ratings:
                 raise ValueError(f"game {game} begins with ratings; they come from round 1 on")
@@ -122,14 +134,26 @@ class TrustService:
             return GridRun(self._model, np.zeros(shape), pairs_of(shape, one_role=True))
         before = self._games.get(game)
         if before is None or before.rounds + 1 != message.round or before.shape != shape:
-            known = "is not in progress" if before is None else f"waits for round {before.rounds + 1} of {before.shape}"
-            raise ValueError(f"game {game} {known}; the message is of round {message.round} of {shape}")
+            known = (
+                "is not in progress"
+                if before is None
+                else f"waits for round {before.rounds + 1} of {before.shape}"
+            )
+            raise ValueError(
+                f"game {game} {known}; the message is of round {message.round} of {shape}"
+            )
         seen = set()
         for rater, provider, _ in message.ratings:
             if rater >= shape[0] or provider >= shape[1]:
-                raise ValueError(f"game {game} has a rating of provider {provider} by rater {rater}; it has {shape}")
+                raise ValueError(
+                    f"game {game} has a rating of provider {provider} by rater {rater}; it has "
+                    f"{shape}"
+                )
             if (rater, provider) in seen:
-                raise ValueError(f"game {game} has two ratings of provider {provider} by rater {rater} in a round")
+                raise ValueError(
+                    f"game {game} has two ratings of provider {provider} by rater {rater} in a "
+                    "round"
+                )
             seen.add((rater, provider))
         run, table = copy(before), np.array(message.ratings).reshape(-1, 3)
         run.play(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2])
@@ -151,8 +175,8 @@ def _values(name: str, trust: Any) -> list[float]:
 def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
     """Return a server that answers POST requests, each with messages on lines of their own.
 
-    A request with a message that is not valid has the status 400 and the reason as its body, one at which the model
-    fails the status 500; the messages before it count.
+    A request with a message that is not valid has the status 400 and the reason as its body, one at
+    which the model fails the status 500; the messages before it count.
 
     Args:
         service: Service that answers.
@@ -170,7 +194,9 @@ def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
         def do_POST(self) -> None:
             size = self.headers.get("Content-Length", "")
             if not (size.isascii() and size.isdigit()) or int(size) > _MOST_BYTES:
-                self._respond(400, f"Content-Length must be a number of at most {_MOST_BYTES} bytes\n")
+                self._respond(
+                    400, f"Content-Length must be a number of at most {_MOST_BYTES} bytes\n"
+                )
                 return
             text = self.rfile.read(int(size)).decode("utf-8", "replace")
             try:
@@ -189,7 +215,10 @@ def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
         def _respond(self, status: int, text: str) -> None:
             body = text.encode()
             self.send_response(status)
-            self.send_header("Content-Type", "application/x-ndjson" if status == 200 else "text/plain; charset=utf-8")
+            self.send_header(
+                "Content-Type",
+                "application/x-ndjson" if status == 200 else "text/plain; charset=utf-8",
+            )
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
             self.wfile.write(body)

@@ -1,4 +1,6 @@
-"""What is read back from a file of arrays: each is taken by name, and refused if it is of another type or shape."""
+"""What is read back from a file of arrays: each is taken by name, and refused if it is of another
+type or shape.
+"""
 
 from collections.abc import Callable
 from itertools import count
@@ -9,7 +11,12 @@ import numpy.typing as npt
 
 
 def taken(
-    arrays: dict[str, npt.NDArray[Any]], name: str, dtype: Any, shape: tuple[int | None, ...], *, finite: bool = True
+    arrays: dict[str, npt.NDArray[Any]],
+    name: str,
+    dtype: Any,
+    shape: tuple[int | None, ...],
+    *,
+    finite: bool = True,
 ) -> npt.NDArray[Any]:
     """Take a copy of an array from those of a file, which are without it then.
 
@@ -27,10 +34,15 @@ def taken(
         raise ValueError(f"{name} is missing")
     array = arrays.pop(name)
     sizes = zip(array.shape, shape, strict=False)
-    if array.ndim != len(shape) or array.dtype != dtype or any(needed not in (size, None) for size, needed in sizes):
+    if (
+        array.ndim != len(shape)
+        or array.dtype != dtype
+        or any(needed not in (size, None) for size, needed in sizes)
+    ):
         needed = tuple("any" if size is None else size for size in shape)
         raise ValueError(
-            f"{name} has shape {array.shape} and type {array.dtype}; shape {needed} and type {np.dtype(dtype)} belong"
+            f"{name} has shape {array.shape} and type {array.dtype}; shape {needed} and type "
+            f"{np.dtype(dtype)} belong"
         )
     if finite and not np.isfinite(array).all():
         raise ValueError(f"{name} has values that are not finite")

@@ -21,8 +21,8 @@ def in_range(raters: Array, providers: Array, radius: float) -> Array:
 def choose(rule: Choice, top: Array, available: Array, noise: Array) -> Array:
     """Return the providers that each rater chooses by their published trust.
 
-    Softmax choice without replacement is the greedy choice of trust / temperature plus Gumbel noise (Kool, van Hoof
-    and Welling 2019, "Stochastic Beams and Where to Find Them").
+    Softmax choice without replacement is the greedy choice of trust / temperature plus Gumbel noise
+    (Kool, van Hoof and Welling 2019, "Stochastic Beams and Where to Find Them").
 
     Args:
         rule: Number of providers to choose, and temperature.
@@ -31,12 +31,14 @@ def choose(rule: Choice, top: Array, available: Array, noise: Array) -> Array:
         noise: Uniform noise, shape (S, P, ...).
 
     Returns:
-        Boolean array of shape (S, P, ...). In each row, `rule.providers` entries are true, or all available ones if
-        there are fewer.
+        Boolean array of shape (S, P, ...). In each row, `rule.providers` entries are true, or all
+        available ones if there are fewer.
     """
     xp = namespace(noise)
     if rule.temperature > 0:
-        preference = top[None, ...] / rule.temperature - xp.log(-xp.log(xp.clip(noise, 1e-12, 1 - 1e-7)))
+        preference = top[None, ...] / rule.temperature - xp.log(
+            -xp.log(xp.clip(noise, 1e-12, 1 - 1e-7))
+        )
     else:
         preference = top[None, ...] + 1e-5 * noise  # breaks ties, and near ties, at random
     preference = xp.where(available, preference, -xp.inf)
@@ -47,11 +49,13 @@ def choose(rule: Choice, top: Array, available: Array, noise: Array) -> Array:
 def meet(rule: Encounters, own: Array, n_providers: int, noise: Array) -> Array:
     """Return the providers that each rater meets, all different and none of them itself.
 
-    Every set of providers is equally likely: Floyd's algorithm (Bentley and Floyd 1987, "A Sample of Brilliance").
+    Every set of providers is equally likely: Floyd's algorithm (Bentley and Floyd 1987, "A Sample
+        of Brilliance").
 
     Args:
         rule: Number k of providers to meet.
-        own: Index of the provider that is the same agent as the rater, whole, shape (S, ...); P where there is none.
+        own: Index of the provider that is the same agent as the rater, whole, shape (S, ...); P
+            where there is none.
         n_providers: Number of providers P.
         noise: Uniform noise, shape (S, k, ...).
 

@@ -1,4 +1,6 @@
-"""What to write in place of a name that is no field of a scenario or of its tables, although a user may expect it."""
+"""What to write in place of a name that is no field of a scenario or of its tables, although a user
+may expect it.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -30,7 +32,11 @@ _PART_FIELDS = {
     },
     "access": {"kind": "type rule", "radius": "range distance", "providers": "count number k"},
     "ratings": {"lost": "loss drop dropped", "late": "delayed", "delay": "lag"},
-    "perturbations": {"start": "begin first from", "stop": "end last until to", "strength": "level intensity"},
+    "perturbations": {
+        "start": "begin first from",
+        "stop": "end last until to",
+        "strength": "level intensity",
+    },
     "admission": {"threshold": "level limit", "rounds": "patience"},
     "rewards": {"quality_cost": "cost"},
 }
@@ -38,7 +44,10 @@ _PART_FIELDS = {
 
 _GROUPS = "raters providers groups robots team roles consumers population sr sp"
 _PRESETS = "preset presets base extends inherit inherits parent template scenario set"
-_SUITES = "scenarios worlds tracks models attacks methods known shares budgets white_box limit_s score places counted"
+_SUITES = (
+    "scenarios worlds tracks models attacks methods known shares budgets white_box limit_s "
+    "score places counted"
+)
 _BESIDE = {
     "--model, or trust_model=... in Python": "model trust_model",
     "--attack, or a JointPolicy in Python": "attack attacker attackers liars policies others",
@@ -59,32 +68,54 @@ _BESIDE = {
 """What stands beside a scenario, by option or argument, and names by which it may be known."""
 
 
-def give_hints(scenario: type[FrozenModel], parts: Mapping[str, Sequence[type[FrozenModel]]]) -> None:
-    """Let a scenario and its tables say what to write in place of names that are no fields of theirs."""
+def give_hints(
+    scenario: type[FrozenModel], parts: Mapping[str, Sequence[type[FrozenModel]]]
+) -> None:
+    """Let a scenario and its tables say what to write in place of names that are no fields of
+    theirs.
+    """
     elsewhere = dict[str, str]()
     for field, models in parts.items():
-        names = _names(_PART_FIELDS[field]) | {name: name for model in models for name in model.model_fields}
-        elsewhere |= {known: f"did you mean {name!r} in {field!r}?" for known, name in names.items()}
+        names = _names(_PART_FIELDS[field]) | {
+            name: name for model in models for name in model.model_fields
+        }
+        elsewhere |= {
+            known: f"did you mean {name!r} in {field!r}?" for known, name in names.items()
+        }
     own = elsewhere | _known_as(_FIELDS)
-    groups = [f"{prefix}{name}" for prefix in ("", "n_", "num_") for name in (*_GROUPS.split(), "agents")]
-    own |= dict.fromkeys(groups, "did you mean 'agents'? Each of its groups has a 'role' and a 'count'.")
+    groups = [
+        f"{prefix}{name}" for prefix in ("", "n_", "num_") for name in (*_GROUPS.split(), "agents")
+    ]
+    own |= dict.fromkeys(
+        groups, "did you mean 'agents'? Each of its groups has a 'role' and a 'count'."
+    )
     for where, names_beside in _BESIDE.items():
-        own |= dict.fromkeys(names_beside.split(), f"it is no part of a scenario, but stands beside it: {where}.")
-    own |= dict.fromkeys(_SUITES.split(), "it is of a suite, which `roletrust benchmark --suite FILE` plays.")
+        own |= dict.fromkeys(
+            names_beside.split(), f"it is no part of a scenario, but stands beside it: {where}."
+        )
+    own |= dict.fromkeys(
+        _SUITES.split(), "it is of a suite, which `roletrust benchmark --suite FILE` plays."
+    )
     own |= dict.fromkeys(
         _PRESETS.split(),
-        "a scenario is whole, and 'preset' and 'set' are of the scenarios in a suite. To change a preset, write "
+        "a scenario is whole, and 'preset' and 'set' are of the scenarios in a suite. To change a "
+        "preset, write "
         "--set FIELD=VALUE behind its name, or make_scenario(NAME).change(FIELD=VALUE) in Python.",
     )
     _set(scenario, own)
-    above = {name: f"did you mean {name!r} of the scenario itself, above its tables?" for name in scenario.model_fields}
+    above = {
+        name: f"did you mean {name!r} of the scenario itself, above its tables?"
+        for name in scenario.model_fields
+    }
     for field, models in parts.items():
         for model in models:
             _set(model, own | elsewhere | above | _known_as(_PART_FIELDS[field]))
 
 
 def _set(model: type[FrozenModel], hints: Mapping[str, str]) -> None:
-    model.field_hints = {name: hint for name, hint in hints.items() if name not in model.model_fields}
+    model.field_hints = {
+        name: hint for name, hint in hints.items() if name not in model.model_fields
+    }
 
 
 def _known_as(fields: Mapping[str, str]) -> dict[str, str]:

@@ -5,7 +5,15 @@ from difflib import get_close_matches
 from inspect import cleandoc
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
 
 from roletrust_env.errors import check_unicode, suggest
 from roletrust_env.parameters import Amount, BiasOrRange, ScaleOrRange, Share, ShareOrRange, plain
@@ -14,17 +22,24 @@ _NEAR = 0.75  # likeness of a name and one that has a hint
 
 
 class FrozenModel(BaseModel):
-    """Frozen, validated data without unknown fields. The docstrings of its fields are added to that of its class."""
+    """Frozen, validated data without unknown fields. The docstrings of its fields are added to that
+    of its class.
+    """
 
     field_hints: ClassVar[Mapping[str, str]] = {}
     """Sentences that say what to write in place of names that are no fields, in small letters."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(
+        frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         """Add the docstrings of the fields to that of the class."""
-        texts = {name: " ".join((info.description or "").split()) for name, info in cls.model_fields.items()}
+        texts = {
+            name: " ".join((info.description or "").split())
+            for name, info in cls.model_fields.items()
+        }
         fields = [f"    {name}: {text}" for name, text in texts.items()]
         cls.__doc__ = "\n".join([cleandoc(cls.__doc__ or ""), "", "Attributes:", *fields])
 
@@ -42,10 +57,16 @@ class FrozenModel(BaseModel):
         for name in data if isinstance(data, dict) else ():
             if name not in cls.model_fields:
                 key = str(name).casefold().replace("-", "_")
-                near = [] if key in cls.field_hints else get_close_matches(key, cls.model_fields, 1, _NEAR)
+                near = (
+                    []
+                    if key in cls.field_hints
+                    else get_close_matches(key, cls.model_fields, 1, _NEAR)
+                )
                 near = near or get_close_matches(key, cls.field_hints, 1, _NEAR)
                 hint = cls.field_hints.get(near[0]) if near else None
-                raise ValueError(f"there is no field {name!r}{suggest(name, cls.model_fields, hint=hint)}")
+                raise ValueError(
+                    f"there is no field {name!r}{suggest(name, cls.model_fields, hint=hint)}"
+                )
         return plain(data)
 
 
@@ -55,7 +76,8 @@ Role = Literal["SR", "SP", "SR+SP"]
 class AgentGroup(FrozenModel):
     """Agents with the same role and the same parameters.
 
-    A parameter with a range is drawn uniformly for each agent and each game, and does not change during the game.
+    A parameter with a range is drawn uniformly for each agent and each game, and does not change
+    during the game.
     """
 
     role: Role
@@ -63,9 +85,11 @@ class AgentGroup(FrozenModel):
     count: Annotated[int, Field(ge=1, le=100_000)] = 1
     """Number of agents. Each of them has its own identity, also if it joins late."""
     reserve: Annotated[int, Field(ge=0, le=1000)] = 0
-    """Further identities of each agent, absent until it takes them: newcomers to all others (not in PettingZoo)."""
+    """Further identities of each agent, absent until it takes them: newcomers to all others (not in
+    PettingZoo)."""
     turns: tuple[Role, ...] = ()
-    """Roles that `SR+SP` agents play in turn, again and again; if empty, they play both roles in every round."""
+    """Roles that `SR+SP` agents play in turn, again and again; if empty, they play both roles in
+    every round."""
     turn_length: PositiveInt = 1
     """Number of rounds that a turn lasts."""
     joins: NonNegativeInt = 0
@@ -77,13 +101,16 @@ class AgentGroup(FrozenModel):
     leave_rate: Share = 0.0
     """Probability that a present agent leaves for good, in each round."""
     noise: Amount = 0.0
-    """Standard deviation of the noise in a rater's perception of quality (synthetic service only)."""
+    """Standard deviation of the noise in a rater's perception of quality (synthetic service
+    only)."""
     ability: ShareOrRange = 1.0
-    """Share of the chosen quality that a provider delivers: a number, or a range (low, high) from which it is drawn."""
+    """Share of the chosen quality that a provider delivers: a number, or a range (low, high) from
+    which it is drawn."""
     bias: BiasOrRange = 0.0
     """Number that a rater adds to the quality (synthetic service only), or a range (low, high)."""
     scale: ScaleOrRange = 1.0
-    """Factor by which a rater multiplies the quality before (synthetic service only), or a range (low, high)."""
+    """Factor by which a rater multiplies the quality before (synthetic service only), or a range
+    (low, high)."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -94,9 +121,14 @@ class AgentGroup(FrozenModel):
         if self.join_rate == 0:
             raise ValueError("join_rate is 0; it must be above 0, or the group never joins")
         if self.ability != 1 and self.role == "SR":
-            raise ValueError(f"ability is {self.ability}; it is for agents that provide, not for the role 'SR'")
+            raise ValueError(
+                f"ability is {self.ability}; it is for agents that provide, not for the role 'SR'"
+            )
         if self.subjective and self.role == "SP":
-            raise ValueError(f"bias is {self.bias} and scale {self.scale}; they are for raters, not for the role 'SP'")
+            raise ValueError(
+                f"bias is {self.bias} and scale {self.scale}; they are for raters, not for the "
+                "role 'SP'"
+            )
         return self
 
     def role_in(self, round: int) -> Role:

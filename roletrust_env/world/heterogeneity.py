@@ -1,4 +1,6 @@
-"""Differences between agents that last for a whole game: the ability of providers, and the perception of raters."""
+"""Differences between agents that last for a whole game: the ability of providers, and the
+perception of raters.
+"""
 
 from typing import Literal, NamedTuple
 
@@ -27,8 +29,8 @@ class AgentProperties(NamedTuple):
     """Properties of the agents in a game.
 
     Attributes:
-        ability: Delivered quality as a share of the quality that a provider chose, shape (P, ...); None if every
-            provider delivers all of it.
+        ability: Delivered quality as a share of the quality that a provider chose, shape (P, ...);
+            None if every provider delivers all of it.
         perception: Bias and scale of the raters; None if all raters perceive the quality as it is.
     """
 
@@ -49,7 +51,8 @@ class AgentPropertySampler:
             low, high = _ranges(roster, name).T
             axis = roster.providers if name == "ability" else roster.raters
             low, width = (
-                namespace(like).asarray(axis(x), dtype=like.dtype, device=like.device) for x in (low, high - low)
+                namespace(like).asarray(axis(x), dtype=like.dtype, device=like.device)
+                for x in (low, high - low)
             )
             return low, width
 
@@ -59,7 +62,12 @@ class AgentPropertySampler:
         self._perception = (bounds("bias"), bounds("scale")) if subjective else None
 
     def start(
-        self, raters: Array, providers: Array, ability: Array | None, bias: Array | None, scale: Array | None
+        self,
+        raters: Array,
+        providers: Array,
+        ability: Array | None,
+        bias: Array | None,
+        scale: Array | None,
     ) -> AgentProperties:
         """Return the properties of the agents at the start of a batch of games.
 
@@ -74,7 +82,9 @@ class AgentPropertySampler:
         if self._perception is not None:
             of_bias, of_scale = self._perception
             perception = Perception(_scale(raters, of_bias, bias), _scale(raters, of_scale, scale))
-        return AgentProperties(None if self._ability is None else _scale(providers, self._ability, ability), perception)
+        return AgentProperties(
+            None if self._ability is None else _scale(providers, self._ability, ability), perception
+        )
 
 
 def varies(roster: Roster, name: Property) -> bool:
@@ -89,6 +99,8 @@ def _ranges(roster: Roster, name: Property) -> npt.NDArray[np.float64]:
 
 
 def _scale(zeros: Array, bounds: tuple[Array, Array], noise: Array | None) -> Array:
-    """Return uniform noise of shape (n, ...) scaled to ranges, given by their low ends and their widths, (n,) each."""
+    """Return uniform noise of shape (n, ...) scaled to ranges, given by their low ends and their
+    widths, (n,) each.
+    """
     low, width = (bound.reshape(bound.shape + (1,) * (zeros.ndim - 1)) for bound in bounds)
     return zeros + low if noise is None else low + width * noise

@@ -35,7 +35,8 @@ def move(rule: InRange, motion: Motion, goal: Array) -> Motion:
     Args:
         rule: Size of the arena, and speed.
         motion: Motion before the round; it is not changed.
-        goal: Uniform noise of shape (N, 2, ...): next waypoint of the agents that arrive, as a share of the arena.
+        goal: Uniform noise of shape (N, 2, ...): next waypoint of the agents that arrive, as a
+            share of the arena.
     """
     xp = namespace(goal)
     way = motion.goal - motion.position
@@ -43,5 +44,6 @@ def move(rule: InRange, motion: Motion, goal: Array) -> Motion:
     arrives = distance <= rule.speed
     stride = way * (rule.speed / xp.where(arrives, 1.0, distance))
     return Motion(
-        xp.where(arrives, motion.goal, motion.position + stride), xp.where(arrives, goal * rule.arena, motion.goal)
+        xp.where(arrives, motion.goal, motion.position + stride),
+        xp.where(arrives, goal * rule.arena, motion.goal),
     )

@@ -15,10 +15,10 @@ class Population(NamedTuple):
     """Presence of each agent.
 
     Attributes:
-        phase: `WAITING`, `PRESENT`, `LEFT` or `CUT_OFF`, integers of shape (N, ...). The last two are final: an agent
-            can come back only under another identity.
-        low: Number of successive rounds in which the trust of a present agent was below the threshold, integers of
-            shape (N, ...).
+        phase: `WAITING`, `PRESENT`, `LEFT` or `CUT_OFF`, integers of shape (N, ...). The last two
+            are final: an agent can come back only under another identity.
+        low: Number of successive rounds in which the trust of a present agent was below the
+            threshold, integers of shape (N, ...).
     """
 
     phase: Array
@@ -36,16 +36,23 @@ class Presence:
 
     def __init__(self, scenario: Scenario, roster: Roster, like: Array) -> None:
         self._admission = scenario.admission
-        self.changes = scenario.admission is not None or any(group.open for group in scenario.agents)
-        """True if agents can join, leave or be cut off. If not, all agents are present in every round."""
+        self.changes = scenario.admission is not None or any(
+            group.open for group in scenario.agents
+        )
+        """True if agents can join, leave or be cut off. If not, all agents are present in every
+        round."""
 
         def column(values: list[Any]) -> Array:
-            return namespace(like).asarray(np.asarray(values, float), dtype=like.dtype, device=like.device)
+            return namespace(like).asarray(
+                np.asarray(values, float), dtype=like.dtype, device=like.device
+            )
 
         never = float("inf")
         self._joins = column([group.joins for group in roster.groups])
         self._join_rate = column([group.join_rate for group in roster.groups])
-        self._leaves = column([never if group.leaves is None else group.leaves for group in roster.groups])
+        self._leaves = column(
+            [never if group.leaves is None else group.leaves for group in roster.groups]
+        )
         self._leave_rate = column([group.leave_rate for group in roster.groups])
         self._reserves = None
         if any(roster.identity_index):
@@ -59,7 +66,12 @@ class Presence:
         return Population(self._join_and_leave(waiting, waiting[0], noise, None), waiting)
 
     def step(
-        self, population: Population, round: Array, trust: Array, noise: Array, wanted: Array | None = None
+        self,
+        population: Population,
+        round: Array,
+        trust: Array,
+        noise: Array,
+        wanted: Array | None = None,
     ) -> Population:
         """Return the population of the next round.
 
@@ -68,9 +80,10 @@ class Presence:
             round: Number of the round that begins, shape (...).
             trust: Trust of each agent after the round that ends, shape (N, ...).
             noise: Uniform noise, shape (N, ...).
-            wanted: Boolean array of shape (N, ...), true where an owner wants an identity to be present. It matters
-                only for agents of groups with identities in reserve: a present identity that is not wanted leaves for
-                good, and a waiting one joins when it is wanted. None changes nothing.
+            wanted: Boolean array of shape (N, ...), true where an owner wants an identity to be
+                present. It matters only for agents of groups with identities in reserve: a present
+                identity that is not wanted leaves for good, and a waiting one joins when it is
+                wanted. None changes nothing.
         """
         xp = namespace(noise)
         phase, low = population
@@ -79,12 +92,18 @@ class Presence:
             phase = xp.where(low >= self._admission.rounds, CUT_OFF, phase)
         return Population(self._join_and_leave(phase, round, noise, wanted), low)
 
-    def _join_and_leave(self, phase: Array, round: Array, noise: Array, wanted: Array | None) -> Array:
+    def _join_and_leave(
+        self, phase: Array, round: Array, noise: Array, wanted: Array | None
+    ) -> Array:
         def for_games(column: Array) -> Array:
             return column.reshape(column.shape + (1,) * (noise.ndim - 1))
 
         xp = namespace(noise)
-        joins = (phase == WAITING) & (round >= for_games(self._joins)) & (noise < for_games(self._join_rate))
+        joins = (
+            (phase == WAITING)
+            & (round >= for_games(self._joins))
+            & (noise < for_games(self._join_rate))
+        )
         leaves = (phase == PRESENT) & (noise < for_games(self._leave_rate))
         if self._reserves is not None:
             has_reserve, in_reserve = map(for_games, self._reserves)

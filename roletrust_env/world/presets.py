@@ -34,7 +34,10 @@ def make_scenario(scenario: str | Path | Scenario) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario
     if not isinstance(scenario, str | Path):
-        raise ValueError(f"scenario is {scenario!r}; it must be a Scenario, the name of one, or the path of a file")
+        raise ValueError(
+            f"scenario is {scenario!r}; it must be a Scenario, the name of one, or the path of a "
+            "file"
+        )
     if isinstance(scenario, Path) or scenario.endswith((".toml", ".yaml", ".yml")):
         return load_scenario(scenario)
     return registry.make(scenario)
@@ -57,7 +60,8 @@ def _register(path: Path) -> None:
     registry.register(path.stem, cache(lambda: load_scenario(path)))
 
 
-# The descriptions are part of the fingerprint of a benchmark suite: a change would make old submissions differ from it.
+# The descriptions are part of the fingerprint of a benchmark suite: a change would make old
+# submissions differ from it.
 for _name in (
     "paper-3x3",
     "paper-3x3-hog",

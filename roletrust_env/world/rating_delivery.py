@@ -26,7 +26,12 @@ def start(rule: RatingDelivery, like: Array) -> InTransit:
 
 
 def deliver(
-    rule: RatingDelivery, transit: InTransit | None, ratings: Array, sent: Array, lost: Array | None, late: Array | None
+    rule: RatingDelivery,
+    transit: InTransit | None,
+    ratings: Array,
+    sent: Array,
+    lost: Array | None,
+    late: Array | None,
 ) -> tuple[Array, Array, InTransit | None]:
     """Deliver the ratings of one round.
 
@@ -39,7 +44,8 @@ def deliver(
         late: Uniform noise, shape (S, P, ...); None if the rule delays no ratings.
 
     Returns:
-        The ratings that arrive in this round, a boolean array of where they arrive, and the late ratings afterwards.
+        The ratings that arrive in this round, a boolean array of where they arrive, and the late
+        ratings afterwards.
     """
     if lost is not None:
         sent = sent & (lost >= rule.lost)
@@ -49,6 +55,7 @@ def deliver(
     delayed = sent & (late < rule.late)
     on_time = sent & ~delayed
     waiting = InTransit(
-        xp.concat([transit.ratings[1:], ratings[None, ...]]), xp.concat([transit.sent[1:], delayed[None, ...]])
+        xp.concat([transit.ratings[1:], ratings[None, ...]]),
+        xp.concat([transit.sent[1:], delayed[None, ...]]),
     )
     return (xp.where(on_time, ratings, transit.ratings[0]), on_time | transit.sent[0], waiting)

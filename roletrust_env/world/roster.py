@@ -1,4 +1,6 @@
-"""Roster: names and roles of the agents of a scenario, and their indices among raters, providers and agents."""
+"""Roster: names and roles of the agents of a scenario, and their indices among raters, providers
+and agents.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -43,16 +45,16 @@ def role_in_name(agent: str) -> Role:
 class Roster:
     """Agents of a scenario in the order SR, SP, SR+SP.
 
-    With this order the raters and the providers are made of slices of the agents. Agents: `[SR | SP | SR+SP]`; raters:
-    `[SR | SR+SP]`; providers: `[SP | SR+SP]`. Each identity in reserve is an agent of its own. It comes after all first
-    identities of its role.
+    With this order the raters and the providers are made of slices of the agents. Agents: `[SR | SP
+    | SR+SP]`; raters: `[SR | SR+SP]`; providers: `[SP | SR+SP]`. Each identity in reserve is an
+    agent of its own. It comes after all first identities of its role.
 
     Attributes:
         groups: Group of each agent.
-        identity_index: Index of each agent among the identities of its owner: 0 for the first identity, 1 and above for
-            those in reserve.
-        previous_identity: Index of the agent that is the previous identity of the same owner; for a first identity, its
-            own index.
+        identity_index: Index of each agent among the identities of its owner: 0 for the first
+            identity, 1 and above for those in reserve.
+        previous_identity: Index of the agent that is the previous identity of the same owner; for a
+            first identity, its own index.
     """
 
     groups: tuple[AgentGroup, ...]
@@ -64,7 +66,9 @@ class Roster:
         """Return the roster of a scenario."""
         owners = [group for group in scenario.agents for _ in range(group.count)]
         order: dict[Role, int] = {"SR": 0, "SP": 1, "SR+SP": 2}
-        agents = [(owner, k) for owner, group in enumerate(owners) for k in range(1 + group.reserve)]
+        agents = [
+            (owner, k) for owner, group in enumerate(owners) for k in range(1 + group.reserve)
+        ]
         agents.sort(key=lambda agent: (order[owners[agent[0]].role], agent[1] > 0))
         index = {agent: n for n, agent in enumerate(agents)}
         return cls(
@@ -80,21 +84,29 @@ class Roster:
 
     @cached_property
     def _distinct(self) -> tuple[list[AgentGroup], npt.NDArray[np.intp]]:
-        """Return each group once, and the place of each agent's group among them. Groups are told apart as objects."""
+        """Return each group once, and the place of each agent's group among them. Groups are told
+        apart as objects.
+        """
         distinct = {id(group): group for group in self.groups}
         places = {key: n for n, key in enumerate(distinct)}
         return list(distinct.values()), np.asarray([places[id(group)] for group in self.groups])
 
     def of_groups(self, value: Callable[[AgentGroup], Any]) -> npt.NDArray[Any]:
-        """Return a value of the group of each agent, shape (N, ...); it is computed once for each group."""
+        """Return a value of the group of each agent, shape (N, ...); it is computed once for each
+        group.
+        """
         distinct, places = self._distinct
         return np.asarray([value(group) for group in distinct])[places]
 
     @cached_property
     def own_provider(self) -> npt.NDArray[np.int64]:
-        """Index of the provider that is the same agent as each rater, shape (S,); P where there is none."""
+        """Index of the provider that is the same agent as each rater, shape (S,); P where there is
+        none.
+        """
         own = np.full(self.n_raters, self.n_providers)
-        own[self.n_raters - self.n_both :] = np.arange(self.n_providers - self.n_both, self.n_providers)
+        own[self.n_raters - self.n_both :] = np.arange(
+            self.n_providers - self.n_both, self.n_providers
+        )
         return own
 
     @cached_property
@@ -138,7 +150,9 @@ class Roster:
         return self.roles[name]
 
     def action_size(self, name: str) -> int:
-        """Return the size of the action of an agent: its quality, if it provides, and P ratings, if it rates."""
+        """Return the size of the action of an agent: its quality, if it provides, and P ratings, if
+        it rates.
+        """
         role = self.role(name)
         return (role != "SR") + self.n_providers * (role != "SP")
 
@@ -164,20 +178,28 @@ class Roster:
 
     @cached_property
     def owners(self) -> dict[str, str]:
-        """Name of the owner of each agent, by the name of the agent. An owner has the name of its first identity."""
+        """Name of the owner of each agent, by the name of the agent. An owner has the name of its
+        first identity.
+        """
         owners: dict[str, str] = {}
-        for _, name, previous in sorted(zip(self.identity_index, self.names, self.previous_identity, strict=True)):
+        for _, name, previous in sorted(
+            zip(self.identity_index, self.names, self.previous_identity, strict=True)
+        ):
             owners[name] = owners.get(self.names[previous], name)
         return {name: owners[name] for name in self.names}
 
     def with_reserves(self, by_name: Mapping[str, T]) -> dict[str, T]:
-        """Return a mapping by name of agent in which the identities in reserve have the value of their owner."""
+        """Return a mapping by name of agent in which the identities in reserve have the value of
+        their owner.
+        """
         return {name: by_name[owner] for name, owner in self.owners.items() if owner in by_name}
 
     @cached_property
     def owner_names(self) -> tuple[str, ...]:
         """Names of all agents except the identities in reserve."""
-        return tuple(name for name, k in zip(self.names, self.identity_index, strict=True) if k == 0)
+        return tuple(
+            name for name, k in zip(self.names, self.identity_index, strict=True) if k == 0
+        )
 
     @cached_property
     def not_self(self) -> npt.NDArray[np.bool_]:
@@ -185,16 +207,26 @@ class Roster:
         return np.asarray(self.own_provider[:, None] != np.arange(self.n_providers))
 
     def raters(self, of_agents: Array) -> Array:
-        """Return the rows of the raters, shape (S, ...), of an array over agents, shape (N, ...)."""
+        """Return the rows of the raters, shape (S, ...), of an array over agents, shape (N,
+        ...).
+        """
         sr = of_agents[: self._count["SR"]]
-        return namespace(of_agents).concat([sr, of_agents[self.n_agents - self.n_both :]]) if self.n_both else sr
+        return (
+            namespace(of_agents).concat([sr, of_agents[self.n_agents - self.n_both :]])
+            if self.n_both
+            else sr
+        )
 
     def providers(self, of_agents: Array) -> Array:
-        """Return the rows of the providers, shape (P, ...), of an array over agents, shape (N, ...)."""
+        """Return the rows of the providers, shape (P, ...), of an array over agents, shape (N,
+        ...).
+        """
         return of_agents[self._count["SR"] :]
 
     def agents(self, of_raters: Array, of_providers: Array, of_both: Array | None) -> Array:
-        """Return an array over agents, shape (N, ...), from one each over raters, providers and SR+SP agents."""
+        """Return an array over agents, shape (N, ...), from one each over raters, providers and
+        SR+SP agents.
+        """
         parts = [of_raters, of_providers]
         if of_both is not None:
             parts = [of_raters[: self._count["SR"]], of_providers[: self._count["SP"]], of_both]
@@ -212,7 +244,9 @@ class Roster:
         """
 
         def plays(role: Role) -> npt.NDArray[np.bool_]:
-            return self.of_groups(lambda group: [role in group.role_in(round) for round in range(max_cycles)])
+            return self.of_groups(
+                lambda group: [role in group.role_in(round) for round in range(max_cycles)]
+            )
 
         return self.raters(plays("SR")).T, self.providers(plays("SP")).T
 
@@ -223,5 +257,7 @@ def shown(names: Sequence[str]) -> str:
 
 
 def places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
-    """Return the indices of names on an axis, in the order of the names; names that are not on it are left out."""
+    """Return the indices of names on an axis, in the order of the names; names that are not on it
+    are left out.
+    """
     return [axis.index(name) for name in names if name in axis]

@@ -23,7 +23,9 @@ class Everyone(FrozenModel):
 
 
 class InRange(FrozenModel):
-    """Access by distance: agents are robots that move between waypoints, and providers serve the raters near them."""
+    """Access by distance: agents are robots that move between waypoints, and providers serve the
+    raters near them.
+    """
 
     kind: Literal["in-range"] = "in-range"
     """`in-range`."""
@@ -43,11 +45,14 @@ class Choice(FrozenModel):
     providers: PositiveInt = 1
     """Number of providers that each rater chooses in a round."""
     temperature: ZeroOrAmount = 0.0
-    """Temperature of the softmax of trust, without replacement. At 0 the choice is greedy, and ties break at random."""
+    """Temperature of the softmax of trust, without replacement. At 0 the choice is greedy, and ties
+    break at random."""
 
 
 class Encounters(FrozenModel):
-    """Access by chance: each rater meets a few providers, drawn anew in each round, and those that act serve it."""
+    """Access by chance: each rater meets a few providers, drawn anew in each round, and those that
+    act serve it.
+    """
 
     kind: Literal["encounters"] = "encounters"
     """`encounters`."""
@@ -63,7 +68,8 @@ class RatingDelivery(FrozenModel):
     late: Share = 0.0
     """Probability that a rating that is not lost arrives late."""
     delay: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Delay of a late rating, in rounds. If a newer rating arrives in the same round, the late one is dropped."""
+    """Delay of a late rating, in rounds. If a newer rating arrives in the same round, the late one
+    is dropped."""
 
 
 class Perturbation(FrozenModel):
@@ -106,12 +112,13 @@ class Rewards(FrozenModel):
 
 
 class Scenario(FrozenModel):
-    """Everything that is fixed before a game starts. Times are in rounds; a round lasts `period_s` seconds.
+    """Everything that is fixed before a game starts. Times are in rounds; a round lasts `period_s`
+    seconds.
 
     Example:
         >>> Scenario(agents=[{"role": "SR", "count": 3}, {"role": "SP", "count": 3}], lam=0.7).max_cycles
         120
-    """
+    """  # noqa: E501
 
     name: str = "custom"
     """Name of the scenario."""
@@ -121,20 +128,27 @@ class Scenario(FrozenModel):
     """Keywords for searching."""
     agents: tuple[AgentGroup, ...]
     """Groups of agents."""
-    access: Annotated[Everyone | InRange | Choice | Encounters, Field(discriminator="kind")] = Everyone()
-    """Rule by which providers serve raters, who can then rate them. No agent serves or rates itself."""
+    access: Annotated[Everyone | InRange | Choice | Encounters, Field(discriminator="kind")] = (
+        Everyone()
+    )
+    """Rule by which providers serve raters, who can then rate them. No agent serves or rates
+    itself."""
     service: Literal["synthetic", "hog"] = "synthetic"
-    """Service: `synthetic`, with a number as perceived quality, or `hog`, a people detector on camera frames."""
+    """Service: `synthetic`, with a number as perceived quality, or `hog`, a people detector on
+    camera frames."""
     frames: str | int | None = None
-    """Frames of the service `hog`: a video, an image folder or a camera number; None renders the same scene always."""
+    """Frames of the service `hog`: a video, an image folder or a camera number; None renders the
+    same scene always."""
     playback: Literal["once", "loop"] = "once"
-    """Playback of a video or image folder: `once`, which must last as long as the game, or `loop`."""
+    """Playback of a video or image folder: `once`, which must last as long as the game, or
+    `loop`."""
     ratings: RatingDelivery = RatingDelivery()
     """Losses and delays of ratings: `lost`, `late`, `delay`."""
     perturbations: tuple[Perturbation, ...] = ()
     """Perturbations of all services: `start`, `stop`, `strength`."""
     values: Annotated[tuple[PositiveAmount, ...], Field(min_length=1)] = (1.0,)
-    """Values of a service, one of which is drawn uniformly each time; the provider knows it before it serves."""
+    """Values of a service, one of which is drawn uniformly each time; the provider knows it before
+    it serves."""
     admission: Admission | None = None
     """Admission control: `threshold`, `rounds`; None cuts no agent off."""
     rewards: Rewards = Rewards()
@@ -142,7 +156,8 @@ class Scenario(FrozenModel):
     max_cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 120
     """Length of the game, in rounds; the longest with a `continuation` below 1."""
     continuation: Factor = 1.0
-    """Probability that the game goes on after a round, up to `max_cycles`; no agent knows when it ends."""
+    """Probability that the game goes on after a round, up to `max_cycles`; no agent knows when it
+    ends."""
     period_s: PositiveAmount = 0.5
     """Length of a round, in seconds."""
     lam: Lam = 0.5
@@ -153,33 +168,50 @@ class Scenario(FrozenModel):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if not any(self._somebody_rates(round) for round in range(self.max_cycles)):
-            roles = ", ".join(f"{g.count} {' then '.join(g.turns) or g.role}" for g in self.agents) or "none at all"
+            roles = (
+                ", ".join(f"{g.count} {' then '.join(g.turns) or g.role}" for g in self.agents)
+                or "none at all"
+            )
             raise ValueError(
-                f"agents: {roles}; no agent can rate another. In some round there must be a rater (SR or SR+SP) "
+                f"agents: {roles}; no agent can rate another. In some round there must be a rater "
+                "(SR or SR+SP) "
                 "and another agent that provides (SP or SR+SP)"
             )
         providers = sum(group.count for group in self.agents if group.role != "SR")
         if isinstance(self.access, Choice) and self.access.providers > providers:
-            raise ValueError(f"access.providers is {self.access.providers}; there are only {providers} providers")
+            raise ValueError(
+                f"access.providers is {self.access.providers}; there are only {providers} providers"
+            )
         others = self._providers_to_meet()
         if isinstance(self.access, Encounters) and self.access.providers > others:
-            raise ValueError(f"access.providers is {self.access.providers}; a rater can meet only {others} providers")
+            raise ValueError(
+                f"access.providers is {self.access.providers}; a rater can meet only {others} "
+                "providers"
+            )
         if self.frames == "" or (isinstance(self.frames, int) and not 0 <= self.frames < 2**31):
-            raise ValueError(f"frames is {self.frames!r}; it must be a path, or a camera number from 0 on")
+            raise ValueError(
+                f"frames is {self.frames!r}; it must be a path, or a camera number from 0 on"
+            )
         if self.frames is not None and self.service != "hog":
             raise ValueError(f"frames are for the service 'hog', not {self.service!r}")
         if self.service != "synthetic" and any(group.subjective for group in self.agents):
-            raise ValueError(f"raters' bias and scale are for the service 'synthetic', not {self.service!r}")
+            raise ValueError(
+                f"raters' bias and scale are for the service 'synthetic', not {self.service!r}"
+            )
         if self.playback == "loop" and not isinstance(self.frames, str):
-            raise ValueError(f"playback is 'loop', for a video or a folder of images; frames is {self.frames!r}")
+            raise ValueError(
+                f"playback is 'loop', for a video or a folder of images; frames is {self.frames!r}"
+            )
         return self
 
     @property
     def round_weights(self) -> npt.NDArray[np.float64]:
-        """Weights of the rounds, shape (max_cycles,): the probability `continuation`^t that round t is played.
+        """Weights of the rounds, shape (max_cycles,): the probability `continuation`^t that round t
+        is played.
 
-        Games that measure or search last `max_cycles` rounds, and a round counts by its weight. This is the expectation
-        over the length of the game, without the noise of lengths that are drawn.
+        Games that measure or search last `max_cycles` rounds, and a round counts by its weight.
+        This is the expectation over the length of the game, without the noise of lengths that are
+        drawn.
         """
         return np.power(self.continuation, np.arange(self.max_cycles))
 
@@ -189,13 +221,19 @@ class Scenario(FrozenModel):
         return float(self.round_weights.sum())
 
     def _providers_to_meet(self) -> int:
-        """Return the number of providers that every rater can meet, with identities in reserve; nobody meets itself."""
-        providers = sum(group.count * (1 + group.reserve) for group in self.agents if group.role != "SR")
+        """Return the number of providers that every rater can meet, with identities in reserve;
+        nobody meets itself.
+        """
+        providers = sum(
+            group.count * (1 + group.reserve) for group in self.agents if group.role != "SR"
+        )
         return providers - any(group.role == "SR+SP" for group in self.agents)
 
     def _somebody_rates(self, round: int) -> bool:
         """Return whether, in a round, one agent can rate and another one can provide."""
-        present = [g for g in self.agents if g.joins <= round and (g.leaves is None or round < g.leaves)]
+        present = [
+            g for g in self.agents if g.joins <= round and (g.leaves is None or round < g.leaves)
+        ]
         playing = [(group.role_in(round), group.count) for group in present]
         raters = sum(count for role, count in playing if role != "SP")
         providers = sum(count for role, count in playing if role != "SR")
@@ -206,7 +244,8 @@ class Scenario(FrozenModel):
         """Return a copy of the scenario with other values of some fields, validated anew.
 
         Args:
-            **changes: Fields of the scenario, and `noise`, which replaces the perception noise of every group.
+            **changes: Fields of the scenario, and `noise`, which replaces the perception noise of
+                every group.
 
         Raises:
             ValueError: A field does not exist or a value is not allowed.
@@ -240,7 +279,8 @@ def read_scenario(data: Mapping[str, Any], source: str) -> Scenario:
         source: Source of the data, for error messages.
 
     Raises:
-        ValueError: Some fields are wrong. The message gives each of them with its value and the values allowed.
+        ValueError: Some fields are wrong. The message gives each of them with its value and the
+            values allowed.
     """
     try:
         return Scenario.model_validate(data)
@@ -255,7 +295,11 @@ def load_scenario(path: str | Path) -> Scenario:
         ValueError: The file cannot be read, is neither TOML nor YAML, or holds no valid scenario.
     """
     path = Path(path)
-    readers: dict[str, Callable[[str], Any]] = {".toml": tomllib.loads, ".yaml": _parse_yaml, ".yml": _parse_yaml}
+    readers: dict[str, Callable[[str], Any]] = {
+        ".toml": tomllib.loads,
+        ".yaml": _parse_yaml,
+        ".yml": _parse_yaml,
+    }
     if path.suffix not in readers:
         raise ValueError(f"scenario file {path}: the name must end in one of {', '.join(readers)}")
     try:
@@ -267,7 +311,9 @@ def load_scenario(path: str | Path) -> Scenario:
     except ValueError as error:  # raised by the parsers, and for invalid UTF-8
         raise ValueError(f"scenario file {path} is broken: {error}") from None
     if not isinstance(data, dict):
-        raise ValueError(f"scenario file {path} holds a {type(data).__name__}; it must hold fields with values")
+        raise ValueError(
+            f"scenario file {path} holds a {type(data).__name__}; it must hold fields with values"
+        )
     return read_scenario({"name": path.stem, **data}, f"scenario file {path}")
 
 
@@ -275,7 +321,9 @@ def _parse_yaml(text: str) -> Any:
     try:
         import yaml
     except ImportError:
-        raise ValueError("YAML needs PyYAML: pip install 'roletrust-env[cli]'; TOML needs no package") from None
+        raise ValueError(
+            "YAML needs PyYAML: pip install 'roletrust-env[cli]'; TOML needs no package"
+        ) from None
 
     try:
         return yaml.safe_load(text)

@@ -14,12 +14,18 @@ class Service(Protocol):
     """Protocol of services: they turn the quality of providers into the perception of raters."""
 
     def perceive(
-        self, quality: Array, strength: Array, round: Array, noise: Array, perception: Perception | None
+        self,
+        quality: Array,
+        strength: Array,
+        round: Array,
+        noise: Array,
+        perception: Perception | None,
     ) -> Array:
         """Return the quality that each rater perceives in each service.
 
         Args:
-            quality: Delivered quality in [0, 1], shape (P, ...), or for each rater, shape (S, P, ...).
+            quality: Delivered quality in [0, 1], shape (P, ...), or for each rater, shape (S, P,
+                ...).
             strength: Strength of the perturbation in [0, 1], shape (...).
             round: Number of the round, shape (...).
             noise: Standard normal noise, shape (S, P, ...).
@@ -31,10 +37,11 @@ class Service(Protocol):
 
 
 class SyntheticService:
-    """Service in which a rater perceives the delivered quality, reduced by perturbations, plus noise, clipped.
+    """Service in which a rater perceives the delivered quality, reduced by perturbations, plus
+    noise, clipped.
 
-    A rater with a bias and a scale perceives scale x quality + bias + noise, clipped. Such a rater is subjective, but
-    not dishonest.
+    A rater with a bias and a scale perceives scale x quality + bias + noise, clipped. Such a rater
+    is subjective, but not dishonest.
 
     Args:
         roster: Agents with the perception noise of the raters.
@@ -52,7 +59,12 @@ class SyntheticService:
         self._bounds = constant(0), constant(1)
 
     def perceive(
-        self, quality: Array, strength: Array, round: Array, noise: Array, perception: Perception | None
+        self,
+        quality: Array,
+        strength: Array,
+        round: Array,
+        noise: Array,
+        perception: Perception | None,
     ) -> Array:
         """See `Service.perceive`."""
         deviation = self._deviation
@@ -70,11 +82,15 @@ def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
     if scenario.service == "synthetic":
         return SyntheticService(roster, like)
     if not isinstance(like, np.ndarray):
-        raise ValueError("the service 'hog' needs NumPy; it does not support arrays of another library")
+        raise ValueError(
+            "the service 'hog' needs NumPy; it does not support arrays of another library"
+        )
     try:
         from roletrust_env.world.vision.service import HogService
     except ImportError as error:
-        raise ValueError(f"the service 'hog' needs OpenCV ({error}): pip install 'roletrust-env[vision]'") from None
+        raise ValueError(
+            f"the service 'hog' needs OpenCV ({error}): pip install 'roletrust-env[vision]'"
+        ) from None
 
     return HogService(
         roster.n_raters,

@@ -1,4 +1,5 @@
-"""What holds for every attack that has a name; those with several identities have tests of their own."""
+"""What holds for every attack that has a name; those with several identities have tests of their
+own."""
 
 import json
 import warnings
@@ -27,7 +28,11 @@ SMALL = Scenario(
 RATERS = ("sr_0", "srsp_1")
 PROVIDERS = ("sp_0", "srsp_1")
 SEATS = {"ratings": RATERS, "silence": RATERS, "quality": PROVIDERS, "treatment": PROVIDERS}
-NAMES = [name for name in attackers() if name != "learned" and "presence" not in registry.factory(name).attacks]
+NAMES = [
+    name
+    for name in attackers()
+    if name != "learned" and "presence" not in registry.factory(name).attacks
+]
 
 
 def seated(policy):
@@ -66,7 +71,9 @@ def test_it_keeps_to_the_contract_of_attacks(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_it_does_something(name):
     attacked, honest = (played(policy, np.zeros(()), (4,)) for policy in (made(name), Policy()))
-    assert any(np.abs(ours - theirs).max() > 0.01 for ours, theirs in zip(attacked, honest, strict=True))
+    assert any(
+        np.abs(ours - theirs).max() > 0.01 for ours, theirs in zip(attacked, honest, strict=True)
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -83,7 +90,9 @@ def test_searches_take_what_it_declares(name):
 
 @pytest.mark.parametrize("name", ["conflicting", "bad-mouthing", "cheating-ring"])
 def test_it_plays_from_the_command_line(tmp_path, name):
-    seats = sorted({"sp_2" if SEATS[channel] is PROVIDERS else "sr_2" for channel in space(name).channels})
+    seats = sorted(
+        {"sp_2" if SEATS[channel] is PROVIDERS else "sr_2" for channel in space(name).channels}
+    )
     options = [part for agent in seats for part in ("--attack", f"{agent}={name}")]
     arguments = ["play", "paper-3x3", "--set", "max_cycles=12", *options, "--out", str(tmp_path)]
     result = CliRunner().invoke(app, arguments)

@@ -1,4 +1,5 @@
-"""Constructors of attackers, trust models, search methods and scenarios refuse parameters that do not exist."""
+"""Constructors of attackers, trust models, search methods and scenarios refuse parameters that do
+not exist."""
 
 import dataclasses
 import importlib
@@ -34,21 +35,33 @@ FACTORIES = {
     "Honest": Honest,
 }
 SCENARIO_PARTS = [
-    part for part in vars(roletrust_env.world).values() if isinstance(part, type) and issubclass(part, FrozenModel)
+    part
+    for part in vars(roletrust_env.world).values()
+    if isinstance(part, type) and issubclass(part, FrozenModel)
 ]
 
 
 def misspelt(name: str) -> str:
     """Return a name with two letters swapped, or with a letter too many."""
-    return f"{name}x" if len(name) < 3 or name[1] == name[2] else name[0] + name[2] + name[1] + name[3:]
+    return (
+        f"{name}x"
+        if len(name) < 3 or name[1] == name[2]
+        else name[0] + name[2] + name[1] + name[3:]
+    )
 
 
 def policies() -> Iterator[type[Any]]:
     """All dataclasses of policies in the packages of attackers, base classes included."""
     for package in (roletrust_baselines, roletrust_agents):
-        for module in pkgutil.walk_packages([str(Path(package.__path__[0]))], f"{package.__name__}."):
+        for module in pkgutil.walk_packages(
+            [str(Path(package.__path__[0]))], f"{package.__name__}."
+        ):
             for cls in vars(importlib.import_module(module.name)).values():
-                own = isinstance(cls, type) and issubclass(cls, Policy) and cls.__module__ == module.name
+                own = (
+                    isinstance(cls, type)
+                    and issubclass(cls, Policy)
+                    and cls.__module__ == module.name
+                )
                 if own and dataclasses.is_dataclass(cls):
                     yield cls
 
@@ -60,25 +73,35 @@ def test_an_unknown_parameter_is_refused_and_the_near_name_suggested(name: str) 
     with pytest.raises(UnknownParameterError, match="has no parameter 'zzz'"):
         factory(zzz=0.5)
     for parameter in parameters:
-        with pytest.raises(UnknownParameterError, match=rf"did you mean '{parameter}'\? It takes {parameters[0]}"):
+        with pytest.raises(
+            UnknownParameterError, match=rf"did you mean '{parameter}'\? It takes {parameters[0]}"
+        ):
             factory(**{misspelt(parameter): 0.5})
 
 
-@pytest.mark.parametrize("cls", sorted(set(policies()), key=lambda cls: cls.__name__), ids=lambda cls: cls.__name__)
+@pytest.mark.parametrize(
+    "cls", sorted(set(policies()), key=lambda cls: cls.__name__), ids=lambda cls: cls.__name__
+)
 def test_every_policy_refuses_unknown_parameters(cls: type[Any]) -> None:
     with pytest.raises(UnknownParameterError, match=f"^{cls.__name__} has no parameter 'zzz'"):
         cls(zzz=0.5)
 
 
 def test_the_registry_of_attackers_suggests_in_one_line() -> None:
-    with pytest.raises(ValueError, match=r"^attacker 'bad-mouthing' has no parameter 'levl'; did you mean 'level'\?"):
+    with pytest.raises(
+        ValueError,
+        match=r"^attacker 'bad-mouthing' has no parameter 'levl'; did you mean 'level'\?",
+    ):
         make_attacker("bad-mouthing", levl=0.2)
 
 
 @pytest.mark.parametrize("part", SCENARIO_PARTS, ids=lambda part: part.__name__)
 def test_every_part_of_a_scenario_suggests_the_near_field(part: type[FrozenModel]) -> None:
     for field in part.model_fields:
-        with pytest.raises(ValidationError, match=rf"there is no field '{misspelt(field)}'; did you mean '{field}'\?"):
+        with pytest.raises(
+            ValidationError,
+            match=rf"there is no field '{misspelt(field)}'; did you mean '{field}'\?",
+        ):
             part(**{misspelt(field): 1})
     with pytest.raises(ValidationError, match=r"there is no field 'zzz'\. Known:"):
         part(zzz=1)

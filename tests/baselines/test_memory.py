@@ -1,9 +1,17 @@
-"""Attacks with a memory in a batch of games: a game that begins anew forgets, and the others do not."""
+"""Attacks with a memory in a batch of games: a game that begins anew forgets, and the others do
+not."""
 
 import numpy as np
 import pytest
 
-from roletrust_baselines import Camouflage, CamouflageRating, CheatingRing, MilkingRing, RankLies, Sleeper
+from roletrust_baselines import (
+    Camouflage,
+    CamouflageRating,
+    CheatingRing,
+    MilkingRing,
+    RankLies,
+    Sleeper,
+)
 from roletrust_env.envs.attack_env import TaskBatch
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trees import arrays

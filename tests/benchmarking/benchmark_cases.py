@@ -1,4 +1,5 @@
-"""A tiny suite, faulty models and attackers, and a run that tests can kill: `python benchmark_cases.py FILE`."""
+"""A tiny suite, faulty models and attackers, and a run that tests can kill: `python
+benchmark_cases.py FILE`."""
 
 import os
 import signal
@@ -15,7 +16,10 @@ from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.trust import Ratings
 from roletrust_env.trust.models.central.means import Mean
 
-GROUPS = [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}]
+GROUPS = [
+    {"role": "SR", "count": 4, "noise": 0.05},
+    {"role": "SP", "count": 3, "ability": [0.3, 1.0]},
+]
 TINY = {
     "name": "tiny",
     "models": ["mean", "role-trust"],

@@ -1,4 +1,5 @@
-"""Models that play the benchmark: they look for the game, for other games, or under a borrowed name."""
+"""Models that play the benchmark: they look for the game, for other games, or under a borrowed
+name."""
 
 import sys
 from typing import Any
@@ -11,7 +12,8 @@ from roletrust_env.trust.models.central.means import Mean
 
 
 class OffTheStack(Mean):
-    """A model that reads the abilities of providers off the state of the game, on the stack of its callers."""
+    """A model that reads the abilities of providers off the state of the game, on the stack of its
+    callers."""
 
     def provider_trust(self, state: Any) -> Any:
         """The abilities, if they can be found."""
@@ -33,7 +35,8 @@ FirstHand.__module__ = "roletrust_env.trust.models.personal.first_hand"
 
 
 class RowPeek(Beta):
-    """A model that leaves out raters who differ from most rows of games, which have equal noise: the attackers."""
+    """A model that leaves out raters who differ from most rows of games, which have equal noise:
+    the attackers."""
 
     def start(self, like: Any) -> Any:
         """The state, and how often each rater differed."""
@@ -58,11 +61,13 @@ class RowPeek(Beta):
 
 
 HONEST: list[Any] = []
-"""Ratings of the games in which all are honest, a row of games with the noise of all attacks, by round."""
+"""Ratings of the games in which all are honest, a row of games with the noise of all attacks, by
+round."""
 
 
 class Remembering(Mean):
-    """A model that remembers the honest games, and leaves out raters who differ from them in the same round."""
+    """A model that remembers the honest games, and leaves out raters who differ from them in the
+    same round."""
 
     def start(self, like: Any) -> Any:
         """The state and its round."""

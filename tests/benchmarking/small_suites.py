@@ -9,7 +9,10 @@ MARKET = {
     "preset": "market",
     "set": {
         "max_cycles": 12,
-        "agents": [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
+        "agents": [
+            {"role": "SR", "count": 4, "noise": 0.05},
+            {"role": "SP", "count": 3, "ability": [0.3, 1.0]},
+        ],
     },
 }
 TRACKS: dict[str, Any] = {

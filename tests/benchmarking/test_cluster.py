@@ -21,12 +21,22 @@ def address(tmp_path_factory):
     """Address of a cluster with two workers, which stops after the tests."""
     port = 20_000 + os.getpid() % 10_000
     folder = Path(sys.executable).parent
-    options = [f"--port={port}", "--num-cpus=2", "--include-dashboard=false", "--disable-usage-stats", "--block"]
+    options = [
+        f"--port={port}",
+        "--num-cpus=2",
+        "--include-dashboard=false",
+        "--disable-usage-stats",
+        "--block",
+    ]
     options += ["--node-ip-address=127.0.0.1", "--object-store-memory=100000000"]
     environment = {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
     log = (tmp_path_factory.mktemp("ray") / "log").open("w")
     head = subprocess.Popen(
-        [folder / "ray", "start", "--head", *options], env=environment, stdout=log, stderr=log, start_new_session=True
+        [folder / "ray", "start", "--head", *options],
+        env=environment,
+        stdout=log,
+        stderr=log,
+        start_new_session=True,
     )
     yield f"127.0.0.1:{port}"
     os.killpg(head.pid, signal.SIGTERM)
@@ -51,7 +61,9 @@ def cluster(address):
 
 def test_two_ray_workers_give_the_results_of_one_process(cluster):
     suite = tiny()
-    assert results(cluster.play(suite, suite.cells())) == results(LocalPool(1).play(suite, suite.cells()))
+    assert results(cluster.play(suite, suite.cells())) == results(
+        LocalPool(1).play(suite, suite.cells())
+    )
 
 
 def test_cells_that_hang_or_kill_their_process_do_not_affect_others(cluster):

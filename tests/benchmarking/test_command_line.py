@@ -33,24 +33,33 @@ def test_a_suite_of_the_project_is_given_by_its_name(suite, fields):
         options.setdefault(option, []).append(value)
     assert options.pop("--suite") == [suite]
     assert options.pop("--out") == ["results/my run"]
-    assert {key: tuple(names) for key, names in options.items()} == {f"--{key[:-1]}": fields[key] for key in fields}
+    assert {key: tuple(names) for key, names in options.items()} == {
+        f"--{key[:-1]}": fields[key] for key in fields
+    }
 
 
 def test_known_attacks_are_a_file():
     known = [KnownAttack(name="mine", scenario="drawn-1", track="raters", share=0.3, record="{}")]
     command = reproduction_command(with_known(load_suite("standard"), known), FILE)
-    assert command == "roletrust benchmark --suite standard --known known.json --out 'results/my run'"
+    assert (
+        command == "roletrust benchmark --suite standard --known known.json --out 'results/my run'"
+    )
 
 
 def test_the_stored_suite_gives_the_command():
     """The stored suite has names in place of `all`."""
     stored = _asked(load_suite("quick"), None, None, None, allow_code=False)
     assert (list(stored.models), list(stored.attacks)) == (stored.model_names, stored.attack_names)
-    assert reproduction_command(stored, FILE) == "roletrust benchmark --suite quick --out 'results/my run'"
+    assert (
+        reproduction_command(stored, FILE)
+        == "roletrust benchmark --suite quick --out 'results/my run'"
+    )
 
 
 def test_another_suite_is_given_by_its_file():
     assert "--suite small.toml " in reproduction_command(small(name="small"), FILE)
-    assert "--suite quick.toml " in reproduction_command(load_suite("quick").model_copy(update={"games": 2}), FILE)
+    assert "--suite quick.toml " in reproduction_command(
+        load_suite("quick").model_copy(update={"games": 2}), FILE
+    )
     for name in ("quick, worlds 3", "quick, worlds of mine"):
         assert "--suite quick.toml " in reproduction_command(small(name=name), FILE)

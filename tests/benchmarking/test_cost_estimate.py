@@ -9,7 +9,8 @@ from roletrust_env.benchmarking.cost import estimate_cost
 
 
 def test_the_time_is_that_of_attacks_side_by_side(monkeypatch) -> None:
-    """One attack alone takes some times longer for each game; a run plays its attacks in batches."""
+    """One attack alone takes some times longer for each game; a run plays its attacks in
+    batches."""
     suite, batches = small(models=["mean"], methods=["scripted"], games=2), []
 
     def played(task, attacker, batch, *random):
@@ -26,10 +27,14 @@ def test_the_time_is_that_of_attacks_side_by_side(monkeypatch) -> None:
     assert seconds == pytest.approx(5 / 8 / 4 / 2 * sum(cost.round_counts(suite, cell)))
 
 
-@pytest.mark.parametrize("tracks", [{"honest": {}}, {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}])
+@pytest.mark.parametrize(
+    "tracks", [{"honest": {}}, {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}]
+)
 def test_the_estimate_is_an_upper_bound_of_the_rounds(tracks: dict) -> None:
     scenario = {"preset": "peers" if len(tracks) == 1 else "paper-3x3", "set": {"max_cycles": 5}}
-    suite = small(models=["mean"], scenarios={"world": scenario}, tracks=tracks, methods=["scripted"], games=2)
+    suite = small(
+        models=["mean"], scenarios={"world": scenario}, tracks=tracks, methods=["scripted"], games=2
+    )
     (cost,) = estimate_cost(suite, suite.cells()).values()
     played = sum(play_cell(suite, cell).env_steps for cell in suite.cells())
     assert cost.env_steps >= played > 0

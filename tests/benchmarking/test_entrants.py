@@ -125,7 +125,10 @@ def test_a_fingerprint_is_that_of_every_process() -> None:
     )
     found = {
         subprocess.run(
-            [sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, check=True
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
         ).stdout
         for seed in ("1", "2")
     }
@@ -191,10 +194,15 @@ def test_arguments_that_make_no_sense_are_refused() -> None:
 
 
 def test_one_attack_needs_no_list() -> None:
-    assert {one.attack for one in here("mean", attacks="bad-mouthing").attacks} == {"nobody", "bad-mouthing"}
+    assert {one.attack for one in here("mean", attacks="bad-mouthing").attacks} == {
+        "nobody",
+        "bad-mouthing",
+    }
 
 
-@pytest.mark.parametrize(("field", "names"), [("models", ()), ("models", ("mean", "mean")), ("attacks", ())])
+@pytest.mark.parametrize(
+    ("field", "names"), [("models", ()), ("models", ("mean", "mean")), ("attacks", ())]
+)
 def test_a_suite_has_models_and_attacks_each_once(field: str, names: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match=field):
         small(**{field: names})

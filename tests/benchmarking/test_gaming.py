@@ -18,7 +18,12 @@ from roletrust_env.benchmarking.submission import CellClaim, make_claim
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.verification import check_bias, check_cell, check_fresh
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import HELD_OUT, attacked_rollout, exact_task, random_sources
+from roletrust_env.evaluation.measurement import (
+    HELD_OUT,
+    attacked_rollout,
+    exact_task,
+    random_sources,
+)
 from roletrust_env.evaluation.specs import is_own_model
 from roletrust_env.trust import Ratings, register_trust_model
 from roletrust_env.trust.model import registry
@@ -75,7 +80,10 @@ def fresh(models: list[str], claimed: int, new: int, half: float | None = None) 
     if half is not None:
         claims = [_wider(claim, half) for claim in claims]
     return [
-        check.ok for check in check_fresh(claims, [result for model in models for _, result in results(model, new)])
+        check.ok
+        for check in check_fresh(
+            claims, [result for model in models for _, result in results(model, new)]
+        )
     ]
 
 
@@ -88,7 +96,11 @@ def _wider(claim: CellClaim, half: float) -> CellClaim:
 
 def test_a_model_that_knows_the_public_seed_is_found_by_a_new_one() -> None:
     register_trust_model("oracle", Oracle)
-    worst = min(np.mean(row.measured["utility"]) for _, result in results("oracle", PUBLIC) for row in result.rows)
+    worst = min(
+        np.mean(row.measured["utility"])
+        for _, result in results("oracle", PUBLIC)
+        for row in result.rows
+    )
     assert worst > 0.99
     assert fresh(["oracle"], PUBLIC, 17) == [False]
     assert fresh(["oracle"], PUBLIC, 17, half=20.0) == [False]
@@ -96,9 +108,13 @@ def test_a_model_that_knows_the_public_seed_is_found_by_a_new_one() -> None:
 
 
 def test_a_model_in_a_process_of_its_own_cannot_read_the_game_off_the_stack() -> None:
-    suite = small(models=["gaming_models:OffTheStack"], attacks=["rank-lies"], tracks=SUITE.tracks, games=40)
+    suite = small(
+        models=["gaming_models:OffTheStack"], attacks=["rank-lies"], tracks=SUITE.tracks, games=40
+    )
     cell = next(one for one in suite.cells() if one.share == 0.5)
-    inside, apart = (play_cell(suite, cell, isolated=isolated).rows[0] for isolated in (False, True))
+    inside, apart = (
+        play_cell(suite, cell, isolated=isolated).rows[0] for isolated in (False, True)
+    )
     (honest,) = play_cell(suite, cell._replace(model="mean")).rows
     assert np.mean(inside.measured["utility"]) > 0.99
     assert apart.measured == honest.measured  # it is no more than the mean, to the last bit
@@ -131,9 +147,13 @@ def test_a_borrowed_name_makes_no_model_of_the_package(monkeypatch: pytest.Monke
         for name in ("borrowed", "object"):
             with pytest.raises(ValueError, match="says that it is of roletrust_env"):
                 source_of(registry.factory(name))
-        digests = hashes({name: registry.factory(name) for name in ("first-hand", "borrowed", "object")})
+        digests = hashes(
+            {name: registry.factory(name) for name in ("first-hand", "borrowed", "object")}
+        )
         assert len(set(digests.values())) == 3
-        monkeypatch.setattr(module, "FirstHand", gaming_models.FirstHand)  # it may even take the place
+        monkeypatch.setattr(
+            module, "FirstHand", gaming_models.FirstHand
+        )  # it may even take the place
     assert is_own_model("first-hand")
 
 
@@ -145,20 +165,28 @@ def test_the_hash_of_a_model_of_others_is_of_its_package_which_is_not_imported(
     (tmp_path / "package_of_mine/model.py").write_text("raise SystemExit\nclass Mine: ...")
     (tmp_path / "package_of_mine/__init__.py").write_text("raise SystemExit")
     (tmp_path / "module_of_mine.py").write_text("raise SystemExit")
-    found = [model_source("package_of_mine.model:Mine:lam=0.5"), model_source("module_of_mine:Mine")]
+    found = [
+        model_source("package_of_mine.model:Mine:lam=0.5"),
+        model_source("module_of_mine:Mine"),
+    ]
     assert [one.made_by for one in found] == ["package_of_mine.model.Mine", "module_of_mine.Mine"]
     (tmp_path / "package_of_mine/helper.py").write_text("")
     assert model_source("package_of_mine.model:Mine") != found[0]
     assert model_source("module_of_mine:Mine") == found[1]
     assert model_source("mean:lam=0.5") == source_of(registry.factory("mean"))
-    for name, words in (("none_of_mine:Mine", "in no file"), ("sys:Mine", "in no file"), ("none", "unknown trust")):
+    for name, words in (
+        ("none_of_mine:Mine", "in no file"),
+        ("sys:Mine", "in no file"),
+        ("none", "unknown trust"),
+    ):
         with pytest.raises(ValueError, match=words):
             model_source(name)
 
 
 @pytest.mark.slow
 def test_twenty_honest_entries_are_accepted() -> None:
-    """Each entry is a run with a seed of its own; the next one is what a verifier plays with a new seed."""
+    """Each entry is a run with a seed of its own; the next one is what a verifier plays with a new
+    seed."""
     models = ["mean", "median", "travos"]
     runs = [[pair for model in models for pair in results(model, seed)] for seed in range(21)]
     claims = [[make_claim(cell, result) for cell, result in one] for one in runs]
@@ -168,13 +196,16 @@ def test_twenty_honest_entries_are_accepted() -> None:
 
 
 class Elsewhere(Mean):
-    """The mean as another machine may compute it: the last digit of a number is another, for equal numbers alike."""
+    """The mean as another machine may compute it: the last digit of a number is another, for equal
+    numbers alike."""
 
     machine = 0
 
     def provider_trust(self, state: Any) -> Any:
         trust = super().provider_trust(state)
-        bits = np.ascontiguousarray(trust).view(np.uint64) * np.uint64(0x9E3779B97F4A7C15 + 2 * self.machine)
+        bits = np.ascontiguousarray(trust).view(np.uint64) * np.uint64(
+            0x9E3779B97F4A7C15 + 2 * self.machine
+        )
         last = (bits >> np.uint64(40)) % np.uint64(3) - 1.0
         return np.clip(np.where(trust * 64 % 1 == 0, trust, trust * (1 + 2.0**-52 * last)), 0, 1)
 
@@ -188,12 +219,19 @@ def test_twenty_entries_from_other_machines_are_accepted_and_raised_ones_are_not
     different = 0
     for machine in range(20):
         Elsewhere.machine = machine
-        played = [(cell, play_cell(suite, cell._replace(model="elsewhere"))) for cell in suite.cells()]
+        played = [
+            (cell, play_cell(suite, cell._replace(model="elsewhere"))) for cell in suite.cells()
+        ]
         claims = [make_claim(cell, result) for cell, result in played]
         different += claims != own
-        checks = [check_cell(claim, result, same=False) for claim, result in zip(claims, here, strict=True)]
+        checks = [
+            check_cell(claim, result, same=False)
+            for claim, result in zip(claims, here, strict=True)
+        ]
         assert all(check.ok for check in [*checks, *check_bias(claims, here)])
-        assert not all(check.ok for check in check_bias([_raised(claim, 0.4) for claim in claims], here))
+        assert not all(
+            check.ok for check in check_bias([_raised(claim, 0.4) for claim in claims], here)
+        )
     assert different > 10
 
 

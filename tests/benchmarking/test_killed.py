@@ -41,7 +41,9 @@ def workers(process):
     pids = []
     for pid in children(process.pid):
         with suppress(OSError):
-            if "resource_tracker" not in Path(f"/proc/{pid}/cmdline").read_text():  # a helper of multiprocessing
+            if (
+                "resource_tracker" not in Path(f"/proc/{pid}/cmdline").read_text()
+            ):  # a helper of multiprocessing
                 pids.append(pid)
     return pids
 
@@ -61,7 +63,8 @@ def is_running(pid):
 
 
 def kill_runs(path, times, seconds, random_source):
-    """Start and kill a run several times at random moments. Return the number of stored cells after each kill."""
+    """Start and kill a run several times at random moments. Return the number of stored cells after
+    each kill."""
     counts = []
     for _ in range(times):
         process = start_run(path)
@@ -78,7 +81,8 @@ def kill_runs(path, times, seconds, random_source):
 
 
 def kill_workers(process, times, seconds, random_source):
-    """Kill random workers of a run at random moments, at most `times`, and return the number of kills."""
+    """Kill random workers of a run at random moments, at most `times`, and return the number of
+    kills."""
     killed = 0
     while killed < times and process.poll() is None:
         time.sleep(random_source.uniform(0, seconds))
@@ -106,8 +110,11 @@ class TestKilled:
         while killed < times:
             path.unlink(missing_ok=True)
             process = start_run(path)
-            # A cell that lost its worker in every attempt counts as failed: each run keeps one attempt.
-            killed += kill_workers(process, min(times - killed, TRIES - 1), seconds / 2, random_source)
+            # A cell that lost its worker in every attempt counts as failed: each run keeps one
+            # attempt.
+            killed += kill_workers(
+                process, min(times - killed, TRIES - 1), seconds / 2, random_source
+            )
             assert process.wait(timeout=600) == 0
             with Store(path) as store:
                 assert results(store.all()) == expected

@@ -1,4 +1,5 @@
-"""Known attacks: they play as they were found, in a suite of their own or of others, and bad files are refused."""
+"""Known attacks: they play as they were found, in a suite of their own or of others, and bad files
+are refused."""
 
 import json
 from pathlib import Path
@@ -50,16 +51,30 @@ def test_there_is_the_worst_attack_on_each_model_in_each_condition(
 ) -> None:
     cases = worst_cases(Leaderboard.of(SUITE, stored).attacks)
     attacked = {key: case.attack for key, case in cases.items() if key[1].track == "raters"}
-    worst = {(f"{attack} against {model}", tuple(where)) for (model, where), attack in attacked.items()}
+    worst = {
+        (f"{attack} against {model}", tuple(where)) for (model, where), attack in attacked.items()
+    }
     named = {(one.name, one.condition) for one in found.attacks}
     assert named <= worst
-    assert len({(one.record, one.condition) for one in found.attacks}) == len(found.attacks) == len(named)
+    assert (
+        len({(one.record, one.condition) for one in found.attacks})
+        == len(found.attacks)
+        == len(named)
+    )
     left_out = [name.rpartition(" against ")[0] for name, _ in worst - named]
-    assert all("random search" not in attack for attack in left_out)  # scripts only, listed for another model
+    assert all(
+        "random search" not in attack for attack in left_out
+    )  # scripts only, listed for another model
 
 
-def test_a_known_attack_scores_as_in_the_run_that_found_it(found: KnownAttacks, stored: list[StoredCell]) -> None:
-    again = {cell.key: result for cell, result in play(with_known(SUITE, found.attacks)) if cell.method == "known"}
+def test_a_known_attack_scores_as_in_the_run_that_found_it(
+    found: KnownAttacks, stored: list[StoredCell]
+) -> None:
+    again = {
+        cell.key: result
+        for cell, result in play(with_known(SUITE, found.attacks))
+        if cell.method == "known"
+    }
     compared = 0
     for cell, result in stored:
         if cell.method != "random search":  # scripts side by side share their random numbers
@@ -84,7 +99,10 @@ def test_attacks_on_other_models_count_in_the_worst_case(found: KnownAttacks) ->
     assert board.rows[0].ensemble.mean == ensemble.rows[0].worst.mean != board.rows[0].worst.mean
     assert "ensemble" in board.columns
     assert "ensemble" in repr(board)
-    assert "ensemble" not in Leaderboard.of(SUITE, play(tiny(models=["mean"], methods=["scripted"]))).columns
+    assert (
+        "ensemble"
+        not in Leaderboard.of(SUITE, play(tiny(models=["mean"], methods=["scripted"]))).columns
+    )
 
 
 def test_two_runs_may_find_attacks_of_the_same_name(found: KnownAttacks) -> None:
@@ -107,7 +125,9 @@ def test_evolution_starts_from_known_coalitions() -> None:
     known = [KnownAttack(name="mine", record=first.record, **place), script]
     larger = with_known(suite, known)
     (again,) = play_cell(larger, cell).rows
-    assert again.progress[0][1] == pytest.approx(first.progress[-1][1])  # the best of the first search
+    assert again.progress[0][1] == pytest.approx(
+        first.progress[-1][1]
+    )  # the best of the first search
     assert again.progress[-1][1] >= first.progress[-1][1] > first.progress[0][1]
     assert larger.rules(cell) != suite.rules(cell)
     scripted = cell._replace(method="scripted")
@@ -120,7 +140,10 @@ def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
     networks = list(universal_coalitions(wide=False).values())[:3]
     wide = DeepSetArchitecture(units=5)  # other networks cannot play beside it
     networks.insert(1, DeepSet.unflatten(wide, random_weights(wide, np.random.default_rng(0))))
-    known = [KnownAttack(name=f"{k}", record=record_of(CoalitionAttacker(w)), **place) for k, w in enumerate(networks)]
+    known = [
+        KnownAttack(name=f"{k}", record=record_of(CoalitionAttacker(w)), **place)
+        for k, w in enumerate(networks)
+    ]
     suite = with_known(tiny(models=["qor"], methods=["scripted"], tracks=tracks), known)
     cell = next(cell for cell in suite.cells() if cell.method == "known")
     rows = {row.attack: row for row in play_cell(suite, cell).rows}
@@ -136,7 +159,10 @@ def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
 def test_a_script_with_parameters_is_recorded_with_them() -> None:
     spec = "bad-mouthing:level=0.25,start=2"
     suite = tiny(
-        models=["mean"], methods=["scripted"], attacks=[spec], tracks={"raters": {"roles": ["SR"], "shares": [0.3]}}
+        models=["mean"],
+        methods=["scripted"],
+        attacks=[spec],
+        tracks={"raters": {"roles": ["SR"], "shares": [0.3]}},
     )
     entries, _ = make_entries(suite, play(suite))
     (one,) = entries.attacks
@@ -156,14 +182,18 @@ def test_a_known_attack_that_cannot_play_harms_no_other(found: KnownAttacks) -> 
     record = json.dumps({"kind": "scripts", "policies": {"nobody_7": {"name": "bad-mouthing"}}})
     wrong = found.attacks[0].model_copy(update={"name": "wrong", "record": record})
     suite = with_known(tiny(models=["mean"], methods=["scripted"]), [wrong, *found.attacks])
-    cell = next(cell for cell in suite.cells() if cell.method == "known" and cell[1:4] == wrong.condition)
+    cell = next(
+        cell for cell in suite.cells() if cell.method == "known" and cell[1:4] == wrong.condition
+    )
     result = play_cell(suite, cell)
     assert result.rows
     assert result.failed.startswith("attack wrong: ")
 
 
 def test_the_worst_attacks_of_a_run_with_known_ones_are_these(found: KnownAttacks) -> None:
-    suite = with_known(tiny(models=["mean"], methods=["scripted"], attacks=["random-rating"]), found.attacks)
+    suite = with_known(
+        tiny(models=["mean"], methods=["scripted"], attacks=["random-rating"]), found.attacks
+    )
     again, lost = make_entries(suite, play(suite))
     assert lost == []
     assert set(again.attacks) & set(found.attacks)
@@ -176,7 +206,9 @@ def test_names_that_harm_terminals_or_files_are_refused() -> None:
         KnownAttack(**ONE, finder="a\x1b[31m")
 
 
-def test_a_condition_without_known_attacks_is_said(found: KnownAttacks, stored: list[StoredCell]) -> None:
+def test_a_condition_without_known_attacks_is_said(
+    found: KnownAttacks, stored: list[StoredCell]
+) -> None:
     few = [one for one in found.attacks if one.share == 0.3]
     played = play(with_known(SUITE, few))
     by_share = {cell.share: result for cell, result in played if cell.method == "known"}
@@ -200,16 +232,22 @@ def test_a_suite_reads_them_from_the_file_beside_it(found: KnownAttacks, tmp_pat
     (tmp_path / "suite.toml").write_text(text)
     assert load_suite(tmp_path / "suite.toml").known == found.attacks  # type: ignore[union-attr]
     (tmp_path / "mine.json").unlink()
-    with pytest.raises(ValueError, match=r"there is no file '.*mine.json'; `roletrust submit --attacks`"):
+    with pytest.raises(
+        ValueError, match=r"there is no file '.*mine.json'; `roletrust submit --attacks`"
+    ):
         load_suite(tmp_path / "suite.toml")
     (tmp_path / "mine.json").mkdir()
     with pytest.raises(ValueError, match=r"mine.json is a folder; give the path of a file"):
         load_suite(tmp_path / "suite.toml")
-    with pytest.raises(ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"):
+    with pytest.raises(
+        ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"
+    ):
         read_known_attacks(Path("x" * 300))
 
 
-def test_several_lists_are_one_and_a_suite_reads_several_files(found: KnownAttacks, tmp_path: Path) -> None:
+def test_several_lists_are_one_and_a_suite_reads_several_files(
+    found: KnownAttacks, tmp_path: Path
+) -> None:
     one = found.attacks[0]
     namesake = one.model_copy(update={"record": "{}", "finder": "B. Author"})
     both = merge_attacks([one], [namesake, one])
@@ -256,7 +294,9 @@ def test_a_bad_file_is_one_line(tmp_path: Path, text: str, words: str) -> None:
 
 def test_attacks_that_no_suite_can_play_are_refused() -> None:
     one = KnownAttack(**ONE)
-    with pytest.raises(ValueError, match="none of the 1 known attacks is for a condition of the suite"):
+    with pytest.raises(
+        ValueError, match="none of the 1 known attacks is for a condition of the suite"
+    ):
         with_known(SUITE, [one.model_copy(update={"track": "others"})])
     assert with_known(with_known(SUITE, [one]), [one]).known == (one,)
     with pytest.raises(ValueError, match="give both or none"):
@@ -265,7 +305,9 @@ def test_attacks_that_no_suite_can_play_are_refused() -> None:
         tiny(methods=["known"])
     with pytest.raises(ValueError, match="has the name of another attack of the suite"):
         tiny(methods=["known"], known=[ONE | {"name": "on-off"}])
-    with pytest.raises(ValueError, match="known attack 'mine': the record of an attacker must be an object"):
+    with pytest.raises(
+        ValueError, match="known attack 'mine': the record of an attacker must be an object"
+    ):
         check_records([one])
     with pytest.raises(ValueError, match="which the suite does not have"):
         tiny(methods=["known"], known=[ONE | {"share": 0.4}])

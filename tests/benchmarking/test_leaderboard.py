@@ -7,7 +7,13 @@ from small_suites import small
 from roletrust_env.benchmarking import verdict
 from roletrust_env.benchmarking.caveats import caveats, late_gain
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.leaderboard import Leaderboard, _places, leaderboard_rows, moved_rows, score_table
+from roletrust_env.benchmarking.leaderboard import (
+    Leaderboard,
+    _places,
+    leaderboard_rows,
+    moved_rows,
+    score_table,
+)
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Cell
@@ -31,7 +37,9 @@ def row(attack: str, chosen: list[float], utility: list[float], blind: float = 0
     return AttackResult(attack, attack, 0, {"utility": chosen}, measured)
 
 
-def stored(model: str, *rows: AttackResult, track: str = "raters", method: str = "scripted") -> StoredCell:
+def stored(
+    model: str, *rows: AttackResult, track: str = "raters", method: str = "scripted"
+) -> StoredCell:
     cell = Cell(model, "market", track, 0.5 if track == "raters" else 0.0, method, 0)
     return StoredCell(cell, CellResult(rows, 1.0))
 
@@ -44,7 +52,11 @@ RUN = [
     stored("mean", row("lies", [0.5, 0.7], [0.9, 0.7]), row("silence", [0.6, 0.7], [0.1, 0.1])),
     stored("mean", row("white-box planner", [0.0, 0.0], [0.3, 0.3]), method="white-box planner"),
     stored("median", row("nobody", [0.9, 0.9], [0.9, 0.9]), track="honest", method="nobody"),
-    stored("median", row("lies", [0.2, 0.2], [0.3, 0.5], blind=0.5), row("silence", [0.6, 0.7], [0.1, 0.1])),
+    stored(
+        "median",
+        row("lies", [0.2, 0.2], [0.3, 0.5], blind=0.5),
+        row("silence", [0.6, 0.7], [0.1, 0.1]),
+    ),
 ]
 
 
@@ -54,13 +66,21 @@ def test_the_worst_is_chosen_in_some_games_and_measured_in_others() -> None:
         for (model, where), one in worst_cases(attack_scores(SUITE, RUN)).items()
         if where.track == "raters"
     }
-    assert cases == {"mean": "lies", "median": "lies"}  # though silence did worse where it is measured
+    assert cases == {
+        "mean": "lies",
+        "median": "lies",
+    }  # though silence did worse where it is measured
 
 
 def test_each_seed_chooses_its_own_worst_case() -> None:
-    """Lies are worse for the first seed and silence for the second one, though lies are worse for both together."""
-    first = stored("mean", row("lies", [0.1, 0.1], [0.2, 0.4]), row("silence", [0.9, 0.9], [0.9, 0.9]))
-    second = stored("mean", row("lies", [0.6, 0.6], [0.8, 0.8]), row("silence", [0.5, 0.5], [0.5, 0.7]))
+    """Lies are worse for the first seed and silence for the second one, though lies are worse for
+    both together."""
+    first = stored(
+        "mean", row("lies", [0.1, 0.1], [0.2, 0.4]), row("silence", [0.9, 0.9], [0.9, 0.9])
+    )
+    second = stored(
+        "mean", row("lies", [0.6, 0.6], [0.8, 0.8]), row("silence", [0.5, 0.5], [0.5, 0.7])
+    )
     run = [first, second._replace(cell=second.cell._replace(seed=1))]
     (case,) = worst_cases(attack_scores(SUITE, run)).values()
     assert [one.attack for one in case.choices] == ["lies", "silence"]
@@ -74,7 +94,9 @@ def test_each_seed_chooses_its_own_worst_case() -> None:
 
 def test_an_attack_without_a_score_is_never_the_worst_case() -> None:
     nothing = row("nothing", [None, None], [0.9, 0.7])  # type: ignore[list-item]
-    found = worst_cases(attack_scores(SUITE, [stored("mean", nothing, row("lies", [0.5, 0.7], [0.9, 0.7]))]))
+    found = worst_cases(
+        attack_scores(SUITE, [stored("mean", nothing, row("lies", [0.5, 0.7], [0.9, 0.7]))])
+    )
     assert [one.attack for one in found.values()] == ["lies"]
 
 
@@ -108,16 +130,23 @@ def test_attacks_that_serve_all_raters_alike_have_a_column_of_their_own() -> Non
     """The model that is best against all attacks is not the best one against these."""
     discrimination = row("discrimination", [0.2, 0.2], [0.3, 0.5])._replace(treats=True)
     lies = row("lies", [0.5, 0.5], [0.8, 0.8])
-    run = [stored("mean", lies, discrimination), stored("median", lies._replace(attack="more lies"), lies)]
+    run = [
+        stored("mean", lies, discrimination),
+        stored("median", lies._replace(attack="more lies"), lies),
+    ]
     run[1].result.rows[0].chosen["utility"] = [0.4, 0.4]
     run[1] = run[1]._replace(result=CellResult((row("lies", [0.4, 0.4], [0.5, 0.7]),), 1.0))
     board = Leaderboard.of(SUITE, run)
-    assert [(one.model, one.worst.mean, one.alike.mean, one.rank, one.alike_rank) for one in board.rows] == [
+    assert [
+        (one.model, one.worst.mean, one.alike.mean, one.rank, one.alike_rank) for one in board.rows
+    ] == [
         ("median", pytest.approx(0.6), pytest.approx(0.6), 1, 2),
         ("mean", pytest.approx(0.4), pytest.approx(0.8), 2, 1),
     ]
     assert "| alike |" in board.to_markdown()
-    assert "0.800 (1, tier -)" in board.to_markdown().replace(" ± 0.000", "")  # the planner has not attacked
+    assert "0.800 (1, tier -)" in board.to_markdown().replace(
+        " ± 0.000", ""
+    )  # the planner has not attacked
     moved = moved_rows(board.rows, board.attacks)
     assert [one.loss for one in moved] == pytest.approx([0.0, 0.4])
     assert (moved[1].condition, moved[1].attack) == ("market, raters 50%", "discrimination")
@@ -135,14 +164,18 @@ def test_conditions_count_alike_however_many_games_they_have() -> None:
     run = [stored("mean", row("lies", [0.5, 0.7], [0.9, 0.7])), stored("mean", more)]
     run[1] = run[1]._replace(cell=Cell("mean", "market", "providers", 0.5, "scripted", 0))
     cases = list(worst_cases(attack_scores(suite, run)).values())
-    assert score_table(cases, ["mean"]) == pytest.approx(np.array([[[(0.9 + 0.3) / 2, (0.7 + 0.7) / 2]]]))
+    assert score_table(cases, ["mean"]) == pytest.approx(
+        np.array([[[(0.9 + 0.3) / 2, (0.7 + 0.7) / 2]]])
+    )
 
 
 def test_published_trust_has_a_column_of_its_own() -> None:
     raters = row("lies", [0.5, 0.7], [0.9, 0.7], blind=0.5)
     raters.measured["published"] = [0.3, 0.5]
     for score, worst, published in (("utility", 0.8, 0.5), ("skill", 0.6, -0.2)):
-        suite = small(models=["mean"], methods=["scripted"], tracks=TRACKS, score=score, consumers="raters")
+        suite = small(
+            models=["mean"], methods=["scripted"], tracks=TRACKS, score=score, consumers="raters"
+        )
         raters.chosen["blind"] = [0.5, 0.5]
         (line,) = leaderboard_rows(suite, [stored("mean", raters)], ["mean"], 1)
         assert (line.worst.mean, line.published.mean) == pytest.approx((worst, published))
@@ -151,7 +184,9 @@ def test_published_trust_has_a_column_of_its_own() -> None:
 
 
 def on_blind(attack: str, utility: list[float], blind: float) -> AttackResult:
-    return row(attack, [], utility, blind)._replace(chosen={"utility": utility, "blind": [blind] * 2})
+    return row(attack, [], utility, blind)._replace(
+        chosen={"utility": utility, "blind": [blind] * 2}
+    )
 
 
 def test_on_the_scale_of_skill_the_worst_attack_leaves_least_above_a_blind_choice() -> None:
@@ -172,14 +207,22 @@ def test_on_the_scale_of_skill_the_worst_attack_leaves_least_above_a_blind_choic
 
 def test_a_condition_in_which_all_providers_are_alike_has_no_skill() -> None:
     suite = small(models=["mean"], methods=["scripted"], score="skill", tracks=TRACKS)
-    (line,) = leaderboard_rows(suite, [stored("mean", on_blind("lies", [1.0, 1.0], 1.0))], ["mean"], 1)
+    (line,) = leaderboard_rows(
+        suite, [stored("mean", on_blind("lies", [1.0, 1.0], 1.0))], ["mean"], 1
+    )
     assert np.isnan(line.worst.mean)
 
 
 def test_a_rank_holds_as_often_as_new_games_confirm_it() -> None:
-    sure = [stored("mean", row("a", [0.5] * 2, [0.9, 0.8])), stored("median", row("a", [0.5] * 2, [0.3, 0.2]))]
+    sure = [
+        stored("mean", row("a", [0.5] * 2, [0.9, 0.8])),
+        stored("median", row("a", [0.5] * 2, [0.3, 0.2])),
+    ]
     assert [line.holds for line in leaderboard_rows(SUITE, sure, ["mean", "median"], 1)] == [1, 1]
-    even = [stored("mean", row("a", [0.5] * 2, [0.9, 0.2])), stored("median", row("a", [0.5] * 2, [0.3, 0.7]))]
+    even = [
+        stored("mean", row("a", [0.5] * 2, [0.9, 0.2])),
+        stored("median", row("a", [0.5] * 2, [0.3, 0.7])),
+    ]
     assert (
         0.4 < leaderboard_rows(SUITE, even, ["mean", "median"], 1)[0].holds < 0.8
     )  # one of four resamples has the other order
@@ -192,11 +235,16 @@ def test_holds_is_seen_as_often_as_it_is_said(monkeypatch: pytest.MonkeyPatch) -
     random, said, seen = np.random.default_rng(0), [], []
     for _ in range(60):
         true = random.normal(0.8, spread, (10, 1))
-        runs = [true + random.normal(0, 0.05, 40) + random.normal(0, 0.06, (10, 40)) for _ in range(2)]
+        runs = [
+            true + random.normal(0, 0.05, 40) + random.normal(0, 0.06, (10, 40)) for _ in range(2)
+        ]
         first, second = (
             leaderboard_rows(
                 small(models=NAMES, tracks=RATERS),
-                [stored(name, row("a", [0.5] * 2, list(games))) for name, games in zip(NAMES, run, strict=True)],
+                [
+                    stored(name, row("a", [0.5] * 2, list(games)))
+                    for name, games in zip(NAMES, run, strict=True)
+                ],
                 NAMES,
                 1,
             )
@@ -241,7 +289,8 @@ class FirstFive(Mean):
 
 
 @pytest.mark.parametrize(
-    ("raters", "places", "words"), [(5, "last", ""), (6, "last", "the last of their role"), (6, "random", "at random")]
+    ("raters", "places", "words"),
+    [(5, "last", ""), (6, "last", "the last of their role"), (6, "random", "at random")],
 )
 def test_a_model_that_goes_by_places_is_named(raters: int, places: str, words: str) -> None:
     register_trust_model("first-five", FirstFive)
@@ -249,8 +298,14 @@ def test_a_model_that_goes_by_places_is_named(raters: int, places: str, words: s
     stage = {"market": {"preset": "market", "set": {"max_cycles": 5, "agents": groups}}}
     suite = small(models=["first-five", "mean"], scenarios=stage, tracks=TRACKS, places=places)
     run = [stored(name, row("lies", [0.5] * 2, [0.5] * 2)) for name in suite.models]
-    found = [line for line in caveats(suite, run, attack_scores(SUITE, run), suite.models) if "places" in line]
-    assert [line.startswith("first-five") and words in line for line in found] == [True] * bool(words)
+    found = [
+        line
+        for line in caveats(suite, run, attack_scores(SUITE, run), suite.models)
+        if "places" in line
+    ]
+    assert [line.startswith("first-five") and words in line for line in found] == [True] * bool(
+        words
+    )
 
 
 class Moody(Mean):
@@ -275,8 +330,12 @@ def test_a_model_without_a_played_cell_is_not_run_for_a_caveat() -> None:
             raise SystemExit(3)
 
     register_trust_model("bomb", Bomb)
-    failed = StoredCell(Cell("bomb", "market", "raters", 0.5, "scripted", 0), CellResult((), 1.0, failed="given up"))
-    assert caveats(small(), [failed], [], ["bomb"]) == ["bomb, market, raters 0.5, scripted: given up"]
+    failed = StoredCell(
+        Cell("bomb", "market", "raters", 0.5, "scripted", 0), CellResult((), 1.0, failed="given up")
+    )
+    assert caveats(small(), [failed], [], ["bomb"]) == [
+        "bomb, market, raters 0.5, scripted: given up"
+    ]
 
 
 def test_a_partly_failed_cell_is_a_caveat_and_missing() -> None:
@@ -285,14 +344,19 @@ def test_a_partly_failed_cell_is_a_caveat_and_missing() -> None:
     assert line.missing == 1
     assert line.worst.mean == pytest.approx(0.8)
     (line,) = caveats(SUITE, [partly], attack_scores(SUITE, [partly]), [])
-    assert line == "mean, market, raters 0.5, scripted: attack noise: it broke; its other 2 attacks count"
+    assert (
+        line
+        == "mean, market, raters 0.5, scripted: attack noise: it broke; its other 2 attacks count"
+    )
 
 
 def test_there_is_no_caveat_about_a_planner_outside_the_suite() -> None:
     run = [stored("median", row("lies", [0.5] * 2, [0.5] * 2))]
     jumps = "median: trust jumps, so the white-box planner could not attack it"
     for methods, expected in ((["scripted"], False), (["scripted", "white-box planner"], True)):
-        assert (jumps in caveats(small(methods=methods), run, attack_scores(SUITE, run), ["median"])) == expected
+        assert (
+            jumps in caveats(small(methods=methods), run, attack_scores(SUITE, run), ["median"])
+        ) == expected
 
 
 def test_a_search_that_never_beats_the_scripts_is_a_caveat() -> None:
@@ -300,49 +364,80 @@ def test_a_search_that_never_beats_the_scripts_is_a_caveat() -> None:
         stored("mean", row("lies", [0.5] * 2, [0.5] * 2)),
         stored("mean", row("PPO", [0.6] * 2, [0.5] * 2), method="PPO"),
     ]
-    assert any("PPO never beat the scripts" in line for line in caveats(SUITE, weak, attack_scores(SUITE, weak), []))
+    assert any(
+        "PPO never beat the scripts" in line
+        for line in caveats(SUITE, weak, attack_scores(SUITE, weak), [])
+    )
     strong = [weak[0], stored("mean", row("PPO", [0.4] * 2, [0.5] * 2), method="PPO")]
     assert not caveats(SUITE, strong, attack_scores(SUITE, strong), [])
 
 
 def test_a_search_that_still_finds_worse_attacks_is_a_caveat() -> None:
-    flat, rising = ((10, 0.1), (50, 0.3), (90, 0.3), (100, 0.305)), ((10, 0.1), (50, 0.3), (60, 0.5), (100, 0.52))
+    flat, rising = (
+        ((10, 0.1), (50, 0.3), (90, 0.3), (100, 0.305)),
+        ((10, 0.1), (50, 0.3), (60, 0.5), (100, 0.52)),
+    )
     assert late_gain(rising) == pytest.approx(0.22)
     assert late_gain(((100, 0.5),)) == 0.0  # nothing to compare with
     one = row("evolution", [0.1, 0.1], [0.1, 0.1])
-    calm, risen = (stored("mean", one._replace(progress=seen), method="evolution") for seen in (flat, rising))
+    calm, risen = (
+        stored("mean", one._replace(progress=seen), method="evolution") for seen in (flat, rising)
+    )
     assert not any("doubling" in line for line in caveats(SUITE, [calm], [], []))
     (line,) = caveats(SUITE, [calm, risen], [], [])
-    assert "evolution: the last doubling of its rounds gained more than 0.01 in 1 of 2 cells, at most 0.220" in line
-    brief = stored("mean", one._replace(progress=((10, 0.3), (50, 0.3), (90, 0.3))), method="evolution")
+    assert (
+        "evolution: the last doubling of its rounds gained more than 0.01 in 1 of 2 cells, at most "
+        "0.220" in line
+    )
+    brief = stored(
+        "mean", one._replace(progress=((10, 0.3), (50, 0.3), (90, 0.3))), method="evolution"
+    )
     (line,) = caveats(SUITE, [calm, brief], [], [])
     assert "evolution: in 1 of 2 cells its course has fewer than 4 points, too few to say" in line
 
 
 def test_unsuitable_searches_and_conditions_without_attacks_are_caveats() -> None:
     idle = StoredCell(
-        Cell("mean", "market", "raters", 0.5, "random search", 0), CellResult((), 1.0, unsuitable="too few rounds")
+        Cell("mean", "market", "raters", 0.5, "random search", 0),
+        CellResult((), 1.0, unsuitable="too few rounds"),
     )
     assert "random search attacked nothing: too few rounds" in caveats(
         SUITE, [RUN[1], idle], attack_scores(SUITE, [RUN[1]]), []
     )
-    assert not any("attacked nothing" in line for line in caveats(SUITE, RUN, attack_scores(SUITE, RUN), []))
-    (line,) = (line for line in caveats(SUITE, RUN[:1], attack_scores(SUITE, RUN[:1]), []) if "no attack" in line)
-    assert line == "raters 0.5: no attack was played there, so the worst case is that of the other conditions"
+    assert not any(
+        "attacked nothing" in line for line in caveats(SUITE, RUN, attack_scores(SUITE, RUN), [])
+    )
+    (line,) = (
+        line
+        for line in caveats(SUITE, RUN[:1], attack_scores(SUITE, RUN[:1]), [])
+        if "no attack" in line
+    )
+    assert (
+        line
+        == "raters 0.5: no attack was played there, so the worst case is that of the other conditions"  # noqa: E501
+    )
 
 
 def test_cells_that_fail_alike_are_one_line() -> None:
     bad = [
-        StoredCell(Cell("mine", "market", "raters", share, "scripted", 0), CellResult((), 1.0, failed="NaN"))
+        StoredCell(
+            Cell("mine", "market", "raters", share, "scripted", 0),
+            CellResult((), 1.0, failed="NaN"),
+        )
         for share in (0.1, 0.3, 0.5)
     ]
-    assert caveats(SUITE, bad, [], []) == ["mine, market, raters 0.1, scripted and 2 more cells: NaN"]
+    assert caveats(SUITE, bad, [], []) == [
+        "mine, market, raters 0.1, scripted and 2 more cells: NaN"
+    ]
 
 
 def test_models_that_tie_up_to_rounding_share_a_rank() -> None:
     names = ["mean", "median", "constant", "beta"]
     values = [0.8, 0.8 + 1e-13, 0.8 - 1e-6, 0.5]
-    run = [stored(name, row("lies", [0.5] * 2, [value] * 2)) for name, value in zip(names, values, strict=True)]
+    run = [
+        stored(name, row("lies", [0.5] * 2, [value] * 2))
+        for name, value in zip(names, values, strict=True)
+    ]
     ranks = {line.model: (line.rank, line.holds) for line in leaderboard_rows(SUITE, run, names, 1)}
     assert ranks == {"mean": (1, 1.0), "median": (1, 1.0), "constant": (3, 1.0), "beta": (4, 1.0)}
 
@@ -360,7 +455,21 @@ def test_the_worst_attack_is_that_of_the_worst_condition() -> None:
 
 
 def test_equal_providers_do_not_show_that_a_model_ignores_ratings() -> None:
-    equal = [stored("mean", row("nobody", [1.0] * 2, [1.0] * 2, blind=1.0), track="honest", method="nobody")]
-    assert not any("ignores ratings" in line for line in caveats(SUITE, equal, attack_scores(SUITE, equal), ["mean"]))
-    unequal = [stored("mean", row("nobody", [0.7] * 2, [0.7] * 2, blind=0.7), track="honest", method="nobody")]
-    assert any("ignores ratings" in line for line in caveats(SUITE, unequal, attack_scores(SUITE, unequal), ["mean"]))
+    equal = [
+        stored(
+            "mean", row("nobody", [1.0] * 2, [1.0] * 2, blind=1.0), track="honest", method="nobody"
+        )
+    ]
+    assert not any(
+        "ignores ratings" in line
+        for line in caveats(SUITE, equal, attack_scores(SUITE, equal), ["mean"])
+    )
+    unequal = [
+        stored(
+            "mean", row("nobody", [0.7] * 2, [0.7] * 2, blind=0.7), track="honest", method="nobody"
+        )
+    ]
+    assert any(
+        "ignores ratings" in line
+        for line in caveats(SUITE, unequal, attack_scores(SUITE, unequal), ["mean"])
+    )

@@ -12,14 +12,19 @@ from roletrust_env.benchmarking.pool import JobResult, LocalPool, WorkerPool
 
 
 def test_a_cell_that_hangs_or_kills_its_process_has_a_one_line_error():
-    words = {"benchmark_cases:Hanging": "given up after 4 seconds", "benchmark_cases:Dying": "died 3 times"}
+    words = {
+        "benchmark_cases:Hanging": "given up after 4 seconds",
+        "benchmark_cases:Dying": "died 3 times",
+    }
     suite = tiny(models=[*words, "mean"], limit_s=4.0, tracks={"honest": {}})
     played = dict(LocalPool(2).play(suite, suite.cells()))
     assert played.keys() == set(suite.cells())
     bad = {cell: result.failed for cell, result in played.items() if cell.model != "mean"}
     assert all(words[cell.model] in failed and "\n" not in failed for cell, failed in bad.items())
     good = [cell for cell in played if cell not in bad]
-    assert results((cell, played[cell]) for cell in good) == results((cell, play_cell(suite, cell)) for cell in good)
+    assert results((cell, played[cell]) for cell in good) == results(
+        (cell, play_cell(suite, cell)) for cell in good
+    )
 
 
 def test_closing_the_generator_stops_the_cells():

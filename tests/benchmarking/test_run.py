@@ -1,4 +1,5 @@
-"""The benchmark from Python: models as objects, files, progress, and the same numbers in every pool."""
+"""The benchmark from Python: models as objects, files, progress, and the same numbers in every
+pool."""
 
 from pathlib import Path
 
@@ -20,8 +21,14 @@ class Mine(Mean):
 
 
 def test_an_object_a_class_and_a_name_share_a_rank() -> None:
-    leaderboard = benchmark([Mine(), Mine, "mean", "constant"], SUITE, attacks=ATTACKS, workers=0, progress=False)
-    assert [(row.rank, row.model) for row in leaderboard.rows][:3] == [(1, "Mine"), (1, "Mine-2"), (1, "mean")]
+    leaderboard = benchmark(
+        [Mine(), Mine, "mean", "constant"], SUITE, attacks=ATTACKS, workers=0, progress=False
+    )
+    assert [(row.rank, row.model) for row in leaderboard.rows][:3] == [
+        (1, "Mine"),
+        (1, "Mine-2"),
+        (1, "mean"),
+    ]
     assert len({tuple(map(str, row[3:])) for row in leaderboard.rows[:3]}) == 1
     assert {row.tier for row in leaderboard.rows[:3]} == {1}
     assert leaderboard.rows[3].rank == 4
@@ -32,13 +39,17 @@ def test_an_object_a_class_and_a_name_share_a_rank() -> None:
 def test_processes_and_this_process_give_the_same_results(tmp_path: Path) -> None:
     suite = SUITE.model_copy(update={"methods": ("scripted", "random search"), "budget": 200})
     here = benchmark([Mine(), "mean"], suite, attacks=ATTACKS, workers=0, progress=False)
-    there = benchmark([Mine(), "mean"], suite, attacks=ATTACKS, workers=2, progress=False, out=tmp_path)
+    there = benchmark(
+        [Mine(), "mean"], suite, attacks=ATTACKS, workers=2, progress=False, out=tmp_path
+    )
     assert results(here.cells) == results(there.cells)
     assert str(here.rows) == str(there.rows)  # NaN is not equal to itself
     assert (tmp_path / "results.sqlite").exists()
 
 
-def test_a_run_continues_and_reports_the_stored_cells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_continues_and_reports_the_stored_cells(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     first = benchmark(["mean"], SUITE, attacks=ATTACKS, workers=0, progress=False, out=tmp_path)
     started = []
 
@@ -48,7 +59,9 @@ def test_a_run_continues_and_reports_the_stored_cells(tmp_path: Path, capsys: py
             return
             yield
 
-    play_suite(first.suite, NoPool(), out=tmp_path, on_start=lambda *numbers: started.append(numbers))
+    play_suite(
+        first.suite, NoPool(), out=tmp_path, on_start=lambda *numbers: started.append(numbers)
+    )
     assert started == [([], len(first.cells))]
     benchmark(["mean"], SUITE, attacks=ATTACKS, workers=0, out=tmp_path)
     assert "Playing" in capsys.readouterr().err

@@ -56,9 +56,9 @@ def test_a_record_plays_in_place_of_the_search():
 
 
 def test_another_seed_gives_other_numbers(expected):
-    assert not results((cell, play_cell(tiny(seeds=[7]), cell)) for cell in tiny(seeds=[7]).cells()).items() & (
-        expected.items()
-    )
+    assert not results(
+        (cell, play_cell(tiny(seeds=[7]), cell)) for cell in tiny(seeds=[7]).cells()
+    ).items() & (expected.items())
 
 
 def test_all_rounds_are_counted():
@@ -84,7 +84,11 @@ def test_a_faulty_model_is_a_one_line_error():
 
 
 def test_a_faulty_attacker_does_not_affect_others(expected):
-    for attack, words in {"WildRater": "[0, 1]", "NanRater": "NaN", "BrokenRater": "ZeroDivisionError"}.items():
+    for attack, words in {
+        "WildRater": "[0, 1]",
+        "NanRater": "NaN",
+        "BrokenRater": "ZeroDivisionError",
+    }.items():
         suite = tiny(models=["mean"], attacks=["bad-mouthing", f"benchmark_cases:{attack}"])
         cell = suite.cells()[1]
         result = play_safely(suite, cell)
@@ -96,7 +100,8 @@ def test_a_faulty_attacker_does_not_affect_others(expected):
 
 
 def test_consumers_are_the_public_or_the_honest_raters():
-    """What a judge thinks is no concern of the public; with a central model, both go by the published trust."""
+    """What a judge thinks is no concern of the public; with a central model, both go by the
+    published trust."""
 
     def utility(model, consumers):
         suite = tiny(models=[model], consumers=consumers, games=8, methods=["scripted"])
@@ -128,7 +133,9 @@ def test_published_trust_is_worth_what_it_is_worth_to_consumers_without_a_view_o
 
 def test_a_model_cannot_know_liars_by_their_place():
     def utility(places, model="benchmark_cases:FirstRaters"):
-        suite = tiny(models=[model], places=places, games=20, methods=["scripted"], attacks=["complementary"])
+        suite = tiny(
+            models=[model], places=places, games=20, methods=["scripted"], attacks=["complementary"]
+        )
         cell = next(one for one in suite.cells() if one.share == 0.5)
         return np.mean(play_cell(suite, cell).rows[0].measured["utility"])
 
@@ -137,13 +144,17 @@ def test_a_model_cannot_know_liars_by_their_place():
 
 
 def test_a_track_measures_its_worst_attacks_in_more_games():
-    """The worst of all, and the worst that serves all raters alike, in games that are those of no other attack."""
+    """The worst of all, and the worst that serves all raters alike, in games that are those of no
+    other attack."""
     tracks = {"providers": {"roles": ["SP"], "shares": [0.3], "games": 9}}
     names = ["discrimination:share=0.7", "on-off:bad=0.9", "camouflage:start=90"]
     few, many = ({"providers": tracks["providers"] | {"games": games}} for games in (None, 9))
     plain, found = (
         play_cell(suite, suite.cells()[0])
-        for suite in (tiny(models=["mean"], methods=["scripted"], attacks=names, tracks=one) for one in (few, many))
+        for suite in (
+            tiny(models=["mean"], methods=["scripted"], attacks=names, tracks=one)
+            for one in (few, many)
+        )
     )
     assert [len(row.measured["utility"]) for row in plain.rows] == [3, 3, 3]
     assert {row.attack: len(row.measured["utility"]) for row in found.rows} == {
@@ -156,24 +167,35 @@ def test_a_track_measures_its_worst_attacks_in_more_games():
         assert (row.measured == before.measured) == (row.attack == "camouflage:start=90")
         assert not set(before.measured["utility"]) & set(row.measured["utility"][3:])
     assert found.env_steps == plain.env_steps + 5 * 9 * 3  # and the honest twin
-    with pytest.raises(ValueError, match="games of track 'providers' are 8, which is no multiple of 3"):
+    with pytest.raises(
+        ValueError, match="games of track 'providers' are 8, which is no multiple of 3"
+    ):
         tiny(tracks={"providers": tracks["providers"] | {"games": 8}})
 
 
 def test_an_attack_treats_raters_differently_if_it_did_so_in_its_games():
     tracks = {"providers": {"roles": ["SP"], "shares": [0.3]}}
     suite = tiny(
-        models=["mean"], methods=["scripted"], attacks=["discrimination", "on-off", "rotation:groups=1"], tracks=tracks
+        models=["mean"],
+        methods=["scripted"],
+        attacks=["discrimination", "on-off", "rotation:groups=1"],
+        tracks=tracks,
     )
     (cell,) = suite.cells()
     treats = {row.attack: row.treats for row in play_cell(suite, cell).rows}
-    assert treats == {"discrimination": True, "on-off": False, "rotation:groups=1": False}  # one group is everybody
+    assert treats == {
+        "discrimination": True,
+        "on-off": False,
+        "rotation:groups=1": False,
+    }  # one group is everybody
 
 
 def lies(arguments, budget, seed):
     """Find lies that depend on the seed."""
     lie = make_attacker("bad-mouthing", level=0.1 * seed)
-    return SearchResult(Scripted(dict.fromkeys(arguments["compromised"], lie)), 0, "lies", progress=((1, 0.5),))
+    return SearchResult(
+        Scripted(dict.fromkeys(arguments["compromised"], lie)), 0, "lies", progress=((1, 0.5),)
+    )
 
 
 def test_starts_of_a_search_compare_in_games_that_they_have_in_common(monkeypatch):
@@ -187,6 +209,8 @@ def test_starts_of_a_search_compare_in_games_that_they_have_in_common(monkeypatc
     cell = next(cell for cell in found if cell.method == "random search" and cell.seed == 1)
     (same,) = play_cell(suite, cell).rows
     assert same.common == first.common
-    assert not any(row.common for cell, rows in found.items() if cell.method == "scripted" for row in rows)
+    assert not any(
+        row.common for cell, rows in found.items() if cell.method == "scripted" for row in rows
+    )
     (alone,) = play_cell(tiny(models=["mean"], seeds=[1]), cell).rows
     assert alone == same._replace(common=())

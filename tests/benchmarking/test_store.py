@@ -173,7 +173,9 @@ def test_a_run_goes_on_with_a_larger_suite(path):
 
 @pytest.mark.parametrize("method", ["scripted", "random search"])
 def test_a_cell_plays_the_same_in_a_larger_suite(method):
-    larger = tiny(models=["mean", "median"], methods=["random search", "scripted", "CMA-ES"], seeds=[1, 0])
+    larger = tiny(
+        models=["mean", "median"], methods=["random search", "scripted", "CMA-ES"], seeds=[1, 0]
+    )
     cell = Cell("mean", "market", "raters", 0.5, method, 0)
     assert larger.rules(cell) == SUITE.rules(cell)
     one, other = (play_cell(suite, cell) for suite in (SUITE, larger))
@@ -188,9 +190,18 @@ def test_a_cell_plays_the_same_in_a_larger_suite(method):
         {"attacks": ["bad-mouthing"]},
         {"places": "random"},
         {"consumers": "raters"},
-        {"tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3, 0.5], "set": {"max_cycles": 4}}}},
+        {
+            "tracks": {
+                "honest": {},
+                "raters": {"roles": ["SR"], "shares": [0.3, 0.5], "set": {"max_cycles": 4}},
+            }
+        },
         {"tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}},
-        {"scenarios": {"market": {**TINY["scenarios"]["market"], "budgets": {"random search": 300}}}},
+        {
+            "scenarios": {
+                "market": {**TINY["scenarios"]["market"], "budgets": {"random search": 300}}
+            }
+        },
         {"budget": 300},
         {"limit_s": 61},
     ],
@@ -225,7 +236,12 @@ def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
     noise.write_bytes(bytes(range(256)) * 64)
     with Store(truncated, SUITE) as store:
         for cell in SUITE.cells():
-            store.add(cell, RESULT._replace(rows=tuple(RESULT.rows[0]._replace(attack=f"{k}") for k in range(50))))
+            store.add(
+                cell,
+                RESULT._replace(
+                    rows=tuple(RESULT.rows[0]._replace(attack=f"{k}") for k in range(50))
+                ),
+            )
     truncated.write_bytes(truncated.read_bytes()[: truncated.stat().st_size // 2])
     for path in (other, noise, truncated):
         before = path.read_bytes()
@@ -283,7 +299,9 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 def test_a_name_that_is_too_long_is_refused():
-    with pytest.raises(ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"):
+    with pytest.raises(
+        ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"
+    ):
         Store(Path("x" * 300))
 
 
@@ -295,7 +313,9 @@ def test_a_full_disk_loses_nothing(path):
         with pytest.raises(OSError, match="cannot be written") as error:
             store.add(SUITE.cells()[0], large)
         assert "\n" not in str(error.value)
-        assert [one.result for one in store.all()] == [RESULT] * 3  # also the cell that was being replaced
+        assert [one.result for one in store.all()] == [
+            RESULT
+        ] * 3  # also the cell that was being replaced
         store._file.execute("PRAGMA max_page_count=100000")
         store.add(SUITE.cells()[3], large)
     with Store(path, SUITE) as store:

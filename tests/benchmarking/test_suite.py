@@ -40,14 +40,20 @@ def test_all_registered_models_and_attacks_are_in_the_suites() -> None:
 
 def test_every_attack_is_played_on_a_track_of_the_quick_suite() -> None:
     suite = load_suite("quick").model_copy(update={"games": 2, "methods": ("scripted",)})
-    played = [row.attack for cell in suite.cells() if cell.model == "mean" for row in play_cell(suite, cell).rows]
+    played = [
+        row.attack
+        for cell in suite.cells()
+        if cell.model == "mean"
+        for row in play_cell(suite, cell).rows
+    ]
     assert set(suite.attack_names) <= set(played)
 
 
 def test_the_share_determines_the_compromised_agents() -> None:
     suite = small()
     one, half = (
-        attacked_scenario(suite, Cell("mean", "market", "raters", share, "scripted", 0)) for share in (0.25, 0.5)
+        attacked_scenario(suite, Cell("mean", "market", "raters", share, "scripted", 0))
+        for share in (0.25, 0.5)
     )
     assert one.compromised == ("sr_3",)
     assert half.compromised == ("sr_2", "sr_3")
@@ -61,8 +67,12 @@ def test_the_share_determines_the_compromised_agents() -> None:
     ]
 
 
-@pytest.mark.parametrize(("agents", "reserve", "share"), [(10, 3, 0.3), (6, 3, 0.3), (20, 2, 0.4), (100, 1, 0.25)])
-def test_a_share_of_identities_is_that_of_all_identities(agents: int, reserve: int, share: float) -> None:
+@pytest.mark.parametrize(
+    ("agents", "reserve", "share"), [(10, 3, 0.3), (6, 3, 0.3), (20, 2, 0.4), (100, 1, 0.25)]
+)
+def test_a_share_of_identities_is_that_of_all_identities(
+    agents: int, reserve: int, share: float
+) -> None:
     track = Track(roles=("SR",), shares=(share,), reserve=reserve, counted="identities")
 
     def part(number: int) -> float:
@@ -70,32 +80,62 @@ def test_a_share_of_identities_is_that_of_all_identities(agents: int, reserve: i
 
     nearest = min(range(1, agents), key=lambda number: abs(part(number) - share))
     assert track.compromised(share, agents) == nearest
-    assert track.model_copy(update={"counted": "agents"}).compromised(share, agents) == max(1, round(share * agents))
+    assert track.model_copy(update={"counted": "agents"}).compromised(share, agents) == max(
+        1, round(share * agents)
+    )
 
 
 def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None:
-    square = {**MARKET, "shares": {"honest": [], "raters": [0.25]}, "budgets": {"random search": 70}}
-    suite = small(scenarios={"square": square, "market": MARKET}, methods=["scripted", "random search"], budget=90)
-    found = [cell[1:5] for cell in suite.cells() if cell.model == "mean" and cell.scenario == "square"]
+    square = {
+        **MARKET,
+        "shares": {"honest": [], "raters": [0.25]},
+        "budgets": {"random search": 70},
+    }
+    suite = small(
+        scenarios={"square": square, "market": MARKET},
+        methods=["scripted", "random search"],
+        budget=90,
+    )
+    found = [
+        cell[1:5] for cell in suite.cells() if cell.model == "mean" and cell.scenario == "square"
+    ]
     assert found == [
         ("square", "honest", 0.0, "nobody"),
         ("square", "raters", 0.25, "scripted"),
         ("square", "raters", 0.25, "random search"),
     ]
-    assert [where for where in suite.conditions if where[0] == "square"] == [("square", "raters", 0.25)]
+    assert [where for where in suite.conditions if where[0] == "square"] == [
+        ("square", "raters", 0.25)
+    ]
     assert len(suite.conditions) == 1 + 4
-    assert {cell.scenario: suite.budget_of(cell) for cell in suite.cells()} == {"square": 70, "market": 90}
-    tracks = {name: {**track, "budgets": {"random search": 80}} for name, track in TRACKS.items() if name != "honest"}
+    assert {cell.scenario: suite.budget_of(cell) for cell in suite.cells()} == {
+        "square": 70,
+        "market": 90,
+    }
+    tracks = {
+        name: {**track, "budgets": {"random search": 80}}
+        for name, track in TRACKS.items()
+        if name != "honest"
+    }
     suite = small(scenarios=suite.scenarios, tracks={**TRACKS, **tracks}, methods=["random search"])
-    assert {one.scenario: suite.budget_of(one) for one in suite.cells() if one.share} == {"square": 70, "market": 80}
+    assert {one.scenario: suite.budget_of(one) for one in suite.cells() if one.share} == {
+        "square": 70,
+        "market": 80,
+    }
 
 
 def test_a_scenario_may_have_some_of_the_methods() -> None:
     square = {**MARKET, "methods": ["scripted"]}
-    suite = small(scenarios={"square": square, "market": MARKET}, methods=["scripted", "random search"], games=4)
+    suite = small(
+        scenarios={"square": square, "market": MARKET},
+        methods=["scripted", "random search"],
+        games=4,
+    )
     found = {cell.scenario: cell.method for cell in suite.cells() if cell.method == "random search"}
     assert list(found) == ["market"]
-    with pytest.raises(ValueError, match="methods of scenario 'market' names 'PPO', which is none of the suite's"):
+    with pytest.raises(
+        ValueError, match="methods of scenario 'market' names 'PPO', which is none of the suite's"
+    ):
         small(scenarios={"market": {**MARKET, "methods": ["PPO"]}})
 
 
@@ -116,7 +156,9 @@ def test_a_suite_without_other_files_has_the_same_cells() -> None:
         ({"shares": {"raters": [1.5]}}, "less than 1"),
     ],
 )
-def test_a_scenario_with_tracks_or_budgets_that_do_not_exist_is_refused(scenario: dict, message: str) -> None:
+def test_a_scenario_with_tracks_or_budgets_that_do_not_exist_is_refused(
+    scenario: dict, message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         small(scenarios={"market": {**MARKET, **scenario}})
 
@@ -129,7 +171,8 @@ def test_identities_are_counted_where_there_are_some() -> None:
 def test_one_agent_of_a_role_stays_honest() -> None:
     suite = small(tracks={"raters": {"roles": ["SR"], "shares": [0.95]}})
     with pytest.raises(
-        ValueError, match="compromises 4 of 4 agents with the role SR in scenario 'market'; at least one"
+        ValueError,
+        match="compromises 4 of 4 agents with the role SR in scenario 'market'; at least one",
     ):
         attacked_scenario(suite, suite.cells()[0])
 
@@ -152,14 +195,26 @@ def test_the_objective_of_the_planner_has_a_gradient() -> None:
         ({"scenarios": {}}, "scenarios is {}: .* at least 1"),
         ({"scenarios": {"market": MARKET | {"preset": "nowhere"}}}, "unknown scenario 'nowhere'"),
         ({"scenarios": {"market": {"preset": "market", "set": {"lamb": 1}}}}, "lamb"),
-        ({"scenarios": {"market": MARKET | {"max_cycles": 3}}}, "did you mean 'max_cycles' in 'set'"),
+        (
+            {"scenarios": {"market": MARKET | {"max_cycles": 3}}},
+            "did you mean 'max_cycles' in 'set'",
+        ),
         ({"agents": []}, "'agents'; it is of a scenario; give its file as 'preset'"),
         ({"scenarios": {"market": {"scenario": "market"}}}, "did you mean 'preset'"),
         ({"tracks": {"raters": {"roles": ["SR"]}}}, "roles and shares must both be given"),
-        ({"tracks": {"raters": {"reserve": 1}}}, "reserve is 1, but the track has no compromised agents"),
-        ({"tracks": {"raters": {"games": 4}}}, "games is 4, but the track has no compromised agents"),
+        (
+            {"tracks": {"raters": {"reserve": 1}}},
+            "reserve is 1, but the track has no compromised agents",
+        ),
+        (
+            {"tracks": {"raters": {"games": 4}}},
+            "games is 4, but the track has no compromised agents",
+        ),
         ({"scenarios": {"market": MARKET | {"methods": []}}}, "methods is \\[\\]"),
-        ({"scenarios": {"market": MARKET | {"methods": ["scripted"] * 2}}}, "methods must not contain a value twice"),
+        (
+            {"scenarios": {"market": MARKET | {"methods": ["scripted"] * 2}}},
+            "methods must not contain a value twice",
+        ),
         ({"tracks": {"a|b": {}}}, "tracks"),
         ({"budgets": 1}, "budgets"),
         ({"seeds": ["0"]}, "seeds.0 is '0': it must be an integer"),
@@ -172,7 +227,11 @@ def test_an_invalid_suite_is_refused(fields: dict, message: str) -> None:
 
 
 def test_an_invalid_suite_file_is_refused(tmp_path: Path) -> None:
-    for text, message in (("= 1", "is not valid TOML"), ("games = 8", "scenarios"), ("games = 'all'", "games")):
+    for text, message in (
+        ("= 1", "is not valid TOML"),
+        ("games = 8", "scenarios"),
+        ("games = 'all'", "games"),
+    ):
         path = tmp_path / "mine.toml"
         path.write_text(text)
         with pytest.raises(ValueError, match=message):
@@ -184,7 +243,8 @@ def test_an_invalid_suite_file_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "method"), [("quick", "random search"), pytest.param("standard", "agreed CMA-ES", marks=pytest.mark.slow)]
+    ("name", "method"),
+    [("quick", "random search"), pytest.param("standard", "agreed CMA-ES", marks=pytest.mark.slow)],
 )
 def test_budgets_are_enough_for_the_searches_of_a_suite(name: str, method: str) -> None:
     suite = load_suite(name)
@@ -198,7 +258,11 @@ def test_a_suite_extends_one_of_the_project_or_a_file_beside_it(tmp_path):
     path.write_text('extends = "standard"\ndescription = "mine"\nbudget = 7\n')
     mine, standard = load_suite(path), load_suite("standard")
     assert (mine.name, mine.description, mine.budget) == ("mine", "mine", 7)
-    assert (mine.scenarios, mine.tracks, mine.attacks) == (standard.scenarios, standard.tracks, standard.attacks)
+    assert (mine.scenarios, mine.tracks, mine.attacks) == (
+        standard.scenarios,
+        standard.tracks,
+        standard.attacks,
+    )
     second = tmp_path / "second.toml"
     second.write_text('extends = "mine.toml"\nseeds = [7]\n')
     again = load_suite(second)
@@ -208,7 +272,10 @@ def test_a_suite_extends_one_of_the_project_or_a_file_beside_it(tmp_path):
     with pytest.raises(ValueError, match="extends itself"):
         load_suite(path)
     for base, message in (
-        ("develop", "extends is 'develop'; it must be one of full, .*standard.*, or a .toml file beside it"),
+        (
+            "develop",
+            "extends is 'develop'; it must be one of full, .*standard.*, or a .toml file beside it",
+        ),
         ("none.toml", "none.toml cannot be read"),
     ):
         path.write_text(f'extends = "{base}"\n')
@@ -217,8 +284,11 @@ def test_a_suite_extends_one_of_the_project_or_a_file_beside_it(tmp_path):
 
 
 def test_the_known_attacks_of_the_project_are_read_as_they_stand():
-    """No two of a condition have one record or name, so that joining changes neither their names nor their order."""
-    attacks = read_known_attacks(Path(suite_files.__file__).parent / "suites" / "standard-known.json")
+    """No two of a condition have one record or name, so that joining changes neither their names
+    nor their order."""
+    attacks = read_known_attacks(
+        Path(suite_files.__file__).parent / "suites" / "standard-known.json"
+    )
     assert load_suite("standard").known == attacks
 
 
@@ -239,21 +309,32 @@ class OwnSearch:
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         budget.spend(10)
         lie = make_attacker("bad-mouthing", level=self.level)
-        return SearchResult(Scripted(dict.fromkeys(arguments["compromised"], lie)), budget.spent, f"lies {self.level}")
+        return SearchResult(
+            Scripted(dict.fromkeys(arguments["compromised"], lie)),
+            budget.spent,
+            f"lies {self.level}",
+        )
 
 
 def test_a_registered_search_method_stands_in_a_suite(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By name with parameters, or as a class of a module; tables name it, and an unknown one is refused at once."""
+    """By name with parameters, or as a class of a module; tables name it, and an unknown one is
+    refused at once."""
     register_search_method("own", OwnSearch)
     plugin = ModuleType("own_searches")
     plugin.OwnSearch = OwnSearch  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "own_searches", plugin)
     methods = ["own:level=0.1", "own_searches:OwnSearch", "scripted"]
     tracks = {"honest": {}, "raters": TRACKS["raters"]}
-    suite = small(models=["mean"], attacks=["on-off"], tracks=tracks, methods=methods, budget=100, games=4)
+    suite = small(
+        models=["mean"], attacks=["on-off"], tracks=tracks, methods=methods, budget=100, games=4
+    )
     board = benchmark(suite=suite, workers=0, progress=False)
     assert board.rows[0].missing == 0
-    assert {one.method for one in board.attacks} == {"nobody", "own:level=0.1", "own_searches:OwnSearch"}
+    assert {one.method for one in board.attacks} == {
+        "nobody",
+        "own:level=0.1",
+        "own_searches:OwnSearch",
+    }
     assert board.rows[0].worst_attack == "own_searches:OwnSearch"
     assert f"{board.rows[0].worst_attack} (market, raters" in board.to_markdown()
     known = suite.model_copy(update={"white_box": ("own_searches:OwnSearch",)})

@@ -1,4 +1,5 @@
-"""Tiers, the probability of a rank and intervals over seeds: by hand, and against many reruns of drawn leaderboards."""
+"""Tiers, the probability of a rank and intervals over seeds: by hand, and against many reruns of
+drawn leaderboards."""
 
 import numpy as np
 import numpy.typing as npt
@@ -13,14 +14,15 @@ GAMES = 16
 
 
 def run(true: Floats, seeds: int, random: np.random.Generator, search: Floats) -> Floats:
-    """Draw the scores of a run, (M, S, G). A mean over the games of one seed has a noise of 1, half of it common.
+    """Draw the scores of a run, (M, S, G). A mean over the games of one seed has a noise of 1, half
+    of it common.
 
     Args:
         true: True scores, (M,).
         seeds: Number of seeds.
         random: Source of random numbers.
-        search: Standard deviation between searches of different seeds for each model, (M,). A fifth of the variance
-            is common to the models.
+        search: Standard deviation between searches of different seeds for each model, (M,). A fifth
+            of the variance is common to the models.
     """
     games = random.normal(size=(1, seeds, GAMES)) + random.normal(size=(len(true), seeds, GAMES))
     own = 0.8**0.5 * random.normal(size=(len(true), seeds)) + 0.2**0.5 * random.normal(size=seeds)
@@ -53,10 +55,17 @@ def test_what_is_said_of_ranks_and_scores_is_seen_in_reruns(seeds: int) -> None:
         said += holds
         seen += (best_first(second) == order).tolist()
         estimates = over_seeds(first, 10).estimates
-        covered += [abs(one.mean - real) <= one.half for one, real in zip(estimates, true, strict=True)]
+        covered += [
+            abs(one.mean - real) <= one.half for one, real in zip(estimates, true, strict=True)
+        ]
         leaders = [tiers.index(tier) for tier in set(tiers)]
         sorted_true = true[order]
-        wrong.append(any(sorted_true[at] < sorted_true[np.array(tiers) > tiers[at]].max(initial=-99) for at in leaders))
+        wrong.append(
+            any(
+                sorted_true[at] < sorted_true[np.array(tiers) > tiers[at]].max(initial=-99)
+                for at in leaders
+            )
+        )
     shares, rights = np.array(said), np.array(seen)
     for low in (0.0, 0.2, 0.4, 0.6, 0.8):
         part = (shares >= low) & (shares < low + 0.2 + (low == 0.8))

@@ -27,7 +27,8 @@ def test_two_means_may_differ_by_the_noise_of_two_samples() -> None:
 def test_games_that_are_all_alike_may_be_rounded_otherwise() -> None:
     other = {name: [0.5] * 40 for name in ("published", "blind", "damage", "false_alarms", "auc")}
     alike, rounded = (
-        [CellResult((AttackResult("a", "", 0, *[{"utility": [mean] * 40, **other}] * 2),), 0.0)] * 10
+        [CellResult((AttackResult("a", "", 0, *[{"utility": [mean] * 40, **other}] * 2),), 0.0)]
+        * 10
         for mean in (0.75, 0.75 + 1e-9)
     )
     for claims, here in ((alike, alike), (rounded, alike)):
@@ -44,23 +45,39 @@ def test_a_wide_interval_of_a_claim_allows_no_more_than_the_own_one() -> None:
 
 
 def test_a_source_may_differ_only_in_another_version_of_the_same_package() -> None:
-    for package, version, ok in (("mine", "2", True), ("mine", "1", False), ("", "2", False), ("other", "2", False)):
-        own = Source(made_by="mine.Model", package="mine" if package else "", version="1", sha256="0" * 64)
+    for package, version, ok in (
+        ("mine", "2", True),
+        ("mine", "1", False),
+        ("", "2", False),
+        ("other", "2", False),
+    ):
+        own = Source(
+            made_by="mine.Model", package="mine" if package else "", version="1", sha256="0" * 64
+        )
         claimed = Source(made_by="mine.Model", package=package, version=version, sha256="1" * 64)
         checks = _check_sources("model", {"m": claimed}, {"m": own})
         assert all(check.ok for check in checks) is ok
 
 
-def run(seed: int, cells: int = 10, attacks: int = 3, raised: float = 0.0, noise: float = 0.0) -> list[CellResult]:
-    """Cells with the same means in every run, games of its seed, and noise that is never the same."""
+def run(
+    seed: int, cells: int = 10, attacks: int = 3, raised: float = 0.0, noise: float = 0.0
+) -> list[CellResult]:
+    """Cells with the same means in every run, games of its seed, and noise that is never the
+    same."""
     rng, other_rng = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     results = []
     for cell in range(cells):
         rows = []
         for attack in range(attacks):
-            chosen, measured = 0.8 + 0.01 * attack + 0.01 * cell + 0.05 * rng.standard_normal((2, 40)) + raised
-            chosen, measured = (part + noise * other_rng.standard_normal(40) for part in (chosen, measured))
-            other = {name: [0.5] * 40 for name in ("published", "blind", "damage", "false_alarms", "auc")}
+            chosen, measured = (
+                0.8 + 0.01 * attack + 0.01 * cell + 0.05 * rng.standard_normal((2, 40)) + raised
+            )
+            chosen, measured = (
+                part + noise * other_rng.standard_normal(40) for part in (chosen, measured)
+            )
+            other = {
+                name: [0.5] * 40 for name in ("published", "blind", "damage", "false_alarms", "auc")
+            }
             halves = ({"utility": half.tolist(), **other} for half in (chosen, measured))
             rows.append(AttackResult(str(attack), "", 0, *halves))
         results.append(CellResult(tuple(rows), 0.0))
@@ -69,12 +86,17 @@ def run(seed: int, cells: int = 10, attacks: int = 3, raised: float = 0.0, noise
 
 def claimed(results: list[CellResult]) -> list[CellClaim]:
     """What a submission says of them."""
-    return [make_claim(Cell("m", "s", "t", 0.3, "scripted", k), result) for k, result in enumerate(results)]
+    return [
+        make_claim(Cell("m", "s", "t", 0.3, "scripted", k), result)
+        for k, result in enumerate(results)
+    ]
 
 
 def test_honest_runs_are_accepted_however_far_rounding_leads_them() -> None:
     for apart in (True, False):
-        pairs = [(run(2 * k), run(2 * k + 1) if apart else run(2 * k, noise=1e-9)) for k in range(5)]
+        pairs = [
+            (run(2 * k), run(2 * k + 1) if apart else run(2 * k, noise=1e-9)) for k in range(5)
+        ]
         assert all(check.ok for mine, here in pairs for check in check_bias(claimed(mine), here))
 
 
@@ -96,7 +118,8 @@ def test_claims_that_are_a_little_too_high_everywhere_are_not() -> None:
 
 
 def test_a_choice_of_the_worst_case_that_is_bent_is_found() -> None:
-    """The attack that does least harm in the games that measure is called the worst in those that choose."""
+    """The attack that does least harm in the games that measure is called the worst in those that
+    choose."""
     bent = claimed(run(0, cells=20))
     for claim in bent:
         luckiest = max(claim.attacks, key=lambda one: one.measured.utility.mean)
@@ -105,7 +128,8 @@ def test_a_choice_of_the_worst_case_that_is_bent_is_found() -> None:
 
 
 def test_a_lead_alike_in_eleven_cells_may_be_chance_and_in_twelve_not() -> None:
-    """The limit is 3.42, that of a normal variable at the level 0.001 / 3.22; the level 0.001 has 3.09."""
+    """The limit is 3.42, that of a normal variable at the level 0.001 / 3.22; the level 0.001 has
+    3.09."""
     assert [_check_lead("it", {"m": [0.5] * cells}).ok for cells in (11, 12)] == [True, False]
 
 
@@ -114,18 +138,24 @@ def test_a_blind_choice_that_is_made_worse_is_found() -> None:
     for claim in worse:
         for one in claim.attacks:
             object.__setattr__(one.measured.blind, "mean", one.measured.blind.mean - 0.02)
-    failed = [check.subject for check in check_bias(worse, run(0, cells=20, noise=0.01)) if not check.ok]
+    failed = [
+        check.subject for check in check_bias(worse, run(0, cells=20, noise=0.01)) if not check.ok
+    ]
     assert failed == ["bias of the worst skill"]
 
 
 def test_a_model_that_is_raised_is_not_lost_among_many_honest_ones() -> None:
     def claims(raised: float, model: str, seed: int) -> list[CellClaim]:
-        return [claim.model_copy(update={"model": model}) for claim in claimed(run(seed, raised=raised))]
+        return [
+            claim.model_copy(update={"model": model}) for claim in claimed(run(seed, raised=raised))
+        ]
 
     honest = [(claims(0.0, f"m{k}", 2 * k), run(2 * k + 1)) for k in range(12)]
     raised = (claims(0.02, "raised", 100), run(101))
     for pairs, ok in ((honest, True), ([*honest, raised], False)):
-        checks = check_bias([one for mine, _ in pairs for one in mine], [one for _, here in pairs for one in here])
+        checks = check_bias(
+            [one for mine, _ in pairs for one in mine], [one for _, here in pairs for one in here]
+        )
         assert all(check.ok for check in checks) is ok
     assert "claims for raised exceed" in checks[0].message
 

@@ -15,7 +15,11 @@ TABLE: dict[str, Any] = {
     "set": {
         "max_cycles": {"low": 7, "high": 9},
         "agents": [
-            {"role": "SR", "count": 4, "bias": {"choices": [0.0, [{"low": -0.2, "high": 0.0}, 0.1]]}},
+            {
+                "role": "SR",
+                "count": 4,
+                "bias": {"choices": [0.0, [{"low": -0.2, "high": 0.0}, 0.1]]},
+            },
             {"role": "SP", "count": {"low": 3, "high": 5}, "ability": [0.3, 1.0]},
         ],
     },
@@ -24,7 +28,7 @@ PINNED = [(8, 0.122, 0.0), (8, 0.298, [-0.091, 0.1]), (8, 0.175, [-0.061, 0.1])]
 FILE = """
 tracks = { raters = { roles = ["SR"], shares = [0.2] } }
 worlds = { drawn = { preset = "market", number = 2, set = { max_cycles = { low = 7, high = 900 } } } }
-"""
+"""  # noqa: E501
 
 
 def rounds(worlds: dict[str, Any]) -> list[int]:
@@ -35,7 +39,11 @@ def test_worlds_are_the_same_everywhere_and_in_their_ranges() -> None:
     found = draw_worlds({"drawn": TABLE})
     assert list(found) == ["drawn-1", "drawn-2", "drawn-3"]
     assert [
-        (world["set"]["max_cycles"], world["shares"]["raters"][0], world["set"]["agents"][0]["bias"])
+        (
+            world["set"]["max_cycles"],
+            world["shares"]["raters"][0],
+            world["set"]["agents"][0]["bias"],
+        )
         for world in found.values()
     ] == PINNED
     many = draw_worlds({"drawn": TABLE | {"number": 100}}).values()
@@ -47,7 +55,9 @@ def test_worlds_are_the_same_everywhere_and_in_their_ranges() -> None:
 
 def test_more_worlds_and_further_draws_leave_the_others_as_they_are() -> None:
     found = draw_worlds({"drawn": TABLE})
-    more = draw_worlds({"drawn": TABLE | {"number": 9}, "others": TABLE}, scenarios={"mine": {"preset": "market"}})
+    more = draw_worlds(
+        {"drawn": TABLE | {"number": 9}, "others": TABLE}, scenarios={"mine": {"preset": "market"}}
+    )
     assert {name: more[name] for name in found} == found
     assert rounds({name: more[name] for name in found}) == rounds(found)
     further = TABLE | {"set": TABLE["set"] | {"ratings": {"lost": {"low": 0.1, "high": 0.9}}}}
@@ -64,11 +74,17 @@ def test_more_worlds_and_further_draws_leave_the_others_as_they_are() -> None:
     [
         ({"number": 0}, "worlds drawn: number"),
         ({"color": 1}, "there is no field 'color'"),
-        ({"set": {"max_cycles": {"low": 9, "high": 7}}}, "low is 9 and high 7; they must be numbers .* the lower one"),
+        (
+            {"set": {"max_cycles": {"low": 9, "high": 7}}},
+            "low is 9 and high 7; they must be numbers .* the lower one",
+        ),
         ({"set": {"max_cycles": {"low": 1, "high": 10**400}}}, "high 1000"),
         ({"set": {"continuation": {"low": float("nan"), "high": 1}}}, "low is nan"),
         ({"set": {"max_cycles": {"low": "few", "high": 7}}}, "low is 'few'"),
-        ({"set": {"max_cycles": {"choices": []}}}, "drawn-1.*max_cycles: choices are .*one value or more"),
+        (
+            {"set": {"max_cycles": {"choices": []}}},
+            "drawn-1.*max_cycles: choices are .*one value or more",
+        ),
     ],
 )
 def test_a_wrong_table_is_one_clear_error(change: dict[str, Any], message: str) -> None:
@@ -78,7 +94,9 @@ def test_a_wrong_table_is_one_clear_error(change: dict[str, Any], message: str) 
 
 def test_a_draw_lies_between_its_ends_however_close_they_are() -> None:
     for low, high in ((0.0001, 0.0004), (0.9996, 0.9999)):
-        worlds = draw_worlds({"drawn": TABLE | {"set": {"continuation": {"low": low, "high": high}}}})
+        worlds = draw_worlds(
+            {"drawn": TABLE | {"set": {"continuation": {"low": low, "high": high}}}}
+        )
         assert all(low <= world["set"]["continuation"] <= high for world in worlds.values())
 
 
@@ -90,12 +108,18 @@ def test_a_file_shows_its_worlds_and_draws_others_by_another_seed(tmp_path: Path
     assert suite.scenarios != other.scenarios
     assert suite.conditions == other.conditions  # known attacks of the one play in the other
     assert (suite.name, other.name) == ("mine", "mine, worlds 7")
-    assert reproduction_command(other, path) == f"roletrust benchmark --suite mine.toml --worlds 7 --out {tmp_path}"
+    assert (
+        reproduction_command(other, path)
+        == f"roletrust benchmark --suite mine.toml --worlds 7 --out {tmp_path}"
+    )
     with pytest.raises(ValueError, match="suite quick has no table of worlds"):
         load_suite("quick", 7)
     for text, message in (
         (FILE + '[scenarios.drawn-1]\npreset = "market"\n', "there is a scenario 'drawn-1', too"),
-        (FILE.replace("max_cycles = {", "cycles = {"), "drawn-1.*there is no field 'cycles'|unknown.*cycles|cycles"),
+        (
+            FILE.replace("max_cycles = {", "cycles = {"),
+            "drawn-1.*there is no field 'cycles'|unknown.*cycles|cycles",
+        ),
         ("worlds = 3\n", "must be tables by name"),
     ):
         path.write_text(text)

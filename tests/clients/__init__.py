@@ -1,1 +1,2 @@
-"""Other libraries as clients of the environments, each with a file of its own and a virtual environment of its own."""
+"""Other libraries as clients of the environments, each with a file of its own and a virtual
+environment of its own."""

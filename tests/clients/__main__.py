@@ -1,7 +1,9 @@
-"""Check the environments with other libraries: `make test-clients`, or `make test-clients CLIENTS='torchrl rllib'`.
+"""Check the environments with other libraries: `make test-clients`, or `make test-clients
+CLIENTS='torchrl rllib'`.
 
-Each client gets a fresh virtual environment with this package, but without `constraints.txt`, whose pins conflict with
-most clients. The public functions of its file are its checks. The environment is removed when all of them pass.
+Each client gets a fresh virtual environment with this package, but without `constraints.txt`, whose
+pins conflict with most clients. The public functions of its file are its checks. The environment is
+removed when all of them pass.
 """
 
 import inspect
@@ -27,7 +29,11 @@ CLIENTS = {
     "rllib": ("ray[rllib]==2.60.0", _TORCH),
     "sb3": ("stable-baselines3==2.9.2", "moviepy==2.2.1", "matplotlib==3.11.2", _TORCH),
     "supersuit": ("supersuit==3.11.0",),
-    "jaxmarl": ("jaxmarl==0.2.0", "jax==0.10.2", "six==1.17.0"),  # its gymnax imports six, and does not ask for it
+    "jaxmarl": (
+        "jaxmarl==0.2.0",
+        "jax==0.10.2",
+        "six==1.17.0",
+    ),  # its gymnax imports six, and does not ask for it
     "tianshou": ("tianshou==2.0.1", "supersuit==3.11.0", _TORCH),
 }
 """Packages to install for each client."""
@@ -49,14 +55,19 @@ def try_client(name: str) -> tuple[dict[str, str], list[Check]]:
     """Install a client in a fresh environment and run its checks.
 
     Returns:
-        The versions of the installed packages, and the checks; the last one failed if the client crashed.
+        The versions of the installed packages, and the checks; the last one failed if the client
+        crashed.
     """
     home, report = _BUILD / name, _BUILD / f"{name}.json"
     shutil.rmtree(home, ignore_errors=True)
     report.unlink(missing_ok=True)
     home.mkdir(parents=True)
     python, pins = str(home / "bin" / "python"), CLIENTS[name]
-    packages = ["gymnasium", "pettingzoo", *(pin.partition("==")[0].partition("[")[0] for pin in pins)]
+    packages = [
+        "gymnasium",
+        "pettingzoo",
+        *(pin.partition("==")[0].partition("[")[0] for pin in pins),
+    ]
     steps = {
         "venv": [sys.executable, "-m", "venv", str(home)],
         "pip": [python, "-m", "pip", "install", "--quiet", *pins, "--editable", str(_TESTS.parent)],
@@ -65,7 +76,13 @@ def try_client(name: str) -> tuple[dict[str, str], list[Check]]:
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     surroundings = kept | {"MPLBACKEND": "agg", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(_TESTS)}
     with (_BUILD / f"{name}.log").open("w") as log:
-        options = {"cwd": home, "env": surroundings, "stdout": log, "stderr": log, "timeout": _TIMEOUT_S}
+        options = {
+            "cwd": home,
+            "env": surroundings,
+            "stdout": log,
+            "stderr": log,
+            "timeout": _TIMEOUT_S,
+        }
         for step, command in steps.items():
             try:
                 subprocess.run(command, check=True, **options)
@@ -87,7 +104,11 @@ def inside(name: str, report: Path, packages: list[str]) -> None:
         packages: Packages whose versions are reported.
     """
     module = import_module(f"clients.{name}")
-    checks = [one for one in vars(module).values() if inspect.isfunction(one) and one.__module__ == module.__name__]
+    checks = [
+        one
+        for one in vars(module).values()
+        if inspect.isfunction(one) and one.__module__ == module.__name__
+    ]
     with report.open("w", encoding="utf-8", buffering=1) as lines:
         print(json.dumps({package: version(package) for package in packages}), file=lines)
         for check in (one for one in checks if not one.__name__.startswith("_")):
@@ -104,7 +125,9 @@ def read(report: Path) -> tuple[dict[str, str], list[Check]]:
     """Return the versions and the checks of a report, which may be incomplete."""
     if not report.exists():
         return {}, []
-    versions, *checks = (json.loads(line) for line in report.read_text(encoding="utf-8").splitlines())
+    versions, *checks = (
+        json.loads(line) for line in report.read_text(encoding="utf-8").splitlines()
+    )
     return versions, [Check(*check) for check in checks]
 
 
@@ -122,7 +145,10 @@ def main(names: list[str]) -> int:
         versions, checks = try_client(name)
         print(f"{name}: {', '.join(f'{package} {number}' for package, number in versions.items())}")
         for check in checks:
-            print(f"  {'passed' if check.passed else 'FAILED'} {check.seconds:4.0f} s  {check.what}", flush=True)
+            print(
+                f"  {'passed' if check.passed else 'FAILED'} {check.seconds:4.0f} s  {check.what}",
+                flush=True,
+            )
         if not all(check.passed for check in checks):
             print(f"  What it said: {_BUILD / name}.log")
             code = 1

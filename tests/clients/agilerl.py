@@ -19,7 +19,12 @@ def games() -> None:
         spaces = {agent: envs.single_action_space(agent) for agent in envs.possible_agents}
         envs.reset(seed=0)
         for _ in range(100):
-            envs.step({agent: np.stack([space.sample(), space.sample()]) for agent, space in spaces.items()})
+            envs.step(
+                {
+                    agent: np.stack([space.sample(), space.sample()])
+                    for agent, space in spaces.items()
+                }
+            )
         envs.close()
 
 
@@ -34,15 +39,19 @@ def everybody() -> None:
 
 
 def scaled() -> None:
-    """100 rounds of IPPO, whose Gaussian is not clipped, behind ParallelTransformAction with RescaleClipAction."""
+    """100 rounds of IPPO, whose Gaussian is not clipped, behind ParallelTransformAction with
+    RescaleClipAction."""
     _play(
         IPPO,
-        lambda: roletrust_env.ParallelTransformAction(roletrust_env.parallel_env(), roletrust_env.RescaleClipAction),
+        lambda: roletrust_env.ParallelTransformAction(
+            roletrust_env.parallel_env(), roletrust_env.RescaleClipAction
+        ),
     )
 
 
 def levels() -> None:
-    """100 rounds of IPPO with discrete actions, behind ParallelTransformAction with DiscretizeLevels."""
+    """100 rounds of IPPO with discrete actions, behind ParallelTransformAction with
+    DiscretizeLevels."""
     _play(
         IPPO,
         lambda: roletrust_env.ParallelTransformAction(

@@ -24,8 +24,12 @@ class RoleTrustTask(PettingZooClass):
         def make() -> PettingZooWrapper:
             env = roletrust_env.FixedAgents(roletrust_env.parallel_env(**self.config))
             if not continuous_actions:
-                env = roletrust_env.ParallelTransformAction(env, roletrust_env.DiscretizeLevels, levels=3)
-            return PettingZooWrapper(env, return_state=True, categorical_actions=True, seed=seed, device=device)
+                env = roletrust_env.ParallelTransformAction(
+                    env, roletrust_env.DiscretizeLevels, levels=3
+                )
+            return PettingZooWrapper(
+                env, return_state=True, categorical_actions=True, seed=seed, device=device
+            )
 
         return make
 
@@ -62,7 +66,8 @@ def masac() -> None:
 
 
 def levels() -> None:
-    """Two iterations of IQL with discrete actions, behind ParallelTransformAction with DiscretizeLevels."""
+    """Two iterations of IQL with discrete actions, behind ParallelTransformAction with
+    DiscretizeLevels."""
     _train(IqlConfig, "paper-3x3")
 
 

@@ -14,7 +14,12 @@ OPEN = "open-system"
 
 
 def closed() -> list[str]:
-    """Return the scenarios for PettingZoo in which all agents are present from the first round to the last."""
+    """Return the scenarios for PettingZoo in which all agents are present from the first round to
+    the last."""
     found = {name: make_scenario(name) for name in scenarios()}
     found = {name: it for name, it in found.items() if "sparse" not in it.tags}
-    return [name for name, it in found.items() if it.admission is None and not any(group.open for group in it.agents)]
+    return [
+        name
+        for name, it in found.items()
+        if it.admission is None and not any(group.open for group in it.agents)
+    ]

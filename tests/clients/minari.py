@@ -11,7 +11,8 @@ from clients.games import TASK
 
 
 def collection() -> None:
-    """Episodes of a task are collected, saved and, in the recovered task, played again to the last bit."""
+    """Episodes of a task are collected, saved and, in the recovered task, played again to the last
+    bit."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MINARI_DATASETS_PATH"] = folder
         env = minari.DataCollector(gymnasium.make(TASK, max_cycles=30, noise=0.1))
@@ -27,5 +28,8 @@ def collection() -> None:
         again = found.recover_environment()
         assert again.spec.max_episode_steps == 30
         for seed, episode in enumerate(found.iterate_episodes()):
-            seen = [again.reset(seed=seed)[0], *(again.step(action)[0] for action in episode.actions)]
+            seen = [
+                again.reset(seed=seed)[0],
+                *(again.step(action)[0] for action in episode.actions),
+            ]
             assert np.array_equal(seen, episode.observations)

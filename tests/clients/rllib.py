@@ -29,7 +29,8 @@ def game() -> None:
 
 
 def levels() -> None:
-    """Two iterations on a game with discrete actions, behind ParallelTransformAction with DiscretizeLevels."""
+    """Two iterations on a game with discrete actions, behind ParallelTransformAction with
+    DiscretizeLevels."""
     _train_roles(
         lambda: roletrust_env.ParallelTransformAction(
             roletrust_env.parallel_env(max_cycles=20), roletrust_env.DiscretizeLevels, levels=3
@@ -45,7 +46,9 @@ def everybody() -> None:
 def _train_roles(make: Callable[[], Any]) -> None:
     register_env("roletrust", lambda config: ParallelPettingZooEnv(make()))
     roles = {_role(agent) for agent in make().possible_agents}
-    _train(PPOConfig().environment("roletrust").multi_agent(policies=roles, policy_mapping_fn=_role))
+    _train(
+        PPOConfig().environment("roletrust").multi_agent(policies=roles, policy_mapping_fn=_role)
+    )
 
 
 def _role(agent: str, *_: object, **__: object) -> str:
@@ -55,7 +58,9 @@ def _role(agent: str, *_: object, **__: object) -> str:
 def _train(config: Any, workers: int = 0) -> None:
     ray.init(num_cpus=2, include_dashboard=False, ignore_reinit_error=True)
     config = config.env_runners(num_env_runners=workers)
-    algorithm = config.training(train_batch_size_per_learner=200, minibatch_size=50, num_epochs=1).build_algo()
+    algorithm = config.training(
+        train_batch_size_per_learner=200, minibatch_size=50, num_epochs=1
+    ).build_algo()
     for _ in range(2):
         found = algorithm.train()
     algorithm.stop()

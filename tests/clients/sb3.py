@@ -9,7 +9,12 @@ from gymnasium.wrappers.vector import RecordVideo
 from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy
-from stable_baselines3.common.vec_env import VecFrameStack, VecMonitor, VecNormalize, VecVideoRecorder
+from stable_baselines3.common.vec_env import (
+    VecFrameStack,
+    VecMonitor,
+    VecNormalize,
+    VecVideoRecorder,
+)
 
 import roletrust_env
 from clients.games import TASK, TASKS
@@ -24,7 +29,8 @@ def tasks() -> None:
 
 
 def wrappers() -> None:
-    """PPO and evaluate_policy on AttackVecEnv, behind VecMonitor, VecFrameStack and VecNormalize."""
+    """PPO and evaluate_policy on AttackVecEnv, behind VecMonitor, VecFrameStack and
+    VecNormalize."""
     task = roletrust_env.make_task("paper-3x3", ["sp_2"], objective="exploit", max_cycles=20)
     env = VecNormalize(VecFrameStack(VecMonitor(roletrust_env.AttackVecEnv(task, 8)), 2))
     model = PPO("MlpPolicy", env, n_steps=20, batch_size=80, device="cpu").learn(320)
@@ -34,13 +40,17 @@ def wrappers() -> None:
 def learners() -> None:
     """SAC on a task, and DQN behind DiscretizeLevels."""
     SAC("MlpPolicy", gymnasium.make(TASK), learning_starts=50, device="cpu").learn(150)
-    DQN("MlpPolicy", roletrust_env.DiscretizeLevels(gymnasium.make(TASK), 5), learning_starts=50, device="cpu").learn(
-        150
-    )
+    DQN(
+        "MlpPolicy",
+        roletrust_env.DiscretizeLevels(gymnasium.make(TASK), 5),
+        learning_starts=50,
+        device="cpu",
+    ).learn(150)
 
 
 def videos() -> None:
-    """VecVideoRecorder of AttackVecEnv, and Gymnasium's RecordVideo of a batch: both show the first game."""
+    """VecVideoRecorder of AttackVecEnv, and Gymnasium's RecordVideo of a batch: both show the first
+    game."""
     task = roletrust_env.make_task("paper-3x3", ["sp_2"], objective="exploit", max_cycles=20)
     with tempfile.TemporaryDirectory() as folder:
         slots = roletrust_env.AttackVecEnv(task, 8, render_mode="rgb_array")

@@ -17,7 +17,10 @@ from clients.games import OPEN, TASKS, closed
 def tasks() -> None:
     """100 rounds of every task, and of a batch of it."""
     for task_id in TASKS:
-        for env in (wrap_env(gymnasium.make(task_id)), wrap_env(gymnasium.make_vec(task_id, num_envs=8))):
+        for env in (
+            wrap_env(gymnasium.make(task_id)),
+            wrap_env(gymnasium.make_vec(task_id, num_envs=8)),
+        ):
             env.reset()
             for _ in range(100):
                 actions = torch.rand(env.num_envs, *env.action_space.shape)
@@ -38,7 +41,8 @@ def everybody() -> None:
 
 
 def clipping() -> None:
-    """100 rounds of PPO whose Gaussian clips by itself, clip_actions=True, and of one behind RescaleClipAction."""
+    """100 rounds of PPO whose Gaussian clips by itself, clip_actions=True, and of one behind
+    RescaleClipAction."""
     _learn(gymnasium.make_vec(TASKS[1], num_envs=8), clip_actions=True)
     _learn(roletrust_env.RescaleClipAction(gymnasium.make(TASKS[1])), clip_actions=False)
 
@@ -62,7 +66,9 @@ def _play(env: Any) -> None:
     wrapped = wrap_env(env)
     wrapped.reset()
     for _ in range(100):
-        wrapped.step({agent: torch.rand(1, *wrapped.action_space(agent).shape) for agent in env.agents})
+        wrapped.step(
+            {agent: torch.rand(1, *wrapped.action_space(agent).shape) for agent in env.agents}
+        )
         assert set(wrapped.state()) == set(env.possible_agents)
         if not env.agents:
             wrapped.reset()

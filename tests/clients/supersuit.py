@@ -21,7 +21,10 @@ def wrappers() -> None:
 
 def vectors() -> None:
     """150 rounds of concat_vec_envs_v1: of paper-3x3 and, behind FixedAgents, of open-system."""
-    for env in (roletrust_env.parallel_env(), roletrust_env.FixedAgents(roletrust_env.parallel_env(OPEN))):
+    for env in (
+        roletrust_env.parallel_env(),
+        roletrust_env.FixedAgents(roletrust_env.parallel_env(OPEN)),
+    ):
         one = supersuit.pettingzoo_env_to_vec_env_v1(_alike(env))
         vector = supersuit.concat_vec_envs_v1(one, 2, base_class="gymnasium")
         vector.reset(seed=0)

@@ -24,7 +24,9 @@ def tasks() -> None:
 
 def games() -> None:
     """50 rounds in turn: of peers as they are, of paper-3x3 padded."""
-    padded = supersuit.pad_action_space_v0(supersuit.pad_observations_v0(roletrust_env.env("paper-3x3")))
+    padded = supersuit.pad_action_space_v0(
+        supersuit.pad_observations_v0(roletrust_env.env("paper-3x3"))
+    )
     for env in (PettingZooEnv(roletrust_env.env("peers")), PettingZooEnv(padded)):
         env.reset()
         for _ in range(50 * len(env.agents)):

@@ -1,4 +1,5 @@
-"""Random sequences of ratings that are late, ahead, repeated and out of order, and what a stream must make of them."""
+"""Random sequences of ratings that are late, ahead, repeated and out of order, and what a stream
+must make of them."""
 
 import math
 import random
@@ -53,7 +54,10 @@ class Reference:
         if self.policy.late == "drop":
             taken = [rating for rating in taken if rating[3] >= first]
         self.running += taken
-        self.latest = max([self.latest] * (not math.isnan(self.latest)) + [rating[3] for rating in taken] or [math.nan])
+        self.latest = max(
+            [self.latest] * (not math.isnan(self.latest)) + [rating[3] for rating in taken]
+            or [math.nan]
+        )
         while any(rating[3] >= self.start + (self.rounds + 1) * EVERY for rating in self.running):
             end = self.start + (self.rounds + 1) * EVERY
             self._end([rating for rating in self.running if rating[3] < end])
@@ -77,12 +81,19 @@ class Reference:
         return self.ended
 
     def trust(self, model: Any) -> list[dict[int, float]]:
-        """Return the trust of raters and of providers by name, as one run of all rounds computes it."""
+        """Return the trust of raters and of providers by name, as one run of all rounds computes
+        it."""
         rounds = self.finish()
-        names = [list(dict.fromkeys(rating[side] for some in rounds for rating in some)) for side in (0, 1)]
+        names = [
+            list(dict.fromkeys(rating[side] for some in rounds for rating in some))
+            for side in (0, 1)
+        ]
         run = make_run(model)
         for some in rounds:
-            who, whom = (np.array([names[side].index(rating[side]) for rating in some], np.int64) for side in (0, 1))
+            who, whom = (
+                np.array([names[side].index(rating[side]) for rating in some], np.int64)
+                for side in (0, 1)
+            )
             run.play(who, whom, np.array([rating[2] for rating in some], float))
         return [
             dict(zip(who, trust.tolist(), strict=True))
@@ -91,18 +102,28 @@ class Reference:
 
 
 def some_policy(rng: random.Random) -> Policy:
-    return Policy(rng.choice(["drop", "count"]), rng.choice([None, 0, 15.0, 40.0]), rng.random() < 0.5)
+    return Policy(
+        rng.choice(["drop", "count"]), rng.choice([None, 0, 15.0, 40.0]), rng.random() < 0.5
+    )
 
 
 def some_batches(rng: random.Random, most: int = 8) -> list[list[Rating]]:
-    """Return so many batches at most near a clock that goes on: some late, some far ahead; and copies of them."""
+    """Return so many batches at most near a clock that goes on: some late, some far ahead; and
+    copies of them."""
     clock, sent, batches = 0.0, list[Rating](), list[list[Rating]]()
     for _ in range(rng.randint(1, most)):
         clock += rng.choice([0, 3, 12, 30])
         batch = list[Rating]()
         for _ in range(rng.randint(1, 6)):
             off = rng.choice([0, 0, 0, rng.randint(-30, 9), rng.choice([-500, 500])])
-            batch.append((rng.randint(0, 3), rng.randint(0, 3), rng.randint(0, 4) / 4, clock + off + rng.randint(0, 5)))
+            batch.append(
+                (
+                    rng.randint(0, 3),
+                    rng.randint(0, 3),
+                    rng.randint(0, 4) / 4,
+                    clock + off + rng.randint(0, 5),
+                )
+            )
         sent += batch
         batches.append([*batch, *rng.choices(sent, k=rng.choice([0, 0, 2]))])
         if rng.random() < 0.2:
@@ -120,9 +141,21 @@ def check_end(stream: TrustStream, reference: Reference) -> None:
     ratings = [rating for some in reference.finish() for rating in some]
     for side, role in enumerate(get_args(Role)[::-1]):
         names, _, _, _, *columns = stream.evidence(role)
-        wanted = {name: _counted([one for one in ratings if one[side] == name], 1 - side) for name in found[side]}
-        assert dict(zip(names, zip(*(column.tolist() for column in columns), strict=True), strict=True)) == wanted
-    assert (stream.n_late, stream.n_ahead, stream.n_repeated) == (reference.late, reference.ahead, reference.repeated)
+        wanted = {
+            name: _counted([one for one in ratings if one[side] == name], 1 - side)
+            for name in found[side]
+        }
+        assert (
+            dict(
+                zip(names, zip(*(column.tolist() for column in columns), strict=True), strict=True)
+            )
+            == wanted
+        )
+    assert (stream.n_late, stream.n_ahead, stream.n_repeated) == (
+        reference.late,
+        reference.ahead,
+        reference.repeated,
+    )
 
 
 def _counted(ratings: list[Rating], others: int) -> tuple[int, int, float, float]:

@@ -6,7 +6,7 @@ GOOD = HEADER + "a,x,1,10\nb,x,5,20\na,y,3,30\n"
 BAD: dict[str, tuple[str | bytes, str]] = {
     "wrong columns": (
         GOOD.replace("ratee", "place", 1),
-        r"no column 'ratee'; did you mean 'rater'\? Columns: rater, place, rating, time; name or number it",
+        r"no column 'ratee'; did you mean 'rater'\? Columns: rater, place, rating, time; name or number it",  # noqa: E501
     ),
     "NaN": (GOOD + "c,x,nan,40\n", "row 5: the rating is 'nan'; it must be a number"),
     "no number": (GOOD + "c,x,good,40\n", "row 5: the rating is 'good'"),
@@ -24,7 +24,10 @@ BAD: dict[str, tuple[str | bytes, str]] = {
         r"row 5: the rating is 5\.0000001, off .* --scale 1 5\.0000001",
     ),
     "no time": (GOOD + "c,x,5,\n", "row 5: the time is ''; it must be a number"),
-    "a date after numbers": (GOOD + "c,x,5,2024-01-31\n", "row 5: the time is '2024-01-31'; it must be a number"),
+    "a date after numbers": (
+        GOOD + "c,x,5,2024-01-31\n",
+        "row 5: the time is '2024-01-31'; it must be a number",
+    ),
     "no time at first": (HEADER + "c,x,5,\n", "row 2: the time is ''; it must be a number"),
     "now at first": (HEADER + "c,x,5,now\n", "row 2: the time is 'now'; it must be a number"),
     **{
@@ -32,7 +35,18 @@ BAD: dict[str, tuple[str | bytes, str]] = {
             f"{HEADER}a,x,1,2024-01-30\nb,x,1,2024-01-31T12:00:00\nc,x,5,{text}\nd,x,5,now\n",
             f"row 4: the time is '{text}'; it must be a date of ISO 8601, as in the rows above",
         )
-        for text in ("", "NaT", "today", "now", "2024", "20240131", "1706659200", "-1", "2024-13-01", "1e-5")
+        for text in (
+            "",
+            "NaT",
+            "today",
+            "now",
+            "2024",
+            "20240131",
+            "1706659200",
+            "-1",
+            "2024-13-01",
+            "1e-5",
+        )
     },
     "repeat": (GOOD + "b,x,5,20\n", "row 5 repeats row 3"),
     "nothing": ("", "has no ratings"),

@@ -17,22 +17,37 @@ from roletrust_env.data.units import find_unit
 arrow = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
 
-ROWS = [("ann", "Café", 5, 1706702400), ("bob", "Café", 1, 1706702460), ("ann", "寿司", 3, 1706788800)]
+ROWS = [
+    ("ann", "Café", 5, 1706702400),
+    ("bob", "Café", 1, 1706702460),
+    ("ann", "寿司", 3, 1706788800),
+]
 DAYS = ["2024-01-31T12:00:00", "2024-01-31T12:01:00", "2024-02-01T12:00:00"]
 OTHER_DATES = {
     "day-first": ["31.01.2024 12:00", "31.01.2024 12:01", "1.2.2024 12:00"],
     "month-first": ["1/31/2024 12:00 PM", "1/31/2024 12:01pm", "2/1/2024 12:00 PM"],
     "slashes": ["31/01/2024, 12:00:00", "31/01/2024, 12:01:00", "01/02/2024, 12:00:00"],
     "names": ["Jan 31, 2024 12:00", "January 31, 2024 12:01:00.0", "Feb. 1, 2024 12:00"],
-    "mail": ["Wed, 31 Jan 2024 13:00:00 +0100", "31 jan 2024 12:01:00 GMT", "Thu, 01 Feb 2024 06:30:00 -0530"],
+    "mail": [
+        "Wed, 31 Jan 2024 13:00:00 +0100",
+        "31 jan 2024 12:01:00 GMT",
+        "Thu, 01 Feb 2024 06:30:00 -0530",
+    ],
 }
 TIMED = Columns(time="time")
 
 
-def text(separator: str = ",", header: str = "rater,ratee,rating,time", rows: list[Any] = ROWS, end: str = "\n") -> str:
+def text(
+    separator: str = ",",
+    header: str = "rater,ratee,rating,time",
+    rows: list[Any] = ROWS,
+    end: str = "\n",
+) -> str:
     """Return the rows as a text; without a header if that is empty."""
     lines = [separator.join(map(str, row)) for row in rows]
-    return "".join(line + end for line in [*([header.replace(",", separator)] if header else []), *lines])
+    return "".join(
+        line + end for line in [*([header.replace(",", separator)] if header else []), *lines]
+    )
 
 
 def with_times(times: list[Any]) -> list[tuple[Any, ...]]:
@@ -58,12 +73,21 @@ def texts() -> Iterator[tuple[str, bytes]]:
     yield "cr.csv", text(end="\r").encode()
     yield "no-end.csv", text().rstrip().encode()
     yield "blank-lines.csv", ("\n" + text().replace("\n", "\n\n  \n,,,\n,,,,,\n") + "\n\n").encode()
-    yield "comments.csv", ("# made by hand\n\n" + text() + "# the, end, of, it\n# it's \"all\n").encode()
+    yield (
+        "comments.csv",
+        ("# made by hand\n\n" + text() + "# the, end, of, it\n# it's \"all\n").encode(),
+    )
     yield "comments-inside.csv", text().replace("bob", "# a pause\nbob").encode()
     yield "sep.csv", ("sep=;\n" + text(";")).encode()
     yield "konect", ("% sym weighted x\n" + text(" ", "")).encode()
-    yield "utc.csv", text(rows=with_times([day.replace("T", " ") + " UTC" for day in DAYS])).encode()
-    yield "header-in-comment.tsv", ("% sym weighted\n# Rater\tRatee\tRating\tTime\n" + text("\t", "")).encode()
+    yield (
+        "utc.csv",
+        text(rows=with_times([day.replace("T", " ") + " UTC" for day in DAYS])).encode(),
+    )
+    yield (
+        "header-in-comment.tsv",
+        ("% sym weighted\n# Rater\tRatee\tRating\tTime\n" + text("\t", "")).encode(),
+    )
     yield "blanks-after-commas.csv", text(", ").encode()
     yield "quotes.csv", text('", "').replace("\n", '"\n"').rstrip('"').encode().join([b'"', b""])
     yield "padded.csv", text().replace("ann", " ann\t").replace("Café", "Café\u00a0").encode()
@@ -71,24 +95,48 @@ def texts() -> Iterator[tuple[str, bytes]]:
     yield "graph.csv", text(header="Source,Target,Weight,Date").encode()
     yield (
         "books.csv",
-        text('";"', "User-ID,ISBN,Book-Rating,Review Time").replace("\n", '"\n"').join('""')[:-2].encode("utf-16"),
+        text('";"', "User-ID,ISBN,Book-Rating,Review Time")
+        .replace("\n", '"\n"')
+        .join('""')[:-2]
+        .encode("utf-16"),
     )
-    yield "more.csv", text(header='"from",to,score,time').replace("\n", ',"two\nlines, ""quoted"""\n').encode()
-    yield "extra.csv", text(header=",rater,ratee,rating,time", rows=[(n, *row) for n, row in enumerate(ROWS)]).encode()
-    yield "decimal-commas.csv", text(";", rows=[(a, b, f"{c},0", d) for a, b, c, d in ROWS]).encode()
+    yield (
+        "more.csv",
+        text(header='"from",to,score,time').replace("\n", ',"two\nlines, ""quoted"""\n').encode(),
+    )
+    yield (
+        "extra.csv",
+        text(
+            header=",rater,ratee,rating,time", rows=[(n, *row) for n, row in enumerate(ROWS)]
+        ).encode(),
+    )
+    yield (
+        "decimal-commas.csv",
+        text(";", rows=[(a, b, f"{c},0", d) for a, b, c, d in ROWS]).encode(),
+    )
     for unit, more in (("ms", 3), ("us", 6), ("ns", 9)):
-        yield f"{unit}.csv", text(rows=with_times([f"{row[3]}{'0' * more}" for row in ROWS])).encode()
+        yield (
+            f"{unit}.csv",
+            text(rows=with_times([f"{row[3]}{'0' * more}" for row in ROWS])).encode(),
+        )
     yield "dates.csv", text(rows=with_times(DAYS)).encode()
     yield (
         "zone.csv",
-        text(rows=with_times([day.replace("T", " ").replace("12:", "14:") + "+02:00" for day in DAYS])).encode(),
+        text(
+            rows=with_times(
+                [day.replace("T", " ").replace("12:", "14:") + "+02:00" for day in DAYS]
+            )
+        ).encode(),
     )
     names = "rater", "ratee", "rating", "time"
     lines = [json.dumps(dict(zip(names, row, strict=True))) for row in ROWS]
     yield "lines.jsonl", "\n".join(lines).encode()
     yield "mixed.jsonl", "\n".join([lines[0].replace("5,", '"5",'), *lines[1:]]).encode()
     yield "lines.ndjson", "\n\n".join(lines).encode()
-    dated = [json.dumps(dict(zip(("user", "item", "score", "date"), row, strict=True))) for row in with_times(DAYS)]
+    dated = [
+        json.dumps(dict(zip(("user", "item", "score", "date"), row, strict=True)))
+        for row in with_times(DAYS)
+    ]
     yield "dated.jsonl", "\n".join(dated).encode()
     yield "array.json", b"\xef\xbb\xbf\n [" + ", \n".join(lines).encode() + b"]\n"
     yield "accents.csv", text().replace("Café,5", "Cafe\u0301,5").encode()
@@ -110,7 +158,10 @@ def test_forty_texts_are_one_log(tmp_path: Path) -> None:
     files = dict(texts())
     assert len(files) >= 40
     for name, content in files.items():
-        for path, written in ((tmp_path / name, content), (tmp_path / f"{name}.gz", gzip.compress(content))):
+        for path, written in (
+            (tmp_path / name, content),
+            (tmp_path / f"{name}.gz", gzip.compress(content)),
+        ):
             path.write_bytes(written)
             try:
                 check(read_ratings(path, TIMED, scale=(1, 5)))
@@ -132,13 +183,29 @@ def told(path: Path, columns: Columns = TIMED, **options: Any) -> tuple[RatingLo
 def test_names_of_any_type_are_the_same(tmp_path: Path) -> None:
     """And a name of a text that looks like a date or a number stays as it is."""
     whole = [1, 20, 1]
-    for kind in ("int8", "uint64", "float32", "float64", "string", "large_string", "string_view", "binary"):
-        names = [str(one) for one in whole] if "string" in kind else [b"1", b"20", b"1"] if kind == "binary" else whole
+    for kind in (
+        "int8",
+        "uint64",
+        "float32",
+        "float64",
+        "string",
+        "large_string",
+        "string_view",
+        "binary",
+    ):
+        names = (
+            [str(one) for one in whole]
+            if "string" in kind
+            else [b"1", b"20", b"1"]
+            if kind == "binary"
+            else whole
+        )
         column = arrow.array(names, getattr(arrow, kind)())
         for one in (column, column.dictionary_encode()) if kind != "string_view" else (column,):
             for end in (".parquet", ".pq"):
                 parquet.write_table(
-                    arrow.table({"rater": one, "ratee": one, "rating": [1, 0, 1]}), tmp_path / f"a{end}"
+                    arrow.table({"rater": one, "ratee": one, "rating": [1, 0, 1]}),
+                    tmp_path / f"a{end}",
                 )
                 assert read_ratings(tmp_path / f"a{end}").rater_names == ["1", "20"], kind
     parquet.write_table(
@@ -164,8 +231,13 @@ def test_names_of_any_type_are_the_same(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="row 2 has no name in column 'rater'"):
         read_ratings(tmp_path / "e.pq")
     assert read_ratings(tmp_path / "e.pq", missing=True).rater_names == ["1"]
-    for wrong, message in (([0.5], "row 1: column 'ratee' is 0.5"), ([2.0**60], "below 2 \\*\\* 53")):
-        parquet.write_table(arrow.table({"rater": ["a"], "ratee": wrong, "rating": [1]}), tmp_path / "d.pq")
+    for wrong, message in (
+        ([0.5], "row 1: column 'ratee' is 0.5"),
+        ([2.0**60], "below 2 \\*\\* 53"),
+    ):
+        parquet.write_table(
+            arrow.table({"rater": ["a"], "ratee": wrong, "rating": [1]}), tmp_path / "d.pq"
+        )
         with pytest.raises(ValueError, match=message):
             read_ratings(tmp_path / "d.pq")
 
@@ -179,23 +251,40 @@ def test_names_are_trimmed_and_the_joined_are_told(tmp_path: Path) -> None:
 
 
 def test_letters_of_windows_are_not_those_of_latin_1(tmp_path: Path) -> None:
-    for name, encoding, word in (("ann\u2019s Café", "cp1252", "cp1252"), ("José", "latin-1", "latin-1")):
-        log, lines = told(write(tmp_path, f"rater,ratee,rating\n{name},x,1\n".encode(encoding)), Columns())
+    for name, encoding, word in (
+        ("ann\u2019s Café", "cp1252", "cp1252"),
+        ("José", "latin-1", "latin-1"),
+    ):
+        log, lines = told(
+            write(tmp_path, f"rater,ratee,rating\n{name},x,1\n".encode(encoding)), Columns()
+        )
         assert (log.rater_names, word in lines) == ([name], True)
-    assert read_ratings(write(tmp_path, b"rater,ratee,rating\na\x81\x92,x,1\n")).rater_names == ["a\x81\x92"]
+    assert read_ratings(write(tmp_path, b"rater,ratee,rating\na\x81\x92,x,1\n")).rater_names == [
+        "a\x81\x92"
+    ]
 
 
 def test_names_of_whole_floats_are_whole_numbers_if_all_of_the_column_are(tmp_path: Path) -> None:
-    log, lines = told(write(tmp_path, "rater,ratee,rating\n3,x1,1\n3.0,x,1\n-1.0,x.0,0\n"), Columns())
-    assert (log.rater_names, log.raters.tolist(), log.ratee_names) == (["3", "-1"], [0, 0, 1], ["x1", "x", "x.0"])
+    log, lines = told(
+        write(tmp_path, "rater,ratee,rating\n3,x1,1\n3.0,x,1\n-1.0,x.0,0\n"), Columns()
+    )
+    assert (log.rater_names, log.raters.tolist(), log.ratee_names) == (
+        ["3", "-1"],
+        [0, 0, 1],
+        ["x1", "x", "x.0"],
+    )
     assert "without their .0: 2." in lines
     for other in ("3.5", "03.0", "a"):
-        log, lines = told(write(tmp_path, f"rater,ratee,rating\n3,x,1\n3.0,x,1\n{other},x,0\n"), Columns())
+        log, lines = told(
+            write(tmp_path, f"rater,ratee,rating\n3,x,1\n3.0,x,1\n{other},x,0\n"), Columns()
+        )
         assert (log.rater_names, ".0" in lines) == (["3", "3.0", other], False)
 
 
 def test_what_the_beginning_of_a_text_shows() -> None:
-    assert find_separator(["ann;bob;1,5", "cec;dan;2,5"]) == ";"  # three columns, where the comma makes two
+    assert (
+        find_separator(["ann;bob;1,5", "cec;dan;2,5"]) == ";"
+    )  # three columns, where the comma makes two
     assert find_encoding("ann,bob,1".encode("utf-16-le")) == "utf-16-le"
     with pytest.raises(ValueError, match="its beginning is no text"):
         find_encoding(b"\0\0\0\xff" * 20)  # zeros on both sides
@@ -205,7 +294,8 @@ def test_what_the_beginning_of_a_text_shows() -> None:
 def test_a_whole_column_decides_the_form_of_dates(tmp_path: Path) -> None:
     def dated(*times: str, **options: Any) -> tuple[list[float], str]:
         log, lines = told(
-            write(tmp_path, text(";", rows=with_times([*times, *times[-1:] * (3 - len(times))]))), **options
+            write(tmp_path, text(";", rows=with_times([*times, *times[-1:] * (3 - len(times))]))),
+            **options,
         )
         return [] if log.times is None else log.times.tolist(), lines
 
@@ -218,45 +308,69 @@ def test_a_whole_column_decides_the_form_of_dates(tmp_path: Path) -> None:
         in dated("01/02/2024", "01/03/2024", "01/31/2024", **scale)[1]
     )
     for time_format, first in (("%d/%m/%Y", "2024-04-03"), ("%m/%d/%Y", "2024-03-04")):
-        with pytest.raises(ValueError, match=f"in '03/04/2024' the day or the month may be first; .*{time_format}'"):
+        with pytest.raises(
+            ValueError, match=f"in '03/04/2024' the day or the month may be first; .*{time_format}'"
+        ):
             dated("03/04/2024", "05/05/2024", **scale)
-        assert dated("03/04/2024", "05/05/2024", dialect=Dialect(time_format=time_format), **scale)[0][0] == seconds(
-            first
-        )
+        assert dated("03/04/2024", "05/05/2024", dialect=Dialect(time_format=time_format), **scale)[
+            0
+        ][0] == seconds(first)
     assert dated("03.04.2024", **scale)[0][0] == seconds("2024-04-03")
     assert dated("03/03/2024", "05/05/2024", **scale)[0] == [
         seconds(f"2024-{day}") for day in ("03-03", "05-05", "05-05")
     ]
     for times, message in (
-        (("31.01.2024", "31.02.2024"), "row 3: the time is '31.02.2024'; it must be a date in the form of the first"),
+        (
+            ("31.01.2024", "31.02.2024"),
+            "row 3: the time is '31.02.2024'; it must be a date in the form of the first",
+        ),
         (("31/01/2024", "01/31/2024"), "row 3: the time is '01/31/2024'"),
         (("31.01.2024 24:00",), "row 2: the time is '31.01.2024 24:00'"),
         (("31.01.2024 0:30 AM",), "row 2: the time is '31.01.2024 0:30 AM'"),
         (("31.01.2024 12:00:60",), "row 2: the time is '31.01.2024 12:00:60'"),
-        (("31 Jan 2024 12:00 +0100", "31 Jan 2024 12:00"), "row 3: the time is '31 Jan 2024 12:00'"),
+        (
+            ("31 Jan 2024 12:00 +0100", "31 Jan 2024 12:00"),
+            "row 3: the time is '31 Jan 2024 12:00'",
+        ),
         (("31 Jam 2024",), "row 2: the time is '31 Jam 2024'"),
         (
             ("31.01.24",),
-            "row 2: the time is '31.01.24'; it must be a number or a date of .*; --time-format reads other",
+            "row 2: the time is '31.01.24'; it must be a number or a date of .*; --time-format "
+            "reads other",
         ),
     ):
         with pytest.raises(ValueError, match=message):
             dated(*times, **scale)
-    with pytest.raises(ValueError, match=r"row 2: unconverted data remains: .01.2024 \(--time-format\)"):
+    with pytest.raises(
+        ValueError, match=r"row 2: unconverted data remains: .01.2024 \(--time-format\)"
+    ):
         dated("31.01.2024", dialect=Dialect(time_format="%d"), **scale)
 
 
 def test_nanoseconds_are_exact(tmp_path: Path) -> None:
     """Times 1 ns apart are no repeat and in their order, in texts, numbers and dates."""
     stamps = [1706702400_000000001 - n for n in range(3)]
-    dates = ["2024-01-31T12:00:00.000000001", "2024-01-31T12:00:00", "2024-01-31T11:59:59.999999999"]
+    dates = [
+        "2024-01-31T12:00:00.000000001",
+        "2024-01-31T12:00:00",
+        "2024-01-31T11:59:59.999999999",
+    ]
     seconds = ["1706702400.000000001", "1706702400", "1706702399.999999999"]
     micro = ["1706702400000000.001", "1706702400000000", "1706702399999999.999"]
     milli = ["1706702400000.000001", "1706702400000", "1706702399999.999999"]
     columns = {"rater": ["a"] * 3, "ratee": ["x"] * 3, "rating": [1, 1, 1]}
-    for times in (stamps, arrow.array(stamps).cast(arrow.timestamp("ns", "UTC")), dates, seconds, micro, milli):
+    for times in (
+        stamps,
+        arrow.array(stamps).cast(arrow.timestamp("ns", "UTC")),
+        dates,
+        seconds,
+        micro,
+        milli,
+    ):
         for rating in ([1, 1, 1], [1, 0.5, 0]):
-            parquet.write_table(arrow.table({**columns, "rating": rating, "time": times}), tmp_path / "a.pq")
+            parquet.write_table(
+                arrow.table({**columns, "rating": rating, "time": times}), tmp_path / "a.pq"
+            )
             log = read_ratings(tmp_path / "a.pq", TIMED)
             assert log.values.tolist() == rating[::-1]
             assert log.times is not None
@@ -274,15 +388,21 @@ def test_nanoseconds_are_exact(tmp_path: Path) -> None:
 
 def test_labels_missing_values_and_overrides(tmp_path: Path) -> None:
     path = write(tmp_path, "rater,ratee,rating,time\na,x,Yes,5\n,,,\nb,x,no,NA\nc,x,,7\nb,x,no,\n")
-    with pytest.raises(ValueError, match="row 2: the rating is 'Yes'; it must be a number; --labels"):
+    with pytest.raises(
+        ValueError, match="row 2: the rating is 'Yes'; it must be a number; --labels"
+    ):
         read_ratings(write(tmp_path, "rater,ratee,rating\na,x,Yes\n", "yes.csv"))
-    with pytest.raises(ValueError, match="row 5: the rating is ''; it must be yes or no; --missing"):
+    with pytest.raises(
+        ValueError, match="row 5: the rating is ''; it must be yes or no; --missing"
+    ):
         read_ratings(path, labels={"yes": 1, "no": 0})
     log, lines = told(path, TIMED, labels={"yes": 1, "no": 0}, missing=True)
     assert (log.rater_names, log.values.tolist()) == (["a"], [1])
     assert "blank rows: 1, rows with a missing value left out: 3." in lines
     path = write(tmp_path, "1|2,5|1\n3|2|0\n")
-    assert read_ratings(path, Columns("1", "2", "3"), dialect=Dialect("bar", header=True)).rater_names == ["3"]
+    assert read_ratings(
+        path, Columns("1", "2", "3"), dialect=Dialect("bar", header=True)
+    ).rater_names == ["3"]
     path = write(tmp_path, "a,x,yes\nb,x,no\n")
     assert len(read_ratings(path, labels={"yes": 1, "no": 0}).values) == 2
     for wrong, message in (
@@ -297,21 +417,42 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
     start = "rater,ratee,rating,time\n\n# a note\n"
     for content, message in (
         (start + "a,x,1,2\n\nb,x,good,3\n", "row 6: the rating is 'good'; it must be a number"),
-        (start.encode() + b"a,x,1,2\n" * 200_000 + b"Jos\xe9,x,1,3\n", "row 200004: byte 0xe9 is no UTF-8; .* latin-1"),
+        (
+            start.encode() + b"a,x,1,2\n" * 200_000 + b"Jos\xe9,x,1,3\n",
+            "row 200004: byte 0xe9 is no UTF-8; .* latin-1",
+        ),
         (start.encode() + "é,x,1,2\n".encode() + b"\xe9,x,1,3\n", "row 5: byte 0xe9 is no UTF-8"),
-        (start + 'a,x,"1,234.5",2\n', "row 4: the rating is '1,234.5'; it must be a number without separators of"),
+        (
+            start + 'a,x,"1,234.5",2\n',
+            "row 4: the rating is '1,234.5'; it must be a number without separators of",
+        ),
         (start + "a,x,1,2\nb,x,1_0,3\n", "row 5: the rating is '1_0'; it must be a number"),
-        (start + "a,x,1,2\nb,x,5,3\n", "row 5: the rating is 5, off the scale from 0 to 1; .* --scale 1 5"),
+        (
+            start + "a,x,1,2\nb,x,5,3\n",
+            "row 5: the rating is 5, off the scale from 0 to 1; .* --scale 1 5",
+        ),
         (start + '"a\nb",x,1,2\n"c,x,1,2\n', "row 5: a quote has no end"),
-        ("user,source,item,rating,time\na,b,x,1,2\n", "row 1: the column of the rater is 'user' or 'source'"),
-        ("rater,ratee,mark\na,x,1\n", "row 1: there is no column 'time'. Columns: rater, ratee, mark; .* --time"),
+        (
+            "user,source,item,rating,time\na,b,x,1,2\n",
+            "row 1: the column of the rater is 'user' or 'source'",
+        ),
+        (
+            "rater,ratee,mark\na,x,1\n",
+            "row 1: there is no column 'time'. Columns: rater, ratee, mark; .* --time",
+        ),
         ("a,x,1\n", "there is no column 'time' in 3 columns without a header; .* --time"),
     ):
         with pytest.raises(ValueError, match=message):
             read_ratings(write(tmp_path, content), TIMED, repeats=True)
     for content, message in (
-        ('{"rater": 1, "ratee": 2, "rating": 1}\n{"rater": \n', "row 2: Invalid value; it must be one JSON object"),
-        ('{"rater": 1, "ratee": "a", "rating": 1}\n{"rater": "b", "ratee\n', "row 2: .* one JSON object in each line"),
+        (
+            '{"rater": 1, "ratee": 2, "rating": 1}\n{"rater": \n',
+            "row 2: Invalid value; it must be one JSON object",
+        ),
+        (
+            '{"rater": 1, "ratee": "a", "rating": 1}\n{"rater": "b", "ratee\n',
+            "row 2: .* one JSON object in each line",
+        ),
         ('[{"rater": 1}]', "columns: there is no column 'ratee'"),
         ('[{"rater": 1}, 5]', "row 2: .* it must be one JSON object in each line, or in an array"),
         ('[{"rater": 1}', "log.jsonl is no array of JSON objects, or a damaged one"),
@@ -323,37 +464,61 @@ def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> N
 
 
 def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also those at which pyarrow's parser would end the process; brackets in texts do not count."""
+    """Also those at which pyarrow's parser would end the process; brackets in texts do not
+    count."""
     row = '{"rater": "a[{\\\\", "ratee": "\\"[", "rating": 1}\n'
     assert len(read_ratings(write(tmp_path, row * 300, "LOG.JSONL"), repeats=True).values) == 300
     monkeypatch.setattr("roletrust_env.data.tables._LONGEST", 30_000)
     monkeypatch.setattr("roletrust_env.data.tables._BYTES", 30_000)
     for name, content, message in (
         ("log.jsonl", row + '{"rater": ' + "[" * 10_000, "nested more than 100 deep, after row 0"),
-        ("log.jsonl", row + '{"rater": ' + '{"a": ' * 400 + "1" + "}" * 401, "nested more than 100 deep"),
-        ("log.json", f'[{{"rater": {"[" * 200 + "]" * 200}, "ratee": 1, "rating": 1}}]', "nested more than 100 deep"),
+        (
+            "log.jsonl",
+            row + '{"rater": ' + '{"a": ' * 400 + "1" + "}" * 401,
+            "nested more than 100 deep",
+        ),
+        (
+            "log.json",
+            f'[{{"rater": {"[" * 200 + "]" * 200}, "ratee": 1, "rating": 1}}]',
+            "nested more than 100 deep",
+        ),
         (
             "log.jsonl",
             row.encode() + b'{"rater": "Jos\xe9"}\n',
             "row 2: byte 0xe9 is no UTF-8, in which JSON is written",
         ),
-        ("log.csv", f"rater,ratee,rating\na,{'b' * 20_000},1\n", "row 2: the name in column 'ratee' has 20,000 bytes"),
+        (
+            "log.csv",
+            f"rater,ratee,rating\na,{'b' * 20_000},1\n",
+            "row 2: the name in column 'ratee' has 20,000 bytes",
+        ),
         ("log.jsonl", f"null\n{row}", "row 1: no object begins here"),
         ("log.json", "[null, 5]", "row 1: no object begins here"),
-        ("log.csv", "rater,ratee,rating\na,b,1\n" + "b" * 40_000, "a line has more than 30,000 bytes"),
+        (
+            "log.csv",
+            "rater,ratee,rating\na,b,1\n" + "b" * 40_000,
+            "a line has more than 30,000 bytes",
+        ),
     ):
         with pytest.raises(ValueError, match=message):
             read_ratings(write(tmp_path, content, name))
-    event = '"args": {"agentId": 1, "clientAddress": "0xab", "feedbackIndex": 1, "value": 1, "valueDecimals": 0}}\n'
+    event = (
+        '"args": {"agentId": 1, "clientAddress": "0xab", "feedbackIndex": 1, "value": 1, '
+        '"valueDecimals": 0}}\n'
+    )
     gone = f'{{"event": "NewFeedback", {event}{{"event": "FeedbackRevoked", {event}'
     with pytest.raises(ValueError, match="has no ratings"):
         read_ratings(write(tmp_path, gone, "log.jsonl"))
     latin = arrow.array([b"Jos\xe9"]).view(arrow.string())
-    parquet.write_table(arrow.table({"rater": latin, "ratee": ["b"], "rating": [1]}), tmp_path / "log.parquet")
+    parquet.write_table(
+        arrow.table({"rater": latin, "ratee": ["b"], "rating": [1]}), tmp_path / "log.parquet"
+    )
     with pytest.raises(ValueError, match=r"no Parquet file, or a damaged one.*UTF8"):
         read_ratings(tmp_path / "log.parquet")
     with pytest.raises(ValueError, match="no CSV file"):
-        read_ratings(write(tmp_path, "rater,ratee,rating\na+2AA-,b,1\n"), dialect=Dialect(encoding="utf-7"))
+        read_ratings(
+            write(tmp_path, "rater,ratee,rating\na+2AA-,b,1\n"), dialect=Dialect(encoding="utf-7")
+        )
     with pytest.raises(ValueError, match="too wide"):
         read_ratings(write(tmp_path, "a,b,1\n"), scale=(-1e308, 1e308))
 
@@ -369,7 +534,15 @@ def test_a_name_may_begin_with_a_mark(tmp_path: Path) -> None:
 
 
 def test_the_unit_of_times_is_that_of_their_size() -> None:
-    for time, unit in ((1e8, "s"), (9e10, "s"), (1e11, "ms"), (9e13, "ms"), (1e14, "us"), (9e16, "us"), (1e17, "ns")):
+    for time, unit in (
+        (1e8, "s"),
+        (9e10, "s"),
+        (1e11, "ms"),
+        (9e13, "ms"),
+        (1e14, "us"),
+        (9e16, "us"),
+        (1e17, "ns"),
+    ):
         assert find_unit(np.array([time])) == unit
     assert find_unit(np.array([3.0, 1e9])) is None
 
@@ -378,27 +551,59 @@ def test_what_may_be_wrong_is_told_with_its_number(tmp_path: Path) -> None:
     for times, options, message in (
         ([0, 1, 10_001], {"every": 1}, "9,999 of 10,002 rounds are empty"),
         ([0, 1, 2], {"every": 10}, "all 3 ratings are in one round"),
-        ([1706702400000, 1706702400001, 1706702400002], {"dialect": Dialect(unit="s")}, "the year 56053 to 56053"),
-        ([1706702400, 1706702401, 1706702402], {"dialect": Dialect(unit="ms")}, "the year 1970 to 1970"),
+        (
+            [1706702400000, 1706702400001, 1706702400002],
+            {"dialect": Dialect(unit="s")},
+            "the year 56053 to 56053",
+        ),
+        (
+            [1706702400, 1706702401, 1706702402],
+            {"dialect": Dialect(unit="ms")},
+            "the year 1970 to 1970",
+        ),
         ([1706702400, 1706702401, 1706702400000], {}, "the year 1970 to 2024"),
         ([0, 1, 1e300], {}, "the year 1970 to 3.16887e+283; another unit"),
-        ([20240131, 20240201, 20231231], {}, "times such as 20231231 may be dates; --time-format %Y%m%d reads them"),
-        ([1, 2, 3], {}, "Warning: all 3 ratings are the same.\nWarning: all 3 ratings are by one rater, a."),
+        (
+            [20240131, 20240201, 20231231],
+            {},
+            "times such as 20231231 may be dates; --time-format %Y%m%d reads them",
+        ),
+        (
+            [1, 2, 3],
+            {},
+            "Warning: all 3 ratings are the same.\nWarning: all 3 ratings are by one rater, a.",
+        ),
     ):
         content = "rater,ratee,rating,time\n" + "".join(f"a,x,1,{time}\n" for time in times)
         assert message in told(write(tmp_path, content), **options)[1]
-    for times in ("20240131 20240132", "20240131 20241301", "20240131 20240100", "20240131 20240131.5"):
+    for times in (
+        "20240131 20240132",
+        "20240131 20241301",
+        "20240131 20240100",
+        "20240131 20240131.5",
+    ):
         content = "".join(f"a,{time},{n},{time}\n" for n, time in enumerate(times.split()))
         assert "may be dates" not in told(write(tmp_path, content), Columns("1", "2", "3", "4"))[1]
     assert "Warning" not in told(write(tmp_path, text()), scale=(1, 5), every=3600)[1]
 
 
-def test_a_text_of_several_lines_is_not_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write(tmp_path, "rater,ratee,rating,words\n" + 'a,x,1,"one\ntwo, ""three""\n"\nb,y,0,"z"\n' * 9)
+def test_a_text_of_several_lines_is_not_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(
+        tmp_path, "rater,ratee,rating,words\n" + 'a,x,1,"one\ntwo, ""three""\n"\nb,y,0,"z"\n' * 9
+    )
     for size in (7, 20, 50, 1000):
         monkeypatch.setattr("roletrust_env.data.tables._BYTES", size)
         assert len(read_ratings(path).values) == 18
-    assert len(read_ratings(write(tmp_path, "rater,ratee,rating,words\n" + 'a,x,1,6" pipe\n' * 9)).values) == 9
+    assert (
+        len(
+            read_ratings(
+                write(tmp_path, "rater,ratee,rating,words\n" + 'a,x,1,6" pipe\n' * 9)
+            ).values
+        )
+        == 9
+    )
 
 
 def test_the_shared_logs_need_no_option_but_the_scale() -> None:
@@ -412,20 +617,50 @@ def test_the_shared_logs_need_no_option_but_the_scale() -> None:
     assert (len(log.values), log.shape) == (35_592, (4814, 5858))
     log, lines = told(shared / "crowd-product" / "answer.csv.gz", Columns())
     assert (len(log.values), log.shape) == (24_945, (176, 8315))
-    assert "rater in column 'worker', ratee in column 'question', rating in column 'answer'" in lines
+    assert (
+        "rater in column 'worker', ratee in column 'question', rating in column 'answer'" in lines
+    )
 
 
 def test_feedback_events_are_ratings(tmp_path: Path) -> None:
-    """With decimals; without what was taken back, other tags and other events; accounts under their funder."""
-    given = {"eventName": "NewFeedback", "blockTimestamp": 1706702400, "valueDecimals": 2, "tag1": "starred"}
+    """With decimals; without what was taken back, other tags and other events; accounts under their
+    funder."""
+    given = {
+        "eventName": "NewFeedback",
+        "blockTimestamp": 1706702400,
+        "valueDecimals": 2,
+        "tag1": "starred",
+    }
     events: list[dict[str, Any]] = [
         {**given, "agentId": "7", "clientAddress": "0xAb", "feedbackIndex": 1, "value": "8500"},
         {**given, "agentId": "7", "clientAddress": "0xaB", "feedbackIndex": 2, "value": "9000"},
-        {**given, "agentId": "7", "clientAddress": "0xcd", "feedbackIndex": 1, "value": "5", "valueDecimals": 0},
-        {**given, "agentId": "8", "clientAddress": "0xef", "feedbackIndex": 1, "value": "1", "tag1": "reachable"},
-        {"eventName": "FeedbackRevoked", "agentId": "7", "clientAddress": "0xab", "feedbackIndex": 1},
+        {
+            **given,
+            "agentId": "7",
+            "clientAddress": "0xcd",
+            "feedbackIndex": 1,
+            "value": "5",
+            "valueDecimals": 0,
+        },
+        {
+            **given,
+            "agentId": "8",
+            "clientAddress": "0xef",
+            "feedbackIndex": 1,
+            "value": "1",
+            "tag1": "reachable",
+        },
+        {
+            "eventName": "FeedbackRevoked",
+            "agentId": "7",
+            "clientAddress": "0xab",
+            "feedbackIndex": 1,
+        },
     ]
-    funded = [{**event, "funder": "0xF0" if event["clientAddress"] == "0xcd" else None} for event in events]
+    funded = [
+        {**event, "funder": "0xF0" if event["clientAddress"] == "0xcd" else None}
+        for event in events
+    ]
     nested = [{"eventName": event.pop("eventName"), "args": event} for event in map(dict, funded)]
     for number, rows in enumerate((events, funded, nested)):
         path = write(tmp_path, "\n".join(map(json.dumps, rows)), "events.jsonl")
@@ -441,4 +676,7 @@ def test_feedback_events_are_ratings(tmp_path: Path) -> None:
     log = read_ratings(write(tmp_path, "\n".join([",".join(header), *lines])), scale=(0, 100))
     assert (log.ratee_names, log.values.tolist()) == (["1:7", "8453:7"], [0.85, 0.85])
     with pytest.raises(ValueError, match="row 4: the rating is 850, off the scale"):
-        read_ratings(write(tmp_path, "\n".join([",".join(header), *lines]).replace("850,1", "850,0")), scale=(0, 100))
+        read_ratings(
+            write(tmp_path, "\n".join([",".join(header), *lines]).replace("850,1", "850,0")),
+            scale=(0, 100),
+        )

@@ -17,16 +17,23 @@ from roletrust_env.trust import make_trust_model
 
 def test_it_counts_ratings_and_agents_as_a_slow_copy_does(tmp_path: Path) -> None:
     random, path = np.random.default_rng(0), tmp_path / "log.csv"
-    rows = [(f"r{n}", f"p{m}", k) for n, m, k in zip(*random.integers(0, 9, (2, 200)), range(200), strict=True)]
+    rows = [
+        (f"r{n}", f"p{m}", k)
+        for n, m, k in zip(*random.integers(0, 9, (2, 200)), range(200), strict=True)
+    ]
     path.write_text("rater,ratee,rating,time\n" + "".join(f"{n},{m},1,{k}\n" for n, m, k in rows))
     log = read_ratings(path)._replace(times=np.arange(200.0))
     for role, own, other in (("ratee", 1, 0), ("rater", 0, 1)):
         found = evidence(log, role, np.full(9, 0.5), log.pairs())
         for place, name in enumerate(found.names):
             some = [row for row in rows if row[own] == name]
-            counts = [sum(row[other] == agent for row in some) for agent in {row[other] for row in some}]
+            counts = [
+                sum(row[other] == agent for row in some) for agent in {row[other] for row in some}
+            ]
             assert (found.ratings[place], found.agents[place]) == (len(some), len(counts))
-            assert found.independent[place] == pytest.approx(sum(counts) ** 2 / sum(count**2 for count in counts))
+            assert found.independent[place] == pytest.approx(
+                sum(counts) ** 2 / sum(count**2 for count in counts)
+            )
             assert found.last[place] == some[-1][2]
 
 
@@ -39,9 +46,13 @@ def test_repeats_of_one_rater_never_lower_the_interval_of_an_agent() -> None:
     rows = [(who, whom) for whom in (0, 1) for who in range(6)]
     lows = []
     for repeats in (0, 1, 500):
-        raters, ratees = (np.array(column) for column in zip(*rows, *[(0, 0)] * repeats, strict=True))
+        raters, ratees = (
+            np.array(column) for column in zip(*rows, *[(0, 0)] * repeats, strict=True)
+        )
         names = [str(place) for place in range(6)]
-        log = RatingLog(raters, ratees, np.full(len(raters), 0.8), None, names, names, was_sorted=True)
+        log = RatingLog(
+            raters, ratees, np.full(len(raters), 0.8), None, names, names, was_sorted=True
+        )
         found = evidence(log, "ratee", np.full(6, 0.8), log.pairs())
         assert found.ranked().names[0] == "0"
         lows.append(found.low[0])
@@ -51,7 +62,12 @@ def test_repeats_of_one_rater_never_lower_the_interval_of_an_agent() -> None:
 def test_a_stream_keeps_the_evidence_of_those_who_stay(tmp_path: Path) -> None:
     """Also when they rated who left; it is saved, and a stream that keeps none says so."""
     random, streams = np.random.default_rng(0), list[TrustStream]()
-    columns = random.integers(0, 9, 200), random.integers(0, 9, 200), random.random(200), np.arange(200.0)
+    columns = (
+        random.integers(0, 9, 200),
+        random.integers(0, 9, 200),
+        random.random(200),
+        np.arange(200.0),
+    )
     stay = (columns[0] != 3) & (columns[1] != 5)
     for some in (np.ones(200, bool), stay):
         stream = TrustStream(make_trust_model("mean"), every=50.0, keep_evidence=True)
@@ -59,7 +75,9 @@ def test_a_stream_keeps_the_evidence_of_those_who_stay(tmp_path: Path) -> None:
         streams.append(stream)
     streams[0].remove([3], [5])
     streams[0].save(tmp_path / "state.npz")
-    loaded = TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=50.0, keep_evidence=True)
+    loaded = TrustStream.load(
+        tmp_path / "state.npz", make_trust_model("mean"), every=50.0, keep_evidence=True
+    )
     for stream in (*streams, loaded):
         stream.finish()
     for role in get_args(Role):
@@ -67,7 +85,9 @@ def test_a_stream_keeps_the_evidence_of_those_who_stay(tmp_path: Path) -> None:
         assert dict(zip(one.names, zip(*one[4:], strict=True), strict=True)) == dict(
             zip(other.names, zip(*other[4:], strict=True), strict=True)
         )
-        assert [np.asarray(column).tolist() for column in one] == [np.asarray(column).tolist() for column in two]
+        assert [np.asarray(column).tolist() for column in one] == [
+            np.asarray(column).tolist() for column in two
+        ]
     with pytest.raises(ValueError, match="keep_evidence True; given now: keep_evidence False"):
         TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=50.0)
     with pytest.raises(ValueError, match="keep_evidence=True"):

@@ -1,4 +1,5 @@
-"""Late, future, repeated and unordered ratings of a stream, also with two writers that are killed."""
+"""Late, future, repeated and unordered ratings of a stream, also with two writers that are
+killed."""
 
 import math
 import os
@@ -18,11 +19,18 @@ def check_sequence(seed: int, model: Any) -> None:
     """One sequence in one process, saved and loaded on its way."""
     rng = random.Random(seed)
     policy, batches = some_policy(rng), some_batches(rng)
-    reference, stream = Reference(policy), TrustStream(model, every=EVERY, keep_evidence=True, **policy._asdict())
+    reference, stream = (
+        Reference(policy),
+        TrustStream(model, every=EVERY, keep_evidence=True, **policy._asdict()),
+    )
     for batch in batches:
         reference.update(batch)
         update(stream, batch)
-        assert (stream.n_late, stream.n_ahead, stream.rounds) == (reference.late, reference.ahead, reference.rounds)
+        assert (stream.n_late, stream.n_ahead, stream.rounds) == (
+            reference.late,
+            reference.ahead,
+            reference.rounds,
+        )
     check_end(stream, reference)
 
 

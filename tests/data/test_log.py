@@ -23,7 +23,11 @@ def written(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
 
 @pytest.mark.parametrize("packed", [False, True])
 def test_a_log_is_read(tmp_path: Path, packed: bool) -> None:
-    path = written(tmp_path, gzip.compress(GOOD.encode()), "log.csv.gz") if packed else written(tmp_path, GOOD)
+    path = (
+        written(tmp_path, gzip.compress(GOOD.encode()), "log.csv.gz")
+        if packed
+        else written(tmp_path, GOOD)
+    )
     log = read_ratings(path, TIMED, scale=(1, 5))
     assert (log.rater_names, log.ratee_names) == (["a", "b"], ["x", "y"])
     assert log.raters.tolist() == [0, 1, 0]
@@ -36,7 +40,9 @@ def test_a_log_is_read(tmp_path: Path, packed: bool) -> None:
 
 
 def test_columns_by_number_dates_and_any_order(tmp_path: Path) -> None:
-    path = written(tmp_path, '\ufeff2024-02-01,0.5,"b, c",q\n2024-01-01,1,d,q\n2024-01-01T00:00:01,0,d,q\n')
+    path = written(
+        tmp_path, '\ufeff2024-02-01,0.5,"b, c",q\n2024-01-01,1,d,q\n2024-01-01T00:00:01,0,d,q\n'
+    )
     log = read_ratings(path, Columns("3", "4", "2", "1"))
     assert not log.was_sorted
     assert log.values.tolist() == [1, 0, 0.5]
@@ -50,19 +56,27 @@ def test_a_log_of_many_blocks_counts_its_rows(tmp_path: Path) -> None:
     lines[110_000] = "r1,p1,none\n"
     seen: list[int] = []
     with pytest.raises(ValueError, match="row 110002: the rating is 'none'"):
-        read_ratings(written(tmp_path, "rater,ratee,rating\n" + "".join(lines)), advance=seen.append)
+        read_ratings(
+            written(tmp_path, "rater,ratee,rating\n" + "".join(lines)), advance=seen.append
+        )
     assert seen == [50_000, 100_000]
 
 
 def test_parts_of_seconds_count(tmp_path: Path) -> None:
-    log = read_ratings(written(tmp_path, HEADER + "a,x,1,2024-01-31T12:00:00.25\nb,x,1,2024-01-31T12:00:01\n"), TIMED)
+    log = read_ratings(
+        written(tmp_path, HEADER + "a,x,1,2024-01-31T12:00:00.25\nb,x,1,2024-01-31T12:00:01\n"),
+        TIMED,
+    )
     assert log.times is not None
     assert log.times.tolist() == [1706702400.25, 1706702401.0]
 
 
 @pytest.mark.filterwarnings("error")
 def test_dates_with_time_zones_are_in_utc(tmp_path: Path) -> None:
-    lines = "a,x,1,2024-01-31T12:00:00Z\nb,x,1,2024-01-31 14:00:01+0200\nc,x,1,2024-01-31T09:00:02-03:00\n"
+    lines = (
+        "a,x,1,2024-01-31T12:00:00Z\nb,x,1,2024-01-31 "
+        "14:00:01+0200\nc,x,1,2024-01-31T09:00:02-03:00\n"
+    )
     log = read_ratings(written(tmp_path, HEADER + lines), TIMED)
     assert log.times is not None
     assert log.times.tolist() == [1706702400.0, 1706702401.0, 1706702402.0]
@@ -72,8 +86,16 @@ def test_times_are_of_one_kind_in_all_blocks(tmp_path: Path) -> None:
     for one, other, message in (
         ("2024-01-31", "1706659200", "row 50002: the time is '1706659200'; it must be a date"),
         ("1706659200", "2024-01-31", "row 50002: the time is '2024-01-31'; it must be a number"),
-        ("2024-01-31", "2024-01-31T00:00Z", "row 50002: the time '2024-01-31T00:00Z' has a time zone, and"),
-        ("2024-01-31T00:00-03", "2024-01-31T00:00", "'2024-01-31T00:00' has no time zone, and the rows above have one"),
+        (
+            "2024-01-31",
+            "2024-01-31T00:00Z",
+            "row 50002: the time '2024-01-31T00:00Z' has a time zone, and",
+        ),
+        (
+            "2024-01-31T00:00-03",
+            "2024-01-31T00:00",
+            "'2024-01-31T00:00' has no time zone, and the rows above have one",
+        ),
     ):
         lines = [f"r{n},p,0.5,{one}\n" for n in range(50_000)] + [f"r,p,0.5,{other}\n"]
         with pytest.raises(ValueError, match=message):
@@ -81,11 +103,15 @@ def test_times_are_of_one_kind_in_all_blocks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("size", [1 << 20, 20])
-def test_bad_files_get_one_line_with_the_row(tmp_path: Path, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_files_get_one_line_with_the_row(
+    tmp_path: Path, size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Also where few bytes of the file are parsed at a time."""
     monkeypatch.setattr("roletrust_env.data.tables._BYTES", size)
     for content, message in BAD.values():
-        with pytest.raises(ValueError, match=message.replace("after row 0", r"after row \d")) as error:
+        with pytest.raises(
+            ValueError, match=message.replace("after row 0", r"after row \d")
+        ) as error:
             read_ratings(written(tmp_path, content), TIMED, scale=(1, 5))
         assert "\n" not in str(error.value)
         assert "log.csv" in str(error.value)

@@ -9,8 +9,11 @@ from roletrust_env.data.names import NameColumns
 
 
 @pytest.mark.parametrize("some", ["a", "12345678", "é", "a\0", "a longer name"])
-def test_names_have_the_places_in_which_they_first_occur(some: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Names of more than 8 bytes also come after shorter ones, and one with a NUL is another one than without."""
+def test_names_have_the_places_in_which_they_first_occur(
+    some: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Names of more than 8 bytes also come after shorter ones, and one with a NUL is another one
+    than without."""
     monkeypatch.setattr(module, "_LEAST", 100)
     texts = [f"n{n}" for n in np.random.default_rng(0).integers(0, 200, 3000)]
     texts[1500:1502] = some, "a"

@@ -13,13 +13,17 @@ from roletrust_baselines.logs.folders import find_logs
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.log import read_ratings
 
-arrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'roletrust-env[data]'")
+arrow = pytest.importorskip(
+    "pyarrow", reason="Parquet needs pyarrow: pip install 'roletrust-env[data]'"
+)
 parquet = pytest.importorskip("pyarrow.parquet")
 
 TIMED = Columns(time="time")
 
 
-def written(folder: Path, columns: dict[str, Any], name: str = "log.parquet", **options: Any) -> Path:
+def written(
+    folder: Path, columns: dict[str, Any], name: str = "log.parquet", **options: Any
+) -> Path:
     parquet.write_table(arrow.table(columns), folder / name, **options)
     return folder / name
 
@@ -27,9 +31,13 @@ def written(folder: Path, columns: dict[str, Any], name: str = "log.parquet", **
 def table(csv: str, numbers: bool = True) -> dict[str, list[Any]]:
     """The columns of a CSV text, with numbers as numbers."""
     header, *rows = (line.split(",") for line in csv.strip().split("\n"))
-    columns: dict[str, list[Any]] = {name: [row[n] for row in rows] for n, name in enumerate(header)}
+    columns: dict[str, list[Any]] = {
+        name: [row[n] for row in rows] for n, name in enumerate(header)
+    }
     return {
-        name: [float(text) if text else None for text in texts] if numbers and name in ("rating", "time") else texts
+        name: [float(text) if text else None for text in texts]
+        if numbers and name in ("rating", "time")
+        else texts
         for name, texts in columns.items()
     }
 
@@ -51,7 +59,9 @@ def test_many_blocks_and_row_groups_whole_names_and_dates(tmp_path: Path) -> Non
         "who": arrow.array(rng.integers(0, 500, many)),
         "stars": arrow.array(rng.integers(1, 6, many), arrow.int8()),
         "shop": arrow.array([f"s{n}" for n in rng.integers(0, 9, many)]).dictionary_encode(),
-        "day": arrow.array([datetime.date(2020, 1, 1) + datetime.timedelta(int(day)) for day in days]),
+        "day": arrow.array(
+            [datetime.date(2020, 1, 1) + datetime.timedelta(int(day)) for day in days]
+        ),
     }
     seen: list[int] = []
     path = written(tmp_path, columns, row_group_size=7_000)
@@ -59,7 +69,9 @@ def test_many_blocks_and_row_groups_whole_names_and_dates(tmp_path: Path) -> Non
     log = read_ratings(path, wanted, scale=(1, 5), repeats=True, advance=seen.append)
     assert seen[-1] == many
     order = np.argsort(days, kind="stable")
-    assert [log.rater_names[at] for at in log.raters[:50]] == [str(one) for one in columns["who"].take(order[:50])]
+    assert [log.rater_names[at] for at in log.raters[:50]] == [
+        str(one) for one in columns["who"].take(order[:50])
+    ]
     assert np.array_equal(log.values, (columns["stars"].to_numpy()[order] - 1) / 4)
     assert log.times is not None
     assert np.array_equal(np.diff(log.times), np.diff(days[order]) * 86400)
@@ -69,17 +81,25 @@ def test_many_blocks_and_row_groups_whole_names_and_dates(tmp_path: Path) -> Non
     assert np.array_equal(again.times, log.times)
 
 
-FILES = [case for case in BAD if isinstance(BAD[case][0], str) and "quote" not in case and "row" not in case]
+FILES = [
+    case
+    for case in BAD
+    if isinstance(BAD[case][0], str) and "quote" not in case and "row" not in case
+]
 
 
-@pytest.mark.parametrize("case", [case for case in FILES if case not in ("nothing", "no number", "bad time")])
+@pytest.mark.parametrize(
+    "case", [case for case in FILES if case not in ("nothing", "no number", "bad time")]
+)
 def test_bad_rows_get_the_line_that_they_get_in_csv(tmp_path: Path, case: str) -> None:
     content, message = BAD[case]
     assert isinstance(content, str)
     numbers = "date" not in case and "now" not in case
     for row in (2, 3, 4, 5):  # a CSV file counts its header
         message = message.replace(f"row {row}", f"row {row - 1}")
-    message = message.replace("''", "'nan'" if numbers else "''").replace("row 1: there is", "columns: there is")
+    message = message.replace("''", "'nan'" if numbers else "''").replace(
+        "row 1: there is", "columns: there is"
+    )
     with pytest.raises(ValueError, match=message) as error:
         read_ratings(written(tmp_path, table(content, numbers)), TIMED, scale=(1, 5))
     assert "\n" not in str(error.value)
@@ -98,25 +118,44 @@ def test_bad_rows_get_the_line_that_they_get_in_csv(tmp_path: Path, case: str) -
             {"ratee": [Decimal(7), Decimal("7.5"), Decimal(8)]},
             r"row 2: column 'ratee' is 7\.5; a name that is a number",
         ),
-        ({"ratee": [0.5, 1.5, 2.5]}, "row 1: column 'ratee' is 0.5; a name that is a number must be whole"),
+        (
+            {"ratee": [0.5, 1.5, 2.5]},
+            "row 1: column 'ratee' is 0.5; a name that is a number must be whole",
+        ),
         ({"rating": [[1], [2], [3]]}, r"the rating is of type list<.*>; it must be numbers"),
     ],
 )
-def test_columns_of_other_types_are_refused(tmp_path: Path, changed: dict[str, Any], message: str) -> None:
+def test_columns_of_other_types_are_refused(
+    tmp_path: Path, changed: dict[str, Any], message: str
+) -> None:
     with pytest.raises(ValueError, match=message) as error:
         read_ratings(written(tmp_path, {**table(GOOD), **changed}), TIMED, scale=(1, 5))
     assert "\n" not in str(error.value)
 
 
 def test_damaged_files_are_refused(tmp_path: Path) -> None:
-    plain = {"use_dictionary": False, "compression": "none", "write_statistics": False, "write_page_checksum": True}
+    plain = {
+        "use_dictionary": False,
+        "compression": "none",
+        "write_statistics": False,
+        "write_page_checksum": True,
+    }
     whole = written(tmp_path, table(GOOD), **plain).read_bytes()
     flipped = bytearray(whole)
     flipped[whole.index(np.float64(5).tobytes()) + 6] ^= 1
     cut = tmp_path / "cut.parquet"
-    for content in (whole[:10], whole[: len(whole) // 2], whole[:-3], b"", GOOD.encode(), bytes(flipped)):
+    for content in (
+        whole[:10],
+        whole[: len(whole) // 2],
+        whole[:-3],
+        b"",
+        GOOD.encode(),
+        bytes(flipped),
+    ):
         cut.write_bytes(content)
-        with pytest.raises(ValueError, match=r"cut\.parquet is no Parquet file, or a damaged one") as error:
+        with pytest.raises(
+            ValueError, match=r"cut\.parquet is no Parquet file, or a damaged one"
+        ) as error:
             read_ratings(cut, TIMED, scale=(1, 5))
         assert "\n" not in str(error.value)
     with pytest.raises(FileNotFoundError):

@@ -1,4 +1,5 @@
-"""Files of streams: on a full disk, in a folder that is read-only, behind a link, and side by side."""
+"""Files of streams: on a full disk, in a folder that is read-only, behind a link, and side by
+side."""
 
 import errno
 import os
@@ -26,7 +27,9 @@ def rated(path: Path) -> TrustStream:
     return TrustStream.load(path, make_trust_model("mean"))
 
 
-def test_a_full_disk_leaves_the_state_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_the_state_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "state.npz"
     rated(path)
     before = path.read_bytes()
@@ -36,7 +39,9 @@ def test_a_full_disk_leaves_the_state_as_it_was(tmp_path: Path, monkeypatch: pyt
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(np, "savez", savez)
-    with pytest.raises(OSError, match=r"state\.npz cannot be written, and is as it was: No space left on device"):
+    with pytest.raises(
+        OSError, match=r"state\.npz cannot be written, and is as it was: No space left on device"
+    ):
         rated(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -46,11 +51,16 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path)
-    with pytest.raises(PermissionError, match=r"state\.npz cannot be written"), opened(tmp_path / "state.npz"):
+    with (
+        pytest.raises(PermissionError, match=r"state\.npz cannot be written"),
+        opened(tmp_path / "state.npz"),
+    ):
         raise AssertionError("the work has begun")
 
 
-def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_system_without_locks_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def flock(*_: Any) -> None:
         raise OSError(errno.ENOTSUP, "Operation not supported")
 
@@ -90,7 +100,10 @@ def test_states_side_by_side_wait_for_each_other(tmp_path: Path) -> None:
 
 def test_what_a_kill_has_left_elsewhere_is_removed(tmp_path: Path) -> None:
     """A container has another name each night; files of other states and other files stay."""
-    others = [tmp_path / name for name in (".other.node-7.npz", ".state.npz", ".state.node-7.csv", "state.node-7.npz")]
+    others = [
+        tmp_path / name
+        for name in (".other.node-7.npz", ".state.npz", ".state.node-7.csv", "state.node-7.npz")
+    ]
     for path in (*others, tmp_path / ".state.a1b2-7.npz"):
         path.touch()
     rated(tmp_path / "state.npz")
@@ -100,7 +113,9 @@ def test_what_a_kill_has_left_elsewhere_is_removed(tmp_path: Path) -> None:
 def test_another_file_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "ratings.csv"
     path.write_text("rater,ratee,rating\n")
-    with pytest.raises(ValueError, match=r"ratings\.csv is no saved stream, or is damaged: .* it is no zip file"):
+    with pytest.raises(
+        ValueError, match=r"ratings\.csv is no saved stream, or is damaged: .* it is no zip file"
+    ):
         rated(path)
     assert path.read_text() == "rater,ratee,rating\n"
     with pytest.raises(OSError, match="directory"):

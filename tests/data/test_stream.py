@@ -1,4 +1,5 @@
-"""Streams of ratings: what they compute, what they refuse, and that they can be saved and continued."""
+"""Streams of ratings: what they compute, what they refuse, and that they can be saved and
+continued."""
 
 import json
 import platform
@@ -20,12 +21,21 @@ from roletrust_env.data import TrustStream
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 
-MODELS = pytest.mark.parametrize("name", ["role-trust", "median", "beta-filtered", "wary-role-trust", "eigentrust"])
+MODELS = pytest.mark.parametrize(
+    "name", ["role-trust", "median", "beta-filtered", "wary-role-trust", "eigentrust"]
+)
 
 
-def some_ratings(n: int = 400, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def some_ratings(
+    n: int = 400, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
-    return rng.integers(0, 30, n), rng.integers(40, 60, n), rng.integers(1, 6, n), np.sort(rng.uniform(7, 107, n))
+    return (
+        rng.integers(0, 30, n),
+        rng.integers(40, 60, n),
+        rng.integers(1, 6, n),
+        np.sort(rng.uniform(7, 107, n)),
+    )
 
 
 def trusts(stream: TrustStream) -> list[dict[Any, float]]:
@@ -53,11 +63,15 @@ def test_names_and_numbers_are_alike_and_tables_are_welcome() -> None:
     raters, providers, ratings, times = some_ratings()
     numbers = TrustStream(make_trust_model("role-trust"), scale=(1, 5), every=10)
     numbers.update(raters, providers, ratings, times)
-    table = pd.DataFrame({"who": [f"r{n}" for n in raters], "whom": [f"p{n}" for n in providers], "how": ratings})
+    table = pd.DataFrame(
+        {"who": [f"r{n}" for n in raters], "whom": [f"p{n}" for n in providers], "how": ratings}
+    )
     names = TrustStream(make_trust_model("role-trust"), scale=(1, 5), every=10)
     names.update(table["who"], table["whom"], table["how"], times)
     for one, other, letter in zip(trusts(numbers), trusts(names), "rp", strict=True):
-        assert {f"{letter}{name}": trust for name, trust in one.items()} == pytest.approx(other, abs=1e-12)
+        assert {f"{letter}{name}": trust for name, trust in one.items()} == pytest.approx(
+            other, abs=1e-12
+        )
 
 
 def test_rounds_without_ratings_count() -> None:
@@ -99,7 +113,10 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
     stream = TrustStream(model)
     stream.update([1, 2], [1, 2], [0.5, 1.0])
     stream.save(path)
-    with pytest.raises(ValueError, match=r"settings: model RoleTrust\(lam=0.5.*; given now: model RoleTrust\(lam=0.7"):
+    with pytest.raises(
+        ValueError,
+        match=r"settings: model RoleTrust\(lam=0.5.*; given now: model RoleTrust\(lam=0.7",
+    ):
         TrustStream.load(path, make_trust_model("role-trust", lam=0.7))
     whole = path.read_bytes()
     with np.load(path) as stored:
@@ -113,13 +130,18 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
     }
     for name, array in changes.items():
         np.savez(path, **{**arrays, name: array})  # type: ignore[arg-type]
-        with pytest.raises(ValueError, match=r"state\.npz is no saved stream, or is damaged: its numbers are not"):
+        with pytest.raises(
+            ValueError, match=r"state\.npz is no saved stream, or is damaged: its numbers are not"
+        ):
             TrustStream.load(path, model)
         del arrays["sha256"]
         save_arrays(path, {**arrays, name: array})
         arrays["sha256"] = np.zeros(32, np.uint8)
         if name.startswith("names"):  # only what was made on purpose has the right checksum
-            with pytest.raises(ValueError, match=r"damaged: (a key occurs twice|2 raters and 3 providers have names)"):
+            with pytest.raises(
+                ValueError,
+                match=r"damaged: (a key occurs twice|2 raters and 3 providers have names)",
+            ):
                 TrustStream.load(path, model)
     del arrays["sha256"]
     save_arrays(path, {**arrays, "header": np.frombuffer(header, np.uint8)})
@@ -131,7 +153,10 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
         TrustStream.load(path, model)
     for broken in (whole[:400], whole[:-300], b"", b"PK", b"nothing"):
         path.write_bytes(broken)
-        with pytest.raises(ValueError, match=r"state\.npz is no saved stream, or is damaged: it is no complete file"):
+        with pytest.raises(
+            ValueError,
+            match=r"state\.npz is no saved stream, or is damaged: it is no complete file",
+        ):
             TrustStream.load(path, model)
     with pytest.raises(OSError, match="none"):
         TrustStream.load(tmp_path / "none", model)
@@ -139,12 +164,17 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize(
-    "name", ["wary-role-trust", *(pytest.param(n, marks=pytest.mark.slow) for n in ("fire", "power-trust", "travos"))]
+    "name",
+    [
+        "wary-role-trust",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("fire", "power-trust", "travos")),
+    ],
 )
 def test_what_no_stream_can_have_is_refused_when_it_is_loaded(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """States that were changed, and whose checksum was made again, are refused or are those of other ratings."""
+    """States that were changed, and whose checksum was made again, are refused or are those of
+    other ratings."""
     monkeypatch.setattr("os.fsync", lambda file: None)
     path, model, rng = tmp_path / "state.npz", make_trust_model(name), np.random.default_rng(0)
     agents = [f"a{n}" for n in range(5)]
@@ -165,16 +195,31 @@ def test_what_no_stream_can_have_is_refused_when_it_is_loaded(
         for what, changed in enumerate((array[:-1], array[None], array.astype("S1"))):
             cases[key, what] = {**arrays, key: changed}
         for value in (np.nan, -0.5, 7, -7, 1e300, -1e300):
-            if array.dtype.kind == "f" or (float(value).is_integer() and abs(value) < 2**62 and key != "header"):
+            if array.dtype.kind == "f" or (
+                float(value).is_integer() and abs(value) < 2**62 and key != "header"
+            ):
                 cases[key, value] = {**arrays, key: np.full_like(array, value)}
     for name_of, value in [
-        *((key, value) for key in header for value in (None, -1, np.nan, 1e308, [1], "x", True, "\ud800")),
-        *((n, value) for n in range(4) for value in ([1], 5, ["\ud800"] * 5, [*agents[:4], "\ud800"])),
+        *(
+            (key, value)
+            for key in header
+            for value in (None, -1, np.nan, 1e308, [1], "x", True, "\ud800")
+        ),
+        *(
+            (n, value)
+            for n in range(4)
+            for value in ([1], 5, ["\ud800"] * 5, [*agents[:4], "\ud800"])
+        ),
         ("more", 1),
     ]:
         texts = [value if n == name_of else there for n, there in enumerate(header["texts"])]
-        changed = {**header, "texts": texts} | ({name_of: value} if isinstance(name_of, str) else {})
-        cases[name_of, str(value)] = {**arrays, "header": np.frombuffer(json.dumps(changed).encode(), np.uint8)}
+        changed = {**header, "texts": texts} | (
+            {name_of: value} if isinstance(name_of, str) else {}
+        )
+        cases[name_of, str(value)] = {
+            **arrays,
+            "header": np.frombuffer(json.dumps(changed).encode(), np.uint8),
+        }
     taken, messages = set(), set[str]()
     for what, case in cases.items():
         save_arrays(path, case)
@@ -188,9 +233,15 @@ def test_what_no_stream_can_have_is_refused_when_it_is_loaded(
             stream.update(*batch(day))
             assert all(0 <= value <= 1 for trust in trusts(stream) for value in trust.values())
         assert len(stream.evidence("rater").names) == 5
-    refusal = re.compile(r".+(is no saved stream, or is damaged: |was saved with other settings: ).+")
+    refusal = re.compile(
+        r".+(is no saved stream, or is damaged: |was saved with other settings: ).+"
+    )
     assert all(refusal.fullmatch(message) and message.isprintable() for message in messages)
-    possible = {("fire", "state_2", 7), ("fire", "state_1", -0.5), ("fire", "state_3", -0.5)}  # no shares
+    possible = {
+        ("fire", "state_2", 7),
+        ("fire", "state_1", -0.5),
+        ("fire", "state_3", -0.5),
+    }  # no shares
     odd = {(key, value) for key, value in taken if str(key).startswith("state_")}
     assert name not in ("fire", "wary-role-trust") or {(name, *case) for case in odd} <= possible
     assert len(taken) < 0.2 * len(cases)
@@ -205,12 +256,14 @@ while True:
     stream.update(rng.integers(0, 5000, 5000), rng.integers(0, 5000, 5000), rng.random(5000))
     stream.save(path)
     print(stream.rounds, flush=True)
-"""
+"""  # noqa: E501
 
 
 def test_a_killed_process_leaves_a_whole_state(tmp_path: Path) -> None:
     path = tmp_path / "state.npz"
-    process = subprocess.Popen([sys.executable, "-c", _SAVING, str(path)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", _SAVING, str(path)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     written = 0
     for line in process.stdout:
@@ -222,7 +275,9 @@ def test_a_killed_process_leaves_a_whole_state(tmp_path: Path) -> None:
     process.stdout.close()
     stream = TrustStream.load(path, make_trust_model("role-trust"))
     assert stream.rounds >= written
-    (tmp_path / f".state.{platform.node()}-{process.pid}.npz").touch()  # as a kill in the middle of a save leaves it
+    (
+        tmp_path / f".state.{platform.node()}-{process.pid}.npz"
+    ).touch()  # as a kill in the middle of a save leaves it
     stream.save(path)
     assert list(tmp_path.iterdir()) == [path]
 
@@ -239,14 +294,20 @@ def played(
         stream.update(*([rating[n] for rating in ratings] for n in range(3)))
         raters, providers = removed.get(number, (set(), set()))
         stream.remove(
-            *(sorted(who & set(trust)) for who, trust in zip((raters, providers), trusts(stream), strict=True))
+            *(
+                sorted(who & set(trust))
+                for who, trust in zip((raters, providers), trusts(stream), strict=True)
+            )
         )
     return stream
 
 
 AGENTS = st.sets(st.integers(0, 5))
 ROUNDS = st.lists(
-    st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5), st.sampled_from([0.0, 0.3, 0.5, 1.0])), max_size=12),
+    st.lists(
+        st.tuples(st.integers(0, 5), st.integers(0, 5), st.sampled_from([0.0, 0.3, 0.5, 1.0])),
+        max_size=12,
+    ),
     min_size=1,
     max_size=4,
 )
@@ -257,7 +318,8 @@ ROUNDS = st.lists(
 def test_strangers_that_leave_were_never_there(rounds: list[Any], others: list[Any]) -> None:
     """They rate each other only. Where all providers are felt by all, they are not strangers.
 
-    So wary role-trust, which feels a shock to most providers, is left out, and leave-one-out has no median provider.
+    So wary role-trust, which feels a shock to most providers, is left out, and leave-one-out has no
+    median provider.
     """
     both = [
         [*some, *((rater + 10, provider + 10, rating) for rater, provider, rating in more)]
@@ -270,12 +332,15 @@ def test_strangers_that_leave_were_never_there(rounds: list[Any], others: list[A
         alone = {"modesty": 0.0} if name == "leave-one-out" else {}
         model = LOG_MODELS[name]() if name in LOG_MODELS else make_trust_model(name, **alone)
         gone = played(model, [*both, rounds[0]], {len(rounds) - 1: (far, far)})
-        for one, other in zip(trusts(gone), trusts(played(model, [*rounds, rounds[0]], {})), strict=True):
+        for one, other in zip(
+            trusts(gone), trusts(played(model, [*rounds, rounds[0]], {})), strict=True
+        ):
             assert one == pytest.approx(other, abs=1e-12), name
 
 
 ANEW = pytest.mark.parametrize(
-    "name", ["eigentrust", "iterative-filtering", "two-way-mean", "fairness-goodness", "bias-deserve"]
+    "name",
+    ["eigentrust", "iterative-filtering", "two-way-mean", "fairness-goodness", "bias-deserve"],
 )
 
 
@@ -291,9 +356,13 @@ def test_a_model_of_all_pairs_forgets_who_left(
     if same_agents:
         raters = providers = raters | providers
         rounds = [[rating for rating in some if rating[0] != rating[1]] for some in rounds]
-    last = [(agent, (agent + 1) % 6, agent / 5) for agent in range(6)]  # who left comes again, as a newcomer
+    last = [
+        (agent, (agent + 1) % 6, agent / 5) for agent in range(6)
+    ]  # who left comes again, as a newcomer
     never = [[r for r in some if r[0] not in raters and r[1] not in providers] for some in rounds]
-    gone = played(model, [*rounds, last], {len(rounds) - 1: (raters, providers)}, same_agents=same_agents)
+    gone = played(
+        model, [*rounds, last], {len(rounds) - 1: (raters, providers)}, same_agents=same_agents
+    )
     wanted = played(model, [*never, last], {}, same_agents=same_agents)
     for one, other in zip(trusts(gone), trusts(wanted), strict=True):
         assert one == pytest.approx(other, abs=1e-12)
@@ -314,7 +383,9 @@ def test_who_left_and_comes_again_is_a_newcomer(tmp_path: Path, name: str, texts
     assert after == {agent: trust for agent, trust in before.items() if agent != one}
     assert not {44, 45} & set(stream.provider_trust())
     stream.save(tmp_path / "state.npz")
-    stream = TrustStream.load(tmp_path / "state.npz", make_trust_model(name), scale=(1, 5), every=10)
+    stream = TrustStream.load(
+        tmp_path / "state.npz", make_trust_model(name), scale=(1, 5), every=10
+    )
     stream.finish()
     assert one not in stream.rater_trust()
     stream.update([one], [50], [4], [200.0])
@@ -344,7 +415,9 @@ def test_a_stream_without_agents_goes_on_with_any_names(tmp_path: Path, same_age
     stream = TrustStream(make_trust_model("mean"), same_agents=same_agents)
     stream.save(tmp_path / "state.npz")
     for raters, providers in (([1], [2]), (["a"], ["b"])):
-        again = TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), same_agents=same_agents)
+        again = TrustStream.load(
+            tmp_path / "state.npz", make_trust_model("mean"), same_agents=same_agents
+        )
         again.update(raters, providers, [1.0])
         assert again.provider_trust()[providers[0]] > 0.5
 
@@ -355,7 +428,10 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "no number": ({"ratings": ["good", "bad"]}, "ratings must be numbers"),
     "too few": ({"ratings": [1]}, r"ratings have shape \(1,\); there are 2 raters"),
     "providers": ({"providers": ["x"]}, "2 raters and 1 providers"),
-    "no names": ({"raters": [None, "b"]}, "raters are of type object; they must be whole numbers or texts"),
+    "no names": (
+        {"raters": [None, "b"]},
+        "raters are of type object; they must be whole numbers or texts",
+    ),
     "numbers after texts": ({"raters": [1, 2]}, "raters are whole numbers; they were texts before"),
     "floats": ({"raters": [0.5, 1.0]}, "raters are of type float64"),
     "no times": ({"times": None}, "times are missing"),
@@ -426,6 +502,8 @@ def test_a_loaded_stream_goes_on_with_the_round_that_has_begun(tmp_path: Path) -
             stream.update([4], [3], [0.25], [second + 2])  # its round has ended
             stream.finish()
             streams.append(stream)
-        kept = [(one.rounds, one.n_late, one.rater_trust(), one.provider_trust()) for one in streams]
+        kept = [
+            (one.rounds, one.n_late, one.rater_trust(), one.provider_trust()) for one in streams
+        ]
         assert kept[0] == kept[1]
         assert kept[0][:2] == (1 + (second > 10), 1)

@@ -1,4 +1,5 @@
-"""Columns of a stream from many sources: dates are seconds, and what is no number, or not there, is refused."""
+"""Columns of a stream from many sources: dates are seconds, and what is no number, or not there, is
+refused."""
 
 from datetime import date, datetime
 from decimal import Decimal
@@ -46,7 +47,19 @@ def after(times: Any) -> TrustStream:
         pa.array([f"{day}T05:30:00+05:30" for day in DAYS.astype(str)]),
     ],
     ids=[
-        *("D", "h", "s", "ms", "us", "ns", "pandas", "arrow", "pandas-zone", "pandas-index", "arrow-zone"),
+        *(
+            "D",
+            "h",
+            "s",
+            "ms",
+            "us",
+            "ns",
+            "pandas",
+            "arrow",
+            "pandas-zone",
+            "pandas-index",
+            "arrow-zone",
+        ),
         *("date", "datetime-zone", "iso", "iso-pandas", "iso-zone-arrow"),
     ],
 )
@@ -95,7 +108,9 @@ def test_further_settings_are_such_as_a_file_keeps(value: Any) -> None:
 
 
 MASKED = np.ma.masked_array([0.5, 1.0], mask=[False, True])
-DATES = np.ma.masked_array(np.array(["2020-01-01", "2020-01-02"], "datetime64[s]"), mask=[False, True])
+DATES = np.ma.masked_array(
+    np.array(["2020-01-01", "2020-01-02"], "datetime64[s]"), mask=[False, True]
+)
 NAMES = np.ma.masked_array([1, 2], mask=[False, True])
 
 
@@ -107,10 +122,18 @@ NAMES = np.ma.masked_array([1, 2], mask=[False, True])
         ("times", [1, 2**2000], "times must be numbers"),
         ("times", MASKED, "the column of times is masked in some places; it must be"),
         ("times", DATES, "the column of times is masked in some places; it must be"),
-        ("times", torch.ones(2, requires_grad=True), "the column of times is no array: Can't call numpy"),
+        (
+            "times",
+            torch.ones(2, requires_grad=True),
+            "the column of times is no array: Can't call numpy",
+        ),
         ("times", ["2020-01-01", "soon"], "times, position 2: the time is 'soon'"),
         ("times", ["2020-01-01", "2020-01-01T00:00Z"], "'2020-01-01T00:00Z' has a time zone"),
-        ("times", pd.Series(pd.to_datetime(["2020-01-01", None], utc=True)), "position 2: the time is 'NaT'"),
+        (
+            "times",
+            pd.Series(pd.to_datetime(["2020-01-01", None], utc=True)),
+            "position 2: the time is 'NaT'",
+        ),
         ("times", [date(2020, 1, 1), 7], "times must be numbers"),
         ("times", ["7", "8"], "the time is '7'; it must be a date of ISO 8601"),
         ("ratings", MASKED, "the column of ratings is masked in some places; it must be"),
@@ -118,7 +141,11 @@ NAMES = np.ma.masked_array([1, 2], mask=[False, True])
         ("ratings", np.array([0, 1], "datetime64[s]"), "ratings must be numbers"),
         ("times", [True, False], "times must be numbers"),
         ("raters", ["ann", " \t"], "raters have '' at position 2; a name has 1 to 10,000 bytes"),
-        ("providers", ["é" * 5_001, "s"], "providers have 'é+' at position 1; a name has 1 to 10,000 bytes"),
+        (
+            "providers",
+            ["é" * 5_001, "s"],
+            "providers have 'é+' at position 1; a name has 1 to 10,000 bytes",
+        ),
         ("raters", ["ann", "\ud800"], "raters have .* at position 2"),
         ("raters", NAMES, "the column of raters is masked in some places; it must be"),
         ("raters", "ab", "raters are 'ab'; they must be a column of names"),
@@ -126,7 +153,13 @@ NAMES = np.ma.masked_array([1, 2], mask=[False, True])
     ],
 )
 def test_what_is_no_number_or_not_there_is_refused(column: str, values: Any, words: str) -> None:
-    batch = {"raters": [1, 2], "providers": [1, 2], "ratings": [0.5, 1.0], "times": [0, 1], column: values}
+    batch = {
+        "raters": [1, 2],
+        "providers": [1, 2],
+        "ratings": [0.5, 1.0],
+        "times": [0, 1],
+        column: values,
+    }
     one = stream(every=1)
     with pytest.raises(ValueError, match=words):
         one.update(**batch)
@@ -147,7 +180,9 @@ def test_a_scale_is_a_pair_of_numbers(scale: Any) -> None:
         stream(scale=scale)
 
 
-@pytest.mark.parametrize("length", [{"every": np.int64(7)}, {"every": np.float32(7)}, {"count": np.int64(7)}], ids=str)
+@pytest.mark.parametrize(
+    "length", [{"every": np.int64(7)}, {"every": np.float32(7)}, {"count": np.int64(7)}], ids=str
+)
 def test_settings_of_numpy_can_be_saved(length: dict[str, Any], tmp_path: Path) -> None:
     one = stream(**length, same_agents=np.True_)
     one.update(["r"], ["s"], [1.0], [0] if one.every else None)

@@ -1,4 +1,5 @@
-"""Rounds of a stream by time: what is published does not depend on how ratings are cut into batches."""
+"""Rounds of a stream by time: what is published does not depend on how ratings are cut into
+batches."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -36,30 +37,48 @@ def same(one: Any, other: Any) -> None:
 
 
 RATING = st.tuples(
-    st.integers(0, 5), st.integers(6, 9) | st.integers(0, 5), st.sampled_from([0.0, 0.3, 0.5, 1.0]), st.integers(0, 39)
+    st.integers(0, 5),
+    st.integers(6, 9) | st.integers(0, 5),
+    st.sampled_from([0.0, 0.3, 0.5, 1.0]),
+    st.integers(0, 39),
 )
 
 
 @st.composite
 def cut_logs(draw: st.DrawFn) -> tuple[list[Any], list[int]]:
-    """Return ratings (rater, provider, rating, time), in any order within a round, and the sizes of batches."""
-    ratings = [one for one in draw(st.lists(RATING, min_size=1, max_size=25)) if one[0] != one[1]] or [(0, 6, 1.0, 0)]
+    """Return ratings (rater, provider, rating, time), in any order within a round, and the sizes of
+    batches."""
+    ratings = [
+        one for one in draw(st.lists(RATING, min_size=1, max_size=25)) if one[0] != one[1]
+    ] or [(0, 6, 1.0, 0)]
     start = min(one[3] for one in ratings)
     ratings.sort(key=lambda one: (one[3] - start) // EVERY)
     return ratings, draw(st.lists(st.integers(1, 9), min_size=1, max_size=30))
 
 
-FEW = {"role-trust", "mean", "eigentrust", next(iter(LOG_MODELS))}  # with a memory of pairs, without, not local
-NAMES = [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in (*CENTRAL, *LOG_MODELS)]
+FEW = {
+    "role-trust",
+    "mean",
+    "eigentrust",
+    next(iter(LOG_MODELS)),
+}  # with a memory of pairs, without, not local
+NAMES = [
+    name if name in FEW else pytest.param(name, marks=pytest.mark.slow)
+    for name in (*CENTRAL, *LOG_MODELS)
+]
 
 
 @pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=20)
 @given(case=cut_logs(), same_agents=st.booleans())
 def test_what_is_published_does_not_depend_on_batches(
-    tmp_path_factory: pytest.TempPathFactory, name: str, same_agents: bool, case: tuple[list[Any], list[int]]
+    tmp_path_factory: pytest.TempPathFactory,
+    name: str,
+    same_agents: bool,
+    case: tuple[list[Any], list[int]],
 ) -> None:
-    """After each round that has ended it is what `roletrust rate` computes from the ratings up to there."""
+    """After each round that has ended it is what `roletrust rate` computes from the ratings up to
+    there."""
     ratings, sizes = case
     model, start = model_of(name), min(one[3] for one in ratings)
     stream = TrustStream(model, every=EVERY, same_agents=same_agents)
@@ -69,13 +88,18 @@ def test_what_is_published_does_not_depend_on_batches(
         size = sizes[seen % len(sizes)]
         batch, cut, seen = cut[:size], cut[size:], seen + 1
         stream.update(*([one[n] for one in batch] for n in range(4)))
-        same(published(stream), rated(model, ratings, start + stream.rounds * EVERY, same_agents, path))
+        same(
+            published(stream),
+            rated(model, ratings, start + stream.rounds * EVERY, same_agents, path),
+        )
     stream.finish()
     assert stream.rounds == 1 + max((one[3] - start) // EVERY for one in ratings)
     same(published(stream), rated(model, ratings, np.inf, same_agents, path))
 
 
-def rated(model: Any, ratings: list[Any], until: float, same_agents: bool, path: Path) -> list[dict[int, float]]:
+def rated(
+    model: Any, ratings: list[Any], until: float, same_agents: bool, path: Path
+) -> list[dict[int, float]]:
     """Return the trust of raters and of providers from a file of the ratings before a time."""
     some = [one for one in ratings if one[3] < until]
     if not some:
@@ -155,12 +179,16 @@ def test_rounds_end_when_a_later_rating_shows_it() -> None:
 
 
 def test_a_round_goes_on_when_those_that_rated_in_it_leave(tmp_path: Path) -> None:
-    """It has begun, so that it ends as a round, and no earlier one is open again; also after the state was saved."""
+    """It has begun, so that it ends as a round, and no earlier one is open again; also after the
+    state was saved."""
     stream = TrustStream(make_trust_model("mean"), every=10)
     stream.update([1, 7], [2, 2], [1.0, 0.5], [0.0, 15.0])
     stream.remove(raters=[7])
     stream.save(tmp_path / "state.npz")
-    for one in (stream, TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=10)):
+    for one in (
+        stream,
+        TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=10),
+    ):
         one.finish()
         assert one.rounds == 2
         one.finish()
@@ -173,7 +201,10 @@ def test_the_names_of_a_round_that_has_begun_are_all_of_one_type(tmp_path: Path)
     stream = TrustStream(make_trust_model("mean"), every=10)
     stream.update(["a"], [1], [1.0], [0.0])
     stream.save(tmp_path / "state.npz")
-    for one in (stream, TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=10)):
+    for one in (
+        stream,
+        TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=10),
+    ):
         with pytest.raises(ValueError, match="raters are whole numbers; they were texts before"):
             one.update([2], [1], [1.0], [0.0])
         one.remove(raters=["a"])
@@ -188,8 +219,11 @@ def test_the_names_of_a_round_that_has_begun_are_all_of_one_type(tmp_path: Path)
     steps=st.lists(st.integers(0, 10**7), min_size=1, max_size=50),
     on=st.lists(st.integers(0, 5000), max_size=50),
 )
-def test_decimal_rounds_are_those_of_decimal_numbers(every: int, start: int, steps: list[int], on: list[int]) -> None:
-    """Lengths and times are thousandths, which binary numbers only come near to; some times begin a round."""
+def test_decimal_rounds_are_those_of_decimal_numbers(
+    every: int, start: int, steps: list[int], on: list[int]
+) -> None:
+    """Lengths and times are thousandths, which binary numbers only come near to; some times begin a
+    round."""
     steps = [*steps, *(number * every for number in on)]
     times = np.array([float(f"{start + step}e-3") for step in steps])
     wanted = [step // every for step in steps]
@@ -224,23 +258,34 @@ def test_rounds_of_a_number_of_ratings_do_not_depend_on_batches(tmp_path: Path) 
         assert published(stream) == published(whole)
     with pytest.raises(ValueError, match="other settings"):
         TrustStream.load(tmp_path / "state.npz", model)
-    for wrong, message in (({"count": 0}, "1 or more"), ({"count": 3, "every": 1.0}, "not by both")):
+    for wrong, message in (
+        ({"count": 0}, "1 or more"),
+        ({"count": 3, "every": 1.0}, "not by both"),
+    ):
         with pytest.raises(ValueError, match=message):
             TrustStream(model, **wrong)
 
 
 @pytest.mark.parametrize("name", ["travos", "role-trust"])
-def test_agents_may_be_there_from_the_start_and_then_any_model_plays(tmp_path: Path, name: str) -> None:
+def test_agents_may_be_there_from_the_start_and_then_any_model_plays(
+    tmp_path: Path, name: str
+) -> None:
     model, columns = make_trust_model(name), (["a", "b", "a"], ["x", "x", "y"], [1.0, 0.5, 0.0])
     stream = TrustStream(model, agents=(["a", "b", "c"], ["x", "y", "z"]))
     stream.update(*columns)
     assert list(stream.provider_trust()) == ["x", "y", "z"]
     state = play_rounds(model, [], np.zeros((3, 3)))
     mask = np.array([[True, True, False], [True, False, False], [False] * 3])
-    state = model.update(state, Ratings(np.array([[1.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0] * 3]), mask))
-    assert list(stream.provider_trust().values()) == pytest.approx(model.provider_trust(state).tolist())
+    state = model.update(
+        state, Ratings(np.array([[1.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0] * 3]), mask)
+    )
+    assert list(stream.provider_trust().values()) == pytest.approx(
+        model.provider_trust(state).tolist()
+    )
     stream.save(tmp_path / "state.npz")
-    again = TrustStream.load(tmp_path / "state.npz", model, agents=(["a", "b", "c"], ["x", "y", "z"]))
+    again = TrustStream.load(
+        tmp_path / "state.npz", model, agents=(["a", "b", "c"], ["x", "y", "z"])
+    )
     for one in (stream, again):
         one.remove(raters=["c"], providers=["z"])
         one.update(["d"], ["x"], [1.0])

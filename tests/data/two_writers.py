@@ -1,4 +1,5 @@
-"""Two processes that write one stream and are killed: `python tests/data/two_writers.py FIRST LAST` for some seeds."""
+"""Two processes that write one stream and are killed: `python tests/data/two_writers.py FIRST LAST`
+for some seeds."""
 
 import gc
 import hashlib
@@ -14,7 +15,16 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from late_ratings import EVERY, Policy, Rating, Reference, check_end, some_batches, some_policy, update
+from late_ratings import (
+    EVERY,
+    Policy,
+    Rating,
+    Reference,
+    check_end,
+    some_batches,
+    some_policy,
+    update,
+)
 
 from roletrust_env.data import TrustStream
 from roletrust_env.trust import make_trust_model
@@ -22,7 +32,10 @@ from roletrust_env.trust import make_trust_model
 _FORK = multiprocessing.get_context("fork")
 _MODELS = "mean", "mean", "role-trust", "leave-one-out"
 _ATTEMPTS, _QUIET = 20, 15  # the last attempts are not killed
-_KILLED, _LONGEST = 0.3, 0.015  # probability that a writer is killed in an attempt, and seconds until then
+_KILLED, _LONGEST = (
+    0.3,
+    0.015,
+)  # probability that a writer is killed in an attempt, and seconds until then
 
 
 class Job(NamedTuple):
@@ -36,7 +49,12 @@ class Job(NamedTuple):
     @classmethod
     def of(cls, rng: random.Random, folder: Path) -> "Job":
         """Draw a sequence."""
-        return cls(folder, some_policy(rng)._replace(repeats=False), rng.choice(_MODELS), some_batches(rng, 5))
+        return cls(
+            folder,
+            some_policy(rng)._replace(repeats=False),
+            rng.choice(_MODELS),
+            some_batches(rng, 5),
+        )
 
     @property
     def path(self) -> Path:
@@ -55,7 +73,8 @@ class Job(NamedTuple):
         return hashlib.sha256(self.path.read_bytes()).hexdigest() if self.path.exists() else "none"
 
     def send(self, numbers: list[int], pipe: Connection) -> None:
-        """Send some batches and acknowledge each; an attempt is noted before it changes anything."""
+        """Send some batches and acknowledge each; an attempt is noted before it changes
+        anything."""
         for number in numbers:
             with self.opened() as stream:
                 with self.log.open("a") as file:
@@ -74,7 +93,8 @@ def _serve(pipe: Connection) -> None:
 
 
 class Writer:
-    """A process that sends batches, warm for many sequences; `alive` is whether it may be asked again."""
+    """A process that sends batches, warm for many sequences; `alive` is whether it may be asked
+    again."""
 
     def __init__(self) -> None:
         self.pipe, other = _FORK.Pipe()
@@ -108,8 +128,11 @@ class Writer:
         return found
 
 
-def check_two_writers(seeds: Iterable[int], folder: Path, tell: Callable[[int, str], None] | None = None) -> None:
-    """Check a sequence for each seed; without `tell`, which gets the faults, a fault is an error."""
+def check_two_writers(
+    seeds: Iterable[int], folder: Path, tell: Callable[[int, str], None] | None = None
+) -> None:
+    """Check a sequence for each seed; without `tell`, which gets the faults, a fault is an
+    error."""
     gc.collect()
     gc.freeze()  # else each process that is forked copies the pages of what it looks through
     writers = [Writer(), Writer()]
@@ -131,7 +154,8 @@ def check_two_writers(seeds: Iterable[int], folder: Path, tell: Callable[[int, s
 
 
 def _check(seed: int, writers: list[Writer], job: Job) -> None:
-    """Let both share the batches of a sequence, kill them, and send again what was not acknowledged."""
+    """Let both share the batches of a sequence, kill them, and send again what was not
+    acknowledged."""
     rng = random.Random(~seed)
     job.path.parent.mkdir(parents=True)
     left = set(range(len(job.batches)))
@@ -150,7 +174,11 @@ def _check(seed: int, writers: list[Writer], job: Job) -> None:
     assert not left
     attempts = [line.split() for line in job.log.read_text().splitlines()]
     states = [*(state for _, state in attempts[1:]), job.state()]
-    saved = [int(number) for (number, before), after in zip(attempts, states, strict=True) if before != after]
+    saved = [
+        int(number)
+        for (number, before), after in zip(attempts, states, strict=True)
+        if before != after
+    ]
     assert set(saved) == set(range(len(job.batches)))  # nothing that was acknowledged is lost
     reference = Reference(job.policy)
     for number in saved:
@@ -174,7 +202,10 @@ def main() -> None:
         for start in range(first, last, 1000):
             stop = min(start + 1000, last)
             check_two_writers(range(start, stop), Path(folder), tell)
-            print(f"seeds {first} to {stop - 1}: {faults} faults, {time.time() - began:.0f} s", flush=True)
+            print(
+                f"seeds {first} to {stop - 1}: {faults} faults, {time.time() - began:.0f} s",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

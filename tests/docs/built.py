@@ -34,13 +34,22 @@ def targets(page: Path) -> list[str]:
 
 def broken(page: Path) -> list[str]:
     """Of these, what leads nowhere within the site."""
-    return [target for target in targets(page) if not (urlsplit(target).scheme or _lands(page, target))]
+    return [
+        target for target in targets(page) if not (urlsplit(target).scheme or _lands(page, target))
+    ]
 
 
 def fetched(page: Path) -> list[str]:
     """What a browser would ask of others to show a page."""
-    tags = [*parsed(page).find_all(src=True), *parsed(page).find_all("link", rel=["stylesheet", "preload", "icon"])]
-    return [where for tag in tags if urlsplit(where := tag.get("src") or tag.get("href")).scheme not in ("", "data")]
+    tags = [
+        *parsed(page).find_all(src=True),
+        *parsed(page).find_all("link", rel=["stylesheet", "preload", "icon"]),
+    ]
+    return [
+        where
+        for tag in tags
+        if urlsplit(where := tag.get("src") or tag.get("href")).scheme not in ("", "data")
+    ]
 
 
 def _lands(page: Path, target: str) -> bool:

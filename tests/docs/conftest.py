@@ -2,4 +2,6 @@
 
 from importlib.util import find_spec
 
-collect_ignore = [] if find_spec("sphinx") else ["test_browser.py", "test_site.py", "test_site_pages.py"]
+collect_ignore = (
+    [] if find_spec("sphinx") else ["test_browser.py", "test_site.py", "test_site_pages.py"]
+)

@@ -1,4 +1,5 @@
-"""The technical report: each of its numbers is found in the file that it names, and no number is typed."""
+"""The technical report: each of its numbers is found in the file that it names, and no number is
+typed."""
 
 import csv
 import math
@@ -27,7 +28,14 @@ class Read(HTMLParser):
 
     def __init__(self):
         super().__init__()
-        self.stack, self.numbers, self.quotes, self.typed, self.links, self.ids = [], [], [], [], [], set()
+        self.stack, self.numbers, self.quotes, self.typed, self.links, self.ids = (
+            [],
+            [],
+            [],
+            [],
+            [],
+            set(),
+        )
 
     def handle_starttag(self, tag, attributes):
         named = dict(attributes)
@@ -70,7 +78,9 @@ def test_every_number_is_found_in_its_file(report):
     for path, value, shown in report.numbers:
         assert value in files[path], (path, value)
         digits = len(shown.partition(".")[2])
-        assert math.isclose(float(shown.replace(MINUS, "-")), float(value), abs_tol=0.5001 * 10**-digits), (
+        assert math.isclose(
+            float(shown.replace(MINUS, "-")), float(value), abs_tol=0.5001 * 10**-digits
+        ), (
             value,
             shown,
         )
@@ -107,7 +117,9 @@ def test_links_lead_to_what_is_there(report):
 
 def test_every_claim_has_a_file_and_a_command():
     text = page(DOCS)
-    claims = re.findall(r"<code>docs/([^<]+)</code></td><td class=\"text\"><code>make ([^<]+)</code>", text)
+    claims = re.findall(
+        r"<code>docs/([^<]+)</code></td><td class=\"text\"><code>make ([^<]+)</code>", text
+    )
     makefile = (HOUSE / "Makefile").read_text()
     assert len(claims) >= 9
     for path, target in claims:
@@ -115,7 +127,9 @@ def test_every_claim_has_a_file_and_a_command():
         assert re.search(rf"^{target.split()[0]}:", makefile, re.MULTILINE), target
     used = {path for path in FILES.values() if f'data-from="{path}"' in text}
     assert used == set(FILES.values())
-    assert used - {file for file, _ in claims} == {"leave-one-out-30.csv"}  # of the command of leave-one-out-7.csv
+    assert used - {file for file, _ in claims} == {
+        "leave-one-out-30.csv"
+    }  # of the command of leave-one-out-7.csv
 
 
 @pytest.mark.parametrize(
@@ -144,7 +158,8 @@ def test_a_source_a_sentence_or_a_fact_that_is_not_there_is_refused():
 def test_numbers_are_rounded_and_signed():
     results = Results(DOCS)
     assert results.mark("leaderboard", "-0.4004") == (
-        f'<data value="-0.4004" data-from="leaderboards/standard/leaderboard.csv">{MINUS}0.400</data>'
+        '<data value="-0.4004" '
+        f'data-from="leaderboards/standard/leaderboard.csv">{MINUS}0.400</data>'
     )
     assert ">0.000<" in results.mark("leaderboard", "-0.0001")
     assert results.mark("leaderboard", "") == "\N{EN DASH}"
@@ -155,7 +170,9 @@ def test_the_command_writes_the_page_and_prints_it(tmp_path):
     done = subprocess.run(command, cwd=HOUSE, capture_output=True, text=True, check=True)
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == page(DOCS)
     assert (tmp_path / "report.pdf").exists() == (browser() is not None), done.stdout
-    wrong = subprocess.run([*command[:2], str(tmp_path), str(tmp_path)], cwd=HOUSE, capture_output=True, text=True)
+    wrong = subprocess.run(
+        [*command[:2], str(tmp_path), str(tmp_path)], cwd=HOUSE, capture_output=True, text=True
+    )
     assert wrong.returncode == 1
     assert wrong.stderr.startswith("Error: ")
 

@@ -36,7 +36,7 @@ _FAINT = """() => {
     if ((high + 0.05) / (low + 0.05) < 3.5) faint.push(one.tagName + " " + one.innerText.slice(0, 30));
   }
   return faint;
-}"""
+}"""  # noqa: E501
 """Texts whose contrast with what is behind them is low, after WCAG 2."""
 
 _SCROLLING = """() => [...document.querySelectorAll("article .highlight pre")]
@@ -62,14 +62,21 @@ class _Quiet(SimpleHTTPRequestHandler):
 
 
 def opened(browser: Any, home: str, view: str, wrong: list[str]) -> Any:
-    """A window; what its console complains of, and what is asked of others, is added to what is wrong."""
+    """A window; what its console complains of, and what is asked of others, is added to what is
+    wrong."""
     width, colours = VIEWS[view]
     window = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=colours)
     window.set_default_timeout(PATIENCE_MS)
     window.on("pageerror", lambda error: wrong.append(f"{window.url}: {error}"))
-    window.on("console", lambda said: wrong.append(f"{window.url}: {said.text}") if said.type == "error" else None)
     window.on(
-        "request", lambda asked: None if asked.url.startswith((home, "data:", "blob:")) else wrong.append(asked.url)
+        "console",
+        lambda said: wrong.append(f"{window.url}: {said.text}") if said.type == "error" else None,
+    )
+    window.on(
+        "request",
+        lambda asked: (
+            None if asked.url.startswith((home, "data:", "blob:")) else wrong.append(asked.url)
+        ),
     )
     return window
 
@@ -85,7 +92,10 @@ def test_every_page_is_readable_without_errors(browser: Any, home: str, view: st
         if view == "light":
             wrong += [f"{page}: code scrolls: {line}" for line in window.evaluate(_SCROLLING)]
         wrong += [f"{page}: faint: {text}" for text in window.evaluate(_FAINT)[:3]]
-        broken_pictures = "() => [...document.images].filter((i) => i.complete && !i.naturalWidth).map((i) => i.src)"
+        broken_pictures = (
+            "() => [...document.images].filter((i) => i.complete && "
+            "!i.naturalWidth).map((i) => i.src)"
+        )
         wrong += [f"{page}: no picture {source}" for source in window.evaluate(broken_pictures)]
         if shots:  # a folder, to look at them
             name = str(page.relative_to(WHOLE)).replace("/", "_")
@@ -94,7 +104,9 @@ def test_every_page_is_readable_without_errors(browser: Any, home: str, view: st
     assert wrong == []
 
 
-@pytest.mark.parametrize(("word", "page"), [("EigenTrust", "models/eigentrust"), ("RaterAttack", "rater-attack-v0")])
+@pytest.mark.parametrize(
+    ("word", "page"), [("EigenTrust", "models/eigentrust"), ("RaterAttack", "rater-attack-v0")]
+)
 def test_search_finds(browser: Any, home: str, word: str, page: str) -> None:
     wrong: list[str] = []
     window = opened(browser, home, "light", wrong)
@@ -102,7 +114,9 @@ def test_search_finds(browser: Any, home: str, word: str, page: str) -> None:
     window.fill("input[name=q]", word)
     window.press("input[name=q]", "Enter")
     window.wait_for_selector(".search-summary >> text=/found|matching/")
-    found = [link.get_attribute("href") for link in window.query_selector_all("#search-results li a")]
+    found = [
+        link.get_attribute("href") for link in window.query_selector_all("#search-results li a")
+    ]
     window.close()
     assert any(page in link for link in found), found
     assert wrong == []

@@ -1,4 +1,5 @@
-"""The site as `make docs` has built it: all that is registered has its page, links land, pictures are described."""
+"""The site as `make docs` has built it: all that is registered has its page, links land, pictures
+are described."""
 
 import importlib
 import runpy
@@ -23,7 +24,8 @@ def site():
 
 
 @pytest.mark.parametrize(
-    ("folder", "names"), [("models", roletrust_env.trust_models()), ("attacks", roletrust_env.attackers())]
+    ("folder", "names"),
+    [("models", roletrust_env.trust_models()), ("attacks", roletrust_env.attackers())],
 )
 def test_the_catalogue_has_all_that_is_registered(site, folder, names):
     index = text(site / "reference" / folder / "index.html")
@@ -48,7 +50,11 @@ def test_a_model_has_formula_source_parameters_and_a_picture(site):
 
 def test_an_attack_says_who_plays_it_and_where_it_is_searched(site):
     said = text(site / "reference" / "attacks" / "bad-mouthing.html")
-    for part in ("--attack 'sr_[0-3]=bad-mouthing:start=30,stop=90'", "constant or relative", "some honest providers"):
+    for part in (
+        "--attack 'sr_[0-3]=bad-mouthing:start=30,stop=90'",
+        "constant or relative",
+        "some honest providers",
+    ):
         assert part in said
 
 
@@ -63,12 +69,18 @@ def test_every_model_and_attack_has_a_formula_and_a_command(site):
 
 def test_no_description_of_a_picture_has_a_number_that_is_none(site):
     for page in pages(site):
-        assert not [tag for tag in parsed(page).find_all("img") if "nan" in tag.get("alt", "").split()], page
+        assert not [
+            tag for tag in parsed(page).find_all("img") if "nan" in tag.get("alt", "").split()
+        ], page
 
 
 def test_every_source_has_its_page(site):
     said = text(site / "references.html")
-    for part in ("The Sybil attack", "10.1145/775152.775242", "Iterative filtering in reputation systems"):
+    for part in (
+        "The Sybil attack",
+        "10.1145/775152.775242",
+        "Iterative filtering in reputation systems",
+    ):
         assert part in said
 
 
@@ -82,14 +94,21 @@ def test_every_scenario_is_told_with_its_file(site):
 def test_every_environment_has_a_page_with_a_film(site):
     ids = ["RoleTrust-v0", *(name for name in gymnasium.registry if name.startswith("RoleTrust/"))]
     found = {
-        parsed(page).find("h1").get_text().rstrip("¶#"): page for page in (site / "reference/environments").iterdir()
+        parsed(page).find("h1").get_text().rstrip("¶#"): page
+        for page in (site / "reference/environments").iterdir()
     }
     assert set(ids) <= set(found)
     for identity in ids:
         film = parsed(found[identity]).find("video")
         assert (found[identity].parent / film.find("source")["src"]).stat().st_size > 1000
         assert identity in film["aria-label"]
-        for heading in ("Description", "Action Space", "Observation Space", "Rewards", "Episode End"):
+        for heading in (
+            "Description",
+            "Action Space",
+            "Observation Space",
+            "Rewards",
+            "Episode End",
+        ):
             assert heading in text(found[identity])
 
 
@@ -132,12 +151,15 @@ def test_what_stands_in_docs_is_on_the_site(site):
     docs = HOUSE / "docs"
     included = runpy.run_path(str(docs / "conf.py"))["exclude_patterns"]
     for page in (path.relative_to(docs) for path in docs.glob("**/*.md")):
-        if "reference" not in page.parts and not any(fnmatch(page.as_posix(), pattern) for pattern in included):
+        if "reference" not in page.parts and not any(
+            fnmatch(page.as_posix(), pattern) for pattern in included
+        ):
             assert (site / page.with_suffix(".html")).is_file(), page
 
 
 def test_every_page_has_a_title(site):
-    """One without would be found by the search as such; it may be a table that another page includes."""
+    """One without would be found by the search as such; it may be a table that another page
+    includes."""
     written = [page for page in pages(site) if page.name not in ("search.html", "report.html")]
     assert [page for page in written if not parsed(page).select_one("article h1")] == []
 
@@ -147,7 +169,9 @@ def test_home_has_three_doors_and_five_groups_of_results(site):
     doors = home.select(".doors .sd-card")
     assert len(doors) == 3
     assert all(door.find("img") and door.find("pre") and door.find("a") for door in doors)
-    (results,) = (one for one in home.select(".sidebar-tree .caption") if one.get_text() == "Results")
+    (results,) = (
+        one for one in home.select(".sidebar-tree .caption") if one.get_text() == "Results"
+    )
     names = [one.get_text() for one in results.find_next_sibling("ul").select(".toctree-l1 > a")]
     assert names == ["Leaderboard", "Attackers", "Theory", "Real data", "Costs"]
 
@@ -155,7 +179,9 @@ def test_home_has_three_doors_and_five_groups_of_results(site):
 def test_long_tables_of_results_are_folded(site):
     for name, folded in (("robustness", True), ("edge-costs", True), ("guide/install", False)):
         for table in parsed(site / f"{name}.html").select("article table"):
-            assert (table.find_parent("details") is not None) == (folded and len(table.select("tbody tr")) > 8), name
+            assert (table.find_parent("details") is not None) == (
+                folded and len(table.select("tbody tr")) > 8
+            ), name
 
 
 def test_links_land_and_nothing_is_fetched(site):
@@ -164,7 +190,12 @@ def test_links_land_and_nothing_is_fetched(site):
 
 
 def test_pictures_are_described(site):
-    bare = {page.name: tag for page in pages(site) for tag in parsed(page).find_all("img") if not tag.get("alt")}
+    bare = {
+        page.name: tag
+        for page in pages(site)
+        for tag in parsed(page).find_all("img")
+        if not tag.get("alt")
+    }
     assert bare == {}
 
 

@@ -1,4 +1,5 @@
-"""The parts of the site's extension: docstrings, formulas, help texts, sources, pictures and printed output."""
+"""The parts of the site's extension: docstrings, formulas, help texts, sources, pictures and
+printed output."""
 
 import inspect
 import re
@@ -38,9 +39,25 @@ def read(text, thing=None):
 
 def test_what_is_indented_after_an_empty_line_is_a_formula():
     text = "A mean:\n\n    x = 1\n\n    y = 2\n\nAnd more\n\n    z = 3"
-    found = ["A mean:", "", "::", "", "    x = 1", "", "    y = 2", "", "And more", "", "::", "", "    z = 3"]
+    found = [
+        "A mean:",
+        "",
+        "::",
+        "",
+        "    x = 1",
+        "",
+        "    y = 2",
+        "",
+        "And more",
+        "",
+        "::",
+        "",
+        "    z = 3",
+    ]
     assert read(text) == found
-    sections = "It does.\n\nArgs:\n    one: a number.\n\n    two: another.\n\nReturns:\n    What it is."
+    sections = (
+        "It does.\n\nArgs:\n    one: a number.\n\n    two: another.\n\nReturns:\n    What it is."
+    )
     assert read(sections) == sections.splitlines()
     assert read("A game.\n\n## Description\n\nLong.") == ["A game.", ""]
 
@@ -57,7 +74,11 @@ def test_signatures_are_short():
         (
             "function",
             damage,
-            ("(trust: Floats, paired: Floats, agents: Sequence[int], weights: Floats | None=None)", "Score"),
+            (
+                "(trust: Floats, paired: Floats, agents: Sequence[int], weights: Floats | "
+                "None=None)",
+                "Score",
+            ),
         ),
         ("class", Travos, ("(error=0.2, threshold=0.95, bins=5)", "")),
         ("method", Game.published, ("(state: State)", "tuple[Array, Array]")),
@@ -81,7 +102,10 @@ def test_each_model_and_attack_has_a_formula_with_its_own_parameters():
 
 
 def test_a_formula_takes_the_place_of_the_plain_one_or_stands_after_the_first_paragraph():
-    beta, median = (read(inspect.getdoc(models.factory(name)), models.factory(name)) for name in ("beta", "median"))
+    beta, median = (
+        read(inspect.getdoc(models.factory(name)), models.factory(name))
+        for name in ("beta", "median")
+    )
     assert beta.count(".. math::") == 1
     assert not any("<-" in line for line in beta)
     assert beta[2] == ".. math::"
@@ -95,8 +119,13 @@ def test_markup_and_examples_of_help_texts():
         (r"all of sr_* in \[0, 1]", r"all of sr\_\* in \[0, 1]"),
     ):
         assert markdown(markup) == text
-    play = next(command for command in everything(roletrust()) if command.words == ("roletrust", "play"))
-    assert "roletrust play crowd-10x10 --attack 'sr_[0-2]=bad-mouthing' --games 20" in play.examples.splitlines()
+    play = next(
+        command for command in everything(roletrust()) if command.words == ("roletrust", "play")
+    )
+    assert (
+        "roletrust play crowd-10x10 --attack 'sr_[0-2]=bad-mouthing' --games 20"
+        in play.examples.splitlines()
+    )
     assert " \\\n  --attack sp_5=whitewashing:reserve=3" in play.examples
     assert "[cyan]" not in play.examples
     assert [given.name for given in play.arguments] == ["scenario <str>"]
@@ -106,7 +135,10 @@ def test_markup_and_examples_of_help_texts():
 def test_sources_are_found_by_name_and_year():
     for text, keys in (
         ("Jøsang, Hayward and Pope (2006)", ["josang2006"]),
-        ("with the weightings of Yu et al. (2006) and Laureti et al. (2006)", ["yu2006", "laureti2006"]),
+        (
+            "with the weightings of Yu et al. (2006) and Laureti et al. (2006)",
+            ["yu2006", "laureti2006"],
+        ),
         ("Irissappane, Jiang and Zhang (2012)", ["irissappane2012"]),
         ("de Kerchove and Van Dooren (2010)", ["kerchove2010"]),
         ("Huber. Later, in 1964, nothing", []),
@@ -124,7 +156,10 @@ def test_sources_are_found_by_name_and_year():
 def test_pictures_are_kept_until_their_source_changes_and_say_what_is_seen(tmp_path, monkeypatch):
     monkeypatch.setattr(pictures, "films", lambda folder: {})
     monkeypatch.setattr(pictures, "ATTACKS", {CARD: ATTACKS[CARD]})
-    entries, attacks = all_models(), {name: all_attackers()[name] for name in ("bad-mouthing", "whitewashing")}
+    entries, attacks = (
+        all_models(),
+        {name: all_attackers()[name] for name in ("bad-mouthing", "whitewashing")},
+    )
 
     def drawn(*names):
         return draw(tmp_path, {name: entries[name] for name in names}, attacks)
@@ -139,7 +174,9 @@ def test_pictures_are_kept_until_their_source_changes_and_say_what_is_seen(tmp_p
     (tmp_path / "drawn.json").write_text("{")
     assert drawn("mean", "constant") == other
     (mean,), (constant,) = other.models["mean"], other.models["constant"]
-    assert "from 15 s to 45 s; ToP of honest providers 1.00 before, 0.60 to 0.80 in it" in mean.words
+    assert (
+        "from 15 s to 45 s; ToP of honest providers 1.00 before, 0.60 to 0.80 in it" in mean.words
+    )
     assert "ToP of honest providers 0.50 before, 0.50 to 0.50 in it" in constant.words
     assert "nan" not in other.attacks["whitewashing"].words  # where an agent is absent
 
@@ -166,4 +203,8 @@ def test_printed_lines_that_came_in_pieces_are_whole():
     outputs = [*(new_output("stream", name="stdout", text=part) for part in parts), picture]
     outputs.insert(1, new_output("stream", name="stderr", text="careful\n"))
     printed, warned, shown = whole_streams(outputs)
-    assert (printed["text"], warned["text"], shown) == ("rank  score\n1  0.96\n", "careful\n", picture)
+    assert (printed["text"], warned["text"], shown) == (
+        "rank  score\n1  0.96\n",
+        "careful\n",
+        picture,
+    )

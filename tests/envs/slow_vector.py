@@ -46,20 +46,27 @@ class Loop:
         self.states = [fresh[e] if self.ended[e] else self.states[e] for e in range(GAMES)]
 
     def step(self, actions: np.ndarray) -> dict[str, Any]:
-        rows = {name: np.zeros(GAMES) for name in ("reward", "terminated", "truncated", "objective", "cost")}
+        rows = {
+            name: np.zeros(GAMES)
+            for name in ("reward", "terminated", "truncated", "objective", "cost")
+        }
         waits = self.ended
         if any(waits):
             assert not all(waits)
             self.restart()
         for e, luck in enumerate(self.luck):
-            after, outcome = self.task.step(self.states[e], actions[e], luck.draw(self.task.game), luck)
+            after, outcome = self.task.step(
+                self.states[e], actions[e], luck.draw(self.task.game), luck
+            )
             if waits[e]:
                 continue
             self.states[e] = after
             for name in ("reward", "objective", "cost"):
                 rows[name][e] = getattr(outcome, name)
             rows["terminated"][e] = outcome.caught
-            rows["truncated"][e] = after.game.round >= self.task.game.scenario.max_cycles and not outcome.caught
+            rows["truncated"][e] = (
+                after.game.round >= self.task.game.scenario.max_cycles and not outcome.caught
+            )
         ended = [bool(end) for end in (rows["terminated"] + rows["truncated"])]
         if self.mode is AutoresetMode.NEXT_STEP:
             self.ended = ended
@@ -67,4 +74,8 @@ class Loop:
             rows["final_obs"], self.ended = self.observe(), ended
             self.restart()
             self.ended = [False] * GAMES
-        return rows | {"observation": self.observe(), "ended": np.array(ended), "waits": np.array(waits)}
+        return rows | {
+            "observation": self.observe(),
+            "ended": np.array(ended),
+            "waits": np.array(waits),
+        }

@@ -1,4 +1,5 @@
-"""Tasks to test with: every task in every scenario that has somebody for it, and how to play them."""
+"""Tasks to test with: every task in every scenario that has somebody for it, and how to play
+them."""
 
 from typing import Any
 
@@ -20,7 +21,10 @@ PROVIDER, RATER, DUAL, COLLUSION = TASKS
 def crew(task_id: str, scenario: str) -> tuple[str, ...]:
     """Agents of a scenario that a task is about; none if it has none."""
     names = Roster.of(make_scenario(scenario)).names
-    of = {role: [name for name in names if name.startswith(role + "_")] for role in ("sr", "sp", "srsp")}
+    of = {
+        role: [name for name in names if name.startswith(role + "_")]
+        for role in ("sr", "sp", "srsp")
+    }
     if task_id == COLLUSION:
         return tuple(name for members in of.values() for name in members[-2:])
     return tuple({PROVIDER: of["sp"], RATER: of["sr"], DUAL: of["srsp"]}[task_id][-1:])

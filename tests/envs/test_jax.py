@@ -1,4 +1,5 @@
-"""Environments on JAX play the rules of all others: beside NumPy in double precision, with the same noise."""
+"""Environments on JAX play the rules of all others: beside NumPy in double precision, with the same
+noise."""
 
 import numpy as np
 import pytest
@@ -35,9 +36,14 @@ def words(key):
 
 
 def both_play(scenario, model="role-trust", rounds=6):
-    """Yield (observations, rewards, dones, state) of JAX with what NumPy has, round by round, with random actions."""
+    """Yield (observations, rewards, dones, state) of JAX with what NumPy has, round by round, with
+    random actions."""
     env = RoleTrustJaxEnv(scenario, model, max_cycles=rounds)
-    game, step, rng = Game(env.game.scenario, model), jax.jit(env.step_env), np.random.default_rng(0)
+    game, step, rng = (
+        Game(env.game.scenario, model),
+        jax.jit(env.step_env),
+        np.random.default_rng(0),
+    )
     roster, key = game.roster, jax.random.key(7)
     _, theirs = jax.jit(env.reset)(key)
     ours = game.start(game.noise(words(key), start=True))
@@ -55,13 +61,25 @@ def both_play(scenario, model="role-trust", rounds=6):
 @pytest.mark.parametrize("scenario", PRESETS)
 def test_every_preset_is_equal_to_numpy(scenario, double):
     for env, (seen, rewards, dones, infos, _), (game, before, ours, earned) in both_play(scenario):
-        expected = [column for part in game.observations(ours) if part is not None for column in part.T]
-        present = np.ones(len(env.agents), bool) if ours.population is None else ours.population.phase == PRESENT
+        expected = [
+            column for part in game.observations(ours) if part is not None for column in part.T
+        ]
+        present = (
+            np.ones(len(env.agents), bool)
+            if ours.population is None
+            else ours.population.phase == PRESENT
+        )
         there = present if before.population is None else before.population.phase == PRESENT
-        np.testing.assert_allclose([rewards[agent] for agent in env.agents], np.where(there, earned, 0), atol=1e-12)
+        np.testing.assert_allclose(
+            [rewards[agent] for agent in env.agents], np.where(there, earned, 0), atol=1e-12
+        )
         np.testing.assert_array_equal(infos["present"], present)
         np.testing.assert_allclose(infos["trust"], game.agent_trust(ours), atol=1e-12)
-        gone = np.zeros(len(present), bool) if ours.population is None else ours.population.phase > PRESENT
+        gone = (
+            np.zeros(len(present), bool)
+            if ours.population is None
+            else ours.population.phase > PRESENT
+        )
         over = ours.round == 6 or not present.any()
         assert [bool(dones[agent]) for agent in [*env.agents, "__all__"]] == [*(gone | over), over]
         for agent, one in zip(env.agents, expected, strict=True):
@@ -82,7 +100,9 @@ def test_every_model_is_equal_to_numpy(model, double):
 
         return play
 
-    theirs = jax.jit(trusts(jnp), compiler_options={"xla_backend_optimization_level": 0})(ratings, masks)
+    theirs = jax.jit(trusts(jnp), compiler_options={"xla_backend_optimization_level": 0})(
+        ratings, masks
+    )
     for one, other in zip(theirs, trusts(np)(ratings, masks), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-12)
 
@@ -113,7 +133,9 @@ def test_a_batch_is_equal_to_its_games(scenario, double):
     def play(reset, step):
         (seen, state), rounds = reset(keys), []
         for t in range(4):  # one episode and the first round of another
-            seen, state, *outcome = step(jax.vmap(lambda key, t=t: jax.random.fold_in(key, t))(keys), state)
+            seen, state, *outcome = step(
+                jax.vmap(lambda key, t=t: jax.random.fold_in(key, t))(keys), state
+            )
             rounds.append((seen, state, outcome))
         return rounds
 
@@ -125,7 +147,9 @@ def test_a_batch_is_equal_to_its_games(scenario, double):
 
     batch = play(jax.jit(jax.vmap(env.reset)), jax.jit(together))
     games = play(jax.jit(lambda keys: jax.lax.map(env.reset, keys)), jax.jit(one_by_one))
-    jax.tree.map(lambda one, other: np.testing.assert_allclose(one, other, atol=1e-12), batch, games)
+    jax.tree.map(
+        lambda one, other: np.testing.assert_allclose(one, other, atol=1e-12), batch, games
+    )
 
 
 def test_derivatives_pass_through_a_batch(double):
@@ -173,7 +197,9 @@ def test_actions_are_clipped_and_scripted_others_play():
     env = AttackJaxEnv(max_cycles=5, others=others)
     key, step = jax.random.key(3), jax.jit(env.step)
     _, state = jax.jit(env.reset)(key)
-    outcomes = [step(key, state, {"attacker": jnp.full(1, value)}) for value in (2.0, 1.0, np.nan, 0.0)]
+    outcomes = [
+        step(key, state, {"attacker": jnp.full(1, value)}) for value in (2.0, 1.0, np.nan, 0.0)
+    ]
     for one, other in (outcomes[:2], outcomes[2:]):
         np.testing.assert_array_equal(one[0]["attacker"], other[0]["attacker"])
     again = step(jax.random.key(4), outcomes[1][1], {"attacker": jnp.ones(1)})
@@ -182,10 +208,20 @@ def test_actions_are_clipped_and_scripted_others_play():
 
 def test_actions_of_another_shape_and_missing_ones_are_refused():
     env = RoleTrustJaxEnv(max_cycles=3)
-    key, still = jax.random.key(0), {agent: np.ones(space.shape) for agent, space in env.action_spaces.items()}
+    key, still = (
+        jax.random.key(0),
+        {agent: np.ones(space.shape) for agent, space in env.action_spaces.items()},
+    )
     _, state = env.reset(key)
-    for agent, wrong in (("sp_0", np.ones(3)), ("sp_0", 0.5), ("sr_0", np.ones(7)), ("sr_0", np.ones((3, 1)))):
-        with pytest.raises(ValueError, match=f"the action of '{agent}' is of shape .*; it must be of shape"):
+    for agent, wrong in (
+        ("sp_0", np.ones(3)),
+        ("sp_0", 0.5),
+        ("sr_0", np.ones(7)),
+        ("sr_0", np.ones((3, 1))),
+    ):
+        with pytest.raises(
+            ValueError, match=f"the action of '{agent}' is of shape .*; it must be of shape"
+        ):
             env.step(key, state, still | {agent: wrong})
     with pytest.raises(ValueError, match="the action of 'sr_0' is missing"):
         jax.jit(env.step)(key, state, {})
@@ -213,7 +249,9 @@ def test_what_jax_cannot_play_is_refused():
 
 
 def test_a_condition_may_differ_by_game():
-    env = RoleTrustJaxEnv(roletrust_env.Scenario(agents=[{"role": "SR"}, {"role": "SP"}], max_cycles=3), "mean")
+    env = RoleTrustJaxEnv(
+        roletrust_env.Scenario(agents=[{"role": "SR"}, {"role": "SP"}], max_cycles=3), "mean"
+    )
     keys = jax.random.split(jax.random.key(0), 3)
     _, states = jax.vmap(env.reset)(keys)
     actions = {agent: jnp.full((3, 1), 0.4) for agent in env.agents}
@@ -233,7 +271,9 @@ def test_games_end_at_random_and_have_the_same_rounds_until_then(make):
     keys = jax.random.split(jax.random.key(0), games)
     seen, state = jax.vmap(env.reset)(keys)
     _, other = jax.vmap(endless.reset)(keys)
-    actions = {agent: jnp.full((games, *space.shape), 0.3) for agent, space in env.action_spaces.items()}
+    actions = {
+        agent: jnp.full((games, *space.shape), 0.3) for agent, space in env.action_spaces.items()
+    }
     steps = [jax.jit(jax.vmap(one.step)) for one in (env, endless)]
     playing, length = np.ones(games, bool), np.zeros(games, int)
     for t in range(most):

@@ -15,11 +15,16 @@ from roletrust_env.envs.vector import ProviderAttackVectorEnv
 
 GOES_ON, MOST = 0.8, 6
 ID = "RoleTrust/ProviderAttack-v0"
-COMING = [{"role": "SR", "count": 3, "noise": 0.1}, {"role": "SP", "count": 3}, {"role": "SP", "joins": 1, "leaves": 3}]
+COMING = [
+    {"role": "SR", "count": 3, "noise": 0.1},
+    {"role": "SP", "count": 3},
+    {"role": "SP", "joins": 1, "leaves": 3},
+]
 
 
 def check_lengths(ends: np.ndarray, cut: np.ndarray) -> None:
-    """Check the numbers of rounds of many episodes, and whether they were truncated, by their distribution."""
+    """Check the numbers of rounds of many episodes, and whether they were truncated, by their
+    distribution."""
     scenario = make_scenario("paper-3x3").change(continuation=GOES_ON, max_cycles=MOST)
     for lengths, mean in ((ends, scenario.mean_length), (cut, GOES_ON**MOST)):
         assert abs(lengths.mean() - mean) < 4 * lengths.std() / len(lengths) ** 0.5
@@ -30,7 +35,9 @@ def check_lengths(ends: np.ndarray, cut: np.ndarray) -> None:
 
 def test_an_end_is_a_termination_of_all_agents() -> None:
     scenario = Scenario(agents=COMING, max_cycles=MOST, continuation=GOES_ON)
-    env, endless = (roletrust_env.parallel_env(scenario.change(continuation=c)) for c in (GOES_ON, 1.0))
+    env, endless = (
+        roletrust_env.parallel_env(scenario.change(continuation=c)) for c in (GOES_ON, 1.0)
+    )
     ends, cut = [], []
     for seed in range(60):
         seen = [one.reset(seed=seed)[0] for one in (env, endless)]
@@ -65,7 +72,10 @@ def test_a_task_ends_by_its_seed_and_has_the_same_rounds_until_then() -> None:
         np.testing.assert_array_equal(env.reset(seed=seed)[0], endless.reset(seed=seed)[0])
         terminated = truncated = False
         while not terminated and not truncated:
-            played, other = env.step(np.array([0.3], np.float32)), endless.step(np.array([0.3], np.float32))
+            played, other = (
+                env.step(np.array([0.3], np.float32)),
+                endless.step(np.array([0.3], np.float32)),
+            )
             np.testing.assert_array_equal(played[0], other[0])
             assert played[1] == other[1]
             terminated, truncated = played[2:4]
@@ -78,7 +88,8 @@ def test_a_task_ends_by_its_seed_and_has_the_same_rounds_until_then() -> None:
 
 
 class Lengths:
-    """The lengths of the first two episodes of each slot, which do not depend on when one stops looking."""
+    """The lengths of the first two episodes of each slot, which do not depend on when one stops
+    looking."""
 
     def __init__(self, slots: int) -> None:
         self.begun, self.playing = np.zeros(slots, int), np.zeros(slots, int)
@@ -105,10 +116,15 @@ THREADS = pytest.param({"threads": 1}, marks=pytest.mark.slow)
 def test_the_games_of_a_vector_end_one_by_one(arguments: dict[str, Any]) -> None:
     games, same = 400, "autoreset_mode" in arguments
     env, endless = (
-        ProviderAttackVectorEnv(games, max_cycles=MOST, continuation=c, **arguments) for c in (GOES_ON, 1.0)
+        ProviderAttackVectorEnv(games, max_cycles=MOST, continuation=c, **arguments)
+        for c in (GOES_ON, 1.0)
     )
     np.testing.assert_array_equal(*(one.reset(seed=1)[0] for one in (env, endless)))
-    lengths, ended, action = Lengths(games), np.zeros(games, bool), np.full((games, 1), 0.3, np.float32)
+    lengths, ended, action = (
+        Lengths(games),
+        np.zeros(games, bool),
+        np.full((games, 1), 0.3, np.float32),
+    )
     for t in range(2 * MOST + 1):
         plays = ~ended | same
         seen, reward, terminated, truncated, _ = env.step(action)
@@ -133,7 +149,9 @@ def test_learners_of_stable_baselines_do_not_look_behind_an_end() -> None:
         env.reset()
         lengths = Lengths(400)
         for _ in range(2 * MOST):
-            seen, _, dones, infos = env.step(np.zeros((env.num_envs, *env.action_space.shape), np.float32))
+            seen, _, dones, infos = env.step(
+                np.zeros((env.num_envs, *env.action_space.shape), np.float32)
+            )
             assert [info["episode"]["l"] for info in infos[slots] if "episode" in info] == (
                 lengths.playing[dones[slots]] + 1
             ).tolist()

@@ -33,7 +33,9 @@ def started(**changes: Any) -> RoleTrustParallelEnv:
 
 def valid(env: RoleTrustParallelEnv) -> dict[str, Any]:
     rng = np.random.default_rng(len(env.agents))
-    return {agent: rng.random(env.action_space(agent).shape, dtype=np.float32) for agent in env.agents}
+    return {
+        agent: rng.random(env.action_space(agent).shape, dtype=np.float32) for agent in env.agents
+    }
 
 
 MASKED = np.ma.masked_array([0.5], [True])
@@ -55,27 +57,53 @@ def vector(*entries: float) -> np.ndarray:
     ("spoil", "named", "allowed"),
     [
         pytest.param(swap("sp_0", vector(np.nan)), ["'sp_0'", "nan"], "[0, 1]", id="NaN"),
-        pytest.param(swap("srsp_1", vector(0, 0, 0, 0, np.nan)), ["'srsp_1'", "nan"], "[0, 1]", id="NaN among others"),
+        pytest.param(
+            swap("srsp_1", vector(0, 0, 0, 0, np.nan)),
+            ["'srsp_1'", "nan"],
+            "[0, 1]",
+            id="NaN among others",
+        ),
         pytest.param(swap("sp_1", vector(np.inf)), ["'sp_1'", "inf"], "[0, 1]", id="inf"),
         pytest.param(swap("sp_1", vector(-np.inf)), ["'sp_1'", "-inf"], "[0, 1]", id="-inf"),
-        pytest.param(swap("sr_0", vector(0, 1.25, 0, 0)), ["'sr_0'", "1.25"], "[0, 1]", id="too large"),
-        pytest.param(swap("sr_0", vector(0, -0.25, 0, 0)), ["'sr_0'", "-0.25"], "[0, 1]", id="too small"),
-        pytest.param(swap("sp_0", vector(1.0000001)), ["'sp_0'", "1.0000001"], "[0, 1]", id="just too large"),
+        pytest.param(
+            swap("sr_0", vector(0, 1.25, 0, 0)), ["'sr_0'", "1.25"], "[0, 1]", id="too large"
+        ),
+        pytest.param(
+            swap("sr_0", vector(0, -0.25, 0, 0)), ["'sr_0'", "-0.25"], "[0, 1]", id="too small"
+        ),
+        pytest.param(
+            swap("sp_0", vector(1.0000001)), ["'sp_0'", "1.0000001"], "[0, 1]", id="just too large"
+        ),
         pytest.param(swap("sp_0", vector(0, 0)), ["'sp_0'", "(2,)"], "(1,)", id="too long"),
         pytest.param(swap("sr_1", vector(0)), ["'sr_1'", "(1,)"], "(4,)", id="too short"),
         pytest.param(swap("sr_1", np.zeros((2, 4))), ["'sr_1'", "(2, 4)"], "(4,)", id="two rows"),
         pytest.param(swap("sr_0", 0.5), ["'sr_0'", "()"], "(4,)", id="a number for many"),
         pytest.param(swap("sp_0", []), ["'sp_0'"], "(1,)", id="an empty list"),
-        pytest.param(swap("sr_0", [0.5, [0.5]]), ["'sr_0'", "no array"], "(4,)", id="rows of many lengths"),
-        pytest.param(swap("sr_0", [0, 0, 0, 1.5]), ["'sr_0'", "1.5"], "[0, 1]", id="a list, too large"),
-        pytest.param(swap("sp_0", torch.tensor(torch.nan)), ["'sp_0'", "nan"], "[0, 1]", id="a tensor, NaN"),
-        pytest.param(swap("sp_0", torch.ones(1, requires_grad=True)), ["'sp_0'", "detach"], "(1,)", id="a gradient"),
+        pytest.param(
+            swap("sr_0", [0.5, [0.5]]), ["'sr_0'", "no array"], "(4,)", id="rows of many lengths"
+        ),
+        pytest.param(
+            swap("sr_0", [0, 0, 0, 1.5]), ["'sr_0'", "1.5"], "[0, 1]", id="a list, too large"
+        ),
+        pytest.param(
+            swap("sp_0", torch.tensor(torch.nan)), ["'sp_0'", "nan"], "[0, 1]", id="a tensor, NaN"
+        ),
+        pytest.param(
+            swap("sp_0", torch.ones(1, requires_grad=True)),
+            ["'sp_0'", "detach"],
+            "(1,)",
+            id="a gradient",
+        ),
         pytest.param(swap("sp_0", None), ["'sp_0'", "no array"], "(1,)", id="None"),
         pytest.param(swap("sp_0", "good"), ["'sp_0'", "good"], "(1,)", id="a string"),
-        pytest.param(swap("sp_0", np.array(["good"])), ["'sp_0'", "good"], "(1,)", id="an array of strings"),
+        pytest.param(
+            swap("sp_0", np.array(["good"])), ["'sp_0'", "good"], "(1,)", id="an array of strings"
+        ),
         pytest.param(swap("sp_0", np.array(["0.5"])), ["'sp_0'"], "(1,)", id="an array of digits"),
         pytest.param(swap("sp_0", np.array([0.5j])), ["'sp_0'"], "(1,)", id="complex"),
-        pytest.param(swap("sp_0", np.array([None])), ["'sp_0'", "None"], "(1,)", id="an array of None"),
+        pytest.param(
+            swap("sp_0", np.array([None])), ["'sp_0'", "None"], "(1,)", id="an array of None"
+        ),
         pytest.param(swap("sp_0", MASKED), ["'sp_0'", "masked"], "all there", id="masked"),
         pytest.param(without("sr_1"), ["'sr_1'", "missing"], "sr_0", id="missing"),
         pytest.param(lambda _: {}, ["'sr_0'", "missing"], "srsp_1", id="none"),
@@ -86,7 +114,9 @@ def vector(*entries: float) -> np.ndarray:
     ],
 )
 @pytest.mark.filterwarnings("error")
-def test_a_bad_action_is_refused_and_changes_nothing(spoil: Callable, named: list[str], allowed: str) -> None:
+def test_a_bad_action_is_refused_and_changes_nothing(
+    spoil: Callable, named: list[str], allowed: str
+) -> None:
     env, twin = started(), started()
     before = env.state()
     with pytest.raises(ValueError, match=re.escape(allowed)) as error:
@@ -104,17 +134,26 @@ def test_masked_entries_are_refused_where_all_agents_act(dtype: type) -> None:
     env, twin = parallel_env(), parallel_env()
     for one in (env, twin):
         one.reset(seed=0)
-    whole = {agent: np.ma.masked_array(action.astype(dtype), False) for agent, action in valid(twin).items()}
-    with pytest.raises(ValueError, match=r"^the action of 'sp_0' is masked in some places; .* all there$"):
+    whole = {
+        agent: np.ma.masked_array(action.astype(dtype), False)
+        for agent, action in valid(twin).items()
+    }
+    with pytest.raises(
+        ValueError, match=r"^the action of 'sp_0' is masked in some places; .* all there$"
+    ):
         env.step({**whole, "sp_0": MASKED.astype(dtype)})
-    assert data_equivalence(env.step(whole), twin.step({agent: action.data for agent, action in whole.items()}))
+    assert data_equivalence(
+        env.step(whole), twin.step({agent: action.data for agent, action in whole.items()})
+    )
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float16, np.int64, np.bool_])
 def test_numbers_of_any_precision_are_taken(dtype: type) -> None:
     env, twin = started(), started()
     ones = {agent: np.ones(env.action_space(agent).shape, dtype) for agent in env.agents}
-    assert data_equivalence(env.step(ones), twin.step({agent: a.astype(np.float32) for agent, a in ones.items()}))
+    assert data_equivalence(
+        env.step(ones), twin.step({agent: a.astype(np.float32) for agent, a in ones.items()})
+    )
 
 
 @pytest.mark.parametrize(
@@ -129,23 +168,31 @@ def test_numbers_of_any_precision_are_taken(dtype: type) -> None:
     ids=["squeezed", "with an axis more", "list", "tensor", "tensor with an axis more"],
 )
 def test_an_action_of_the_right_size_is_taken(shaped: Callable) -> None:
-    """AgileRL squeezes (1,) to (); others hand over lists, or tensors as their networks make them."""
+    """AgileRL squeezes (1,) to (); others hand over lists, or tensors as their networks make
+    them."""
     env, twin = started(), started()
     actions = valid(env)
-    assert data_equivalence(env.step({agent: shaped(a) for agent, a in actions.items()}), twin.step(actions))
+    assert data_equivalence(
+        env.step({agent: shaped(a) for agent, a in actions.items()}), twin.step(actions)
+    )
 
 
 def test_the_spaces_are_dictionaries_too_and_the_luck_can_be_shared() -> None:
     env = started()
     assert env.action_spaces == {agent: env.action_space(agent) for agent in env.possible_agents}
-    assert env.observation_spaces == {agent: env.observation_space(agent) for agent in env.possible_agents}
+    assert env.observation_spaces == {
+        agent: env.observation_space(agent) for agent in env.possible_agents
+    }
     assert isinstance(env.np_random, np.random.Generator)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"scenario": "paper3x3"}, ["scenario", "'paper3x3'", "did you mean 'paper-3x3'?", "crowd-10x10"]),
+        (
+            {"scenario": "paper3x3"},
+            ["scenario", "'paper3x3'", "did you mean 'paper-3x3'?", "crowd-10x10"],
+        ),
         ({"scenario": "zzz"}, ["unknown scenario 'zzz'", "paper-3x3", "peers"]),
         ({"scenario": None}, ["scenario", "None"]),
         ({"scenario": 3}, ["scenario", "3"]),
@@ -234,7 +281,8 @@ def test_who_takes_part_when() -> None:
     there, fates, flags = [env.agents], {}, {}
     while env.agents:
         actions = {
-            agent: np.full(env.action_space(agent).shape, 0.0 if agent == "sp_0" else 1.0) for agent in env.agents
+            agent: np.full(env.action_space(agent).shape, 0.0 if agent == "sp_0" else 1.0)
+            for agent in env.agents
         }
         for agent in env.agents:
             if agent.startswith("sr"):
@@ -259,11 +307,19 @@ def test_who_takes_part_when() -> None:
     ]
     assert fates == {"sp_1": "left", "sp_0": "cut off"}
     gone, truncated = (True, False), (False, True)
-    assert flags == {"sr_0": truncated, "sr_1": truncated, "sp_0": gone, "sp_1": gone, "sp_2": truncated}
+    assert flags == {
+        "sr_0": truncated,
+        "sr_1": truncated,
+        "sp_0": gone,
+        "sp_1": gone,
+        "sp_2": truncated,
+    }
 
 
 def test_who_would_come_when_it_is_over_does_not_come() -> None:
-    env = parallel_env(agents=[{"role": "SR"}, {"role": "SP"}, {"role": "SR", "joins": 2}], max_cycles=2)
+    env = parallel_env(
+        agents=[{"role": "SR"}, {"role": "SP"}, {"role": "SR", "joins": 2}], max_cycles=2
+    )
     env.reset(seed=0)
     env.step(valid(env))
     for part in env.step(valid(env)):
@@ -274,7 +330,9 @@ def test_infos_hold_the_truth() -> None:
     env = started()
     actions = valid(env)
     observations, rewards, *_, infos = env.step(actions)
-    assert infos["sp_1"]["trust"] == pytest.approx(float(env.layout.provider(observations["sp_1"]).trust))
+    assert infos["sp_1"]["trust"] == pytest.approx(
+        float(env.layout.provider(observations["sp_1"]).trust)
+    )
     assert infos["sp_1"]["quality"] == actions["sp_1"][0]
     quality = [float(actions[agent][0]) for agent in ("sp_0", "sp_1", "srsp_0", "srsp_1")]
     assert infos["sr_0"]["received"] == pytest.approx(quality)
@@ -296,7 +354,10 @@ def test_observations_hold_what_the_agent_would_see() -> None:
     assert np.all(before.awaiting)
     actions = valid(env)
     observations, *_ = env.step(actions)
-    rater, provider = env.layout.rater(observations["sr_0"]), env.layout.provider(observations["sp_1"])
+    rater, provider = (
+        env.layout.rater(observations["sr_0"]),
+        env.layout.provider(observations["sp_1"]),
+    )
     assert rater.round == provider.round == 4
     assert np.array_equal(rater.ratings, actions["sr_0"])
     assert np.array_equal(rater.rated, before.awaiting)
@@ -311,7 +372,9 @@ def test_observations_hold_what_the_agent_would_see() -> None:
 
 
 @pytest.mark.parametrize(
-    "duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"]
+    "duplicate",
+    [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))],
+    ids=["copy", "pickle"],
 )
 def test_a_copy_plays_on_alike_and_apart(duplicate: Callable) -> None:
     env, twin = started(), started()

@@ -10,22 +10,39 @@ import numpy as np
 import pettingzoo
 import pytest
 from gymnasium.utils.env_checker import data_equivalence
-from pettingzoo.test import api_test, max_cycles_test, parallel_api_test, parallel_seed_test, seed_test
+from pettingzoo.test import (
+    api_test,
+    max_cycles_test,
+    parallel_api_test,
+    parallel_seed_test,
+    seed_test,
+)
 from pettingzoo.utils.conversions import parallel_to_aec
 
 import roletrust_env
 from roletrust_env import RoleTrustParallelEnv, Scenario
 
 # A preset, and the length to play where its own would take too long here.
-LENGTHS: dict[str, int | None] = dict.fromkeys(name for name in roletrust_env.scenarios() if name != "city")
-LENGTHS |= {"paper-3x3": 60, "crowd-100x100": 2, "crowd-10x10": 12, "paper-3x3-hog": 1, "robots-that-move": 60}
+LENGTHS: dict[str, int | None] = dict.fromkeys(
+    name for name in roletrust_env.scenarios() if name != "city"
+)
+LENGTHS |= {
+    "paper-3x3": 60,
+    "crowd-100x100": 2,
+    "crowd-10x10": 12,
+    "paper-3x3-hog": 1,
+    "robots-that-move": 60,
+}
 LENGTHS |= {"market": 20, "subjective": 12, "newcomers": 62, "peers": 20}
 
 Make = Callable[..., RoleTrustParallelEnv]
 
 
 @pytest.fixture(
-    params=[pytest.param(name, marks=pytest.mark.slow) if name.endswith("hog") else name for name in LENGTHS]
+    params=[
+        pytest.param(name, marks=pytest.mark.slow) if name.endswith("hog") else name
+        for name in LENGTHS
+    ]
 )
 def preset(request: pytest.FixtureRequest) -> str:
     if request.param.endswith("hog"):
@@ -90,7 +107,11 @@ def bits(value: Any) -> Any:
         return {key: bits(inner) for key, inner in value.items()}
     if isinstance(value, tuple | list):
         return [bits(inner) for inner in value]
-    return (value.dtype.str, value.shape, value.tobytes()) if isinstance(value, np.ndarray) else repr(value)
+    return (
+        (value.dtype.str, value.shape, value.tobytes())
+        if isinstance(value, np.ndarray)
+        else repr(value)
+    )
 
 
 def test_two_runs_of_one_seed_are_equal_to_the_last_bit(make: Make) -> None:
@@ -114,7 +135,10 @@ def test_an_episode_without_a_seed_goes_on_with_the_same_luck(make: Make) -> Non
 
 def test_whole_episodes_lie_in_their_spaces(make: Make) -> None:
     env = make()
-    spaces = {agent: (env.observation_space(agent), env.action_space(agent)) for agent in env.possible_agents}
+    spaces = {
+        agent: (env.observation_space(agent), env.action_space(agent))
+        for agent in env.possible_agents
+    }
     gone: set[str] = set()
     playing: list[str] = []
     for *returned, agents, state in episode(env, seed=1):
@@ -129,7 +153,9 @@ def test_whole_episodes_lie_in_their_spaces(make: Make) -> None:
                 assert set(playing) <= set(part)
                 assert set(part) == set(observations)
             assert all(type(reward) is float and np.isfinite(reward) for reward in rewards.values())
-            assert all(type(flag) is bool for flag in (*terminations.values(), *truncations.values()))
+            assert all(
+                type(flag) is bool for flag in (*terminations.values(), *truncations.values())
+            )
             ended = {agent for agent in terminations if terminations[agent] or truncations[agent]}
             assert not any(terminations[agent] and truncations[agent] for agent in terminations)
             assert set(agents) == set(observations) - ended
@@ -151,7 +177,11 @@ def test_what_is_handed_out_is_a_copy(make: Make) -> None:
     for _ in range(2):
         actions = {agent: env.action_space(agent).sample() for agent in env.agents}
         same = {agent: action.copy() for agent, action in actions.items()}
-        for array in [*handed[0].values(), *(v for i in handed[-1].values() for v in i.values()), env.state()]:
+        for array in [
+            *handed[0].values(),
+            *(v for i in handed[-1].values() for v in i.values()),
+            env.state(),
+        ]:
             if isinstance(array, np.ndarray):
                 array[:] = 0.123
         handed = env.step(actions)
@@ -178,7 +208,10 @@ def test_aec_and_parallel_play_the_same_game(make: Make, make_aec: Callable) -> 
         assert np.array_equal(aec.state(), env.state())
         for agent in observations:
             assert np.array_equal(aec.observe(agent), observations[agent])
-            assert (aec.terminations[agent], aec.truncations[agent]) == (terminations[agent], truncations[agent])
+            assert (aec.terminations[agent], aec.truncations[agent]) == (
+                terminations[agent],
+                truncations[agent],
+            )
             assert aec.rewards[agent] == rewards[agent]
 
 
@@ -186,7 +219,9 @@ def test_aec_and_parallel_play_the_same_game(make: Make, make_aec: Callable) -> 
 def test_agents_may_share_an_array_for_their_actions(dtype: Any) -> None:
     groups = [{"role": "SP", "count": 2}, {"role": "SR", "count": 1}]
     for late in ([], [{"role": "SP", "joins": 2}]):
-        one, shared = (roletrust_env.env(Scenario(agents=[*groups, *late], max_cycles=4)) for _ in range(2))
+        one, shared = (
+            roletrust_env.env(Scenario(agents=[*groups, *late], max_cycles=4)) for _ in range(2)
+        )
         one.reset(seed=1)
         shared.reset(seed=1)
         array = np.empty(3 if late else 2, dtype)
@@ -200,9 +235,18 @@ def test_agents_may_share_an_array_for_their_actions(dtype: Any) -> None:
 
 def test_aec_takes_turns_as_pettingzoo_does() -> None:
     rater = {"role": "SR", "noise": 0.2}
-    late = [{"role": "SR", "joins": 3, "leaves": 9}, {"role": "SP", "join_rate": 0.2, "leave_rate": 0.2, "count": 3}]
-    scenario = {"agents": [rater | {"count": 2}, rater | {"leaves": 5}, {"role": "SP"}, *late], "max_cycles": 20}
-    aec, twin = roletrust_env.env(**scenario), parallel_to_aec(roletrust_env.parallel_env(**scenario))
+    late = [
+        {"role": "SR", "joins": 3, "leaves": 9},
+        {"role": "SP", "join_rate": 0.2, "leave_rate": 0.2, "count": 3},
+    ]
+    scenario = {
+        "agents": [rater | {"count": 2}, rater | {"leaves": 5}, {"role": "SP"}, *late],
+        "max_cycles": 20,
+    }
+    aec, twin = (
+        roletrust_env.env(**scenario),
+        parallel_to_aec(roletrust_env.parallel_env(**scenario)),
+    )
     for seed in range(3):
         for env in (aec, twin):
             env.reset(seed=seed)
@@ -244,7 +288,9 @@ def test_aec_takes_an_action_of_the_right_size() -> None:
 
 
 def test_aec_plays_to_the_end_when_somebody_would_come_then() -> None:
-    aec = roletrust_env.env(agents=[{"role": "SR"}, {"role": "SP"}, {"role": "SR", "joins": 2}], max_cycles=2)
+    aec = roletrust_env.env(
+        agents=[{"role": "SR"}, {"role": "SP"}, {"role": "SR", "joins": 2}], max_cycles=2
+    )
     aec.reset(seed=0)
     for agent in aec.agent_iter():
         *_, terminated, truncated, _ = aec.last()
@@ -265,7 +311,12 @@ def test_the_registry_knows_both_faces() -> None:
 
 def test_aec_refuses_an_episode_that_does_not_begin_or_go_on() -> None:
     aec = roletrust_env.env(max_cycles=1)
-    for what in (lambda: aec.step(None), aec.last, lambda: aec.agents, lambda: list(aec.agent_iter())):
+    for what in (
+        lambda: aec.step(None),
+        aec.last,
+        lambda: aec.agents,
+        lambda: list(aec.agent_iter()),
+    ):
         with pytest.raises(AttributeError, match=r"before reset\(\)"):
             what()
     aec.reset(seed=0)

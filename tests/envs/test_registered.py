@@ -79,7 +79,9 @@ def test_gymnasium_makes_a_batch() -> None:
 
 
 def test_wrappers_of_learners_fit_a_batch() -> None:
-    batch = vector_wrappers.RecordEpisodeStatistics(gymnasium.make_vec(RATER, num_envs=3, max_cycles=4))
+    batch = vector_wrappers.RecordEpisodeStatistics(
+        gymnasium.make_vec(RATER, num_envs=3, max_cycles=4)
+    )
     batch.reset(seed=0)
     total = np.zeros(3)
     for t, actions in enumerate(acts(batch, 9)):
@@ -90,12 +92,16 @@ def test_wrappers_of_learners_fit_a_batch() -> None:
             assert infos["episode"]["l"].tolist() == [4] * 3
             assert_close(infos["episode"]["r"], total)
     plain = gymnasium.make_vec(RATER, num_envs=3)
-    scaled = vector_wrappers.RescaleAction(gymnasium.make_vec(RATER, num_envs=3), np.float32(-1), np.float32(1))
+    scaled = vector_wrappers.RescaleAction(
+        gymnasium.make_vec(RATER, num_envs=3), np.float32(-1), np.float32(1)
+    )
     plain.reset(seed=0)
     scaled.reset(seed=0)
     for actions in (*acts(plain, 4), np.zeros((3, 3), np.float32), np.ones((3, 3), np.float32)):
         assert_close(scaled.step(2 * actions - 1)[0], plain.step(actions)[0])
-    listed = gymnasium.make_vec(RATER, num_envs=3, max_cycles=2, autoreset_mode=AutoresetMode.SAME_STEP)
+    listed = gymnasium.make_vec(
+        RATER, num_envs=3, max_cycles=2, autoreset_mode=AutoresetMode.SAME_STEP
+    )
     listed = vector_wrappers.DictInfoToList(listed)
     listed.reset(seed=0)
     assert [set(info) for info in listed.step(actions)[-1]] == [{"objective", "cost"}] * 3
@@ -104,7 +110,8 @@ def test_wrappers_of_learners_fit_a_batch() -> None:
     assert infos[2]["final_obs"][0] == 1
 
 
-# --- specs ------------------------------------------------------------------------------------------
+# --- specs
+# ------------------------------------------------------------------------------------------
 
 
 @EVERY_TASK
@@ -121,7 +128,9 @@ def test_a_spec_as_json_makes_an_equal_environment(task_id: str) -> None:
 
 
 @EVERY_TASK
-@pytest.mark.parametrize("changes", [{}, {"autoreset_mode": AutoresetMode.SAME_STEP, "max_episode_steps": 5}], ids=str)
+@pytest.mark.parametrize(
+    "changes", [{}, {"autoreset_mode": AutoresetMode.SAME_STEP, "max_episode_steps": 5}], ids=str
+)
 def test_a_spec_as_json_makes_an_equal_batch(task_id: str, changes: dict) -> None:
     env = gymnasium.make_vec(task_id, num_envs=3, **GAME, **changes)
     spec = EnvSpec.from_json(env.spec.to_json())
@@ -144,7 +153,9 @@ def test_gymnasiums_own_batch_has_a_spec_that_makes_an_equal_one() -> None:
     )
     again = gymnasium.make_vec(EnvSpec.from_json(env.spec.to_json()))
     assert again.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    assert again.envs[0].unwrapped.task.game.model == roletrust_env.make_trust_model("role-trust", lam=0.7)
+    assert again.envs[0].unwrapped.task.game.model == roletrust_env.make_trust_model(
+        "role-trust", lam=0.7
+    )
 
 
 def test_a_fresh_process_needs_the_module_or_the_spec() -> None:
@@ -154,13 +165,16 @@ def test_a_fresh_process_needs_the_module_or_the_spec() -> None:
         import gymnasium
         print(gymnasium.make("roletrust_env:{RATER}", max_cycles=7).spec.max_episode_steps)
         print(gymnasium.make_vec("roletrust_env:{RATER}", num_envs=2, max_cycles=7).spec.max_episode_steps)
-    """
+    """  # noqa: E501
     remake = f"""if True:
         import gymnasium
         print(gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json({spec!r})).spec.max_episode_steps)
     """
     for script, said in ((code, "7\n7\n"), (remake, "7\n")):
-        assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout == said
+        assert (
+            subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout
+            == said
+        )
 
 
 def length(env: gymnasium.Env) -> int:
@@ -172,20 +186,30 @@ def length(env: gymnasium.Env) -> int:
 def test_the_spec_tells_how_long_an_episode_is(task_id: str) -> None:
     """Also a game longer than the scenario's own, which a limit in the registry would cut off."""
     own = make(task_id).task.game.scenario.max_cycles
-    for changes, rounds in (({}, own), ({"max_cycles": own + 9}, own + 9), ({"max_episode_steps": 4}, 4)):
+    for changes, rounds in (
+        ({}, own),
+        ({"max_cycles": own + 9}, own + 9),
+        ({"max_episode_steps": 4}, 4),
+    ):
         env = gymnasium.make(task_id, **changes)
         assert env.spec.max_episode_steps == rounds == length(env)
         assert gymnasium.make_vec(task_id, num_envs=2, **changes).spec.max_episode_steps == rounds
-    assert gymnasium.make_vec(task_id, num_envs=2, max_episode_steps=10**6).spec.max_episode_steps == own
+    assert (
+        gymnasium.make_vec(task_id, num_envs=2, max_episode_steps=10**6).spec.max_episode_steps
+        == own
+    )
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_a_shorter_episode_is_what_gymnasium_makes_of_the_single_environment(mode: str) -> None:
     """The clock goes on as in the whole game; only the episode is shorter."""
-    batch = gymnasium.make_vec(PROVIDER, num_envs=2, noise=0.0, max_episode_steps=3, autoreset_mode=mode)
+    batch = gymnasium.make_vec(
+        PROVIDER, num_envs=2, noise=0.0, max_episode_steps=3, autoreset_mode=mode
+    )
     assert batch.metadata["autoreset_mode"] is AutoresetMode(mode)
     loop = SyncVectorEnv(
-        [lambda: gymnasium.make(PROVIDER, noise=0.0, max_episode_steps=3)] * 2, autoreset_mode=AutoresetMode(mode)
+        [lambda: gymnasium.make(PROVIDER, noise=0.0, max_episode_steps=3)] * 2,
+        autoreset_mode=AutoresetMode(mode),
     )
     assert_close(batch.reset()[0], loop.reset()[0])
     for action in acts(batch, 9):
@@ -193,7 +217,8 @@ def test_a_shorter_episode_is_what_gymnasium_makes_of_the_single_environment(mod
             assert_close(actual, expected)
 
 
-# --- unknown arguments ------------------------------------------------------------------------------
+# --- unknown arguments
+# ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -208,8 +233,12 @@ def test_a_shorter_episode_is_what_gymnasium_makes_of_the_single_environment(mod
     ],
     ids=["make", "make_vec", "AttackEnv", "parallel_env", "env", "RoleTrustParallelEnv"],
 )
-@pytest.mark.parametrize(("unknown", "known"), [("frameskip", "trust_model"), ("max_cycle", "max_cycles")])
+@pytest.mark.parametrize(
+    ("unknown", "known"), [("frameskip", "trust_model"), ("max_cycle", "max_cycles")]
+)
 def test_an_unknown_argument_is_pythons_own_error(face: Any, unknown: str, known: str) -> None:
     """TorchRL passes `frameskip`, and does without it if the error says just this."""
-    with pytest.raises(TypeError, match=rf"got an unexpected keyword argument '{unknown}'.*known.* {known},"):
+    with pytest.raises(
+        TypeError, match=rf"got an unexpected keyword argument '{unknown}'.*known.* {known},"
+    ):
         face(**{unknown: 4})

@@ -30,7 +30,10 @@ def actions_of(env, rounds, seed=0):
 def test_it_plays_what_gymnasiums_batch_plays(scaled):
     env = provider(scaled=scaled, seed=7)
     other = gymnasium.make_vec(
-        "RoleTrust/ProviderAttack-v0", 4, **SHORT, autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP
+        "RoleTrust/ProviderAttack-v0",
+        4,
+        **SHORT,
+        autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP,
     )
     assert (env.reset() == other.reset(seed=7)[0]).all()
     for actions in actions_of(env, 12):
@@ -76,7 +79,9 @@ def test_who_is_cut_off_is_terminated_and_the_others_go_on():
     for actions in actions_of(env, 60):
         _, _, dones, infos = env.step(actions * 0.5 - 0.5)
         ends += [info for done, info in zip(dones, infos, strict=True) if done]
-    assert {info["episode"]["l"] for info in ends} > {60} or len({info["episode"]["l"] for info in ends}) > 2
+    assert {info["episode"]["l"] for info in ends} > {60} or len(
+        {info["episode"]["l"] for info in ends}
+    ) > 2
     assert all(info["TimeLimit.truncated"] == (info["episode"]["l"] == 60) for info in ends)
 
 
@@ -117,7 +122,11 @@ def test_sb3_finds_all_it_asks_for():
     assert env.get_attr("render_mode", [0, 2]) == [None, None]
     assert env.get_attr("render_mode", 1) == [None]
     assert env.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
-    for refused in (lambda: env.set_attr("x", 1, [0]), lambda: env.env_method("reset"), lambda: env.env_method("step")):
+    for refused in (
+        lambda: env.set_attr("x", 1, [0]),
+        lambda: env.env_method("reset"),
+        lambda: env.env_method("step"),
+    ):
         with pytest.raises(NotImplementedError, match="one batch"):
             refused()
     env.close()
@@ -169,7 +178,9 @@ def test_wrappers_of_sb3_fit():
 def test_ppo_learns_on_every_task(task_id, knowledge, recwarn):
     task = make_task(**{**TASKS[task_id].defaults, "max_cycles": 6, "knowledge": knowledge})
     env = AttackVecEnv(task, 8)
-    model = PPO("MlpPolicy", env, n_steps=8, batch_size=32, n_epochs=1, seed=0, device="cpu").learn(64)
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=32, n_epochs=1, seed=0, device="cpu").learn(
+        64
+    )
     mean, _ = evaluate_policy(model, env, n_eval_episodes=8)
     assert np.isfinite(mean)
     assert not [w for w in recwarn if "Monitor" in str(w.message)]
@@ -180,7 +191,9 @@ def role_env(role, scenario="paper-3x3", games=3, **options):
     return RoleVecEnv(Game(rules, like=np.zeros((), np.float32)), role, games, **options)
 
 
-@pytest.mark.parametrize(("role", "scenario"), [("sr", "paper-3x3"), ("sp", "paper-3x3"), ("srsp", "peers")])
+@pytest.mark.parametrize(
+    ("role", "scenario"), [("sr", "paper-3x3"), ("sp", "paper-3x3"), ("srsp", "peers")]
+)
 def test_each_agent_of_the_role_is_a_slot(role, scenario):
     """Every slot has the observation, action and reward of its agent in the PettingZoo game."""
     env, games = role_env(role, scenario), 3
@@ -200,10 +213,14 @@ def test_each_agent_of_the_role_is_a_slot(role, scenario):
                 elif agent.startswith("sp"):
                     joint[agent] = np.ones(1, np.float32)
                 else:
-                    joint[agent] = pettingzoo.layout.rater(observations[agent]).service.astype(np.float32)
+                    joint[agent] = pettingzoo.layout.rater(observations[agent]).service.astype(
+                        np.float32
+                    )
             seen, rewards, dones, infos = env.step(actions)
             observations, expected, *_ = pettingzoo.step(joint)
-            assert np.allclose([rewards[k] for k in slots.values()], [expected[a] for a in slots], atol=1e-6)
+            assert np.allclose(
+                [rewards[k] for k in slots.values()], [expected[a] for a in slots], atol=1e-6
+            )
         assert dones.all()
         assert all(info["TimeLimit.truncated"] and info["episode"]["l"] == 5 for info in infos)
 
@@ -267,8 +284,14 @@ def test_infos_have_the_trust_of_the_compromised_and_of_the_honest():
         state = env._batch.games
         trust, present = task.game.agent_trust(state), task.game.present(state)
         for game, info in enumerate(infos):
-            assert info["trust"] == {name: trust[names.index(name), game] for name in ("sr_0", "sp_1")}
-            honest = [i for i, name in enumerate(names) if name not in ("sr_0", "sp_1") and present[i, game]]
+            assert info["trust"] == {
+                name: trust[names.index(name), game] for name in ("sr_0", "sp_1")
+            }
+            honest = [
+                i
+                for i, name in enumerate(names)
+                if name not in ("sr_0", "sp_1") and present[i, game]
+            ]
             assert info["honest_trust"] == pytest.approx(trust[honest, game].mean(), abs=1e-6)
 
 

@@ -1,4 +1,5 @@
-"""Seeds, whole numbers and truth values of every entry: NumPy's are taken, and others get one message."""
+"""Seeds, whole numbers and truth values of every entry: NumPy's are taken, and others get one
+message."""
 
 import math
 from collections.abc import Callable
@@ -36,7 +37,10 @@ from roletrust_env.evaluation.search import Budget
 from roletrust_env.game.traced.compiled import compiler
 from roletrust_env.testing import check_attack, check_trust_model
 
-COMES_LATER = {"agents": [{"role": "SR", "count": 2}, {"role": "SP"}, {"role": "SP", "joins": 2}], "max_cycles": 3}
+COMES_LATER = {
+    "agents": [{"role": "SR", "count": 2}, {"role": "SP"}, {"role": "SP", "joins": 2}],
+    "max_cycles": 3,
+}
 
 
 def many() -> list[Any]:
@@ -74,7 +78,9 @@ def test_a_seed_makes_the_actions_of_all_agents() -> None:
         if isinstance(
             game.action_space("sr_0"), gymnasium.spaces.Box
         ):  # no agent acts as another one at the seed before
-            assert not {action.tobytes() for action in drawn[0].values()} & {one.tobytes() for one in others.values()}
+            assert not {action.tobytes() for action in drawn[0].values()} & {
+                one.tobytes() for one in others.values()
+            }
         game.reset(seed=np.uint8(255))  # the last agents have seeds beyond this type
 
 
@@ -90,7 +96,9 @@ def entries() -> dict[str, Callable[[Any], Any]]:
         "RoleVecEnv": lambda seed: RoleVecEnv(game, "sr", np.int64(2), seed=seed).reset(),
         "Game.random": lambda seed: game.random(seed).uniform((3,)),
         "Player": lambda seed: Player(honest, "sp_0", layout, seed)._random.uniform((3,)),
-        "evaluate": lambda seed: evaluate("mean", "bad-mouthing", games=np.int64(1), seed=seed).damage.mean,
+        "evaluate": lambda seed: (
+            evaluate("mean", "bad-mouthing", games=np.int64(1), seed=seed).damage.mean
+        ),
     }
 
 
@@ -98,7 +106,9 @@ def test_numpys_numbers_are_seeds_and_others_get_one_message() -> None:
     for name, entry in entries().items():
         assert same(entry(3), entry(np.int64(3))), name
         for seed in (-1, np.int64(-1), 1.5, "3", True):
-            with pytest.raises(ValueError, match=r"^seed is .*; it must be a whole number, 0 or more$"):
+            with pytest.raises(
+                ValueError, match=r"^seed is .*; it must be a whole number, 0 or more$"
+            ):
                 entry(seed)
 
 
@@ -110,38 +120,66 @@ def test_whole_numbers_may_be_numpys_and_fit() -> None:
         "max_episode_steps": lambda n: gymnasium.make_vec(RATER, num_envs=1, max_episode_steps=n),
         "games": lambda n: evaluate("mean", "bad-mouthing", games=n),
         "the budget": Budget,
-        "the number of ratings of a round": lambda n: TrustStream(roletrust_env.make_trust_model("mean"), count=n),
+        "the number of ratings of a round": lambda n: TrustStream(
+            roletrust_env.make_trust_model("mean"), count=n
+        ),
         "workers": lambda n: n == 3 or roletrust_env.benchmark(["mean"], workers=n),
     } | ({"threads": lambda n: Kernel(lambda state: (state,), n)} if compiler() else {})
     for name, take in takers.items():
         take(np.int64(3))
         for wrong in (-1, 2.5, "3", True):
-            with pytest.raises(ValueError, match=f"^{name} is .*; it must be a whole number, [012] or more$"):
+            with pytest.raises(
+                ValueError, match=f"^{name} is .*; it must be a whole number, [012] or more$"
+            ):
                 take(wrong)
     rules = Game(make_scenario("paper-3x3"), like=np.zeros((), np.float32))
-    for make in (takers["num_envs"], lambda n: AttackVecEnv(task, n), lambda n: RoleVecEnv(rules, "sr", n)):
+    for make in (
+        takers["num_envs"],
+        lambda n: AttackVecEnv(task, n),
+        lambda n: RoleVecEnv(rules, "sr", n),
+    ):
         for many in (10**12, 2**70):
-            with pytest.raises(ValueError, match=r"(num_envs|games): .* would take about .* of memory; .* can be had"):
+            with pytest.raises(
+                ValueError,
+                match=r"(num_envs|games): .* would take about .* of memory; .* can be had",
+            ):
                 make(many)
     levels = DiscretizeLevels(game, np.int64(3), multidiscrete=True)
     assert gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(levels.spec.to_json()))
 
 
 def test_truth_values_have_one_rule(tmp_path: Path) -> None:
-    game, task, mean = gymnasium.make(RATER), make_task("paper-3x3", ("sp_2",)), roletrust_env.make_trust_model("mean")
+    game, task, mean = (
+        gymnasium.make(RATER),
+        make_task("paper-3x3", ("sp_2",)),
+        roletrust_env.make_trust_model("mean"),
+    )
     (tmp_path / "log.csv").write_text("rater,ratee,rating\na,b,1\nc,d,0\n")
     takers: dict[str, Callable[[Any], Any]] = {
         "same_agents": lambda on: TrustStream(mean, same_agents=on).same_agents,
         "repeats": lambda on: TrustStream(mean, repeats=on).repeats,
         "keep_evidence": lambda on: TrustStream(mean, keep_evidence=on)._pairs is not None,
-        "multidiscrete": lambda on: DiscretizeLevels(game, 3, multidiscrete=on).action_space != Discrete(27),
+        "multidiscrete": lambda on: (
+            DiscretizeLevels(game, 3, multidiscrete=on).action_space != Discrete(27)
+        ),
         "scaled": lambda on: AttackVecEnv(task, 1, scaled=on).action_space.low.min() < 0,
-        "header": lambda on: len(read_ratings(tmp_path / "log.csv", dialect=Dialect(header=on)).values) == 2,
+        "header": lambda on: (
+            len(read_ratings(tmp_path / "log.csv", dialect=Dialect(header=on)).values) == 2
+        ),
     }
     for name, take in takers.items():
         if name != "header":
-            assert [take(on) for on in ("no", 0, np.False_, True, 1, "yes")] == [False] * 3 + [True] * 3, name
-        for wrong in ("maybe", 2, [], np.array([True, False]), math.nan, *([None] if name != "header" else [])):
+            assert [take(on) for on in ("no", 0, np.False_, True, 1, "yes")] == [False] * 3 + [
+                True
+            ] * 3, name
+        for wrong in (
+            "maybe",
+            2,
+            [],
+            np.array([True, False]),
+            math.nan,
+            *([None] if name != "header" else []),
+        ):
             with pytest.raises(ValueError, match=f"^{name} is .*; it must be true or false$"):
                 take(wrong)
     for name in ("same_agents", "repeats", "missing"):
@@ -150,6 +188,9 @@ def test_truth_values_have_one_rule(tmp_path: Path) -> None:
     for name in ("force", "progress"):
         with pytest.raises(ValueError, match=f"^{name} is 'maybe'; it must be true or false$"):
             roletrust_env.benchmark(["mean"], workers=0, **{name: "maybe"})
-    for check, what in ((check_trust_model, mean), (check_attack, roletrust_env.make_attacker("bad-mouthing"))):
+    for check, what in (
+        (check_trust_model, mean),
+        (check_attack, roletrust_env.make_attacker("bad-mouthing")),
+    ):
         with pytest.raises(ValueError, match=r"^torch is 'maybe'; it must be true or false$"):
             check(what, torch="maybe")

@@ -1,4 +1,5 @@
-"""Environments say what they are in one line, show themselves in a notebook, and refuse wrong names in one line."""
+"""Environments say what they are in one line, show themselves in a notebook, and refuse wrong names
+in one line."""
 
 import copy
 import sys
@@ -41,7 +42,9 @@ def begun(env: Any) -> Any:
         roletrust_env.parallel_env,
         roletrust_env.env,
         task_env,
-        lambda render_mode: gymnasium.make_vec("RoleTrust/RaterAttack-v0", num_envs=3, render_mode=render_mode),
+        lambda render_mode: gymnasium.make_vec(
+            "RoleTrust/RaterAttack-v0", num_envs=3, render_mode=render_mode
+        ),
     ],
     ids=["parallel", "aec", "task", "batch"],
 )

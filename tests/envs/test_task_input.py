@@ -101,7 +101,11 @@ def test_there_is_no_step_before_the_first_reset(task_id: str) -> None:
 
 @pytest.mark.parametrize("caught", [False, True], ids=["truncated", "terminated"])
 def test_there_is_no_step_after_the_end(caught: bool) -> None:
-    agents = [{"role": "SR"}, {"role": "SR", "leaves": 3 if caught else None, "noise": 0.1}, {"role": "SP"}]
+    agents = [
+        {"role": "SR"},
+        {"role": "SR", "leaves": 3 if caught else None, "noise": 0.1},
+        {"role": "SP"},
+    ]
     scenario = Scenario(agents=agents, max_cycles=5 if caught else 3)
     env, twin = (make(RATER, scenario=scenario, compromised=("sr_1",)) for _ in range(2))
     for one in (env, twin):

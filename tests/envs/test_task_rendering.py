@@ -37,7 +37,9 @@ def test_pictures_are_frames_of_one_size() -> None:
     for action in acts(env, 2):
         env.step(action)
         frames.append(env.render())
-    assert {(frame.shape, frame.dtype) for frame in frames} == {((720, 1280, 3), np.dtype(np.uint8))}
+    assert {(frame.shape, frame.dtype) for frame in frames} == {
+        ((720, 1280, 3), np.dtype(np.uint8))
+    }
     assert not np.array_equal(frames[1], frames[2])
     env.close()
     env.close()
@@ -53,7 +55,9 @@ def test_a_window_shows_itself() -> None:
     env.close()
 
 
-@pytest.mark.parametrize("arguments", [{"render_mode": "ansi"}, {"render_mode": "rgb_array"}, {}], ids=str)
+@pytest.mark.parametrize(
+    "arguments", [{"render_mode": "ansi"}, {"render_mode": "rgb_array"}, {}], ids=str
+)
 def test_there_is_nothing_to_render(arguments: dict) -> None:
     env = make(RATER, **arguments)
     with pytest.raises(RuntimeError, match="render_mode"):
@@ -67,7 +71,8 @@ def test_there_is_nothing_to_render(arguments: dict) -> None:
 @EVERY_MODE
 @pytest.mark.parametrize("tensors", [False, True], ids=["numpy", "torch"])
 def test_a_batch_shows_its_first_game(mode: gymnasium.vector.AutoresetMode, tensors: bool) -> None:
-    """Over the end of episodes; the last state of one is not seen where the next begins in the same step."""
+    """Over the end of episodes; the last state of one is not seen where the next begins in the same
+    step."""
     batch = gymnasium.make_vec(
         RATER,
         num_envs=3,

@@ -36,9 +36,16 @@ def test_a_task_is_made_again_with_the_same_models_policies_and_worlds() -> None
         "noise": np.float32(0.25),
         "stealth": {"weight": 1.0},
     }
-    for env in (gymnasium.make(RATER, **arguments), gymnasium.make_vec(RATER, num_envs=2, **arguments)):
+    for env in (
+        gymnasium.make(RATER, **arguments),
+        gymnasium.make_vec(RATER, num_envs=2, **arguments),
+    ):
         again = env.spec.from_json(env.spec.to_json())
-        twin = gymnasium.make(again) if isinstance(env, gymnasium.Env) else gymnasium.make_vec(again, num_envs=2)
+        twin = (
+            gymnasium.make(again)
+            if isinstance(env, gymnasium.Env)
+            else gymnasium.make_vec(again, num_envs=2)
+        )
         assert repr(twin.unwrapped) == repr(env.unwrapped)
         env.action_space.seed(0)
         assert same(twin.reset(seed=1), env.reset(seed=1))
@@ -57,5 +64,8 @@ def test_what_has_no_name_is_refused() -> None:
         ("scenario", make_scenario("paper-3x3")),
         ("like", np.zeros((), np.float32)),
     ):
-        with pytest.raises(ValueError, match=r"cannot be written as JSON; give|is no trust model that is registered"):
+        with pytest.raises(
+            ValueError,
+            match=r"cannot be written as JSON; give|is no trust model that is registered",
+        ):
             gymnasium.make(RATER, **{name: value}).spec.to_json()

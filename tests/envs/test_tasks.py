@@ -14,7 +14,8 @@ from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Player, Policy, Scenario, parallel_env
 from roletrust_env.envs.attack_env import AttackEnv
 
-# --- what the checkers say --------------------------------------------------------------------------
+# --- what the checkers say
+# --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
@@ -25,7 +26,9 @@ from roletrust_env.envs.attack_env import AttackEnv
     "ignore:.*Not able to test alternative render modes",
 )
 def test_gymnasium_finds_nothing_wrong(task_id: str, scenario: str, level: str) -> None:
-    check_env(make(task_id, scenario=scenario, compromised=crew(task_id, scenario), knowledge=level))
+    check_env(
+        make(task_id, scenario=scenario, compromised=crew(task_id, scenario), knowledge=level)
+    )
 
 
 @EVERY_TASK
@@ -37,22 +40,34 @@ def test_gymnasium_finds_nothing_wrong_with_the_registered_ones(task_id: str) ->
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
 @pytest.mark.usefixtures("untraced")
-@pytest.mark.filterwarnings("error", "ignore:We recommend you to use a symmetric and normalized Box action space")
+@pytest.mark.filterwarnings(
+    "error", "ignore:We recommend you to use a symmetric and normalized Box action space"
+)
 def test_stable_baselines_finds_nothing_wrong(task_id: str, scenario: str, level: str) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    checker.check_env(make(task_id, scenario=scenario, compromised=crew(task_id, scenario), knowledge=level))
+    checker.check_env(
+        make(task_id, scenario=scenario, compromised=crew(task_id, scenario), knowledge=level)
+    )
 
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
 @pytest.mark.usefixtures("untraced")
 def test_an_episode_stays_in_its_spaces(task_id: str, scenario: str, level: str) -> None:
     stealth = {"weight": 0.5, "tolerance": 0.02}
-    env = make(task_id, scenario=scenario, compromised=crew(task_id, scenario), knowledge=level, stealth=stealth)
+    env = make(
+        task_id,
+        scenario=scenario,
+        compromised=crew(task_id, scenario),
+        knowledge=level,
+        stealth=stealth,
+    )
     observation, info = env.reset(seed=3)
     assert info == {"objective": 0.0, "cost": 0.0}
     for t, action in enumerate(acts(env, 30)):
         assert observation in env.observation_space
-        observation, reward, terminated, truncated, info = env.step(np.round(action) if t % 3 else action)
+        observation, reward, terminated, truncated, info = env.step(
+            np.round(action) if t % 3 else action
+        )
         assert set(info) == {"objective", "cost"}
         assert 0 <= info["objective"] <= 1
         assert 0 <= info["cost"] <= 1
@@ -73,34 +88,52 @@ def test_an_episode_stays_in_its_spaces(task_id: str, scenario: str, level: str)
         (COLLUSION, ("sr_8", "sr_9", "sp_9"), "damage", 21, 2 * (2 + 5 * 10) + 4 + 2 * 10),
     ],
 )
-def test_defaults_are_as_documented(task_id: str, compromised: tuple, objective: str, actions: int, seen: int) -> None:
+def test_defaults_are_as_documented(
+    task_id: str, compromised: tuple, objective: str, actions: int, seen: int
+) -> None:
     env = gymnasium.make(task_id).unwrapped
     assert isinstance(env, AttackEnv)
-    assert (env.task.compromised, env.task.objective, env.task.knowledge) == (compromised, objective, "black_box")
+    assert (env.task.compromised, env.task.objective, env.task.knowledge) == (
+        compromised,
+        objective,
+        "black_box",
+    )
     assert env.task.stealth.weight == 0
     assert env.action_space == gymnasium.spaces.Box(0, 1, (actions,), np.float32)
     assert env.observation_space == gymnasium.spaces.Box(0, 1, (seen,), np.float32)
     roster = env.task.game.roster
     grey = make(task_id, knowledge="grey_box").observation_space
-    assert grey == gymnasium.spaces.Box(0, 1, (seen + roster.n_raters + roster.n_providers,), np.float32)
+    assert grey == gymnasium.spaces.Box(
+        0, 1, (seen + roster.n_raters + roster.n_providers,), np.float32
+    )
     white = make(task_id, knowledge="white_box").observation_space
     assert white.shape[0] > grey.shape[0] + 4 * roster.n_raters * roster.n_providers
     assert np.all(white.low == -np.inf)
     assert np.all(white.high == np.inf)
 
 
-# --- an episode -------------------------------------------------------------------------------------
+# --- an episode
+# -------------------------------------------------------------------------------------
 
 
 def test_black_box_is_what_the_pettingzoo_agent_sees() -> None:
     """Played side by side, everybody else by hand; without luck, so that both games are one."""
     agents = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}, {"role": "SR+SP", "count": 2}]
-    scenario = Scenario(agents=agents, max_cycles=12, perturbations=[{"start": 3, "stop": 5, "strength": 0.4}])
-    names, others = ("srsp_0", "sp_1", "sr_0"), {"sp_0": OnOff(period=4, bad=0.3), "sr_1": BadMouthing(start=4)}
+    scenario = Scenario(
+        agents=agents, max_cycles=12, perturbations=[{"start": 3, "stop": 5, "strength": 0.4}]
+    )
+    names, others = (
+        ("srsp_0", "sp_1", "sr_0"),
+        {"sp_0": OnOff(period=4, bad=0.3), "sr_1": BadMouthing(start=4)},
+    )
     env = make(COLLUSION, scenario=scenario, compromised=names, others=others)
     game = parallel_env(scenario)
     seen, (mine, _) = game.reset(seed=0)[0], env.reset(seed=0)
-    players = {name: Player(others.get(name, Policy()), name, game.layout) for name in game.agents if name not in names}
+    players = {
+        name: Player(others.get(name, Policy()), name, game.layout)
+        for name in game.agents
+        if name not in names
+    }
     for action in acts(env, 12):
         assert mine == pytest.approx(np.concatenate([seen[name] for name in names]), abs=1e-6)
         deeds = {name: player(seen[name]) for name, player in players.items()}
@@ -123,7 +156,8 @@ def test_the_length_truncates_and_being_caught_terminates() -> None:
     ends = []
     while (True, False) not in ends:
         ends.append(caught.step(np.zeros(1, np.float32))[2:4])
-    # A third of the raters at 0: QoR is 1 - sqrt(2/3) from the second round on, and ToR under 0.3 from the third on.
+    # A third of the raters at 0: QoR is 1 - sqrt(2/3) from the second round on, and ToR under 0.3
+    # from the third on.
     assert ends == [(False, False)] * 4 + [(True, False)]
 
 
@@ -131,7 +165,9 @@ def test_caught_in_the_last_round_is_no_truncation() -> None:
     agents = [{"role": "SR"}, {"role": "SR", "leaves": 3}, {"role": "SP"}]
     env = make(RATER, scenario=Scenario(agents=agents, max_cycles=3), compromised=("sr_1",))
     env.reset(seed=0)
-    assert [env.step(np.ones(1, np.float32))[2:4] for _ in range(3)] == [(False, False)] * 2 + [(True, False)]
+    assert [env.step(np.ones(1, np.float32))[2:4] for _ in range(3)] == [(False, False)] * 2 + [
+        (True, False)
+    ]
 
 
 @EVERY_TASK
@@ -172,7 +208,9 @@ COPIES = [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))]
 @EVERY_TASK
 def test_a_copy_plays_on_alike_and_apart(task_id: str, duplicate: Callable) -> None:
     def started() -> gymnasium.Env:
-        env = gymnasium.make(task_id, noise=0.1, render_mode="rgb_array" if task_id == RATER else None)
+        env = gymnasium.make(
+            task_id, noise=0.1, render_mode="rgb_array" if task_id == RATER else None
+        )
         env.reset(seed=1)
         env.step(acts(env, 1)[0])
         if task_id == RATER:

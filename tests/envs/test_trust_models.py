@@ -28,7 +28,9 @@ def test_it_plays_in_pettingzoo(name: str, preset: str) -> None:
     while env.agents:
         actions = {agent: env.action_space(agent).sample() for agent in env.agents}
         observations, _, _, _, infos = env.step(actions)
-        assert all(env.observation_space(agent).contains(seen) for agent, seen in observations.items())
+        assert all(
+            env.observation_space(agent).contains(seen) for agent, seen in observations.items()
+        )
         trusts.append([info["trust"] for info in infos.values()])
         rounds += 1
     assert rounds == 8
@@ -42,8 +44,14 @@ def test_it_plays_on_torch_as_on_numpy(name: str) -> None:
     found = []
     for like in (np.zeros(()), torch.zeros(())):
         game = Game(rules, name, like)
-        history = record(JointPolicy(game, {"sp_0": OnOff(period=4), "sr_1": BadMouthing()}), game.random(0), (5,))
+        history = record(
+            JointPolicy(game, {"sp_0": OnOff(period=4), "sr_1": BadMouthing()}),
+            game.random(0),
+            (5,),
+        )
         assert history.trust.dtype == like.dtype
         assert in_range(history.trust)
         found.append(history)
-    assert np.allclose(found[0].trust[:2], found[1].trust[:2], atol=1e-4)  # later a tie may choose another seller
+    assert np.allclose(
+        found[0].trust[:2], found[1].trust[:2], atol=1e-4
+    )  # later a tie may choose another seller

@@ -8,19 +8,35 @@ import pytest
 import torch
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from slow_vector import GAMES, Loop
-from vector_cases import ENDS, EVERY_MODE, EVERY_TASK, RATER, TOLERANCE, acts, assert_close, lies, same
+from vector_cases import (
+    ENDS,
+    EVERY_MODE,
+    EVERY_TASK,
+    RATER,
+    TOLERANCE,
+    acts,
+    assert_close,
+    lies,
+    same,
+)
 
 from roletrust_env import Scenario
 from roletrust_env.envs.vector import AttackVectorEnv
 
-# --- one game ---------------------------------------------------------------------------------------
+# --- one game
+# ---------------------------------------------------------------------------------------
 
 
 @EVERY_TASK
 @EVERY_MODE
 def test_a_batch_of_one_is_the_single_environment(task_id: str, mode: AutoresetMode) -> None:
     """Step for step with one seed, through four episodes."""
-    arguments = {"max_cycles": 7, "noise": 0.1, "knowledge": "grey_box", "stealth": {"weight": 1.0, "tolerance": 0.0}}
+    arguments = {
+        "max_cycles": 7,
+        "noise": 0.1,
+        "knowledge": "grey_box",
+        "stealth": {"weight": 1.0, "tolerance": 0.0},
+    }
     batch = gymnasium.make_vec(task_id, num_envs=1, autoreset_mode=mode, **arguments)
     single = gymnasium.make(task_id, **arguments)
     observation, _ = single.reset(seed=11)
@@ -69,7 +85,8 @@ def test_it_is_what_gymnasium_makes_of_the_single_environment(mode: AutoresetMod
             assert_close(infos["final_obs"][0], wanted["final_obs"][0])
 
 
-# --- many games -------------------------------------------------------------------------------------
+# --- many games
+# -------------------------------------------------------------------------------------
 
 
 @EVERY_MODE
@@ -125,8 +142,11 @@ def test_the_step_that_restarts_a_game_ignores_its_action() -> None:
 
 
 def test_same_step_rewards_and_infos_are_of_the_games_that_they_belong_to() -> None:
-    """In the step that restarts a game its reward is of the last round, and its infos are of the new episode."""
-    batch = gymnasium.make_vec(RATER, num_envs=3, autoreset_mode=AutoresetMode.SAME_STEP, max_cycles=3)
+    """In the step that restarts a game its reward is of the last round, and its infos are of the
+    new episode."""
+    batch = gymnasium.make_vec(
+        RATER, num_envs=3, autoreset_mode=AutoresetMode.SAME_STEP, max_cycles=3
+    )
     batch.reset(seed=0)
     for actions in acts(batch, 3):
         observations, rewards, _, truncations, infos = batch.step(actions)
@@ -145,14 +165,18 @@ def test_caught_in_the_last_round_is_no_truncation(mode: AutoresetMode) -> None:
     batch = AttackVectorEnv(RATER, 2, autoreset_mode=mode, **world)
     batch.reset(seed=0)
     steps = [batch.step(actions) for actions in acts(batch, 3)]
-    assert [terminations.tolist() for _, _, terminations, _, _ in steps] == [[False] * 2] * 2 + [[True] * 2]
+    assert [terminations.tolist() for _, _, terminations, _, _ in steps] == [[False] * 2] * 2 + [
+        [True] * 2
+    ]
     assert not any(truncations.any() for *_, truncations, _ in steps)
 
 
 @pytest.mark.parametrize("level", ["black_box", "grey_box", "white_box"])
 @EVERY_TASK
 def test_a_thousand_games_stay_in_their_spaces(task_id: str, level: str) -> None:
-    batch = gymnasium.make_vec(task_id, num_envs=1024, knowledge=level, stealth={"weight": 1.0}, max_cycles=5)
+    batch = gymnasium.make_vec(
+        task_id, num_envs=1024, knowledge=level, stealth={"weight": 1.0}, max_cycles=5
+    )
     observations, _ = batch.reset(seed=0)
     rows = []
     for actions in acts(batch, 7):
@@ -181,7 +205,8 @@ def test_what_was_handed_out_stays_as_it_was(mode: AutoresetMode) -> None:
     assert same(tuple(handed), tuple(kept))
 
 
-# --- torch ------------------------------------------------------------------------------------------
+# --- torch
+# ------------------------------------------------------------------------------------------
 
 
 @EVERY_MODE

@@ -25,7 +25,10 @@ from roletrust_env.envs.vector import AttackVectorEnv
         ({"knowledge": "all"}, ["knowledge", "'all'", "black_box"]),
         ({"max_episode_steps": 0}, ["max_episode_steps", "0", "1 or more"]),
         ({"max_episode_steps": 2.5}, ["max_episode_steps", "2.5"]),
-        ({"autoreset_mode": "Never"}, ["autoreset_mode", "'Never'", "'NextStep'", "'SameStep'", "'Disabled'"]),
+        (
+            {"autoreset_mode": "Never"},
+            ["autoreset_mode", "'Never'", "'NextStep'", "'SameStep'", "'Disabled'"],
+        ),
         ({"render_mode": "hologram"}, ["render_mode", "'hologram'", "human", "rgb_array", "ansi"]),
     ],
     ids=str,

@@ -22,7 +22,9 @@ def test_a_seed_reproduces_to_the_last_bit(mode: AutoresetMode, tensors: bool) -
 
     def play(batch: AttackVectorEnv, seed: int | None) -> tuple:
         steps = [batch.reset(seed=seed), *(batch.step(actions) for actions in lies(GAMES, 20, 4))]
-        return tuple((*map(np.asarray, step[:-1]), np.asarray(step[-1].get("cost", 0))) for step in steps)
+        return tuple(
+            (*map(np.asarray, step[:-1]), np.asarray(step[-1].get("cost", 0))) for step in steps
+        )
 
     batch = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, **arguments)
     first = play(batch, 3)
@@ -32,7 +34,9 @@ def test_a_seed_reproduces_to_the_last_bit(mode: AutoresetMode, tensors: bool) -
     assert same(play(batch, None), again)
     assert same(play(AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, **arguments), 3), first)
     assert not same(play(batch, 4)[1:], first[1:])
-    assert not same(play(AttackVectorEnv(RATER, GAMES, **arguments), None)[1:], play(batch, None)[1:])
+    assert not same(
+        play(AttackVectorEnv(RATER, GAMES, **arguments), None)[1:], play(batch, None)[1:]
+    )
 
 
 def test_a_reset_in_the_middle_forgets_who_was_to_be_restarted() -> None:
@@ -50,8 +54,12 @@ MASK = np.array([True, False, True])
 
 
 @EVERY_MODE
-@pytest.mark.parametrize("steps", [2, 4, 8], ids=["in the middle", "when all have ended", "in the second episode"])
-def test_a_masked_reset_is_what_gymnasium_does_with_single_environments(mode: AutoresetMode, steps: int) -> None:
+@pytest.mark.parametrize(
+    "steps", [2, 4, 8], ids=["in the middle", "when all have ended", "in the second episode"]
+)
+def test_a_masked_reset_is_what_gymnasium_does_with_single_environments(
+    mode: AutoresetMode, steps: int
+) -> None:
     arguments = {"max_cycles": 4, "noise": 0.0}
     batch = gymnasium.make_vec(RATER, num_envs=3, autoreset_mode=mode, **arguments)
     loop = SyncVectorEnv([lambda: gymnasium.make(RATER, **arguments)] * 3, autoreset_mode=mode)
@@ -62,7 +70,10 @@ def test_a_masked_reset_is_what_gymnasium_does_with_single_environments(mode: Au
         batch.step(actions)
         loop.step(actions)
     options = {"reset_mask": MASK}
-    (observation, infos), (expected, wanted) = batch.reset(options=dict(options)), loop.reset(options=dict(options))
+    (observation, infos), (expected, wanted) = (
+        batch.reset(options=dict(options)),
+        loop.reset(options=dict(options)),
+    )
     assert_close(observation, expected)
     assert set(infos) == set(wanted)
     for name in wanted:
@@ -87,23 +98,33 @@ def test_a_masked_reset_leaves_the_others_where_they_are(tensors: bool) -> None:
     luck, *_ = batch.step(actions)
     batch.reset(seed=1)
     batch.reset(seed=2, options={"reset_mask": mask})
-    assert np.array_equal(batch.step(actions)[0][0], luck[0])  # of the seed, for the games that began anew
+    assert np.array_equal(
+        batch.step(actions)[0][0], luck[0]
+    )  # of the seed, for the games that began anew
 
 
 @pytest.mark.parametrize(
-    "duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"]
+    "duplicate",
+    [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))],
+    ids=["copy", "pickle"],
 )
 @pytest.mark.parametrize("tensors", [False, True], ids=["numpy", "torch"])
 def test_a_copy_plays_on_alike_and_apart(duplicate: Callable, tensors: bool) -> None:
     def started() -> AttackVectorEnv:
-        batch = AttackVectorEnv(RATER, 4, max_cycles=4, noise=0.1, like=torch.zeros(()) if tensors else None)
+        batch = AttackVectorEnv(
+            RATER, 4, max_cycles=4, noise=0.1, like=torch.zeros(()) if tensors else None
+        )
         batch.reset(seed=1)
         for actions in acts(batch, 4):
             batch.step(actions)
         return batch
 
-    def after(batch: AttackVectorEnv) -> list[np.ndarray]:  # from the step on that restarts the games
-        return [np.asarray(part) for actions in acts(batch, 3, 1) for part in batch.step(actions)[:4]]
+    def after(
+        batch: AttackVectorEnv,
+    ) -> list[np.ndarray]:  # from the step on that restarts the games
+        return [
+            np.asarray(part) for actions in acts(batch, 3, 1) for part in batch.step(actions)[:4]
+        ]
 
     batch, expected = started(), after(started())
     assert all(map(np.array_equal, after(duplicate(batch)), expected))
@@ -111,7 +132,9 @@ def test_a_copy_plays_on_alike_and_apart(duplicate: Callable, tensors: bool) -> 
 
 
 def test_nobody_restarts_games_by_itself_where_that_is_asked_for() -> None:
-    games = gymnasium.make_vec("RoleTrust/ProviderAttack-v0", 3, max_cycles=2, autoreset_mode="Disabled")
+    games = gymnasium.make_vec(
+        "RoleTrust/ProviderAttack-v0", 3, max_cycles=2, autoreset_mode="Disabled"
+    )
     games.reset(seed=0)
     actions = np.ones((3, 1), np.float32)
     games.step(actions)

@@ -17,20 +17,35 @@ from gymnasium.wrappers.vector import VectorizeTransformAction
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 from task_cases import COLLUSION, PROVIDER, RATER, same
 
-from roletrust_env import DiscretizeLevels, FixedAgents, ParallelTransformAction, RescaleClipAction, parallel_env
+from roletrust_env import (
+    DiscretizeLevels,
+    FixedAgents,
+    ParallelTransformAction,
+    RescaleClipAction,
+    parallel_env,
+)
 
 COME_AND_GO = {
-    "agents": [{"role": "SR", "count": 2}, {"role": "SP"}, {"role": "SP", "joins": 2}, {"role": "SR+SP", "leaves": 3}],
+    "agents": [
+        {"role": "SR", "count": 2},
+        {"role": "SP"},
+        {"role": "SP", "joins": 2},
+        {"role": "SR+SP", "leaves": 3},
+    ],
     "max_cycles": 5,
 }
 WRAPPED = [
     pytest.param(RescaleClipAction, id="RescaleClipAction"),
     pytest.param(lambda env: DiscretizeLevels(env, 3), id="DiscretizeLevels"),
-    pytest.param(lambda env: DiscretizeLevels(env, 3, multidiscrete=True), id="DiscretizeLevels, multidiscrete"),
+    pytest.param(
+        lambda env: DiscretizeLevels(env, 3, multidiscrete=True),
+        id="DiscretizeLevels, multidiscrete",
+    ),
 ]
 
 
-# --- actions of one learner -------------------------------------------------------------------------
+# --- actions of one learner
+# -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("wrap", WRAPPED)
@@ -69,16 +84,23 @@ def test_scaled_actions_are_clipped() -> None:
 
 
 @pytest.mark.parametrize(
-    "action", [torch.zeros(3, requires_grad=True), [[0], [0, 1]], ["a", "b", "c"], None], ids=lambda a: type(a).__name__
+    "action",
+    [torch.zeros(3, requires_grad=True), [[0], [0, 1]], ["a", "b", "c"], None],
+    ids=lambda a: type(a).__name__,
 )
 def test_what_no_action_can_be_made_of_is_refused_by_name(action: Any) -> None:
-    one, each = RescaleClipAction(gymnasium.make(RATER)), ParallelTransformAction(parallel_env(), RescaleClipAction)
+    one, each = (
+        RescaleClipAction(gymnasium.make(RATER)),
+        ParallelTransformAction(parallel_env(), RescaleClipAction),
+    )
     one.reset(seed=0)
     with pytest.raises(ValueError, match="action"):
         one.step(action)
     each.reset(seed=0)
     with pytest.raises(ValueError, match="action of 'sr_1'"):
-        each.step({agent: each.action_space(agent).sample() for agent in each.agents} | {"sr_1": action})
+        each.step(
+            {agent: each.action_space(agent).sample() for agent in each.agents} | {"sr_1": action}
+        )
 
 
 def test_truth_values_are_scaled_like_the_numbers_that_they_are() -> None:
@@ -86,7 +108,9 @@ def test_truth_values_are_scaled_like_the_numbers_that_they_are() -> None:
     for env, kind in zip(both, (bool, float), strict=True):
         env.reset(seed=0)
         for _ in range(2):
-            answers = env.step({agent: np.zeros(env.action_space(agent).shape, kind) for agent in env.agents})
+            answers = env.step(
+                {agent: np.zeros(env.action_space(agent).shape, kind) for agent in env.agents}
+            )
         assert answers[4]["sp_0"]["quality"] == 0.5
 
 
@@ -102,21 +126,34 @@ def test_levels_include_both_ends() -> None:
     env = DiscretizeLevels(gymnasium.make(PROVIDER, noise=0.0), 5)
     assert env.action_space == Discrete(5)
     assert [deed(env, level) for level in range(5)] == [0, 0.25, 0.5, 0.75, 1]
-    for same_level in (np.int64(3), np.array(3), np.array([3]), [3], torch.tensor(3), torch.tensor([3])):
+    for same_level in (
+        np.int64(3),
+        np.array(3),
+        np.array([3]),
+        [3],
+        torch.tensor(3),
+        torch.tensor([3]),
+    ):
         assert deed(env, same_level) == 0.75
 
 
 def test_one_number_for_many_entries() -> None:
     """Every combination of levels, once."""
-    one, many = (DiscretizeLevels(gymnasium.make(RATER), 3, multidiscrete) for multidiscrete in (False, True))
+    one, many = (
+        DiscretizeLevels(gymnasium.make(RATER), 3, multidiscrete) for multidiscrete in (False, True)
+    )
     assert one.action_space == Discrete(27)
     assert many.action_space == MultiDiscrete([3, 3, 3])
     assert many.action(np.array([0, 1, 2])).tolist() == [0, 0.5, 1]
     combinations = {tuple(one.action(number).tolist()) for number in range(27)}
-    assert combinations == {(a / 2, b / 2, c / 2) for a in range(3) for b in range(3) for c in range(3)}
+    assert combinations == {
+        (a / 2, b / 2, c / 2) for a in range(3) for b in range(3) for c in range(3)
+    }
 
 
-@pytest.mark.parametrize("action", [5, -1, 1.0, 2.5, np.nan, "2", None, [1, 2], np.array([0.0])], ids=repr)
+@pytest.mark.parametrize(
+    "action", [5, -1, 1.0, 2.5, np.nan, "2", None, [1, 2], np.array([0.0])], ids=repr
+)
 def test_what_is_no_level_is_refused_and_changes_nothing(action: Any) -> None:
     env, twin = (
         DiscretizeLevels(gymnasium.make(PROVIDER, noise=0.1), 5),
@@ -131,7 +168,11 @@ def test_what_is_no_level_is_refused_and_changes_nothing(action: Any) -> None:
 
 @pytest.mark.parametrize(
     ("task_id", "levels", "words"),
-    [(PROVIDER, 1, "levels is 1.* 2 or more"), (PROVIDER, 2.5, "levels is 2.5"), (COLLUSION, 5, "use multidiscrete")],
+    [
+        (PROVIDER, 1, "levels is 1.* 2 or more"),
+        (PROVIDER, 2.5, "levels is 2.5"),
+        (COLLUSION, 5, "use multidiscrete"),
+    ],
 )
 def test_levels_that_cannot_be_are_refused(task_id: str, levels: Any, words: str) -> None:
     with pytest.raises(ValueError, match=words):
@@ -140,7 +181,9 @@ def test_levels_that_cannot_be_are_refused(task_id: str, levels: Any, words: str
 
 
 @pytest.mark.parametrize(
-    "wrap", [RescaleClipAction, lambda env: DiscretizeLevels(env, 3)], ids=["RescaleClipAction", "DiscretizeLevels"]
+    "wrap",
+    [RescaleClipAction, lambda env: DiscretizeLevels(env, 3)],
+    ids=["RescaleClipAction", "DiscretizeLevels"],
 )
 def test_actions_that_are_not_ours_are_refused(wrap: Callable) -> None:
     with pytest.raises(ValueError, match=r"\[0, 1\]"):
@@ -148,27 +191,40 @@ def test_actions_that_are_not_ours_are_refused(wrap: Callable) -> None:
 
 
 def test_a_batch_can_be_wrapped_by_gymnasiums_own_vectoriser() -> None:
-    batch = VectorizeTransformAction(gymnasium.make_vec(RATER, num_envs=2, noise=0.0), DiscretizeLevels, levels=3)
-    scaled = VectorizeTransformAction(gymnasium.make_vec(RATER, num_envs=2, noise=0.0), RescaleClipAction)
+    batch = VectorizeTransformAction(
+        gymnasium.make_vec(RATER, num_envs=2, noise=0.0), DiscretizeLevels, levels=3
+    )
+    scaled = VectorizeTransformAction(
+        gymnasium.make_vec(RATER, num_envs=2, noise=0.0), RescaleClipAction
+    )
     assert batch.action_space == MultiDiscrete([27, 27])
     batch.reset(seed=0)
     scaled.reset(seed=0)
-    assert np.array_equal(batch.step(np.array([0, 26]))[0], scaled.step(np.array([[-3] * 3, [3] * 3]))[0])
+    assert np.array_equal(
+        batch.step(np.array([0, 26]))[0], scaled.step(np.array([[-3] * 3, [3] * 3]))[0]
+    )
 
 
 def test_dqn_learns_by_levels() -> None:
     sb3 = pytest.importorskip("stable_baselines3")
     env = DiscretizeLevels(gymnasium.make(PROVIDER, max_cycles=10), 3)
-    model = sb3.DQN("MlpPolicy", env, learning_starts=20, train_freq=10, seed=0, device="cpu").learn(60)
+    model = sb3.DQN(
+        "MlpPolicy", env, learning_starts=20, train_freq=10, seed=0, device="cpu"
+    ).learn(60)
     action, _ = model.predict(env.reset(seed=0)[0])
     env.step(action)
 
 
-# --- actions of many agents -------------------------------------------------------------------------
+# --- actions of many agents
+# -------------------------------------------------------------------------
 
 
 def each(scenario: str = "paper-3x3", **changes: Any) -> list[ParallelTransformAction]:
-    wrappers: list[tuple[Any, dict]] = [(RescaleClipAction, {}), (DiscretizeLevels, {"levels": 2}), (ClipAction, {})]
+    wrappers: list[tuple[Any, dict]] = [
+        (RescaleClipAction, {}),
+        (DiscretizeLevels, {"levels": 2}),
+        (ClipAction, {}),
+    ]
     return [
         ParallelTransformAction(parallel_env(scenario, **changes), wrapper, **arguments)
         for wrapper, arguments in wrappers
@@ -187,13 +243,24 @@ def test_each_agent_acts_through_its_own_wrapper() -> None:
     plain = parallel_env(noise=0.0)
     for env in (scaled, levels, clipped, plain):
         env.reset(seed=0)
-    bits = {"sr_0": [0, 1, 1], "sr_1": [1, 0, 0], "sr_2": [1, 1, 1], "sp_0": [0], "sp_1": [1], "sp_2": [1]}
+    bits = {
+        "sr_0": [0, 1, 1],
+        "sr_1": [1, 0, 0],
+        "sr_2": [1, 1, 1],
+        "sp_0": [0],
+        "sp_1": [1],
+        "sp_2": [1],
+    }
     numbers = {name: int("".join(map(str, digits)), 2) for name, digits in bits.items()}
     for _ in range(3):
         expected = plain.step({name: np.array(digits) for name, digits in bits.items()})
         assert data_equivalence(levels.step(numbers), expected)
-        assert data_equivalence(scaled.step({n: 9.0 * np.array(digits) - 4 for n, digits in bits.items()}), expected)
-        assert data_equivalence(clipped.step({n: 9.0 * np.array(digits) - 4 for n, digits in bits.items()}), expected)
+        assert data_equivalence(
+            scaled.step({n: 9.0 * np.array(digits) - 4 for n, digits in bits.items()}), expected
+        )
+        assert data_equivalence(
+            clipped.step({n: 9.0 * np.array(digits) - 4 for n, digits in bits.items()}), expected
+        )
 
 
 @pytest.mark.parametrize(
@@ -220,7 +287,8 @@ def test_a_bad_action_of_an_agent_is_refused_by_name(spoil: dict, words: str) ->
         env.step(actions)
 
 
-# --- everybody --------------------------------------------------------------------------------------
+# --- everybody
+# --------------------------------------------------------------------------------------
 
 
 def sampled(env: Any) -> dict[str, np.ndarray]:
@@ -231,11 +299,17 @@ def sampled(env: Any) -> dict[str, np.ndarray]:
 def test_pettingzoo_finds_nothing_wrong_with_everybody() -> None:
     for changes in (COME_AND_GO, {}):
         parallel_api_test(FixedAgents(parallel_env("open-system", **changes)), num_cycles=30)
-        parallel_seed_test(lambda changes=changes: FixedAgents(parallel_env("open-system", **changes)), num_cycles=10)
+        parallel_seed_test(
+            lambda changes=changes: FixedAgents(parallel_env("open-system", **changes)),
+            num_cycles=10,
+        )
 
 
 def test_everybody_is_in_every_dictionary_with_what_they_have() -> None:
-    plain, env = parallel_env("open-system", **COME_AND_GO), FixedAgents(parallel_env("open-system", **COME_AND_GO))
+    plain, env = (
+        parallel_env("open-system", **COME_AND_GO),
+        FixedAgents(parallel_env("open-system", **COME_AND_GO)),
+    )
     seen, _ = plain.reset(seed=1)
     observations, infos = env.reset(seed=1)
     here = [[agent for agent in infos if infos[agent]["present"]]]

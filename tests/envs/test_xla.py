@@ -15,7 +15,9 @@ def of_batch(function, *arguments):
 
 
 def test_sines_are_those_of_the_rounded_angle():
-    angles = np.concatenate([np.linspace(-10, 10, 9999), np.linspace(-5e4, 5e4, 9999), [0, 1e-20]]).astype(np.float32)
+    angles = np.concatenate(
+        [np.linspace(-10, 10, 9999), np.linspace(-5e4, 5e4, 9999), [0, 1e-20]]
+    ).astype(np.float32)
     sines, cosines = of_batch(lambda angle: (jnp.sin(angle), jnp.cos(angle)), angles)
     exact, allowed = angles.astype(float), 2e-7 * (1 + abs(angles))
     assert (abs(sines - np.sin(exact)) < allowed).all()
@@ -25,7 +27,9 @@ def test_sines_are_those_of_the_rounded_angle():
 
 def test_powers_are_those_of_any_base():
     listed = [-3, -2, -0.5, 0, 0.5, 1, 2, 3, 7, 8]
-    bases, exponents = (x.ravel().astype(np.float32) for x in np.meshgrid(np.arange(-20, 21) / 10, listed))
+    bases, exponents = (
+        x.ravel().astype(np.float32) for x in np.meshgrid(np.arange(-20, 21) / 10, listed)
+    )
     with np.errstate(all="ignore"):
         exact = bases.astype(float) ** exponents
     np.testing.assert_allclose(of_batch(jnp.power, bases, exponents), exact, rtol=2e-6)

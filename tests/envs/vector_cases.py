@@ -18,8 +18,13 @@ EVERY_TASK = pytest.mark.parametrize("task_id", TASKS)
 RATER = "RoleTrust/RaterAttack-v0"
 TOLERANCE = {"rtol": 0, "atol": 2e-6}
 
-# Of eight games that rate ever better the worst are cut off, sooner or later, and the others go on to the end.
-AGENTS = [{"role": "SR", "count": 4, "noise": 0.1}, {"role": "SP", "count": 3}, {"role": "SR+SP", "noise": 0.2}]
+# Of eight games that rate ever better the worst are cut off, sooner or later, and the others go on
+# to the end.
+AGENTS = [
+    {"role": "SR", "count": 4, "noise": 0.1},
+    {"role": "SP", "count": 3},
+    {"role": "SR+SP", "noise": 0.2},
+]
 ENDS = {
     "scenario": Scenario(
         agents=AGENTS,
@@ -36,14 +41,17 @@ ENDS = {
 
 
 def lies(games: int, steps: int, size: int, seed: int = 0) -> list[np.ndarray]:
-    """Return the actions of every step, (E, A): from the worst to the best, with a little of everything."""
+    """Return the actions of every step, (E, A): from the worst to the best, with a little of
+    everything."""
     spread = np.linspace(0, 1, games)[:, None]
     random = np.random.default_rng(seed).random((steps, games, size))
     return list((0.9 * spread + 0.1 * random).astype(np.float32))
 
 
 def acts(env: AttackVectorEnv, steps: int, seed: int = 0) -> list[np.ndarray]:
-    return list(np.random.default_rng(seed).random((steps, *env.action_space.shape), dtype=np.float32))
+    return list(
+        np.random.default_rng(seed).random((steps, *env.action_space.shape), dtype=np.float32)
+    )
 
 
 def same(a: tuple, b: tuple) -> bool:

@@ -12,7 +12,14 @@ from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Policy
 from roletrust_env.evaluation.attackers import HONEST_POLICY
 from roletrust_env.evaluation.scripts import Mixture, Space, as_spec
-from roletrust_env.parameters import Accomplices, GridValues, NotSearched, SearchRange, Share, Victims
+from roletrust_env.parameters import (
+    Accomplices,
+    GridValues,
+    NotSearched,
+    SearchRange,
+    Share,
+    Victims,
+)
 
 
 @dataclass(frozen=True)
@@ -35,11 +42,15 @@ def test_a_class_of_python_itself_is_searched_by_what_its_fields_declare():
     space = Space(Own, (1, 3, 4), (2,), 50)
     assert space.size == 5
     assert space.channels == {"quality"}
-    assert space.decode([0.0] * 5) == Own(bad=0, rounds=2, mood="sour", power=-1, places=(1,), ring=(2,))
+    assert space.decode([0.0] * 5) == Own(
+        bad=0, rounds=2, mood="sour", power=-1, places=(1,), ring=(2,)
+    )
     assert space.decode([0.25, 0.6, 0.5, 0.25, 0.5]) == Own(
         bad=0.25, rounds=4, mood="sweet", power=0, places=(1, 3), ring=(2,)
     )
-    assert space.decode([1.0] * 5) == Own(bad=1, rounds=5, mood="bitter", power=3, places=(1, 3, 4), ring=(2,))
+    assert space.decode([1.0] * 5) == Own(
+        bad=1, rounds=5, mood="bitter", power=3, places=(1, 3, 4), ring=(2,)
+    )
 
 
 def test_a_grid_tries_what_is_declared_or_both_ends_and_the_middle():
@@ -71,16 +82,26 @@ def test_a_mixture_picks_a_kind_and_its_parameters():
     assert mixture.size == 5
     assert mixture.default == OnOff()
     assert mixture.grid == [*spaces[0].grid, *spaces[1].grid]
-    assert mixture.decode([0.49, 0.0, 0.1, 0.2, 0.3]) == OnOff(period=1, duty=0.1, bad=0.2, good=0.3)
+    assert mixture.decode([0.49, 0.0, 0.1, 0.2, 0.3]) == OnOff(
+        period=1, duty=0.1, bad=0.2, good=0.3
+    )
     assert mixture.decode([0.5, 0.0, 0.1, 0.2, 0.3]) == BadMouthing(level=0.1)
     assert Mixture(spaces[1:]).size == 3
     assert (Mixture([]).size, Mixture([]).default) == (0, HONEST_POLICY)
 
 
 def test_words_are_those_of_the_command_line():
-    assert as_spec(BadMouthing(level=1 / 3, start=4)) == "bad-mouthing:start=4,lie=constant,level=0.33"
-    assert as_spec(OnOff(switching="random", duty=0.25)) == "on-off:period=2,duty=0.25,bad=0,good=1,switching=random"
-    assert as_spec(BadMouthing(targets=tuple(range(7)))) == "bad-mouthing:lie=constant,level=0.5,targets=[0,...,6]"
+    assert (
+        as_spec(BadMouthing(level=1 / 3, start=4)) == "bad-mouthing:start=4,lie=constant,level=0.33"
+    )
+    assert (
+        as_spec(OnOff(switching="random", duty=0.25))
+        == "on-off:period=2,duty=0.25,bad=0,good=1,switching=random"
+    )
+    assert (
+        as_spec(BadMouthing(targets=tuple(range(7))))
+        == "bad-mouthing:lie=constant,level=0.5,targets=[0,...,6]"
+    )
     assert as_spec(HONEST_POLICY) == "honest"
 
 
@@ -100,12 +121,21 @@ class Contrary(Policy):
 
 
 def test_what_cannot_be_searched_says_why():
-    with pytest.raises(ValueError, match=r"attack Demanding cannot be searched, it refuses \{\}: field bad is missing"):
+    with pytest.raises(
+        ValueError,
+        match=r"attack Demanding cannot be searched, it refuses \{\}: field bad is missing",
+    ):
         Space(Demanding, (), (), 50)
     assert Space(partial(Demanding, bad=0.5), (), (), 50).size == 0
-    with pytest.raises(ValueError, match=r"attack Contrary .* refuses {'rounds': 0}: rounds is 0: .* greater than 0"):
+    with pytest.raises(
+        ValueError,
+        match=r"attack Contrary .* refuses {'rounds': 0}: rounds is 0: .* greater than 0",
+    ):
         Space(Contrary, (), (), 50).decode([0.0])
-    with pytest.raises(ValueError, match=r"attack GridValues cannot be searched, it makes .*GridValues.*, no Policy"):
+    with pytest.raises(
+        ValueError,
+        match=r"attack GridValues cannot be searched, it makes .*GridValues.*, no Policy",
+    ):
         Space(GridValues, (), (), 50)
     for low, high in ((2, 1), (0, float("inf")), (float("nan"), 1)):
         with pytest.raises(ValueError, match=f"low={low}, high={high}.* is not a range"):

@@ -1,4 +1,5 @@
-"""Batches of games and gradients that do not fit into the memory are refused before they are played."""
+"""Batches of games and gradients that do not fit into the memory are refused before they are
+played."""
 
 import numpy as np
 import pytest
@@ -7,7 +8,11 @@ from small_market import TASK
 
 from roletrust_agents import smooth
 from roletrust_agents.planning.planner import Planner
-from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
+from roletrust_agents.training.coalition_methods import (
+    EvolutionSearch,
+    EvolutionStrategySearch,
+    GradientSearch,
+)
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.search_method import ppo
 from roletrust_env import memory
@@ -31,7 +36,9 @@ def everything_is_tried(monkeypatch):
 
 def test_games_that_do_not_fit_are_refused_and_fewer_are_not(everything_is_tried):
     task = exact_task(TASK)
-    with pytest.raises(ValueError, match=r"^games at once: 640 would take about .* of memory; 0\.1 MB can be") as error:
+    with pytest.raises(
+        ValueError, match=r"^games at once: 640 would take about .* of memory; 0\.1 MB can be"
+    ) as error:
         mean_rewards(task, Scripted({}), 0, (64, 10), HELD_OUT)
     fits = int(str(error.value).rpartition(" ")[2])
     assert 5 < fits < 640
@@ -49,12 +56,18 @@ def test_a_search_in_a_world_that_is_too_large_is_refused(everything_is_tried, m
         find(method, {**TASK, "trust_model": "beta"}, budget=50_000, seed=0, games=1)
 
 
-@pytest.mark.parametrize("method", [GradientSearch(start="random"), Planner()], ids=lambda method: method.name)
+@pytest.mark.parametrize(
+    "method", [GradientSearch(start="random"), Planner()], ids=lambda method: method.name
+)
 def test_gradients_that_do_not_fit_are_refused(monkeypatch, method):
     monkeypatch.setattr(smooth, "_ANYWHERE", 0)
-    with pytest.raises(ValueError, match=r"^games at once: .* of memory for gradients through 10 rounds; 0"):
+    with pytest.raises(
+        ValueError, match=r"^games at once: .* of memory for gradients through 10 rounds; 0"
+    ):
         method.search(
-            {**TASK, "trust_model": "beta", "objective": "promote", "accomplices": ["sp_0"]}, Budget(50_000), 0
+            {**TASK, "trust_model": "beta", "objective": "promote", "accomplices": ["sp_0"]},
+            Budget(50_000),
+            0,
         )
 
 
@@ -65,8 +78,13 @@ def test_a_rollout_that_does_not_fit_is_refused():
 
 @pytest.mark.parametrize("model", ["beta", "role-trust"])
 def test_what_a_backward_pass_keeps_grows_with_games_and_rounds(monkeypatch, model):
-    sizes = {"agents": [{"role": "SR", "count": 30}, {"role": "SP", "count": 20}], "scenario": "crowd-10x10"}
-    task = smooth.SmoothTask(make_task(**{**TASK, **sizes}, trust_model=make_trust_model(model)), 0.1)
+    sizes = {
+        "agents": [{"role": "SR", "count": 30}, {"role": "SP", "count": 20}],
+        "scenario": "crowd-10x10",
+    }
+    task = smooth.SmoothTask(
+        make_task(**{**TASK, **sizes}, trust_model=make_trust_model(model)), 0.1
+    )
     attacker = OpenLoop(torch.full((10, task.action_size), 0.5).requires_grad_())
     foreseen = smooth._kept(task, attacker) * 10 * 8
     kept: dict[int, int] = {}

@@ -21,7 +21,9 @@ def test_a_spec_a_policy_and_a_name_of_an_agent_mean_the_same() -> None:
     assert by_share == result("mean", "sr_2=bad-mouthing:level=0")
     assert by_share == result(Mean(), {"sr_2": BadMouthing(level=0.0)})
     assert by_share == result("mean", {"sr_2": "bad-mouthing:level=0"})
-    assert by_share == repr(evaluate("mean", "bad-mouthing:level=0", SHORT, games=2, share=0.01))  # one at least
+    assert by_share == repr(
+        evaluate("mean", "bad-mouthing:level=0", SHORT, games=2, share=0.01)
+    )  # one at least
     assert by_share != result("mean", "bad-mouthing:level=0", seed=1)
     assert "auc: undefined" in by_share
 
@@ -54,7 +56,10 @@ def test_an_unknown_name_is_one_line_with_a_suggestion() -> None:
 
 def test_no_attack_is_left_out_in_silence() -> None:
     for attack, words in (
-        ({"sr_2": BadMouthing, "sr_1": BadMouthing()}, "attack of 'sr_2' is <class .*; it must be a Policy"),
+        (
+            {"sr_2": BadMouthing, "sr_1": BadMouthing()},
+            "attack of 'sr_2' is <class .*; it must be a Policy",
+        ),
         ({"sr_1": None}, "attack of 'sr_1' is None"),
         ({"sr_*": "bad-mouthing", "sr_2": BadMouthing()}, "attack gives agent 'sr_2' two attacks"),
         (BadMouthing(), r"name the agents of a policy, such as \{'sr_2': BadMouthing\(\)\}"),

@@ -83,7 +83,10 @@ def scores(model: Any) -> Scores:
 def test_a_model_scores_the_same_in_a_process_of_its_own(text: str, seated: bool) -> None:
     inside, apart = parse_trust_model(text, SCENARIO), IsolatedModel(text, SCENARIO)
     assert hasattr(inside, "judge_trust") == hasattr(apart, "judge_trust")
-    assert (Traits.of(inside).rates_raters, Traits.of(inside).family) == (apart.rates_raters, apart.family)
+    assert (Traits.of(inside).rates_raters, Traits.of(inside).family) == (
+        apart.rates_raters,
+        apart.family,
+    )
     found = [scores(RandomOrder(model, 3) if seated else model) for model in (inside, apart)]
     for name, values in found[0].items():
         np.testing.assert_array_equal(values, found[1][name])
@@ -175,7 +178,9 @@ def test_torch_is_refused(mean: IsolatedModel) -> None:
         mean.start(torch.zeros(2, 1), None)
 
 
-def test_models_of_the_project_are_known_without_an_import(models: str, mean: IsolatedModel) -> None:
+def test_models_of_the_project_are_known_without_an_import(
+    models: str, mean: IsolatedModel
+) -> None:
     assert is_own_model("role-trust:lam=0.7")
     assert not is_own_model(f"{models}:Talking")
     assert not is_own_model("no-such-model")

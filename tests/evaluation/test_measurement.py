@@ -24,7 +24,9 @@ from roletrust_env.game.make_task import make_task
 def test_the_first_half_of_the_games_chooses_and_the_second_measures() -> None:
     scores = {"utility": np.array([[0.1, 0.2, 0.8, 0.9]])}
     got = np.array([[[0.0, 0.0, 0.5, 0.25]]])  # one round, one attack, four games
-    measured = SplitScores.halves(scores, Bought(got, np.ones_like(got), np.ones_like(got)), np.zeros(len(got), bool))
+    measured = SplitScores.halves(
+        scores, Bought(got, np.ones_like(got), np.ones_like(got)), np.zeros(len(got), bool)
+    )
     assert measured.chosen["utility"].tolist() == [[0.1, 0.2]]
     assert measured.measured["utility"].tolist() == [[0.8, 0.9]]
     assert measured.by_round.tolist() == [[0.375]]
@@ -32,15 +34,27 @@ def test_the_first_half_of_the_games_chooses_and_the_second_measures() -> None:
 
 def test_games_that_measure_are_none_of_those_that_search() -> None:
     task = make_task("paper-3x3", ("sr_2",))
-    keys = {tuple(one.round_key()[0]) for kind in (SEARCHED, HELD_OUT) for one in random_sources(task, 0, kind)}
+    keys = {
+        tuple(one.round_key()[0])
+        for kind in (SEARCHED, HELD_OUT)
+        for one in random_sources(task, 0, kind)
+    }
     assert len(keys) == 4
 
 
 def test_a_round_counts_by_the_probability_that_it_is_played() -> None:
-    """All scores are those of the games that end after 1, 2 ... rounds, by the probabilities of these lengths."""
+    """All scores are those of the games that end after 1, 2 ... rounds, by the probabilities of
+    these lengths."""
     rounds, goes_on, attacker, batch = 12, 0.8, Scripted({"sp_2": OnOff(period=4)}), (1, 3)
     whole, unknown = (
-        make_task("crowd-10x10", ("sp_2",), objective="mislead", like=np.zeros(()), max_cycles=rounds, continuation=c)
+        make_task(
+            "crowd-10x10",
+            ("sp_2",),
+            objective="mislead",
+            like=np.zeros(()),
+            max_cycles=rounds,
+            continuation=c,
+        )
         for c in (1.0, goes_on)
     )
     ends = np.array([goes_on**t * (1 - goes_on * (t < rounds - 1)) for t in range(rounds)])
@@ -50,7 +64,10 @@ def test_a_round_counts_by_the_probability_that_it_is_played() -> None:
     def over_lengths(of_rounds: np.ndarray) -> np.ndarray:
         return np.tensordot(ends, np.cumsum(of_rounds, axis=0), axes=1)
 
-    outcomes = [o[:3] for _, o in judged_rollout(whole, attacker, batch, *random_sources(whole, 0, HELD_OUT))]
+    outcomes = [
+        o[:3]
+        for _, o in judged_rollout(whole, attacker, batch, *random_sources(whole, 0, HELD_OUT))
+    ]
     expected = over_lengths(np.array(outcomes)) / length
     np.testing.assert_allclose(mean_rewards(unknown, attacker, 0, batch, HELD_OUT), expected)
     assert np.all(expected[0] != mean_rewards(whole, attacker, 0, batch, HELD_OUT)[0])
@@ -61,7 +78,10 @@ def test_a_round_counts_by_the_probability_that_it_is_played() -> None:
     np.testing.assert_allclose(scores["utility"], got / best)
     np.testing.assert_allclose(scores["blind"], blind / best)
     honest = np.array([name != "sp_2" for name in whole.game.roster.names])
-    lost, low = (twin.trust - full.trust)[:, honest].mean(axis=1), (full.trust < 0.5)[:, honest].mean(axis=1)
+    lost, low = (
+        (twin.trust - full.trust)[:, honest].mean(axis=1),
+        (full.trust < 0.5)[:, honest].mean(axis=1),
+    )
     np.testing.assert_allclose(scores["damage"], over_lengths(lost) / length)
     np.testing.assert_allclose(scores["false_alarms"], over_lengths(low) / length)
     mean = over_lengths(full.trust)[10:]
@@ -70,7 +90,10 @@ def test_a_round_counts_by_the_probability_that_it_is_played() -> None:
 
 
 def test_the_score_of_a_network_has_the_weights_of_the_rounds() -> None:
-    first, only = (make_task("paper-3x3", ("sr_2",), **kind) for kind in ({"continuation": 1e-9}, {"max_cycles": 1}))
+    first, only = (
+        make_task("paper-3x3", ("sr_2",), **kind)
+        for kind in ({"continuation": 1e-9}, {"max_cycles": 1})
+    )
     np.testing.assert_allclose(*(play_task(task, None, games=2, seed=0) for task in (first, only)))
 
 

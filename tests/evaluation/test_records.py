@@ -53,13 +53,17 @@ def test_every_point_of_a_search_space_is_the_same_after_its_record() -> None:
 
 @pytest.mark.parametrize("wide", [False, True])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_coalition_plays_the_same_game_to_the_last_bit_after_its_record(dtype: type, wide: bool) -> None:
+def test_a_coalition_plays_the_same_game_to_the_last_bit_after_its_record(
+    dtype: type, wide: bool
+) -> None:
     architecture = DeepSetArchitecture.of(wide=wide)
     weights = random_weights(architecture, np.random.default_rng(1)).astype(dtype)
     attacker = CoalitionAttacker(DeepSet.unflatten(architecture, weights))
     again = read_record(record_of(attacker))
     assert np.array_equal(trust(attacker), trust(again))
-    assert not np.array_equal(trust(attacker), trust(CoalitionAttacker(universal_coalitions()["universal-raters"])))
+    assert not np.array_equal(
+        trust(attacker), trust(CoalitionAttacker(universal_coalitions()["universal-raters"]))
+    )
 
 
 def trust(attacker: object) -> Array:
@@ -67,7 +71,9 @@ def trust(attacker: object) -> Array:
 
 
 def test_weights_that_are_no_real_numbers_are_refused() -> None:
-    network = DeepSet.unflatten(DeepSetArchitecture(), np.zeros(DeepSetArchitecture().size, np.complex64))
+    network = DeepSet.unflatten(
+        DeepSetArchitecture(), np.zeros(DeepSetArchitecture().size, np.complex64)
+    )
     assert record_of(CoalitionAttacker(network)) == ""
 
 
@@ -94,12 +100,21 @@ COALITION = json.loads(record_of(CoalitionAttacker(universal_coalitions()["unive
         ('{"kind": "scripts", "policies": {"sr_0": 3}}', "a policy must be an object"),
         ('{"kind": "scripts", "policies": {"sr_0": {"kind": 3}}}', "a policy must have a name"),
         ('{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouth"}}}', "bad-mouth"),
-        ('{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouthing", "start": "x"}}}', "start"),
+        (
+            '{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouthing", "start": "x"}}}',
+            "start",
+        ),
         ('{"kind": "scripts", "policies": {"sr_0": NaN}}', "NaN"),
         ('{"kind": "scripts", "name": "coalition"}', "name"),
-        ('{"kind": "scripts", "policies": {"sr_0": {"name": "learned", "path": "x"}}}', "may not name 'learned'"),
         (
-            '{"kind": "scripts", "policies": {"a": ' + '{"rates": {}, "serves": ' * 9 + "{}" + "}" * 11,
+            '{"kind": "scripts", "policies": {"sr_0": {"name": "learned", "path": "x"}}}',
+            "may not name 'learned'",
+        ),
+        (
+            '{"kind": "scripts", "policies": {"a": '
+            + '{"rates": {}, "serves": ' * 9
+            + "{}"
+            + "}" * 11,
             "nested more than",
         ),
         (json.dumps(COALITION | {"weights": 3}), "base64"),

@@ -74,7 +74,12 @@ def test_measured_attackers_take_what_was_foreseen():
             "--games",
             "roletrust_experiments.commands.play.play_games",
         ),
-        (["list", "zoo", "provider-3x3"], "--games ", "--games", "roletrust_agents.learned.policy.play_task"),
+        (
+            ["list", "zoo", "provider-3x3"],
+            "--games ",
+            "--games",
+            "roletrust_agents.learned.policy.play_task",
+        ),
         (
             ["train", "RaterAttack", "--set", "max_cycles=10"],
             "--learner PPO:games=",
@@ -90,7 +95,9 @@ def test_measured_attackers_take_what_was_foreseen():
     ],
     ids=["play", "zoo", "train", "train evolution"],
 )
-def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch, command, option, name, work):
+def test_what_is_too_large_is_refused_and_what_fits_is_not(
+    tmp_path, monkeypatch, command, option, name, work
+):
     class BegunError(ValueError):
         pass
 
@@ -108,9 +115,7 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
         return " ".join(result.stderr.split())
 
     said = attempt(9_000_000)
-    pattern = (
-        rf"Error: {name} 9,000,000 would take about [\d.]+ [GT]B of memory.*; 800 MB can be had, enough for about "
-    )
+    pattern = rf"Error: {name} 9,000,000 would take about [\d.]+ [GT]B of memory.*; 800 MB can be had, enough for about "  # noqa: E501
     assert re.match(pattern, said), said
     assert not list(tmp_path.iterdir())
     fits = int(said.rpartition("about ")[2].replace(",", ""))
@@ -121,15 +126,26 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
 def test_one_game_that_is_too_long_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: 5e8)
     monkeypatch.setattr(play, "play_games", lambda *_, **__: pytest.fail("it has begun"))
-    result = run("play", "--set", "max_cycles=1000000", "--attack", "sr_0=bad-mouthing", "--out", tmp_path / "out")
+    result = run(
+        "play",
+        "--set",
+        "max_cycles=1000000",
+        "--attack",
+        "sr_0=bad-mouthing",
+        "--out",
+        tmp_path / "out",
+    )
     assert result.exit_code == 2
-    pattern = r"Error: max_cycles 1,000,000 would take about 5\d\d MB .*400 MB can be had, enough for about [\d,]+"
+    pattern = r"Error: max_cycles 1,000,000 would take about 5\d\d MB .*400 MB can be had, enough for about [\d,]+"  # noqa: E501
     assert re.match(pattern, " ".join(result.stderr.split())), result.stderr
 
 
 def test_memory_is_that_of_the_kernel_and_of_the_container(monkeypatch):
     assert 0 < memory.available() < 2**50
-    files = {"/proc/meminfo": "MemTotal: 9 kB\nMemAvailable:    4000000 kB\n", "/sys/fs/cgroup/memory.max": "max\n"}
+    files = {
+        "/proc/meminfo": "MemTotal: 9 kB\nMemAvailable:    4000000 kB\n",
+        "/sys/fs/cgroup/memory.max": "max\n",
+    }
     monkeypatch.setattr(memory, "kernel_file", lambda path: files[path])
     assert memory.available() == 4_096_000_000
     files["/sys/fs/cgroup/memory.max"] = "1000000000\n"

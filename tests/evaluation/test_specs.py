@@ -32,13 +32,17 @@ def test_values():
 
 
 def test_commas_inside_values_do_not_split():
-    policy = parse_attacks(["sr_0=bad-mouthing:targets=[0,1],lie=relative"], make_scenario("paper-3x3"))["sr_0"]
+    policy = parse_attacks(
+        ["sr_0=bad-mouthing:targets=[0,1],lie=relative"], make_scenario("paper-3x3")
+    )["sr_0"]
     assert (policy.targets, policy.lie) == ((0, 1), "relative")
 
 
 @pytest.mark.parametrize("targets", ["[1,sp_2]", '["sp_1","sp_2"]', "[ sp_1, sp_2 ]", "[1,2]"])
 def test_targets_by_name(targets):
-    policy = parse_attacks([f"sr_0=bad-mouthing:targets={targets}"], make_scenario("paper-3x3"))["sr_0"]
+    policy = parse_attacks([f"sr_0=bad-mouthing:targets={targets}"], make_scenario("paper-3x3"))[
+        "sr_0"
+    ]
     assert policy.targets == (1, 2)
     one = parse_attacks(["srsp_0=bad-mouthing:targets=srsp_3"], make_scenario("peers"))["srsp_0"]
     assert one.targets == (3,)
@@ -66,13 +70,17 @@ def test_an_attack_of_an_installed_package_is_searched_by_its_name(install):
     install("package_of_lies", "roletrust_env.attackers", code, "shift = package_of_lies:Shift")
     kinds = parse_kinds(["shift", "shift:by=2"], PAPER)
     space = Scripts.of(make_task(PAPER, ("sr_0",)), kinds)
-    found = [space.decode([kind, x])["sr_0"].by for kind, x in ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (1.0, 0.0))]
+    found = [
+        space.decode([kind, x])["sr_0"].by
+        for kind, x in ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (1.0, 0.0))
+    ]
     assert found == [-3, 0, 3, 2]
 
 
 @pytest.fixture
 def mine(tmp_path, monkeypatch):
-    """A module of the user's own, in the folder where we are; each of its parts makes a file when it is called."""
+    """A module of the user's own, in the folder where we are; each of its parts makes a file when
+    it is called."""
     (tmp_path / "mine_for_attacks.py").write_text(
         "from pathlib import Path\n"
         "def touch(**parameters): Path('called').touch()\n"
@@ -92,16 +100,24 @@ def mine(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["touch", "Alien", "HalfAModel", "NoModel", "alien"])
 def test_nothing_is_called_before_it_is_known_what_it_is(tmp_path, mine, name):
-    with pytest.raises(ValueError, match=f"attacker '{mine}:{name}' must make a Policy, so it must be a class derived"):
+    with pytest.raises(
+        ValueError,
+        match=f"attacker '{mine}:{name}' must make a Policy, so it must be a class derived",
+    ):
         parse_attacks([f"sr_1={mine}:{name}:level=0"], PAPER)
-    with pytest.raises(ValueError, match=f"trust model '{mine}:{name}' must make a TrustModel, .* start, update"):
+    with pytest.raises(
+        ValueError, match=f"trust model '{mine}:{name}' must make a TrustModel, .* start, update"
+    ):
         parse_trust_model(f"{mine}:{name}", PAPER)
     assert not (tmp_path / "called").exists()
 
 
 @pytest.mark.parametrize(
     "arguments",
-    [["play", "--attack", "sr_1=os:system:command=touch called"], ["play", "--model", "mine_for_attacks:touch"]],
+    [
+        ["play", "--attack", "sr_1=os:system:command=touch called"],
+        ["play", "--model", "mine_for_attacks:touch"],
+    ],
 )
 def test_no_command_calls_what_it_should_not(tmp_path, mine, arguments):
     result = CliRunner().invoke(app, arguments)
@@ -112,7 +128,10 @@ def test_no_command_calls_what_it_should_not(tmp_path, mine, arguments):
 
 def test_what_a_class_made_is_looked_at(tmp_path, mine):
     with (tmp_path / f"{mine}.py").open("a") as file:
-        file.write("from roletrust_env.trust import Mean\nclass Cuckoo(Mean):\n    def __new__(cls, **_): return 7\n")
+        file.write(
+            "from roletrust_env.trust import Mean\nclass Cuckoo(Mean):\n    def __new__(cls, **_): "
+            "return 7\n"
+        )
     with pytest.raises(ValueError, match="trust model 'Cuckoo' made 7; it must make a TrustModel"):
         parse_trust_model(f"{mine}:Cuckoo", PAPER)
 
@@ -120,7 +139,9 @@ def test_what_a_class_made_is_looked_at(tmp_path, mine):
 def test_a_file_with_a_wrong_name_is_told_the_names_and_one_with_a_class_the_option():
     check_installed(attackers, ["bad-mouthing", "on-off:period=4"])
     for text in ("bad-mouthng", "bad-mouthng:level=0"):
-        with pytest.raises(ValueError, match=r"unknown attacker 'bad-mouthng'; did you mean 'bad-mouthing'\?"):
+        with pytest.raises(
+            ValueError, match=r"unknown attacker 'bad-mouthng'; did you mean 'bad-mouthing'\?"
+        ):
             check_installed(attackers, [text])
     for text in ("os:system", "os:system:command=ls"):
         with pytest.raises(ValueError, match=r"is not installed; .* --allow-code"):

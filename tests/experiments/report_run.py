@@ -18,7 +18,8 @@ SUITE = small(models=["mean", "role-trust", "constant"], description="<script>al
 
 
 def write_report(here: Path) -> None:
-    """Write a run of three models, one of learners whose numbers are drawn, and the report on both."""
+    """Write a run of three models, one of learners whose numbers are drawn, and the report on
+    both."""
     with Store(here / "results.sqlite", SUITE) as store:
         for cell in SUITE.cells():
             store.add(cell, play_cell(SUITE, cell))
@@ -26,16 +27,22 @@ def write_report(here: Path) -> None:
         for trial, done in large_run.stored_trials(large_run.learners()):
             store.add(trial, done)
     made = run(
-        "report", *(str(here / f"{name}.sqlite") for name in ("results", "learners")), "--out", str(here / "out")
+        "report",
+        *(str(here / f"{name}.sqlite") for name in ("results", "learners")),
+        "--out",
+        str(here / "out"),
     )
     assert made.exit_code == 0, made.output
 
 
-def mean(folder: Path, model: str, attack: str, track: str, share: float, name: str = "utility") -> float:
+def mean(
+    folder: Path, model: str, attack: str, track: str, share: float, name: str = "utility"
+) -> float:
     """Of what was measured, read from the file of the run by itself."""
     file = sqlite3.connect(folder / "results.sqlite")
     ((found,),) = file.execute(
-        "SELECT measured FROM attacks JOIN cells ON attacks.cell = key WHERE cells.cell ->> 'model' = ? "
+        "SELECT measured FROM attacks JOIN cells ON attacks.cell = key WHERE cells.cell ->> "
+        "'model' = ? "
         "AND attack = ? AND cells.cell ->> 'track' = ? AND cells.cell ->> 'share' = ?",
         (model, attack, track, share),
     )

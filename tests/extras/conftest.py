@@ -18,7 +18,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     except AssertionError as error:
         pytest.skip(f"no package index can be reached to install from: {error}")
     for name in PACKAGES:
-        shutil.copytree(HOUSE / name, here / "house" / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            HOUSE / name, here / "house" / name, ignore=shutil.ignore_patterns("__pycache__")
+        )
     for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         shutil.copy(HOUSE / name, here / "house" / name)
     pip("wheel", "--no-deps", "--wheel-dir", here, here / "house")
@@ -30,7 +32,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fresh(wheel: Path, tmp_path: Path) -> Iterator[Callable[..., Environment]]:
     """Makes the environment of some extras; it goes after the test, for it is large."""
 
-    def make(extras: str = "", constraints: Path = PINNED, python: str = sys.executable) -> Environment:
+    def make(
+        extras: str = "", constraints: Path = PINNED, python: str = sys.executable
+    ) -> Environment:
         environment = Environment(tmp_path / "environment", python)
         environment.install(f"{wheel}[{extras}]" if extras else str(wheel), constraints)
         return environment

@@ -1,4 +1,5 @@
-"""Virtual environments with nothing but what is installed from the wheel, and programs that run in them."""
+"""Virtual environments with nothing but what is installed from the wheel, and programs that run in
+them."""
 
 import os
 import subprocess
@@ -12,7 +13,19 @@ PACKAGES = (
     *("roletrust_env", "agents/roletrust_agents", "baselines/roletrust_baselines"),
     "experiments/roletrust_experiments",
 )
-COMMANDS = ("audit", "benchmark", "figures", "list", "live", "mcp", "play", "report", "submit", "train", "verify")
+COMMANDS = (
+    "audit",
+    "benchmark",
+    "figures",
+    "list",
+    "live",
+    "mcp",
+    "play",
+    "report",
+    "submit",
+    "train",
+    "verify",
+)
 HELPS = f"""
 from typer.testing import CliRunner
 from roletrust_experiments.cli import app
@@ -38,7 +51,13 @@ class Environment:
         self.folder.mkdir()
 
     def install(self, what: str, constraints: Path = PINNED) -> None:
-        pip("install", "--no-compile", what, python=self.path / "bin" / "python", constraints=constraints)
+        pip(
+            "install",
+            "--no-compile",
+            what,
+            python=self.path / "bin" / "python",
+            constraints=constraints,
+        )
 
     def python(self, code: str) -> str:
         run = self.run("python", "-c", code)
@@ -61,15 +80,32 @@ class Environment:
 
     def run(self, program: str, *arguments: object) -> Run:
         """How a program of the environment ends."""
-        clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | {"COLUMNS": "120"}
+        clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | {
+            "COLUMNS": "120"
+        }
         command = [self.path / "bin" / program, *map(str, arguments)]
         done = subprocess.run(command, cwd=self.folder, env=clean, capture_output=True, text=True)
         return Run(done.returncode, done.stdout, done.stderr)
 
 
-def pip(command: str, *arguments: object, python: Path = Path(sys.executable), constraints: Path = PINNED) -> None:
+def pip(
+    command: str,
+    *arguments: object,
+    python: Path = Path(sys.executable),
+    constraints: Path = PINNED,
+) -> None:
     """Run pip, by default in the versions that are pinned."""
     pinned = ("--constraint", constraints)
-    start = (sys.executable, "-m", "pip", "--python", python, "--quiet", "--disable-pip-version-check")
-    done = subprocess.run([*map(str, (*start, command, *pinned, *arguments))], capture_output=True, text=True)
+    start = (
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        python,
+        "--quiet",
+        "--disable-pip-version-check",
+    )
+    done = subprocess.run(
+        [*map(str, (*start, command, *pinned, *arguments))], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,5 @@
-"""The installed wheel beside what others have: folders named like those of the repository, and a plug-in package."""
+"""The installed wheel beside what others have: folders named like those of the repository, and a
+plug-in package."""
 
 import re
 from collections.abc import Callable
@@ -73,18 +74,32 @@ def put(folder: Path, **files: str) -> None:
 
 
 def beside_packages_of_the_same_name(environment: Environment) -> None:
-    """Give the working folder packages of the user's own, named like the folders of the repository."""
+    """Give the working folder packages of the user's own, named like the folders of the
+    repository."""
     for name in ("agents", "baselines", "experiments"):
-        put(environment.folder / name, __init__=f"OWNER = 'the user: {name}'\n", cli="raise SystemExit('not ours')\n")
+        put(
+            environment.folder / name,
+            __init__=f"OWNER = 'the user: {name}'\n",
+            cli="raise SystemExit('not ours')\n",
+        )
 
 
-def test_folders_named_like_those_of_the_repository_are_the_users_own(fresh: Callable[..., Environment]) -> None:
+def test_folders_named_like_those_of_the_repository_are_the_users_own(
+    fresh: Callable[..., Environment],
+) -> None:
     user = fresh("cli")
     beside_packages_of_the_same_name(user)
     readme = (HOUSE / "README.md").read_text(encoding="utf-8")
-    (loop,) = (block for block in re.findall(r"^```python\n(.*?)^```$", readme, re.M | re.S) if "while env" in block)
+    (loop,) = (
+        block
+        for block in re.findall(r"^```python\n(.*?)^```$", readme, re.M | re.S)
+        if "while env" in block
+    )
     assert "'sr_2'" in user.python(loop)
-    own = "import agents, baselines, experiments; print(agents.OWNER, baselines.OWNER, experiments.OWNER)"
+    own = (
+        "import agents, baselines, experiments; print(agents.OWNER, baselines.OWNER, "
+        "experiments.OWNER)"
+    )
     assert user.python(own) == "the user: agents the user: baselines the user: experiments\n"
     assert "Usage: roletrust" in user.roletrust("--help")
     user.python(HELPS)
@@ -104,7 +119,9 @@ def test_a_package_of_plug_ins_is_listed_plays_and_enters_the_benchmark(
     listed = user.roletrust("list")
     for name in ("grudge", "gossip", "steady"):
         assert name in listed
-    assert "gossip" in user.roletrust("play", *SHORT, "--model", "grudge", "--attack", "sr_2=gossip", "--games", 2)
+    assert "gossip" in user.roletrust(
+        "play", *SHORT, "--model", "grudge", "--attack", "sr_2=gossip", "--games", 2
+    )
     assert [path.name for path in (user.folder / "results").iterdir()] == ["play"]
     for name, text in (("models", MODELS), ("learners", LEARNERS)):
         (user.folder / f"{name}.toml").write_text(text, encoding="utf-8")

@@ -1,4 +1,5 @@
-"""Each extra stands alone: the built wheel, in a fresh environment for each. Minutes: `make test-extras`."""
+"""Each extra stands alone: the built wheel, in a fresh environment for each. Minutes: `make
+test-extras`."""
 
 import os
 import signal
@@ -33,7 +34,11 @@ ZOO = HOUSE / "agents" / "roletrust_agents" / "zoo" / "provider-3x3"
 def test_the_wheel_holds_every_file(wheel: Path) -> None:
     held = set(zipfile.ZipFile(wheel).namelist())
     for package in PACKAGES:
-        files = [path for path in (HOUSE / package).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        files = [
+            path
+            for path in (HOUSE / package).rglob("*")
+            if path.is_file() and "__pycache__" not in path.parts
+        ]
         assert {str(path.relative_to((HOUSE / package).parent)) for path in files} <= held
     assert {name.partition("/")[0] for name in held if ".dist-info/" not in name} == {
         package.rpartition("/")[2] for package in PACKAGES
@@ -54,7 +59,8 @@ print(task.step(task.action_space.sample())[1] >= 0)
 """
     assert alone.python(played) == "True\n"
     missing = alone.python(
-        "import roletrust_env\ntry: roletrust_env.AttackJaxEnv\nexcept Exception as error: print(error)"
+        "import roletrust_env\ntry: roletrust_env.AttackJaxEnv\nexcept Exception as error: "
+        "print(error)"
     )
     assert "pip install 'roletrust-env[jax]'" in missing
     for arguments in ([], ["--help"], ["play"]):
@@ -89,7 +95,9 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     assert all(command in cli.roletrust("--help") for command in COMMANDS)
     cli.python(HELPS)
     listed = cli.roletrust("list")
-    assert all(name in listed for name in ("paper-3x3-hog", "role-trust", "bad-mouthing", "learned"))
+    assert all(
+        name in listed for name in ("paper-3x3-hog", "role-trust", "bad-mouthing", "learned")
+    )
     assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
     assert "not ok" not in cli.roletrust("figures", "--service", "synthetic")
 
@@ -116,7 +124,9 @@ from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.store import Store
 print(*make_app(TrustManager(Store("trust.sqlite"), "mean")).openapi()["paths"])
 """
-    assert fresh("serve").python(described) == "/ /agents /agents/{name} /ratings /events /refusals\n"
+    assert (
+        fresh("serve").python(described) == "/ /agents /agents/{name} /ratings /events /refusals\n"
+    )
 
 
 def test_cli_and_vision(fresh: Callable[..., Environment]) -> None:
@@ -137,7 +147,7 @@ env.reset(seed=0)
 while not any(env.step(env.action_space.sample())[2:4]): pass
 env.close()
 print("frames in", *(path.name for path in pathlib.Path(folder).glob("*.mp4")))
-"""
+"""  # noqa: E501
     assert "frames in rl-video-episode-0.mp4" in video.python(filmed)
 
 
@@ -170,7 +180,7 @@ import pyarrow as arrow, pyarrow.parquet
 from roletrust_env.data import read_ratings
 arrow.parquet.write_table(arrow.table({"rater": ["a"], "ratee": ["x"], "rating": [1]}), "log.parquet")
 print(read_ratings(Path("log.parquet")).shape)
-"""
+"""  # noqa: E501
     assert fresh("data").python(lines) == "(1, 1)\n"
 
 
@@ -181,13 +191,17 @@ def test_train(fresh: Callable[..., Environment]) -> None:
     assert "Written to mine" in train.roletrust(
         "train", "ProviderAttack", *certain, *small, "--steps", 128, "--out", "mine"
     )
-    assert "learned-provider" in train.roletrust("play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}")
+    assert "learned-provider" in train.roletrust(
+        "play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}"
+    )
     benchmark_and_report(train)
 
 
 def benchmark_and_report(alone: Environment) -> None:
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
-    assert "pip install 'roletrust-env[ray]'" in alone.refused("benchmark", "--suite", "tiny.toml", "--ray", "auto")
+    assert "pip install 'roletrust-env[ray]'" in alone.refused(
+        "benchmark", "--suite", "tiny.toml", "--ray", "auto"
+    )
     alone.roletrust("benchmark", "--suite", "tiny.toml", "--workers", 1, "--out", "played")
     assert "Examples" in alone.roletrust("report", "--help")
     assert "report.html" in alone.roletrust("report", "played/results.sqlite", "--out", "page")
@@ -203,27 +217,49 @@ tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
 market = {"preset": "market", "set": {"max_cycles": 5}}
 suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, methods=["scripted"], games=2)
 print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=False).to_pandas()["worst_attack"][0])
-"""
+"""  # noqa: E501
     alone = fresh("ray,data")
     assert alone.python(lines) == "bad-mouthing\n"
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
     address = f"127.0.0.1:{20_000 + os.getpid() % 10_000}"
-    options = [f"--port={address.split(':')[1]}", "--node-ip-address=127.0.0.1", "--num-cpus=2", "--block"]
-    options += ["--include-dashboard=false", "--disable-usage-stats", "--object-store-memory=100000000"]
+    options = [
+        f"--port={address.split(':')[1]}",
+        "--node-ip-address=127.0.0.1",
+        "--num-cpus=2",
+        "--block",
+    ]
+    options += [
+        "--include-dashboard=false",
+        "--disable-usage-stats",
+        "--object-store-memory=100000000",
+    ]
     around = {**os.environ, "PATH": f"{alone.path / 'bin'}{os.pathsep}{os.environ['PATH']}"}
     started = [alone.path / "bin" / "ray", "start", "--head", *options]
     head = subprocess.Popen(started, env=around, stdout=subprocess.DEVNULL, start_new_session=True)
     try:
         until = time.monotonic() + 240
-        played = "roletrust", "benchmark", "--suite", "tiny.toml", "--ray", address, "--out", "there"
-        while "no Ray cluster answers" in (there := alone.run(*played)).err:  # it has not started yet
+        played = (
+            "roletrust",
+            "benchmark",
+            "--suite",
+            "tiny.toml",
+            "--ray",
+            address,
+            "--out",
+            "there",
+        )
+        while (
+            "no Ray cluster answers" in (there := alone.run(*played)).err
+        ):  # it has not started yet
             assert time.monotonic() < until, there.err
         assert there.code == 0, there.err
     finally:
         os.killpg(head.pid, signal.SIGTERM)
         head.wait(timeout=60)
     alone.roletrust("benchmark", "--suite", "tiny.toml", "--out", "here")
-    there, here = ((alone.folder / name / "leaderboard.csv").read_bytes() for name in ("there", "here"))
+    there, here = (
+        (alone.folder / name / "leaderboard.csv").read_bytes() for name in ("there", "here")
+    )
     assert there == here
 
 

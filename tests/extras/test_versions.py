@@ -1,4 +1,5 @@
-"""The wheel with the oldest releases that `pyproject.toml` allows, and with the newest on each Python that it names."""
+"""The wheel with the oldest releases that `pyproject.toml` allows, and with the newest on each
+Python that it names."""
 
 import os
 import re
@@ -15,7 +16,9 @@ pytestmark = pytest.mark.extras
 
 PROJECT = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PYTHONS = [line.rpartition(" ")[2] for line in PROJECT["classifiers"] if ":: Python :: 3." in line]
-TORCH = re.search(r"^torch==.*$", PINNED.read_text(encoding="utf-8"), re.MULTILINE)[0]  # the build for CPUs
+TORCH = re.search(r"^torch==.*$", PINNED.read_text(encoding="utf-8"), re.MULTILINE)[
+    0
+]  # the build for CPUs
 EVERYTHING = "all,jax,crowd"
 IMPORTED = """
 import importlib, pkgutil
@@ -23,7 +26,7 @@ for package in ("roletrust_env", "roletrust_agents", "roletrust_baselines", "rol
     for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
         if not module.name.endswith(("cluster", "__main__")) and "roletrust_nodes" not in module.name:  # Ray, ROS 2
             importlib.import_module(module.name)
-"""
+"""  # noqa: E501
 PLAYED = """
 import gymnasium, pettingzoo, roletrust_env
 env = pettingzoo.make("parallel", "RoleTrust-v0", max_cycles=3)
@@ -59,7 +62,10 @@ server.should_exit = True
 def minima(extras: str) -> Iterator[str]:
     """The oldest allowed release of each requirement of the package and its extras."""
     optional = PROJECT["optional-dependencies"]
-    for line in [*PROJECT["dependencies"], *(line for extra in extras.split(",") for line in optional[extra])]:
+    for line in [
+        *PROJECT["dependencies"],
+        *(line for extra in extras.split(",") for line in optional[extra]),
+    ]:
         if own := re.fullmatch(r"roletrust-env\[(.*)\]", line):
             yield from minima(own[1])
         else:
@@ -70,17 +76,22 @@ def interpreter(version: str) -> str:
     """Path of a Python on this machine, also of one that pyenv keeps."""
     command = [f"python{version}", "-c", "import sys; print(sys.executable)"]
     try:
-        done = subprocess.run(command, env={**os.environ, "PYENV_VERSION": version}, capture_output=True, check=True)
+        done = subprocess.run(
+            command, env={**os.environ, "PYENV_VERSION": version}, capture_output=True, check=True
+        )
     except (OSError, subprocess.CalledProcessError):
         pytest.skip(f"there is no Python {version} here")
     return done.stdout.decode().strip()
 
 
 def check(environment: Environment) -> None:
-    """Use each part of the library that needs other packages; learners only where there is torch."""
+    """Use each part of the library that needs other packages; learners only where there is
+    torch."""
     assert environment.python(PLAYED) == "(2,)\n"
     environment.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
-    environment.roletrust("rate", "log", "--compare", "--synthetic", "--model", "mean", "--out", "measured")
+    environment.roletrust(
+        "rate", "log", "--compare", "--synthetic", "--model", "mean", "--out", "measured"
+    )
     assert environment.python(SERVED) == "True\n"
     assert "Made in keys" in environment.roletrust("live", "keys", "keys")
 
@@ -95,12 +106,17 @@ def test_the_oldest_releases(fresh: Callable[..., Environment], tmp_path: Path) 
 
 
 @pytest.mark.parametrize("version", PYTHONS)
-def test_the_newest_releases(version: str, fresh: Callable[..., Environment], tmp_path: Path) -> None:
-    """Without constraints but for torch, of which the newest has CUDA; with torch and what needs it on one Python."""
+def test_the_newest_releases(
+    version: str, fresh: Callable[..., Environment], tmp_path: Path
+) -> None:
+    """Without constraints but for torch, of which the newest has CUDA; with torch and what needs it
+    on one Python."""
     torch = tmp_path / "torch.txt"
     torch.write_text(TORCH, encoding="utf-8")
     first = version == PYTHONS[0]
-    environment = fresh(EVERYTHING if first else "video,data,live,serve,mcp", torch, interpreter(version))
+    environment = fresh(
+        EVERYTHING if first else "video,data,live,serve,mcp", torch, interpreter(version)
+    )
     check(environment)
     if first:
         environment.python(IMPORTED)
@@ -114,7 +130,14 @@ def test_the_same_commit_gives_the_same_wheel_and_source(tmp_path: Path) -> None
         tools.install(name)
     sums = []
     for name, mask, zone in (("one", 0o022, "UTC"), ("two", 0o077, "Asia/Tokyo")):
-        made = ("make", "-o", ".venv/.ready-release", "dist", f"BIN={tools.path / 'bin'}", f"DIST={tmp_path / name}")
+        made = (
+            "make",
+            "-o",
+            ".venv/.ready-release",
+            "dist",
+            f"BIN={tools.path / 'bin'}",
+            f"DIST={tmp_path / name}",
+        )
         around = {**os.environ, "TZ": zone}
         subprocess.run(made, cwd=HOUSE, env=around, umask=mask, check=True, capture_output=True)
         sums.append((tmp_path / name / "SHA256SUMS").read_text())

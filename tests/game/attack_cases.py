@@ -52,11 +52,19 @@ CASES: dict[str, dict[str, Any]] = {
     "provider": {"compromised": ("sp_1",), "objective": "exploit", "stealth": STEALTH},
     "providers that leave": {"compromised": ("sp_4", "sp_3"), "objective": "exploit"},
     "dual": {"compromised": ("srsp_1",), "objective": "exploit", "stealth": STEALTH},
-    "dual by turns": {"compromised": ("srsp_2",), "objective": "damage", "stealth": Stealth(0.5, 0.1)},
+    "dual by turns": {
+        "compromised": ("srsp_2",),
+        "objective": "damage",
+        "stealth": Stealth(0.5, 0.1),
+    },
     "colluders among other attackers": {
         "compromised": ("sp_0", "srsp_1", "sr_0", "sr_3"),
         "stealth": STEALTH,
-        "others": {"sp_2": OnOff(switching="random", period=5), "sr_2": BadMouthing(level=0.1), "sp_4": OnOff()},
+        "others": {
+            "sp_2": OnOff(switching="random", period=5),
+            "sr_2": BadMouthing(level=0.1),
+            "sp_4": OnOff(),
+        },
     },
     "promoters": {
         "compromised": ("sr_0", "srsp_0"),
@@ -85,7 +93,11 @@ def rng(seed: int = 0, like: Any = None) -> Random:
 
 
 def assert_close(actual: Any, expected: Any) -> None:
-    each(lambda a, b: np.testing.assert_allclose(np.asarray(a), np.asarray(b), **TOLERANCE), actual, expected)
+    each(
+        lambda a, b: np.testing.assert_allclose(np.asarray(a), np.asarray(b), **TOLERANCE),
+        actual,
+        expected,
+    )
 
 
 def deeds(task: AttackTask, seed: int, batch: tuple[int, ...] = ()) -> list[np.ndarray]:
@@ -96,7 +108,9 @@ def deeds(task: AttackTask, seed: int, batch: tuple[int, ...] = ()) -> list[np.n
     return [np.choose(mood, [0.2 * x, x, 1 - 0.1 * x]) for x in random.random((rounds, *shape))]
 
 
-def play(task: AttackTask, seed: int = 0, actions: Any = None) -> Iterator[tuple[TaskState, TaskState, Outcome]]:
+def play(
+    task: AttackTask, seed: int = 0, actions: Any = None
+) -> Iterator[tuple[TaskState, TaskState, Outcome]]:
     """Yield the state before, the state after and the outcome of every round of one game."""
     random = rng(seed)
     state = task.start(task.game.draw(random, start=True), random)

@@ -12,13 +12,16 @@ from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
 
 
 class Slow:
-    """A game as its documentation tells it, with nothing of the library but the scenario's fields."""
+    """A game as its documentation tells it, with nothing of the library but the scenario's
+    fields."""
 
     def __init__(self, scenario: Scenario, noise: Noise) -> None:
         self.rules, self.round = scenario, 0
         self.group, self.in_reserve = {}, set()
         for role, prefix in (("SR", "sr"), ("SP", "sp"), ("SR+SP", "srsp")):
-            owners = [group for group in scenario.agents if group.role == role for _ in range(group.count)]
+            owners = [
+                group for group in scenario.agents if group.role == role for _ in range(group.count)
+            ]
             reserves = [group for group in owners for _ in range(group.reserve)]
             self.group |= {f"{prefix}_{i}": group for i, group in enumerate(owners + reserves)}
             self.in_reserve |= {f"{prefix}_{i}" for i in range(len(owners), len(owners + reserves))}
@@ -53,7 +56,9 @@ class Slow:
             for n, j in enumerate(self.providers)
         }
 
-    def draw_trait(self, trait: str, agents: list[str], luck: np.ndarray | None) -> dict[str, float]:
+    def draw_trait(
+        self, trait: str, agents: list[str], luck: np.ndarray | None
+    ) -> dict[str, float]:
         drawn = {}
         for n, k in enumerate(agents):
             drawn[k] = getattr(self.group[k], trait)
@@ -68,11 +73,20 @@ class Slow:
             luck = 0.5 if noise.presence is None else noise.presence[n]
             called = k not in self.in_reserve or (wanted is not None and wanted[n])
             withdraws = wanted is not None and group.reserve > 0 and not wanted[n]
-            if self.phase[k] == WAITING and round >= group.joins and luck < group.join_rate and called:
+            if (
+                self.phase[k] == WAITING
+                and round >= group.joins
+                and luck < group.join_rate
+                and called
+            ):
                 self.phase[k] = PRESENT
             elif self.phase[k] == PRESENT and (luck < group.leave_rate or withdraws):
                 self.phase[k] = LEFT
-            if self.phase[k] in (WAITING, PRESENT) and group.leaves is not None and round >= group.leaves:
+            if (
+                self.phase[k] in (WAITING, PRESENT)
+                and group.leaves is not None
+                and round >= group.leaves
+            ):
                 self.phase[k] = LEFT
 
     def trust(self, k: str) -> float:
@@ -128,13 +142,21 @@ class Slow:
         def matrix(of: Callable[[tuple[str, str]], float]) -> list[list[float]]:
             return [[of((i, j)) for j in self.providers] for i in self.raters]
 
-        notes, mask = matrix(lambda c: self.arrived.get(c, 0.0)), matrix(lambda c: c in self.arrived)
+        notes, mask = (
+            matrix(lambda c: self.arrived.get(c, 0.0)),
+            matrix(lambda c: c in self.arrived),
+        )
         last = matrix(lambda c: self.last.get(c, 0.0))
         elapsed = matrix(lambda c: self.round - self.rated_in[c] if c in self.rated_in else 0)
         lam = self.rules.lam
         tor = reference.rater_trust(notes, mask, list(self.tor.values()), lam)
-        top = reference.provider_trust(notes, mask, tor, list(self.top.values()), last, elapsed, lam)
-        self.tor, self.top = dict(zip(self.raters, tor, strict=True)), dict(zip(self.providers, top, strict=True))
+        top = reference.provider_trust(
+            notes, mask, tor, list(self.top.values()), last, elapsed, lam
+        )
+        self.tor, self.top = (
+            dict(zip(self.raters, tor, strict=True)),
+            dict(zip(self.providers, top, strict=True)),
+        )
         self.last |= self.arrived
         self.rated_in |= dict.fromkeys(self.arrived, self.round)
 
@@ -149,14 +171,20 @@ class Slow:
                 share = self.rules.access.speed / distance
                 self.place[k] = (x + share * (goal_x - x), y + share * (goal_y - y))
 
-    def serve(self, quality: np.ndarray, treatment: np.ndarray | None, acting: set[str], noise: Noise) -> None:
+    def serve(
+        self, quality: np.ndarray, treatment: np.ndarray | None, acting: set[str], noise: Noise
+    ) -> None:
         access = self.rules.access
         self.awaiting = set()
         for s, i in enumerate(self.raters):
-            within, met = [], self.meet(i, noise.choice[s]) if access.kind == "encounters" else self.providers
+            within, met = (
+                [],
+                self.meet(i, noise.choice[s]) if access.kind == "encounters" else self.providers,
+            )
             for p, j in enumerate(self.providers):
                 near = self.place is None or (
-                    hypot(self.place[i][0] - self.place[j][0], self.place[i][1] - self.place[j][1]) <= access.radius
+                    hypot(self.place[i][0] - self.place[j][0], self.place[i][1] - self.place[j][1])
+                    <= access.radius
                 )
                 duty = self.on_duty(i, "SR") and self.on_duty(j, "SP")
                 if i != j and {i, j} <= acting and duty and near and j in met:
@@ -164,13 +192,18 @@ class Slow:
             if access.kind == "choice":
                 luck, t = noise.choice[s], access.temperature
                 if t:
-                    within.sort(key=lambda pj: self.top[pj[1]] / t - log(-log(luck[pj[0]])), reverse=True)
+                    within.sort(
+                        key=lambda pj: self.top[pj[1]] / t - log(-log(luck[pj[0]])), reverse=True
+                    )
                 else:
                     # Luck decides between trusts as near as 1e-5.
                     within.sort(key=lambda pj: self.top[pj[1]] + 1e-5 * luck[pj[0]], reverse=True)
                 within = within[: access.providers]
             self.awaiting |= {(i, j) for _, j in within}
-        strength = max((b.strength for b in self.rules.perturbations if b.start <= self.round < b.stop), default=0.0)
+        strength = max(
+            (b.strength for b in self.rules.perturbations if b.start <= self.round < b.stop),
+            default=0.0,
+        )
         self.service, got = {}, {j: [] for j in self.providers}
         for s, i in enumerate(self.raters):
             for p, j in enumerate(self.providers):
@@ -181,7 +214,9 @@ class Slow:
                     seen += self.group[i].noise * noise.perception[s, p]
                     self.service[i, j] = min(max(seen, 0.0), 1.0)
 
-        self.quality = {j: sum(services) / len(services) if services else 0.0 for j, services in got.items()}
+        self.quality = {
+            j: sum(services) / len(services) if services else 0.0 for j, services in got.items()
+        }
 
     def meet(self, i: str, luck: np.ndarray) -> set[str]:
         """Floyd's sample of other providers."""
@@ -197,7 +232,11 @@ class Slow:
         for k in self.names:
             weight = weights.rater_trust if k in self.raters else weights.provider_trust
             weight = weights.agent_trust if k in self.both else weight
-            cost = weights.quality_cost * self.value[k] * self.quality[k] if k in self.providers else 0.0
+            cost = (
+                weights.quality_cost * self.value[k] * self.quality[k]
+                if k in self.providers
+                else 0.0
+            )
             rewards[k] = weight * self.trust(k) - cost
         return rewards
 
@@ -205,7 +244,9 @@ class Slow:
         """The fields of `State`, in arrays."""
 
         def cells(of: dict, default: float = 0.0) -> np.ndarray:
-            return np.array([[of.get((i, j), default) for j in self.providers] for i in self.raters])
+            return np.array(
+                [[of.get((i, j), default) for j in self.providers] for i in self.raters]
+            )
 
         fields = {
             "round": self.round,
@@ -217,5 +258,7 @@ class Slow:
             "value": np.array(list(self.value.values())) / max(self.rules.values),
         }
         if self.both:
-            fields["counts"] = np.array([list(self.n_rated.values()), list(self.n_provided.values())])
+            fields["counts"] = np.array(
+                [list(self.n_rated.values()), list(self.n_provided.values())]
+            )
         return fields

@@ -39,7 +39,9 @@ def test_a_policy_that_writes_to_its_view_changes_no_state() -> None:
     game = Game(make_scenario("paper-3x3"))
     random = game.random(0)
     state = game.start(game.draw(random, start=True))
-    state, _ = game.step(state, JointPolicy(game, {}).act(state, (None,) * 2, random)[0], game.draw(random))
+    state, _ = game.step(
+        state, JointPolicy(game, {}).act(state, (None,) * 2, random)[0], game.draw(random)
+    )
     before = summarise(game, state).copy()
     players = JointPolicy(game, {"sr_0": Scribbler(), "sr_2": Scribbler(), "sp_1": Scribbler()})
     players.act(state, players.begin(random), random)

@@ -1,7 +1,8 @@
-"""What was played before agents differed and before there were two dozen trust models is played still.
+"""What was played before agents differed and before there were two dozen trust models is played
+still.
 
-The numbers are of version 0.1.0, in which every game here was the same to the last bit; they are compared to what
-machines may differ by.
+The numbers are of version 0.1.0, in which every game here was the same to the last bit; they are
+compared to what machines may differ by.
 """
 
 import pytest
@@ -23,21 +24,30 @@ FIGURES = {
     ("peers", "role-trust"): (0.7649185014543295, 0.6871407236765517),
     ("peers", "mean"): (0.9498749344384485, 0.8720971566606708),
 }
-"""Mean trust and mean reward in three games of 60 rounds, under an on-off provider and a bad-mouthing rater."""
+"""Mean trust and mean reward in three games of 60 rounds, under an on-off provider and a
+bad-mouthing rater."""
 
 
 @pytest.mark.parametrize(("preset", "trust_model"), FIGURES)
 def test_every_preset_plays_as_before(preset: str, trust_model: str) -> None:
     game = Game(make_scenario(preset).change(max_cycles=60), trust_model)
     first, last = game.roster.provider_names[0], game.roster.rater_names[-1]
-    history = record(JointPolicy(game, {first: OnOff(period=4), last: BadMouthing(start=5)}), game.random(0), (3,))
+    history = record(
+        JointPolicy(game, {first: OnOff(period=4), last: BadMouthing(start=5)}),
+        game.random(0),
+        (3,),
+    )
     found = history.trust.mean(), history.rewards.mean()
     assert found == pytest.approx(FIGURES[preset, trust_model], abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ("name", "score"),
-    [("collusion-10x10", 0.39031471718102695), ("provider-3x3", 0.2399201817708672), ("rater-3x3", 0.4882214814424515)],
+    [
+        ("collusion-10x10", 0.39031471718102695),
+        ("provider-3x3", 0.2399201817708672),
+        ("rater-3x3", 0.4882214814424515),
+    ],
 )
 def test_every_saved_attacker_plays_as_before(name: str, score: float) -> None:
     attacker = load_attacker(name)

@@ -1,11 +1,24 @@
-"""The attacker's side of a game against slow formulas: outcomes, actions, exact optima, bad input."""
+"""The attacker's side of a game against slow formulas: outcomes, actions, exact optima, bad
+input."""
 
 from statistics import fmean
 from typing import Any
 
 import numpy as np
 import pytest
-from attack_cases import CASES, EVERY_ACCESS, EVERY_CASE, STEALTH, assert_close, busy, deeds, each, make, play, rng
+from attack_cases import (
+    CASES,
+    EVERY_ACCESS,
+    EVERY_CASE,
+    STEALTH,
+    assert_close,
+    busy,
+    deeds,
+    each,
+    make,
+    play,
+    rng,
+)
 
 from roletrust_agents.planning.exact import optimal_provider, optimal_rater
 from roletrust_baselines import BadMouthing, OnOff
@@ -15,19 +28,25 @@ from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.game.attack_task import AttackTask, Stealth
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
 
-# --- objectives, cost, termination -------------------------------------------------------------------
+# --- objectives, cost, termination
+# -------------------------------------------------------------------
 
 
 def slow_outcome(task: AttackTask, case: dict[str, Any], state: Any) -> dict[str, float]:
     """The outcome as the documentation tells it, agent by agent."""
     game, roster, mine = task.game, task.game.roster, case["compromised"]
     tor, top = game.published(state)
-    tor, top = dict(zip(roster.rater_names, tor, strict=True)), dict(zip(roster.provider_names, top, strict=True))
+    tor, top = (
+        dict(zip(roster.rater_names, tor, strict=True)),
+        dict(zip(roster.provider_names, top, strict=True)),
+    )
     phase = dict.fromkeys(roster.names, PRESENT)
     if state.population is not None:
         phase = dict(zip(roster.names, state.population.phase, strict=True))
     attackers = [k for k, policy in case.get("others", {}).items() if policy.attacks]
-    honest = [k for k in roster.names if k not in mine and k not in attackers and phase[k] == PRESENT]
+    honest = [
+        k for k in roster.names if k not in mine and k not in attackers and phase[k] == PRESENT
+    ]
 
     def mean(numbers: list[float]) -> float:
         return fmean(numbers) if numbers else 0.0
@@ -35,7 +54,9 @@ def slow_outcome(task: AttackTask, case: dict[str, Any], state: Any) -> dict[str
     if case.get("objective", "damage") == "damage":
         objective = mean([1 - top[k] for k in honest if k in top])
     else:
-        sellers = case["accomplices"] if case["objective"] == "promote" else [k for k in mine if k in top]
+        sellers = (
+            case["accomplices"] if case["objective"] == "promote" else [k for k in mine if k in top]
+        )
         gains = []
         for k in sellers:
             j = roster.provider_names.index(k)
@@ -63,11 +84,14 @@ def test_an_outcome_is_what_the_formulas_say(case: dict, access: str) -> None:
     task = make(busy(access), case)
     for seed in range(3):
         for _, after, outcome in play(task, seed):
-            assert outcome._asdict() == pytest.approx(slow_outcome(task, case, after.game), abs=1e-12)
+            assert outcome._asdict() == pytest.approx(
+                slow_outcome(task, case, after.game), abs=1e-12
+            )
 
 
 def test_the_cases_meet_what_they_are_for() -> None:
-    """Costs and none, absent sellers, honest agents that are away, caught and not: else the test above is idle."""
+    """Costs and none, absent sellers, honest agents that are away, caught and not: else the test
+    above is idle."""
     met = set()
     for case in CASES.values():
         task = make(busy(), case)
@@ -78,7 +102,9 @@ def test_the_cases_meet_what_they_are_for() -> None:
                 met.add("cost" if outcome.cost > 0 else "no cost")
                 met.add("caught" if outcome.caught else "free")
                 met.add("somebody away" if away.any() else "all there")
-                met.add("some sell" if 0 < state.awaiting.any(axis=0).mean() < 1 else "all or none sell")
+                met.add(
+                    "some sell" if 0 < state.awaiting.any(axis=0).mean() < 1 else "all or none sell"
+                )
                 met |= {"objective"} if 0 < outcome.objective < 1 else set()
     assert len(met) == 9
 
@@ -96,7 +122,8 @@ def test_the_paper_world_by_hand() -> None:
 
 
 def test_nobody_hides_behind_another() -> None:
-    """Of four raters one rates 0 for ever and its accomplice is honest: the cost is the liar's own, shared by two."""
+    """Of four raters one rates 0 for ever and its accomplice is honest: the cost is the liar's own,
+    shared by two."""
     scenario = Scenario(agents=[{"role": "SR", "count": 4}, {"role": "SP"}], max_cycles=60)
     task = make(scenario, {"compromised": ("sr_2", "sr_3"), "stealth": Stealth(2.0, 0.1)})
     *_, (_, _, outcome) = play(task, actions=[np.array([1.0, 0.0])] * 60)
@@ -105,20 +132,32 @@ def test_nobody_hides_behind_another() -> None:
 
 
 def test_who_is_gone_stays_as_far_apart_as_it_went() -> None:
-    """A rater that lied until it left goes on costing what it cost; the honest one beside it costs nothing."""
-    agents = [{"role": "SR", "count": 2}, {"role": "SP"}, {"role": "SR"}, {"role": "SR", "leaves": 5}]
+    """A rater that lied until it left goes on costing what it cost; the honest one beside it costs
+    nothing."""
+    agents = [
+        {"role": "SR", "count": 2},
+        {"role": "SP"},
+        {"role": "SR"},
+        {"role": "SR", "leaves": 5},
+    ]
     scenario = Scenario(agents=agents, max_cycles=40)
     task = make(scenario, {"compromised": ("sr_2", "sr_3"), "stealth": Stealth(2.0, 0.1)})
     rounds = list(play(task, actions=[np.array([1.0, 0.0])] * 40))
     left = task.game.published(rounds[-1][1].game)[0][3]
     assert [task.game.published(after.game)[0][3] for _, after, _ in rounds[6:]] == [left] * 34
-    assert rounds[-1][2].cost == pytest.approx((1 - left - 0.1) / 2, abs=1e-9)  # the honest are trusted again
+    assert rounds[-1][2].cost == pytest.approx(
+        (1 - left - 0.1) / 2, abs=1e-9
+    )  # the honest are trusted again
 
 
 def test_exploit_pays_for_the_trust_at_which_the_service_is_sold() -> None:
-    scenario = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}], max_cycles=3)
+    scenario = Scenario(
+        agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}], max_cycles=3
+    )
     task = make(scenario, {"compromised": ("sp_1",), "objective": "exploit"})
-    outcomes = [outcome for *_, outcome in play(task, actions=[np.array([q]) for q in (1.0, 0.25, 0.0)])]
+    outcomes = [
+        outcome for *_, outcome in play(task, actions=[np.array([q]) for q in (1.0, 0.25, 0.0)])
+    ]
     second = 0.5 * 0.75 + 0.25  # after the good service of round 0; ToR rises to 0.75
     bad = np.sinc(0.75) * np.sinc(0.75) * 0.875 * 0.25  # the note 0.25 that follows the note 1
     gains = [0.0, second * 0.75, 0.5 * bad + 0.5 * second]
@@ -128,37 +167,54 @@ def test_exploit_pays_for_the_trust_at_which_the_service_is_sold() -> None:
 
 def test_who_is_absent_sells_nothing() -> None:
     agents = [{"role": "SR"}, {"role": "SP"}, {"role": "SP", "joins": 4}]
-    task = make(Scenario(agents=agents, max_cycles=9), {"compromised": ("sp_1",), "objective": "exploit"})
+    task = make(
+        Scenario(agents=agents, max_cycles=9), {"compromised": ("sp_1",), "objective": "exploit"}
+    )
     gains = [outcome.objective for *_, outcome in play(task, actions=[np.zeros(1)] * 9)]
-    # It is there from round 4 on, and serves from its first full round on; then nothing but 0 is ever noted.
+    # It is there from round 4 on, and serves from its first full round on; then nothing but 0 is
+    # ever noted.
     assert gains[:4] == [0.0] * 4
     assert gains[4:] == [0.5 * 0.5**n for n in range(5)]
 
 
 @pytest.mark.parametrize("role", ["SR", "SP"])
 def test_only_the_last_one_gone_ends_it(role: str) -> None:
-    """They leave in rounds 2 and 5; one that has yet to come is not gone; the exit of somebody else is nothing."""
+    """They leave in rounds 2 and 5; one that has yet to come is not gone; the exit of somebody else
+    is nothing."""
     names = [f"{role.lower()}_{n}" for n in (1, 2)]
-    agents = [{"role": "SR"}, {"role": "SP"}, {"role": role, "leaves": 2}, {"role": role, "joins": 3, "leaves": 5}]
-    task = make(Scenario(agents=[*agents, {"role": "SP", "leaves": 1}], max_cycles=7), {"compromised": names})
+    agents = [
+        {"role": "SR"},
+        {"role": "SP"},
+        {"role": role, "leaves": 2},
+        {"role": role, "joins": 3, "leaves": 5},
+    ]
+    task = make(
+        Scenario(agents=[*agents, {"role": "SP", "leaves": 1}], max_cycles=7),
+        {"compromised": names},
+    )
     outcomes = [outcome for *_, outcome in play(task)]
     assert [bool(o.caught) for o in outcomes] == [False] * 4 + [True] * 3
 
 
 def test_being_cut_off_is_being_caught() -> None:
     scenario = Scenario(
-        agents=[{"role": "SR", "count": 3}, {"role": "SP"}], admission={"threshold": 0.3, "rounds": 2}, max_cycles=8
+        agents=[{"role": "SR", "count": 3}, {"role": "SP"}],
+        admission={"threshold": 0.3, "rounds": 2},
+        max_cycles=8,
     )
     task = make(scenario, {"compromised": ("sr_0",)})
     rounds = list(play(task, actions=[np.zeros(1)] * 8))
     tor = [task.game.published(after.game)[0][0] for _, after, _ in rounds]
     low = np.convolve(np.array(tor) < 0.3, [1, 1])[:8] == 2
-    assert [bool(outcome.caught) for *_, outcome in rounds] == np.logical_or.accumulate(low).tolist()
+    assert [bool(outcome.caught) for *_, outcome in rounds] == np.logical_or.accumulate(
+        low
+    ).tolist()
     assert rounds[-1][2].caught
     assert not rounds[2][2].caught
 
 
-# --- actions ----------------------------------------------------------------------------------------
+# --- actions
+# ----------------------------------------------------------------------------------------
 
 
 def joint(task: AttackTask, scripted: Actions, action: np.ndarray) -> Actions:
@@ -177,8 +233,11 @@ def joint(task: AttackTask, scripted: Actions, action: np.ndarray) -> Actions:
 
 @EVERY_CASE
 def test_actions_overrule_exactly_the_compromised(case: dict) -> None:
-    """The others rate what they perceive and serve as well as they can, but for those with a policy of their own."""
-    task = make(busy(), case | {"others": {"sp_2": OnOff(bad=0.4)}} if "others" not in case else case)
+    """The others rate what they perceive and serve as well as they can, but for those with a policy
+    of their own."""
+    task = make(
+        busy(), case | {"others": {"sp_2": OnOff(bad=0.4)}} if "others" not in case else case
+    )
     game, policies = task.game, task.joint_policy.policies
     random, draws = rng(3), rng(3)
     state = task.start(game.draw(random, start=True), random)
@@ -216,7 +275,9 @@ def test_permuting_the_compromised_permutes_actions_and_observations(order: tupl
 
     actions = deeds(task, 1)
     permuted = play(other, 1, [permute(action, size) for action in actions])
-    for (_, state, outcome), (_, twin, twin_outcome) in zip(play(task, 1, actions), permuted, strict=True):
+    for (_, state, outcome), (_, twin, twin_outcome) in zip(
+        play(task, 1, actions), permuted, strict=True
+    ):
         assert_close(twin.game, state.game)
         assert_close(twin_outcome, outcome)
         assert_close(other.observe(twin), permute(task.observe(state), seen))
@@ -234,7 +295,8 @@ def test_a_step_leaves_its_inputs_alone() -> None:
         state = after
 
 
-# --- exact optima -----------------------------------------------------------------------------------
+# --- exact optima
+# -----------------------------------------------------------------------------------
 
 
 def certain(rounds: int) -> Scenario:
@@ -248,16 +310,23 @@ def test_the_exact_provider_scores_the_same_in_the_task() -> None:
     assert np.mean(rewards) == pytest.approx(best.score, abs=1e-12)
 
 
-@pytest.mark.parametrize(("liars", "weight", "tolerance"), [(1, 2.0, 0.1), (2, 0.5, 0.0), (1, 0.0, 0.1)])
-def test_the_exact_rater_scores_the_same_in_the_task(liars: int, weight: float, tolerance: float) -> None:
-    best = optimal_rater(certain(50), compromised=liars, weight=weight, tolerance=tolerance, levels=24, points=24)
+@pytest.mark.parametrize(
+    ("liars", "weight", "tolerance"), [(1, 2.0, 0.1), (2, 0.5, 0.0), (1, 0.0, 0.1)]
+)
+def test_the_exact_rater_scores_the_same_in_the_task(
+    liars: int, weight: float, tolerance: float
+) -> None:
+    best = optimal_rater(
+        certain(50), compromised=liars, weight=weight, tolerance=tolerance, levels=24, points=24
+    )
     case = {"compromised": ("sr_2", "sr_0")[:liars], "stealth": Stealth(weight, tolerance)}
     lies = np.repeat(best.actions[:, None], 3 * liars, axis=1)
     rewards = [outcome.reward for *_, outcome in play(make(certain(50), case), actions=lies)]
     assert np.mean(rewards) == pytest.approx(best.score, abs=1e-12)
 
 
-# --- bad input --------------------------------------------------------------------------------------
+# --- bad input
+# --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -268,12 +337,21 @@ def test_the_exact_rater_scores_the_same_in_the_task(liars: int, weight: float, 
         ({"compromised": ()}, ["compromised", "empty"]),
         ({"objective": "harm"}, ["objective", "'harm'", "damage", "exploit", "promote"]),
         ({"objective": None}, ["objective", "None", "damage"]),
-        ({"knowledge": "omniscient"}, ["knowledge", "'omniscient'", "black_box", "grey_box", "white_box"]),
+        (
+            {"knowledge": "omniscient"},
+            ["knowledge", "'omniscient'", "black_box", "grey_box", "white_box"],
+        ),
         ({"objective": "exploit"}, ["'exploit'", "provider"]),
         ({"objective": "promote"}, ["'promote'", "accomplice"]),
-        ({"compromised": [f"sp_{j}" for j in range(5)] + [f"srsp_{k}" for k in range(3)]}, ["'damage'", "honest"]),
+        (
+            {"compromised": [f"sp_{j}" for j in range(5)] + [f"srsp_{k}" for k in range(3)]},
+            ["'damage'", "honest"],
+        ),
         ({"objective": "promote", "accomplices": ("sr_0",)}, ["accomplices", "'sr_0'", "sp_0"]),
-        ({"objective": "promote", "accomplices": ("sp_0", "sp_0")}, ["accomplices", "'sp_0'", "twice"]),
+        (
+            {"objective": "promote", "accomplices": ("sp_0", "sp_0")},
+            ["accomplices", "'sp_0'", "twice"],
+        ),
         ({"others": {"sr_1": OnOff()}}, ["'sr_1'", "compromised"]),
         ({"others": {"sr_7": BadMouthing()}}, ["'sr_7'", "sr_0"]),
         ({"others": {"sr_0": OnOff()}}, ["'sr_0'", "quality"]),
@@ -303,7 +381,9 @@ def test_who_has_yet_to_come_is_waiting() -> None:
 
 
 def test_a_blind_share_turns_the_score_where_the_skill_is_crossed():
-    task = make_task("crowd-10x10", ("sp_8", "sp_9"), objective="mislead", max_cycles=20, like=np.zeros(()))
+    task = make_task(
+        "crowd-10x10", ("sp_8", "sp_9"), objective="mislead", max_cycles=20, like=np.zeros(())
+    )
     attacker = Scripted({"sp_8": OnOff(duty=1.0), "sp_9": OnOff(duty=1.0)})
 
     def score(share):

@@ -7,7 +7,9 @@ from roletrust_env import Game, Scenario
 from roletrust_env.game.attack_task import AttackerSide
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
 
-SCENARIO = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 1}])
+SCENARIO = Scenario(
+    agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 1}]
+)
 
 
 @pytest.mark.parametrize(
@@ -18,7 +20,9 @@ def test_a_gap_stays_when_an_identity_is_gone(first: int, second: int, gap: floa
     game = Game(SCENARIO)
     roster = game.roster
     side = AttackerSide(roster, ["sp_2"], list(roster.names), game.like)
-    top = np.array([0.9, 0.7, 0.6, 0.2])  # of two honest providers, and of the two identities of the third
+    top = np.array(
+        [0.9, 0.7, 0.6, 0.2]
+    )  # of two honest providers, and of the two identities of the third
     phase = np.array([PRESENT] * roster.n_agents)
     phase[roster.names.index("sp_2")], phase[roster.names.index("sp_3")] = first, second
     present = phase == PRESENT

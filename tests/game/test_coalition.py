@@ -18,13 +18,22 @@ from roletrust_env.game.game import Game
 
 WORLD = {
     "max_cycles": 8,
-    "agents": [{"role": "SR", "count": 4, "noise": 0.1}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
+    "agents": [
+        {"role": "SR", "count": 4, "noise": 0.1},
+        {"role": "SP", "count": 3, "ability": [0.3, 1.0]},
+    ],
 }
 TEAM = ("sr_2", "sr_3", "sp_2")
 
 
 def task_of(compromised=TEAM, **arguments):
-    options = {"objective": "mislead", "observation": "coalition", "like": np.zeros(()), **WORLD, **arguments}
+    options = {
+        "objective": "mislead",
+        "observation": "coalition",
+        "like": np.zeros(()),
+        **WORLD,
+        **arguments,
+    }
     return make_task("market", compromised, **options)
 
 
@@ -46,7 +55,10 @@ def at_random(rng, size, batch):
 def ranks(values):
     """Return the rank of each value among P, 0 for the highest and 1 for the lowest, with loops."""
     p = len(values)
-    return [sum(0.5 + 0.5 * np.sign(values[j] - v) for j in range(p) if j != i) / (p - 1) for i, v in enumerate(values)]
+    return [
+        sum(0.5 + 0.5 * np.sign(values[j] - v) for j in range(p) if j != i) / (p - 1)
+        for i, v in enumerate(values)
+    ]
 
 
 @pytest.mark.parametrize("compromised", [TEAM, ("sr_3",), ("sp_1", "sp_2")])
@@ -93,7 +105,9 @@ def test_the_features_are_those_of_a_loop(compromised):
 
 @pytest.mark.parametrize("compromised", [TEAM, ("sp_1", "sp_2")])
 def test_the_features_of_accounts_are_those_of_a_loop(compromised):
-    task = task_of(compromised, observation="accounts", access={"kind": "everyone"}, ratings={"lost": 0.5})
+    task = task_of(
+        compromised, observation="accounts", access={"kind": "everyone"}, ratings={"lost": 0.5}
+    )
     raters = [int(name[3:]) for name in compromised if name.startswith("sr")]
     own = [int(name[3:]) for name in compromised if name.startswith("sp")]
     heard = {(s, p, g): [] for s in range(4) for p in own for g in range(3)}
@@ -123,7 +137,12 @@ def test_the_features_of_accounts_are_those_of_a_loop(compromised):
                         "place": s / 3,
                     }
                     for name, value in zip(ACCOUNT_FEATURES, found[:, s, k, g], strict=True):
-                        assert value == pytest.approx(float(expected[name]), abs=1e-12), (name, s, p, g)
+                        assert value == pytest.approx(float(expected[name]), abs=1e-12), (
+                            name,
+                            s,
+                            p,
+                            g,
+                        )
         chosen = task.coalition.decision(decision)
         given = chosen.treatment * chosen.quality[None, own]
     assert (abs(found) <= 1).all()
@@ -149,8 +168,12 @@ def test_rounding_errors_decide_no_rank(monkeypatch):
     state = task.start(task.game.draw(random, (3,), start=True), random)
     tor, top = task.game.published(state.game)
     alike = task.observe(state)
-    monkeypatch.setattr(Game, "published", lambda game, state: (tor, top + 1e-8 * np.arange(3)[:, None]))
-    other = task.coalition.features(state.game, task.coalition.remember(state.game, state.coalition))
+    monkeypatch.setattr(
+        Game, "published", lambda game, state: (tor, top + 1e-8 * np.arange(3)[:, None])
+    )
+    other = task.coalition.features(
+        state.game, task.coalition.remember(state.game, state.coalition)
+    )
     np.testing.assert_allclose(other.reshape(alike.shape), alike, atol=1e-6)
 
 
@@ -170,7 +193,9 @@ def test_a_decision_is_a_lie_about_each_provider_and_a_quality_of_each_accomplic
         actions = coalition.actions(coalition.decision(np.asarray(decision)), state.coalition)
         for p in range(3):
             for s in range(4):
-                assert actions.ratings[s, p] == np.clip(felt[p] + REACH * (2 * decision[p] - 1), 0, 1)
+                assert actions.ratings[s, p] == np.clip(
+                    felt[p] + REACH * (2 * decision[p] - 1), 0, 1
+                )
         assert actions.quality[2] == decision[5]
 
 
@@ -178,7 +203,9 @@ def test_the_truth_has_less_noise_than_an_honest_rating():
     task = task_of(("sr_2", "sr_3"))
     *_, (state, _, _) = play(task, lambda rng, size, batch: np.full((size, *batch), 0.5), (200,))
     game, true = state.game, state.game.quality
-    lie_ratings = task.coalition.actions(task.coalition.decision(np.full((3, 200), 0.5)), state.coalition).ratings[0]
+    lie_ratings = task.coalition.actions(
+        task.coalition.decision(np.full((3, 200), 0.5)), state.coalition
+    ).ratings[0]
     assert abs(lie_ratings - true).mean() < 0.7 * abs(game.service[0] - true).mean()
 
 
@@ -186,12 +213,17 @@ def test_the_truth_has_less_noise_than_an_honest_rating():
 def test_every_game_of_a_batch_is_the_single_game(observation):
     task = task_of(observation=observation)
     random = task.game.random(1)
-    noise = [task.game.draw(random, (4,), start=True), *(task.game.draw(random, (4,)) for _ in range(5))]
+    noise = [
+        task.game.draw(random, (4,), start=True),
+        *(task.game.draw(random, (4,)) for _ in range(5)),
+    ]
     rng = np.random.default_rng(0)
     decisions = rng.random((5, task.action_size, 4))
 
     def observed(pick):
-        noises = [type(one)(*(None if part is None else pick(part) for part in one)) for one in noise]
+        noises = [
+            type(one)(*(None if part is None else pick(part) for part in one)) for one in noise
+        ]
         state = task.start(noises[0], random)
         for decision, one in zip(decisions, noises[1:], strict=True):
             state, outcome = task.step(state, pick(decision), one, random)
@@ -206,7 +238,9 @@ def test_every_game_of_a_batch_is_the_single_game(observation):
 def test_it_plays_the_game_of_the_plain_task():
     """The same actions bring the same rewards, whatever is observed."""
     plain = make_task("market", TEAM, objective="mislead", like=np.zeros(()), **WORLD)
-    honest = [mean_rewards(task, Scripted({}), 0, (1, 5), SEARCHED)[0] for task in (plain, task_of())]
+    honest = [
+        mean_rewards(task, Scripted({}), 0, (1, 5), SEARCHED)[0] for task in (plain, task_of())
+    ]
     assert np.array_equal(*honest)
     task, decision = task_of(), np.full((8, 6), 0.3)
     by_rollout = mean_rewards(task, OpenLoop(decision), 0, (1, 5), SEARCHED)[0]
@@ -262,8 +296,14 @@ def test_identities_are_seen_and_called():
     task = make_task(scenario, ("sr_3",), objective="mislead", like=np.zeros(()))
     coalition = Coalition(task.game, task.identities)
     one = [groups[0], groups[1] | {"reserve": 1}, groups[2]]
-    for agents, has in ((groups, True), (one, True), ([*groups[:1], groups[1] | {"reserve": 0}, groups[2]], False)):
-        other = make_task(scenario.change(agents=agents), ("sr_3",), objective="mislead", like=np.zeros(()))
+    for agents, has in (
+        (groups, True),
+        (one, True),
+        ([*groups[:1], groups[1] | {"reserve": 0}, groups[2]], False),
+    ):
+        other = make_task(
+            scenario.change(agents=agents), ("sr_3",), objective="mislead", like=np.zeros(())
+        )
         assert Coalition(other.game, other.identities).has_reserve is has
     random = task.game.random(0)
     state = task.start(task.game.draw(random, (2,), start=True), random)

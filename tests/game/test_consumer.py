@@ -20,7 +20,10 @@ SELLERS = {"compromised": ("sp_1", "srsp_2", "sp_4"), "objective": "mislead"}
 def serving(game: Game, before: Any, after: Any, provider: str) -> bool:
     """Return whether a provider serves in the round between two states."""
     at = game.roster.names.index(provider)
-    there = all(state.population is None or state.population.phase[at] == PRESENT for state in (before, after))
+    there = all(
+        state.population is None or state.population.phase[at] == PRESENT
+        for state in (before, after)
+    )
     duty = game.roster.role_schedule(game.scenario.max_cycles)[1][before.round]
     return there and bool(duty[game.roster.provider_names.index(provider)])
 
@@ -30,7 +33,11 @@ def test_misled_is_who_went_to_the_most_trusted(access: str) -> None:
     task = make(busy(access), SELLERS)
     game, names, losses = task.game, task.game.roster.provider_names, []
     for (before, after, outcome), action in zip(play(task), deeds(task, 0), strict=True):
-        qualities = dict.fromkeys(names, 1.0) | {"sp_1": action[0], "srsp_2": action[1], "sp_4": action[-1]}
+        qualities = dict.fromkeys(names, 1.0) | {
+            "sp_1": action[0],
+            "srsp_2": action[1],
+            "sp_4": action[-1],
+        }
         trust = dict(zip(names, game.published(before.game)[1], strict=True))
         phase = before.game.population.phase
         known = [k for k in names if serving(game, before.game, after.game, k)]
@@ -54,14 +61,21 @@ def test_each_honest_rater_goes_by_what_it_knows(access: str, model: str) -> Non
             "srsp_2": action[1],
             "sp_4": action[-1],
         }
-        state, phase = before.game, dict(zip(roster.names, before.game.population.phase, strict=True))
+        state, phase = (
+            before.game,
+            dict(zip(roster.names, before.game.population.phase, strict=True)),
+        )
         bought = []
         for i, rater in enumerate(roster.rater_names):
             if rater in attacked or phase[rater] != PRESENT:
                 continue
             own = game.published(state)[1] if model == "role-trust" else state.trust.trust[i]
             trust = dict(zip(roster.provider_names, own, strict=True))
-            known = [k for k in trust if k != rater and phase[k] == PRESENT and serving(game, state, after.game, k)]
+            known = [
+                k
+                for k in trust
+                if k != rater and phase[k] == PRESENT and serving(game, state, after.game, k)
+            ]
             most = [qualities[k] for k in known if trust[k] == max(trust[k] for k in known)]
             bought.append((fmean(most), max(qualities[k] for k in known)) if known else (0.0, 0.0))
         losses.append(fmean(best - got for got, best in bought) if bought else 0.0)

@@ -10,13 +10,17 @@ from roletrust_env import Actions, Game, make_scenario
 from roletrust_env.arrays import namespace
 
 
-@pytest.mark.parametrize("like", [np.zeros((), np.float16), np.zeros((), int), torch.zeros((), dtype=torch.bfloat16)])
+@pytest.mark.parametrize(
+    "like", [np.zeros((), np.float16), np.zeros((), int), torch.zeros((), dtype=torch.bfloat16)]
+)
 def test_other_dtypes_are_refused(like: object) -> None:
     with pytest.raises(ValueError, match="float32 or float64"):
         Game(make_scenario("paper-3x3"), like=like)
 
 
-@pytest.mark.parametrize("like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"])
+@pytest.mark.parametrize(
+    "like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"]
+)
 def test_actions_in_another_precision_do_not_change_that_of_the_game(like: Any) -> None:
     game = Game(make_scenario("paper-3x3"), like=like)
     random, xp = game.random(0), namespace(like)
@@ -24,4 +28,8 @@ def test_actions_in_another_precision_do_not_change_that_of_the_game(like: Any) 
     for _ in range(3):
         actions = Actions(xp.ones(3, dtype=xp.float64), xp.ones((3, 3), dtype=xp.float64))
         state, rewards = game.step(state, actions, game.draw(random))
-    assert {*(trust.dtype for trust in game.published(state)), state.quality.dtype, rewards.dtype} == {like.dtype}
+    assert {
+        *(trust.dtype for trust in game.published(state)),
+        state.quality.dtype,
+        rewards.dtype,
+    } == {like.dtype}

@@ -1,4 +1,5 @@
-"""The closed forms of the model once more, by playing: the game with a joint policy, and PettingZoo with players."""
+"""The closed forms of the model once more, by playing: the game with a joint policy, and PettingZoo
+with players."""
 
 from collections.abc import Mapping
 from math import pi, sin, sqrt
@@ -8,7 +9,16 @@ import pytest
 
 from roletrust_agents import Honest
 from roletrust_baselines import BadMouthing, OnOff
-from roletrust_env import Game, JointPolicy, Player, Policy, Random, Scenario, make_scenario, parallel_env
+from roletrust_env import (
+    Game,
+    JointPolicy,
+    Player,
+    Policy,
+    Random,
+    Scenario,
+    make_scenario,
+    parallel_env,
+)
 from roletrust_env.game.rollout import record
 
 FACT = pytest.mark.parametrize("play", ["game", "pettingzoo"], indirect=True)
@@ -18,7 +28,9 @@ def sinc(x: float) -> float:
     return sin(pi * x) / (pi * x) if x else 1.0
 
 
-def paper(raters: int = 3, providers: int = 3, noise: float = 0.0, max_cycles: int = 90) -> Scenario:
+def paper(
+    raters: int = 3, providers: int = 3, noise: float = 0.0, max_cycles: int = 90
+) -> Scenario:
     agents = [{"role": "SR", "count": raters, "noise": noise}, {"role": "SP", "count": providers}]
     return make_scenario("paper-3x3").change(agents=agents, perturbations=(), max_cycles=max_cycles)
 
@@ -28,13 +40,19 @@ def in_game(scenario: Scenario, policies: Mapping[str, Policy]) -> tuple[np.ndar
     return history.tor, history.top
 
 
-def in_pettingzoo(scenario: Scenario, policies: Mapping[str, Policy]) -> tuple[np.ndarray, np.ndarray]:
+def in_pettingzoo(
+    scenario: Scenario, policies: Mapping[str, Policy]
+) -> tuple[np.ndarray, np.ndarray]:
     env = parallel_env(scenario)
-    players = {name: Player(policies.get(name, Policy()), name, env.layout) for name in env.possible_agents}
+    players = {
+        name: Player(policies.get(name, Policy()), name, env.layout) for name in env.possible_agents
+    }
     observations, _ = env.reset(seed=0)
     trust = []
     while env.agents:
-        observations, *_, infos = env.step({name: players[name](observations[name]) for name in env.agents})
+        observations, *_, infos = env.step(
+            {name: players[name](observations[name]) for name in env.agents}
+        )
         trust.append([infos[name]["trust"] for name in env.possible_agents])
     raters = env.layout.n_raters
     return np.array(trust)[:, :raters], np.array(trust)[:, raters:]
@@ -55,7 +73,9 @@ def printed(value: object, digits: int = 3) -> object:
 
 
 @FACT
-@pytest.mark.parametrize(("lie", "shown"), [(0.5, (0.5918, 0.4226, 0.4393)), (0.0, (1 - sqrt(1 / 3), 0.1835, 0.2818))])
+@pytest.mark.parametrize(
+    ("lie", "shown"), [(0.5, (0.5918, 0.4226, 0.4393)), (0.0, (1 - sqrt(1 / 3), 0.1835, 0.2818))]
+)
 def test_one_liar_of_three(play, lie: float, shown: tuple[float, float, float]) -> None:
     tor, top = play(paper(), {"sr_2": BadMouthing(level=lie)})
     honest, liar = 1 - sqrt((1 - lie) / 3), 1 - sqrt((1 - lie) * 2 / 3)
@@ -76,7 +96,9 @@ def test_a_liar_that_attacks_one_provider_of_three(play) -> None:
 
 
 @FACT
-@pytest.mark.parametrize(("quality", "shown"), [(0.9, 0.885), (0.8, 0.748), (0.7, 0.601), (0.5, 0.318)])
+@pytest.mark.parametrize(
+    ("quality", "shown"), [(0.9, 0.885), (0.8, 0.748), (0.7, 0.601), (0.5, 0.318)]
+)
 def test_constant_quality_among_the_honest(play, quality: float, shown: float) -> None:
     tor, top = play(paper(), {f"sp_{j}": Honest(best=quality) for j in range(3)})
     assert tor[-1] == close(1)

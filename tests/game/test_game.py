@@ -7,7 +7,17 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import torch
-from game_cases import ACCESS, EVERY_ACCESS, TOLERANCE, assert_close, busy, each, luck, play, scenarios
+from game_cases import (
+    ACCESS,
+    EVERY_ACCESS,
+    TOLERANCE,
+    assert_close,
+    busy,
+    each,
+    luck,
+    play,
+    scenarios,
+)
 from hypothesis import given
 from slow_game import Slow
 
@@ -24,19 +34,27 @@ def assert_matches_reference(scenario: Scenario, seed: int) -> None:
     assert game.roster.names == tuple(slow.names)
     for t, (state, rewards) in enumerate(play(game, start, actions, noises)):
         if t:
-            np.testing.assert_allclose(rewards, list(slow.step(actions[t - 1], noises[t - 1]).values()), **TOLERANCE)
+            np.testing.assert_allclose(
+                rewards, list(slow.step(actions[t - 1], noises[t - 1]).values()), **TOLERANCE
+            )
         for field, value in slow.expected().items():
-            np.testing.assert_allclose(getattr(state, field), value, err_msg=f"{field}, round {t}", **TOLERANCE)
+            np.testing.assert_allclose(
+                getattr(state, field), value, err_msg=f"{field}, round {t}", **TOLERANCE
+            )
         tor, top = game.published(state)
         np.testing.assert_allclose(tor, list(slow.tor.values()), **TOLERANCE)
         np.testing.assert_allclose(top, list(slow.top.values()), **TOLERANCE)
-        np.testing.assert_allclose(game.agent_trust(state), [slow.trust(k) for k in slow.names], **TOLERANCE)
+        np.testing.assert_allclose(
+            game.agent_trust(state), [slow.trust(k) for k in slow.names], **TOLERANCE
+        )
         if state.population is None:
             assert set(slow.phase.values()) == {PRESENT}
         else:
             assert state.population.phase.tolist() == list(slow.phase.values())
         if slow.place is not None:
-            np.testing.assert_allclose(state.motion.position, list(slow.place.values()), **TOLERANCE)
+            np.testing.assert_allclose(
+                state.motion.position, list(slow.place.values()), **TOLERANCE
+            )
 
 
 @EVERY_ACCESS
@@ -60,7 +78,9 @@ def test_a_batch_is_its_games_one_by_one(scenario: Scenario, seed: int) -> None:
         def one(array: Any, e: int = e) -> Any:
             return array[..., e]
 
-        alone = play(game, each(one, start), *([each(one, tree) for tree in trees] for trees in rounds))
+        alone = play(
+            game, each(one, start), *([each(one, tree) for tree in trees] for trees in rounds)
+        )
         for whole, single in zip(together, alone, strict=True):
             assert_close(single, each(one, whole))
 
@@ -75,15 +95,23 @@ def test_a_batch_may_have_several_axes() -> None:
     folded = play(game, fold(start), *(map(fold, trees) for trees in rounds))
     for flat, two in zip(play(game, start, *rounds), folded, strict=True):
         assert_close(two, fold(flat))
-        np.testing.assert_allclose(summarise(game, two[0]), fold(summarise(game, flat[0])), **TOLERANCE)
+        np.testing.assert_allclose(
+            summarise(game, two[0]), fold(summarise(game, flat[0])), **TOLERANCE
+        )
 
 
 @given(scenarios(), st.integers(0, 99), st.sampled_from([(), (2,)]))
 def test_numpy_and_torch_agree(scenario: Scenario, seed: int, batch: tuple[int, ...]) -> None:
     game, tensor_game = Game(scenario), Game(scenario, like=torch.zeros((), dtype=torch.float64))
     start, *rounds = luck(game, seed, batch)
-    tensors = play(tensor_game, each(torch.asarray, start), *([each(torch.asarray, t) for t in r] for r in rounds))
-    for (state, rewards), (tensor_state, tensor_rewards) in zip(play(game, start, *rounds), tensors, strict=True):
+    tensors = play(
+        tensor_game,
+        each(torch.asarray, start),
+        *([each(torch.asarray, t) for t in r] for r in rounds),
+    )
+    for (state, rewards), (tensor_state, tensor_rewards) in zip(
+        play(game, start, *rounds), tensors, strict=True
+    ):
         assert all(isinstance(array, torch.Tensor) for array in arrays(tensor_state))
         assert_close((tensor_state, tensor_rewards), (state, rewards))
         assert_close(summarise(tensor_game, tensor_state), summarise(game, state))
@@ -92,7 +120,9 @@ def test_numpy_and_torch_agree(scenario: Scenario, seed: int, batch: tuple[int, 
 
 
 @given(scenarios(), st.integers(0, 99), st.sampled_from([np.float32, np.float64]), st.booleans())
-def test_everything_stays_in_range_and_precision(scenario: Scenario, seed: int, dtype: type, tensors: bool) -> None:
+def test_everything_stays_in_range_and_precision(
+    scenario: Scenario, seed: int, dtype: type, tensors: bool
+) -> None:
     def cast(array: Any) -> Any:
         array = np.asarray(array)
         array = array if array.dtype == bool else array.astype(dtype)
@@ -101,12 +131,16 @@ def test_everything_stays_in_range_and_precision(scenario: Scenario, seed: int, 
     game = Game(scenario, like=cast(0.0))
     start, *rounds = luck(Game(scenario), seed)
     kinds = None
-    for state, rewards in play(game, each(cast, start), *([each(cast, tree) for tree in trees] for trees in rounds)):
+    for state, rewards in play(
+        game, each(cast, start), *([each(cast, tree) for tree in trees] for trees in rounds)
+    ):
         seen = [*game.published(state), game.agent_trust(state), summarise(game, state)]
         seen += [array for array in game.observations(state) if array is not None]
         assert {array.dtype for array in seen} == {cast(0.0).dtype}
         assert all(np.all((np.asarray(a) >= 0) & (np.asarray(a) <= 1)) for a in seen)
-        assert rewards is None or (rewards.dtype == cast(0.0).dtype and np.all(np.isfinite(np.asarray(rewards))))
+        assert rewards is None or (
+            rewards.dtype == cast(0.0).dtype and np.all(np.isfinite(np.asarray(rewards)))
+        )
         assert kinds in (None, [a.dtype for a in arrays(state)])
         kinds = [a.dtype for a in arrays(state)]
 
@@ -125,7 +159,8 @@ def test_a_step_leaves_its_inputs_alone(scenario: Scenario, seed: int) -> None:
 
 @given(scenarios(), st.integers(0, 99))
 def test_who_serves_whom(scenario: Scenario, seed: int) -> None:
-    """Never oneself; the absent neither serve nor are served; who left or was cut off never comes back."""
+    """Never oneself; the absent neither serve nor are served; who left or was cut off never comes
+    back."""
     game, roster = Game(scenario), Game(scenario).roster
     states = [state for state, _ in play(game, *luck(game, seed))]
     own = np.array([[i == j for j in roster.provider_names] for i in roster.rater_names])
@@ -141,14 +176,18 @@ def test_who_serves_whom(scenario: Scenario, seed: int) -> None:
             assert not after.awaiting[:, ~roster.providers(here)].any()
             gone = before.population.phase >= LEFT
             assert np.array_equal(after.population.phase[gone], before.population.phase[gone])
-            assert not np.any((before.population.phase == PRESENT) & (after.population.phase == WAITING))
+            assert not np.any(
+                (before.population.phase == PRESENT) & (after.population.phase == WAITING)
+            )
             fresh = (after.population.phase == WAITING) | (before.population.phase == WAITING)
             assert np.all(game.agent_trust(after)[fresh] == scenario.initial_trust)
             assert np.array_equal(game.present(after), after.population.phase == PRESENT)
 
 
 @given(scenarios(), st.integers(0, 99), st.randoms())
-def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: int, random: Any) -> None:
+def test_permuting_agents_of_a_group_permutes_results(
+    scenario: Scenario, seed: int, random: Any
+) -> None:
     game = Game(scenario)
     roster, (start, actions, noises) = game.roster, luck(game, seed)
     order, chance = list(range(roster.n_agents)), scenario.access.kind == "encounters"
@@ -181,7 +220,9 @@ def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: 
         ],
         list(map(shuffle, noises)),
     )
-    for (state, rewards), (other, other_rewards) in zip(play(game, start, actions, noises), permuted, strict=True):
+    for (state, rewards), (other, other_rewards) in zip(
+        play(game, start, actions, noises), permuted, strict=True
+    ):
         assert_close(other.awaiting, state.awaiting[cells])
         assert_close(other.service, state.service[cells])
         assert_close(other.quality, state.quality[j])

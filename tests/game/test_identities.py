@@ -9,7 +9,18 @@ import pytest
 import torch
 
 from roletrust_baselines import BadMouthing, OnOff, Sybil, Whitewashing
-from roletrust_env import Actions, Game, JointPolicy, Player, Policy, Random, Scenario, make_task, parallel_env, record
+from roletrust_env import (
+    Actions,
+    Game,
+    JointPolicy,
+    Player,
+    Policy,
+    Random,
+    Scenario,
+    make_task,
+    parallel_env,
+    record,
+)
 from roletrust_env.game.rollout import rollout
 from roletrust_env.world.presence import LEFT, PRESENT, WAITING
 from roletrust_env.world.roster import Roster
@@ -33,7 +44,9 @@ def joint_policy(policies: dict[str, Policy] | None = None, like: Any = None) ->
 def phases(joint_policy: JointPolicy, seed: int = 0, batch: tuple[int, ...] = ()) -> np.ndarray:
     """(T, N, ...)."""
     random = joint_policy.game.random(seed)
-    return np.stack([np.asarray(r.state.population.phase) for r in rollout(joint_policy, random, random, batch)])
+    return np.stack(
+        [np.asarray(r.state.population.phase) for r in rollout(joint_policy, random, random, batch)]
+    )
 
 
 def test_identities_in_reserve_are_agents_behind_the_others_of_their_role() -> None:
@@ -44,21 +57,33 @@ def test_identities_in_reserve_are_agents_behind_the_others_of_their_role() -> N
         **{"sr_4": "sr_3", "sp_3": "sp_0", "sp_4": "sp_0", "sp_5": "sp_1", "sp_6": "sp_1"},
         **{"srsp_1": "srsp_0", "srsp_2": "srsp_0"},
     }
-    before = {name: roster.names[roster.previous_identity[n]] for n, name in enumerate(roster.names)}
-    assert roster.with_reserves({"sp_1": 5, "sr_0": 6}) == {"sr_0": 6, "sp_1": 5, "sp_5": 5, "sp_6": 5}
+    before = {
+        name: roster.names[roster.previous_identity[n]] for n, name in enumerate(roster.names)
+    }
+    assert roster.with_reserves({"sp_1": 5, "sr_0": 6}) == {
+        "sr_0": 6,
+        "sp_1": 5,
+        "sp_5": 5,
+        "sp_6": 5,
+    }
     assert before["sp_6"] == "sp_5"
     assert before["sp_5"] == "sp_1"
     assert before["sp_1"] == "sp_1"
-    assert [roster.identity_index[roster.names.index(name)] for name in ("sp_1", "sp_5", "sp_6")] == [0, 1, 2]
+    assert [
+        roster.identity_index[roster.names.index(name)] for name in ("sp_1", "sp_5", "sp_6")
+    ] == [0, 1, 2]
 
 
-@pytest.mark.parametrize("policies", [{}, {"sp_0": OnOff(), "sr_3": BadMouthing()}], ids=["honest", "others"])
+@pytest.mark.parametrize(
+    "policies", [{}, {"sp_0": OnOff(), "sr_3": BadMouthing()}], ids=["honest", "others"]
+)
 def test_who_does_not_call_them_leaves_them_where_they_are(policies: dict[str, Policy]) -> None:
     seen = phases(joint_policy(policies))
     assert np.array_equal(
         seen,
         np.broadcast_to(
-            np.where(np.asarray(joint_policy().game.roster.identity_index) > 0, WAITING, PRESENT), seen.shape
+            np.where(np.asarray(joint_policy().game.roster.identity_index) > 0, WAITING, PRESENT),
+            seen.shape,
         ),
     )
 
@@ -69,7 +94,9 @@ def test_an_unused_reserve_changes_nothing_for_the_others() -> None:
     with_reserve = Game(SCENARIO.change(agents=groups))
     without = Game(SCENARIO.change(agents=[group | {"reserve": 0} for group in groups]))
     attack = {"sp_1": OnOff(period=3), "sr_0": BadMouthing()}
-    history, plain = (record(JointPolicy(game, attack), game.random(0)) for game in (with_reserve, without))
+    history, plain = (
+        record(JointPolicy(game, attack), game.random(0)) for game in (with_reserve, without)
+    )
     firsts = [with_reserve.roster.names.index(name) for name in without.roster.names]
     np.testing.assert_allclose(history.trust[:, firsts], plain.trust, atol=1e-12)
     np.testing.assert_allclose(history.rewards[:, firsts], plain.rewards, atol=1e-12)
@@ -115,7 +142,9 @@ def test_a_newcomer_serves_from_its_first_full_round_on() -> None:
 )
 def test_a_batch_is_its_games_and_torch_agrees(attack: Policy) -> None:
     policies = {"sp_0": attack, "srsp_0": attack, "sr_2": BadMouthing()}
-    one, many = (record(joint_policy(policies), joint_policy().game.random(0), batch) for batch in ((), (3,)))
+    one, many = (
+        record(joint_policy(policies), joint_policy().game.random(0), batch) for batch in ((), (3,))
+    )
     like = torch.zeros((), dtype=torch.float64)
     tensors = record(joint_policy(policies, like), joint_policy(like=like).game.random(0), (3,))
     for single, whole, tensor in zip(one, many, tensors, strict=True):
@@ -135,7 +164,9 @@ def test_an_attackers_identities_are_no_honest_providers() -> None:
         honest, _ = task.joint_policy.act(state.game, state.memories, random)
         state, outcome = task.step(state, honest, task.game.draw(random), random)
     assert task.game.present(state.game).all()
-    assert float(outcome.reward) < 0.05  # the one honest provider is trusted; the Sybils do not count
+    assert (
+        float(outcome.reward) < 0.05
+    )  # the one honest provider is trusted; the Sybils do not count
 
 
 def test_in_pettingzoo_they_stay_away() -> None:
@@ -156,7 +187,9 @@ def test_in_pettingzoo_they_stay_away() -> None:
     ],
     ids=str,
 )
-def test_a_seat_without_the_reserve_is_refused(policies: dict[str, Policy], words: list[str]) -> None:
+def test_a_seat_without_the_reserve_is_refused(
+    policies: dict[str, Policy], words: list[str]
+) -> None:
     with pytest.raises(ValueError, match="agent ") as error:
         joint_policy(policies)
     assert all(word in str(error.value) for word in words), str(error.value)

@@ -12,7 +12,8 @@ from roletrust_env.game.attack_task import AttackTask, TaskState
 
 
 def entries(tree: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every number of a state: its name, such as `trust.last[0,2]`, and a function that makes a state with another."""
+    """Every number of a state: its name, such as `trust.last[0,2]`, and a function that makes a
+    state with another."""
     for field in tree._fields:
         value, name = getattr(tree, field), f"{path}{field}"
         if value is None:
@@ -50,12 +51,18 @@ def in_life(task: AttackTask) -> set[str]:
             i = roster.rater_names.index(name)
             seen.add(f"trust.tor[{i}]")
             for j in range(roster.n_providers):
-                seen |= {f"{field}[{i},{j}]" for field in ("service", "awaiting", "ratings", "rated")}
+                seen |= {
+                    f"{field}[{i},{j}]" for field in ("service", "awaiting", "ratings", "rated")
+                }
                 seen.add(f"trust.top[{j}]")
         if name in roster.provider_names:
             j = roster.provider_names.index(name)
             seen |= {f"{field}[{j}]" for field in ("trust.top", "value", "quality")}
-            seen |= {f"{field}[{i},{j}]" for field in ("ratings", "rated") for i in range(roster.n_raters)}
+            seen |= {
+                f"{field}[{i},{j}]"
+                for field in ("ratings", "rated")
+                for i in range(roster.n_raters)
+            }
         if name.startswith("srsp"):
             k = int(name.split("_")[1])
             seen |= {f"counts.rated[{k}]", f"counts.provided[{k}]"}
@@ -72,22 +79,35 @@ WATCHERS = [("sr_1",), ("sp_1",), ("srsp_1",), ("sr_0", "sp_2", "srsp_0")]
 @pytest.mark.parametrize("names", WATCHERS, ids=str)
 @pytest.mark.parametrize("access", ["everyone", "in-range"])
 def test_each_level_of_knowledge_shows_exactly_its_own(names: tuple, access: str) -> None:
-    """Perturb the state number by number: the trust of others, their memory, late ratings, who is in danger, ..."""
+    """Perturb the state number by number: the trust of others, their memory, late ratings, who is
+    in danger, ..."""
     task = make(busy(access), {"compromised": names})
     state, roster = midway(task), task.game.roster
     assert visible(task, state) == in_life(task)
     published = {f"trust.tor[{i}]" for i in range(roster.n_raters)} | {
         f"trust.top[{j}]" for j in range(roster.n_providers)
     }
-    assert visible(make(busy(access), {"compromised": names}, knowledge="grey_box"), state) == in_life(task) | published
+    assert (
+        visible(make(busy(access), {"compromised": names}, knowledge="grey_box"), state)
+        == in_life(task) | published
+    )
     everything = {name for name, _ in entries(state.game)}
-    assert visible(make(busy(access), {"compromised": names}, knowledge="white_box"), state) == everything
-    assert {"trust.last[3,0]", "transit.ratings[0,2,1]", "population.low[0]"} < everything - in_life(task) - published
+    assert (
+        visible(make(busy(access), {"compromised": names}, knowledge="white_box"), state)
+        == everything
+    )
+    assert {
+        "trust.last[3,0]",
+        "transit.ratings[0,2,1]",
+        "population.low[0]",
+    } < everything - in_life(task) - published
 
 
 @pytest.mark.parametrize("names", WATCHERS, ids=str)
 def test_levels_of_knowledge_build_on_each_other(names: tuple) -> None:
-    black, grey, white = (make(busy("in-range"), {"compromised": names}, knowledge=level) for level in LEVELS)
+    black, grey, white = (
+        make(busy("in-range"), {"compromised": names}, knowledge=level) for level in LEVELS
+    )
     state = midway(black)
     life, roster = [], black.game.roster
     of_sr, of_sp, of_both = black.game.observations(state.game)

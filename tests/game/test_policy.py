@@ -9,7 +9,16 @@ import torch
 
 from roletrust_agents import Honest
 from roletrust_baselines import BadMouthing, OnOff
-from roletrust_env import Game, JointPolicy, Player, Policy, Random, Scenario, make_scenario, parallel_env
+from roletrust_env import (
+    Game,
+    JointPolicy,
+    Player,
+    Policy,
+    Random,
+    Scenario,
+    make_scenario,
+    parallel_env,
+)
 from roletrust_env.game.rollout import record, rollout
 
 SCENARIO = Scenario(
@@ -19,7 +28,8 @@ SCENARIO = Scenario(
     values=(1.0, 2.0),
     max_cycles=20,
 )
-# Seats out of order (honest sr_1 and sr_3 sit around a liar), shared policies, an SR+SP that lies only as a rater.
+# Seats out of order (honest sr_1 and sr_3 sit around a liar), shared policies, an SR+SP that lies
+# only as a rater.
 POLICIES: dict[str, Policy] = {
     "sr_2": BadMouthing(level=0.2, start=3),
     "srsp_2": BadMouthing(level=0.2, start=3),
@@ -56,7 +66,9 @@ def test_every_agent_plays_its_own_policy() -> None:
         serves = quality[name] > 0
         assert serves.sum() > 5
         assert quality[name] == pytest.approx(np.where(serves, expected, 0.0))
-    notes = dict(zip(joint_policy().game.roster.rater_names, history.ratings.swapaxes(0, 1), strict=True))
+    notes = dict(
+        zip(joint_policy().game.roster.rater_names, history.ratings.swapaxes(0, 1), strict=True)
+    )
     for liar in ("sr_2", "srsp_2"):
         late_notes = notes[liar][6:]  # those of round 2 and before may come as late as round 4
         assert set(late_notes[late_notes > 0]) == {0.2}
@@ -77,25 +89,38 @@ def test_the_attackers_of_a_cast() -> None:
 def test_numpy_and_torch_play_alike(batch: tuple[int, ...]) -> None:
     history = record(joint_policy(), luck(np.zeros(())), batch)
     tensors = record(
-        joint_policy(torch.zeros((), dtype=torch.float64)), luck(torch.zeros((), dtype=torch.float64)), batch
+        joint_policy(torch.zeros((), dtype=torch.float64)),
+        luck(torch.zeros((), dtype=torch.float64)),
+        batch,
     )
     for array, tensor in zip(history, tensors, strict=True):
         np.testing.assert_allclose(tensor.numpy(), array, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"])
+@pytest.mark.parametrize(
+    "like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"]
+)
 @pytest.mark.parametrize("switching", ["regular", "random"])
 def test_a_game_in_single_precision_stays_so(like: Any, switching: str) -> None:
     game = Game(SCENARIO, like=like)
     seated = JointPolicy(game, POLICIES | {"sp_2": OnOff(bad=0.3, switching=switching)})
     *_, (_, _, state, rewards, _) = rollout(seated, luck(like), luck(like), (2,))
-    floats = [state.ratings, state.quality, state.service, state.value, rewards, *game.published(state)]
+    floats = [
+        state.ratings,
+        state.quality,
+        state.service,
+        state.value,
+        rewards,
+        *game.published(state),
+    ]
     assert {array.dtype for array in floats} == {like.dtype}
 
 
 def test_in_a_batch_every_game_has_its_own_luck() -> None:
     random = Random(np.random.default_rng(0))
-    history = record(JointPolicy(Game(SCENARIO), {"sp_0": OnOff(switching="random", period=6)}), random, (50,))
+    history = record(
+        JointPolicy(Game(SCENARIO), {"sp_0": OnOff(switching="random", period=6)}), random, (50,)
+    )
     assert len({game.tobytes() for game in history.quality[:, 0].T}) > 40
 
 
@@ -104,14 +129,20 @@ def test_players_and_cast_play_the_same_game() -> None:
     scenario = SCENARIO.change(access={"kind": "everyone"}, ratings={}, values=(1.0,))
     env = parallel_env(scenario)
     history = record(JointPolicy(env.game, POLICIES), Random(np.random.default_rng(0)))
-    players = {name: Player(POLICIES.get(name, Policy()), name, env.layout) for name in env.possible_agents}
+    players = {
+        name: Player(POLICIES.get(name, Policy()), name, env.layout) for name in env.possible_agents
+    }
     observations, _ = env.reset(seed=0)
     for t in range(20):
         actions = {name: players[name](observations[name]) for name in env.agents}
         assert all(env.action_space(name).contains(action) for name, action in actions.items())
         observations, rewards, *_, infos = env.step(actions)
-        assert [infos[name]["trust"] for name in env.possible_agents] == pytest.approx(history.trust[t], abs=1e-3)
-        assert [infos[j]["quality"] for j in env.game.roster.provider_names] == pytest.approx(history.quality[t])
+        assert [infos[name]["trust"] for name in env.possible_agents] == pytest.approx(
+            history.trust[t], abs=1e-3
+        )
+        assert [infos[j]["quality"] for j in env.game.roster.provider_names] == pytest.approx(
+            history.quality[t]
+        )
         assert list(rewards.values()) == pytest.approx(history.rewards[t], abs=1e-3)
 
 
@@ -169,7 +200,10 @@ def _lost(view):
             lambda view: (view.service + 1.5, None),
             r"the policy of 'sr_1' chose ratings that are NaN or outside \[0, 1\]",
         ),
-        (lambda view: (view.service * np.nan, None), "the policy of 'sr_1' chose ratings that are NaN"),
+        (
+            lambda view: (view.service * np.nan, None),
+            "the policy of 'sr_1' chose ratings that are NaN",
+        ),
         (lambda view: (view.service[:1], None), "a policy \\(wild\\) fails: "),
         (lambda view: view.service, "a policy \\(wild\\) fails: "),
         (_lost, "a policy \\(wild\\) fails: KeyError: 'lost'"),

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 import roletrust_env
-from roletrust_env import Game, JointPolicy, Player, Policy, Random, make_attacker, make_scenario, make_task, record
+from roletrust_env import (
+    Game,
+    JointPolicy,
+    Player,
+    Policy,
+    Random,
+    make_attacker,
+    make_scenario,
+    make_task,
+    record,
+)
 
 
 @pytest.fixture(scope="module")
@@ -12,7 +22,9 @@ def game() -> Game:
     return Game(make_scenario("paper-3x3"), like=np.zeros((), np.float32))
 
 
-FACTS = "'paper-3x3', RoleTrust(lam=0.5, initial=0.5), agents: 3 SR + 3 SP, rounds: 240, numpy float32"
+FACTS = (
+    "'paper-3x3', RoleTrust(lam=0.5, initial=0.5), agents: 3 SR + 3 SP, rounds: 240, numpy float32"
+)
 
 
 def test_a_game(game: Game) -> None:
@@ -22,7 +34,10 @@ def test_a_game(game: Game) -> None:
 
 def test_a_task() -> None:
     task = make_task("paper-3x3", ("sp_2", "sr_1"), objective="exploit")
-    assert repr(task) == f"AttackTask({FACTS}; compromised: sp_2 sr_1, objective: exploit, knowledge: black_box)"
+    assert (
+        repr(task)
+        == f"AttackTask({FACTS}; compromised: sp_2 sr_1, objective: exploit, knowledge: black_box)"
+    )
 
 
 def test_policies(game: Game) -> None:
@@ -44,8 +59,12 @@ def test_what_a_game_leaves_behind(game: Game) -> None:
     assert repr(history) == "History(rounds: 240, raters: 3, providers: 3, agents: 6, batch: (4,))"
     state = game.start(game.draw(game.random(0), start=True))
     assert repr(state) == "State(round: 0, raters: 3, providers: 3, trust: RoleTrustState)"
-    assert repr(game.start(game.draw(game.random(0), (4,), start=True))).startswith("State(batch: (4,), ")
-    actions, _ = JointPolicy(game, {}).act(state, JointPolicy(game, {}).begin(Random(np.random.default_rng(0))), None)
+    assert repr(game.start(game.draw(game.random(0), (4,), start=True))).startswith(
+        "State(batch: (4,), "
+    )
+    actions, _ = JointPolicy(game, {}).act(
+        state, JointPolicy(game, {}).begin(Random(np.random.default_rng(0))), None
+    )
     assert repr(actions) == "Actions(quality: (3,), ratings: (3, 3))"
     assert repr(game.draw(game.random(0))) == "Noise(perception: (3, 3))"
     provider, _ = game.views(state)
@@ -54,6 +73,12 @@ def test_what_a_game_leaves_behind(game: Game) -> None:
 
 def test_nothing_that_is_printed_has_a_second_line(game: Game) -> None:
     environment = roletrust_env.parallel_env()
-    for thing in (game, environment, roletrust_env.env(), JointPolicy(game, {}), make_task("peers", ("srsp_5",))):
+    for thing in (
+        game,
+        environment,
+        roletrust_env.env(),
+        JointPolicy(game, {}),
+        make_task("peers", ("srsp_5",)),
+    ):
         assert "\n" not in repr(thing)
         assert "array" not in repr(thing)

@@ -1,4 +1,5 @@
-"""A round of the game compiled, its gradients, single rounds by hand, extremes, and what is refused."""
+"""A round of the game compiled, its gradients, single rounds by hand, extremes, and what is
+refused."""
 
 import numpy as np
 import pytest
@@ -26,7 +27,8 @@ PLAIN = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
 )
 @pytest.mark.filterwarnings("ignore")
 def test_a_compiled_step_is_the_step(backend: str, scenario: Scenario) -> None:
-    """In one graph. Inductor takes half a minute for all the features at once, so it has a plain game."""
+    """In one graph. Inductor takes half a minute for all the features at once, so it has a plain
+    game."""
     torch.compiler.reset()
     game = Game(scenario, like=torch.zeros((), dtype=torch.float64))
     start, *rounds = luck(Game(scenario), 0, (4,))
@@ -35,17 +37,23 @@ def test_a_compiled_step_is_the_step(backend: str, scenario: Scenario) -> None:
     for inputs in zip(actions[:-1], noises[:-1], strict=True):
         state, _ = game.step(state, *inputs)
     compiled = torch.compile(game.step, fullgraph=True, backend=backend)
-    assert_close(compiled(state, actions[-1], noises[-1]), game.step(state, actions[-1], noises[-1]))
+    assert_close(
+        compiled(state, actions[-1], noises[-1]), game.step(state, actions[-1], noises[-1])
+    )
 
 
 @pytest.mark.parametrize("trust_model", ["role-trust", "mean"])
 def test_gradients_reach_the_actions(trust_model: str) -> None:
     """White-box attackers climb them; from the start on, a rating counts from the second round."""
-    scenario = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}], max_cycles=3)
+    scenario = Scenario(
+        agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}], max_cycles=3
+    )
     game = Game(scenario, trust_model, like=torch.zeros((), dtype=torch.float64))
     random = Random(np.random.default_rng(0), torch.zeros((), dtype=torch.float64))
     state = game.start(game.draw(random, start=True))
-    actions = Actions(torch.full((2,), 0.9, dtype=torch.float64), torch.tensor([[0.2, 0.4], [0.6, 0.9]]).double())
+    actions = Actions(
+        torch.full((2,), 0.9, dtype=torch.float64), torch.tensor([[0.2, 0.4], [0.6, 0.9]]).double()
+    )
     actions.ratings.requires_grad_(True)
     for _ in range(3):
         state, _ = game.step(state, actions, game.draw(random))
@@ -64,18 +72,23 @@ def test_ratings_are_for_the_services_of_the_step_before() -> None:
     assert first.service == pytest.approx(0.8)
     second, _ = game.step(first, good._replace(quality=np.array([0.1])), noises[1])
     assert second.rated.all()
-    assert game.published(second)[1] == pytest.approx(0.5 * 0.75 + 0.25)  # ToR rises to 0.75, the note is 1
+    assert game.published(second)[1] == pytest.approx(
+        0.5 * 0.75 + 0.25
+    )  # ToR rises to 0.75, the note is 1
 
 
 def test_admission_counts_beyond_a_byte() -> None:
     scenario = Scenario(
-        agents=[{"role": "SR", "count": 2}, {"role": "SP"}], admission={"threshold": 0.3, "rounds": 200}, max_cycles=210
+        agents=[{"role": "SR", "count": 2}, {"role": "SP"}],
+        admission={"threshold": 0.3, "rounds": 200},
+        max_cycles=210,
     )
     game = Game(scenario)
     start, _, noises = luck(game, 0)
     bad = [Actions(np.zeros(1), np.zeros((2, 1)))] * 210
     phases = [state.population.phase.tolist() for state, _ in play(game, start, bad, noises)]
-    # The first ratings arrive in the second round and halve a trust of 0.5, so round 2 is the first one under 0.3.
+    # The first ratings arrive in the second round and halve a trust of 0.5, so round 2 is the first
+    # one under 0.3.
     assert phases[200] == [PRESENT] * 3
     assert phases[201] == [PRESENT, PRESENT, CUT_OFF]
 
@@ -83,18 +96,27 @@ def test_admission_counts_beyond_a_byte() -> None:
 @pytest.mark.parametrize(
     "scenario",
     [
-        pytest.param(Scenario(agents=[{"role": "SR"}, {"role": "SP"}], max_cycles=1), id="one of each, one round"),
-        pytest.param(busy(max_cycles=4, ratings={"late": 1.0, "delay": 9}), id="all later than the end"),
+        pytest.param(
+            Scenario(agents=[{"role": "SR"}, {"role": "SP"}], max_cycles=1),
+            id="one of each, one round",
+        ),
+        pytest.param(
+            busy(max_cycles=4, ratings={"late": 1.0, "delay": 9}), id="all later than the end"
+        ),
         pytest.param(busy(ratings={"lost": 1.0}), id="all lost"),
         pytest.param(busy(admission={"threshold": 1.0, "rounds": 1}), id="everyone cut off"),
         pytest.param(
-            Scenario(agents=[{"role": "SR", "count": 2, "leaves": 2}, {"role": "SP", "leaves": 3}]), id="everyone left"
+            Scenario(agents=[{"role": "SR", "count": 2, "leaves": 2}, {"role": "SP", "leaves": 3}]),
+            id="everyone left",
         ),
         pytest.param(busy(access={"kind": "in-range", "radius": 1e-6}), id="nobody in range"),
         pytest.param(busy(values=[float(v) for v in range(1, 1000)]), id="a thousand values"),
         pytest.param(Scenario(agents=[{"role": "SR+SP"}, {"role": "SP"}]), id="no pure rater"),
         pytest.param(
-            Scenario(agents=[{"role": "SR", "count": 300}, {"role": "SP", "count": 300}], max_cycles=3), id="300x300"
+            Scenario(
+                agents=[{"role": "SR", "count": 300}, {"role": "SP", "count": 300}], max_cycles=3
+            ),
+            id="300x300",
         ),
     ],
 )
@@ -112,7 +134,9 @@ def test_luck_at_its_limits_is_harmless(dtype: type) -> None:
     game = Game(scenario, like=np.zeros((), dtype))
     for extreme in (dtype(0), np.nextafter(dtype(1), dtype(0))):
         start, actions, noises = luck(game, 0)
-        start, *noises = (each(lambda a, x=extreme: np.full_like(a, x, dtype), n) for n in (start, *noises))
+        start, *noises = (
+            each(lambda a, x=extreme: np.full_like(a, x, dtype), n) for n in (start, *noises)
+        )
         *_, (state, _) = play(game, start, actions, noises)
         assert np.all(state.value == dtype(1.0 if extreme else 0.2))
         assert np.all(np.isfinite(summarise(game, state)))
@@ -121,7 +145,9 @@ def test_luck_at_its_limits_is_harmless(dtype: type) -> None:
 def test_whom_admission_cuts_off_is_seen_in_the_published_trust() -> None:
     """By ToA, too, whose weights are counts of services."""
     rules = make_scenario("peers").change(
-        agents=[{"role": "SR+SP", "count": 4}], admission={"threshold": 0.5, "rounds": 1}, initial_trust=0.6
+        agents=[{"role": "SR+SP", "count": 4}],
+        admission={"threshold": 0.5, "rounds": 1},
+        initial_trust=0.6,
     )
     game, random = Game(rules), np.random.default_rng(0)
     luck = game.random(0)

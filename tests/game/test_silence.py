@@ -41,7 +41,10 @@ def played(game: Game, policies: dict[str, Policy], batch: tuple[int, ...] = ())
 def acted(policies: dict[str, Policy], round: int = 1) -> Actions:
     joint_policy = JointPolicy(Game(PEERS), policies)
     random = joint_policy.game.random(0)
-    state, memories = joint_policy.game.start(joint_policy.game.draw(random, start=True)), joint_policy.begin(random)
+    state, memories = (
+        joint_policy.game.start(joint_policy.game.draw(random, start=True)),
+        joint_policy.begin(random),
+    )
     for _ in range(round):
         state, _ = joint_policy.game.step(
             state, joint_policy.act(state, memories, random)[0], joint_policy.game.draw(random)
@@ -59,11 +62,15 @@ def test_a_silent_rater_withholds_its_own_row() -> None:
     assert np.argwhere(withheld).tolist() == [[2, 0], [2, 4]]  # nobody owes itself a rating
 
 
-@pytest.mark.parametrize("scenario", [PAPER, PEERS.change(ratings={"lost": 0.2, "late": 0.3, "delay": 2})], ids=str)
+@pytest.mark.parametrize(
+    "scenario", [PAPER, PEERS.change(ratings={"lost": 0.2, "late": 0.3, "delay": 2})], ids=str
+)
 def test_who_withholds_nothing_plays_as_if_it_had_not_been_asked(scenario: Any) -> None:
     """To the last bit, whether or not the trust model is spared a mask that is true everywhere."""
     game = Game(scenario)
-    for plain, asked in zip(played(game, {}), played(game, {game.roster.rater_names[0]: Discreet()}), strict=True):
+    for plain, asked in zip(
+        played(game, {}), played(game, {game.roster.rater_names[0]: Discreet()}), strict=True
+    ):
         assert np.array_equal(plain, asked, equal_nan=plain.dtype.kind == "f")
 
 
@@ -97,7 +104,8 @@ def test_a_batch_is_its_games_and_torch_agrees(model: str) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_compiled_with_and_without() -> None:
-    """Where everybody is served the mask is left out of the compiled round, and comes back when somebody is silent."""
+    """Where everybody is served the mask is left out of the compiled round, and comes back when
+    somebody is silent."""
     torch.compiler.reset()
     game = Game(PAPER, like=torch.zeros((), dtype=torch.float64))
     compiled = torch.compile(game.step, fullgraph=True, backend="aot_eager")
@@ -105,7 +113,10 @@ def test_compiled_with_and_without() -> None:
     state = game.start(game.draw(random, start=True))
     withheld = torch.eye(3, dtype=torch.bool)
     for kept in (None, None, withheld, None, withheld):
-        actions, noise = Actions(state.quality * 0 + 0.9, state.service, withheld=kept), game.draw(random)
+        actions, noise = (
+            Actions(state.quality * 0 + 0.9, state.service, withheld=kept),
+            game.draw(random),
+        )
         expected, quick = (step(state, actions, noise) for step in (game.step, compiled))
         for ours, theirs in zip(game.published(expected[0]), game.published(quick[0]), strict=True):
             assert torch.allclose(ours, theirs, atol=1e-12)
@@ -129,9 +140,14 @@ def test_the_scripted_agents_of_others_faces_are_silent_there() -> None:
 
 
 def test_an_action_has_no_such_channel_and_says_so() -> None:
-    with pytest.raises(ValueError, match=r"'sr_0' cannot play silent: that attacks by silence, .* decides on ratings$"):
+    with pytest.raises(
+        ValueError,
+        match=r"'sr_0' cannot play silent: that attacks by silence, .* decides on ratings$",
+    ):
         Player(Silent(), "sr_0", parallel_env(PAPER).layout)
-    with pytest.raises(ValueError, match=r"'sp_0' cannot play silent: .* decides on quality and treatment$"):
+    with pytest.raises(
+        ValueError, match=r"'sp_0' cannot play silent: .* decides on quality and treatment$"
+    ):
         JointPolicy(Game(PAPER), {"sp_0": Silent()})
 
 
@@ -140,5 +156,7 @@ def test_a_wrong_shape_is_refused() -> None:
     random = game.random(0)
     state = game.start(game.draw(random, start=True))
     wrong = Actions(state.quality, state.ratings, withheld=np.ones(3, bool))
-    with pytest.raises(ValueError, match=r"withheld has the shape \(3,\); it must be \(S, P, ...\) = \(3, 3\)"):
+    with pytest.raises(
+        ValueError, match=r"withheld has the shape \(3,\); it must be \(S, P, ...\) = \(3, 3\)"
+    ):
         game.step(state, wrong, game.draw(random))

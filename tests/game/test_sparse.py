@@ -11,7 +11,15 @@ import pytest
 from game_cases import ACCESS, TOLERANCE, busy, luck, scenarios
 from hypothesis import given
 
-from roletrust_baselines import BadMouthing, BallotStuffing, Collusion, Conflicting, OnOff, RankLies, Silent
+from roletrust_baselines import (
+    BadMouthing,
+    BallotStuffing,
+    Collusion,
+    Conflicting,
+    OnOff,
+    RankLies,
+    Silent,
+)
 from roletrust_env import (
     Actions,
     Game,
@@ -30,9 +38,20 @@ from roletrust_env.game.rollout import record, rollout
 from roletrust_env.world.access import meet
 from roletrust_env.world.scenario import Encounters
 
-CENTRAL = ["role-trust", "beta-filtered", "mean", "median", "eigentrust", "wary-role-trust", "leave-one-out"]
+CENTRAL = [
+    "role-trust",
+    "beta-filtered",
+    "mean",
+    "median",
+    "eigentrust",
+    "wary-role-trust",
+    "leave-one-out",
+]
 MARKET: dict[str, Any] = {
-    "agents": [{"role": "SR", "count": 7, "noise": 0.1}, {"role": "SP", "count": 5, "ability": [0.3, 1.0]}],
+    "agents": [
+        {"role": "SR", "count": 7, "noise": 0.1},
+        {"role": "SP", "count": 5, "ability": [0.3, 1.0]},
+    ],
     "access": {"kind": "encounters", "providers": 3},
     "values": [1.0, 2.0],
     "ratings": {"lost": 0.2},
@@ -41,12 +60,18 @@ MARKET: dict[str, Any] = {
 
 
 def meeting(scenario: Scenario, providers: int | None = None) -> Scenario:
-    """The scenario with encounters, with all providers if it is not said with how and no late ratings."""
+    """The scenario with encounters, with all providers if it is not said with how and no late
+    ratings."""
     fields = scenario.model_dump()
     count = sum(g["count"] * (1 + g["reserve"]) for g in fields["agents"] if g["role"] != "SR")
     others = count - any(g["role"] == "SR+SP" for g in fields["agents"])
-    access = {"kind": "encounters", "providers": others if providers is None else min(providers, others)}
-    return Scenario.model_validate(fields | {"access": access, "ratings": {"lost": fields["ratings"]["lost"]}})
+    access = {
+        "kind": "encounters",
+        "providers": others if providers is None else min(providers, others),
+    }
+    return Scenario.model_validate(
+        fields | {"access": access, "ratings": {"lost": fields["ratings"]["lost"]}}
+    )
 
 
 def at(cells: Any, met: np.ndarray) -> Any:
@@ -57,12 +82,16 @@ def at(cells: Any, met: np.ndarray) -> Any:
 def side_by_side(
     scenario: Scenario, model: Any, seed: int, full: bool = False
 ) -> Iterator[tuple[tuple[State, Any], tuple[State, Any], np.ndarray]]:
-    """Play both games with the same luck for each pair; yield states and rewards, and the providers met before."""
+    """Play both games with the same luck for each pair; yield states and rewards, and the providers
+    met before."""
     grid, sparse = Game(scenario, model), SparseGame(scenario, model)
     everyone = Game(scenario.change(access={"kind": "everyone"}), model) if full else grid
     start, actions, noises = luck(grid, seed)
     actions = [action._replace(treatment=None) for action in actions]
-    dense, state = everyone.start(start), sparse.start(start._replace(perception=np.zeros(sparse_shape(sparse))))
+    dense, state = (
+        everyone.start(start),
+        sparse.start(start._replace(perception=np.zeros(sparse_shape(sparse)))),
+    )
     met = state.met
     for action, noise in zip(actions, noises, strict=True):
         own = sparse.roster.own_provider
@@ -91,21 +120,31 @@ def assert_same(scenario: Scenario, model: Any, seed: int, full: bool = False) -
             np.testing.assert_allclose(getattr(state, field), getattr(dense, field), **TOLERANCE)
         assert state.awaiting.sum() == dense.awaiting.sum()
         for field in ("service", "awaiting"):
-            np.testing.assert_allclose(getattr(state, field), at(getattr(dense, field), state.met), **TOLERANCE)
+            np.testing.assert_allclose(
+                getattr(state, field), at(getattr(dense, field), state.met), **TOLERANCE
+            )
         for field in ("ratings", "rated"):
-            np.testing.assert_allclose(getattr(state, field), at(getattr(dense, field), before), **TOLERANCE)
+            np.testing.assert_allclose(
+                getattr(state, field), at(getattr(dense, field), before), **TOLERANCE
+            )
         if state.population is not None:
             np.testing.assert_array_equal(state.population.phase, dense.population.phase)
 
 
 @given(scenarios(), st.integers(1, 4), st.integers(0, 99))
-def test_a_sparse_game_is_the_game_on_the_pairs_that_meet(scenario: Scenario, providers: int, seed: int) -> None:
+def test_a_sparse_game_is_the_game_on_the_pairs_that_meet(
+    scenario: Scenario, providers: int, seed: int
+) -> None:
     assert_same(meeting(scenario, providers), "role-trust", seed)
 
 
 @given(scenarios(), st.integers(0, 99))
-def test_with_all_pairs_served_it_is_the_game_in_which_all_meet(scenario: Scenario, seed: int) -> None:
-    if not {"SR", "SR+SP"} <= {group.role for group in scenario.agents}:  # there an SR does not meet all providers
+def test_with_all_pairs_served_it_is_the_game_in_which_all_meet(
+    scenario: Scenario, seed: int
+) -> None:
+    if not {"SR", "SR+SP"} <= {
+        group.role for group in scenario.agents
+    }:  # there an SR does not meet all providers
         assert_same(meeting(scenario), "mean", seed, full=True)
 
 
@@ -131,7 +170,10 @@ ATTACKS: Mapping[str, Policy] = {
 def test_the_same_policies_play_both_games() -> None:
     scenario = Scenario.model_validate(MARKET | {"ratings": {}})
     grid, sparse = Game(scenario), SparseGame(scenario)
-    noises, chance = Random(np.random.default_rng(0)), [Random(np.random.default_rng(1)) for _ in range(2)]
+    noises, chance = (
+        Random(np.random.default_rng(0)),
+        [Random(np.random.default_rng(1)) for _ in range(2)],
+    )
     start = grid.draw(noises, start=True)
     dense, state = grid.start(start), sparse.start(start._replace(perception=np.zeros((7, 3))))
     seats = JointPolicy(grid, ATTACKS), JointPolicy(sparse, ATTACKS)
@@ -141,15 +183,21 @@ def test_the_same_policies_play_both_games() -> None:
         all_act, memories[0] = seats[0].checked_act(dense, memories[0], chance[0])
         act, memories[1] = seats[1].checked_act(state, memories[1], chance[1])
         np.testing.assert_array_equal(act.quality, all_act.quality)
-        np.testing.assert_array_equal(act.ratings[state.awaiting], at(all_act.ratings, state.met)[state.awaiting])
+        np.testing.assert_array_equal(
+            act.ratings[state.awaiting], at(all_act.ratings, state.met)[state.awaiting]
+        )
         met = meet(scenario.access, sparse.roster.own_provider, 5, noise.choice)
         before = state
         dense, _ = grid.step(dense, all_act, noise)
         state, _ = sparse.step(state, act, noise._replace(perception=at(noise.perception, met)))
-        np.testing.assert_allclose(sparse.published(state)[1], grid.published(dense)[1], **TOLERANCE)
+        np.testing.assert_allclose(
+            sparse.published(state)[1], grid.published(dense)[1], **TOLERANCE
+        )
         top, offered = sparse.published(before)[1], sparse.offered(before, act, state)
         each = [buy(top[row], offered[row]) for row in met]
-        np.testing.assert_allclose(sparse.bought(before, act, state), np.mean(each, axis=0), **TOLERANCE)
+        np.testing.assert_allclose(
+            sparse.bought(before, act, state), np.mean(each, axis=0), **TOLERANCE
+        )
     assert 0 < top.min() < top.max() < 1
 
 
@@ -163,7 +211,8 @@ def test_a_rater_that_is_not_there_buys_nothing() -> None:
     assert best[-1] == 1.0
 
 
-# --- who meets whom -----------------------------------------------------------------------------------
+# --- who meets whom
+# -----------------------------------------------------------------------------------
 
 
 @given(st.integers(1, 9), st.data())
@@ -178,7 +227,10 @@ def test_nobody_meets_itself_or_anybody_twice(n_providers: int, data: st.DataObj
             met = meet(Encounters(providers=k), own, n_providers, noise.astype(dtype))
             assert met.min() >= 0
             assert met.max() < n_providers
-            assert all(len(set(row)) == k and mine not in row for row, mine in zip(met.tolist(), own, strict=True))
+            assert all(
+                len(set(row)) == k and mine not in row
+                for row, mine in zip(met.tolist(), own, strict=True)
+            )
 
 
 def test_every_set_of_others_is_equally_likely() -> None:
@@ -191,7 +243,8 @@ def test_every_set_of_others_is_equally_likely() -> None:
     assert all(abs(count - 3000) < 5 * 52 for count in found.values())  # 5 standard deviations
 
 
-# --- seeds and order ----------------------------------------------------------------------------------
+# --- seeds and order
+# ----------------------------------------------------------------------------------
 
 
 def final_trust(game: SparseGame, seed: int) -> np.ndarray:
@@ -217,7 +270,9 @@ def test_the_order_of_raters_changes_nothing() -> None:
         for _ in range(scenario.max_cycles):
             noise, n = game.draw(random), state.round
             ratings = np.random.default_rng(int(n)).random((7, 3))
-            cells = Noise(*(part[mixed] if part is not None and part.ndim == 2 else part for part in noise))
+            cells = Noise(
+                *(part[mixed] if part is not None and part.ndim == 2 else part for part in noise)
+            )
             state, _ = game.step(state, Actions(np.ones(5), ratings[mixed]), cells)
         played.append((game.published(state), met))
     (straight, _), (shuffled, _) = played
@@ -225,7 +280,8 @@ def test_the_order_of_raters_changes_nothing() -> None:
     np.testing.assert_allclose(shuffled[1], straight[1], **TOLERANCE)
 
 
-# --- size ---------------------------------------------------------------------------------------------
+# --- size
+# ---------------------------------------------------------------------------------------------
 
 
 def test_no_array_of_all_pairs_is_made() -> None:
@@ -234,9 +290,13 @@ def test_no_array_of_all_pairs_is_made() -> None:
     access = {"kind": "encounters", "providers": 3}
     tracemalloc.start()
     try:
-        game = SparseGame(Scenario.model_validate({"agents": agents, "access": access, "max_cycles": 2}))
+        game = SparseGame(
+            Scenario.model_validate({"agents": agents, "access": access, "max_cycles": 2})
+        )
         random = game.random(0)
-        for played in rollout(JointPolicy(game, {"sr_7": BadMouthing(targets=(3,))}), random, random):
+        for played in rollout(
+            JointPolicy(game, {"sr_7": BadMouthing(targets=(3,))}), random, random
+        ):
             game.bought(*played[:3])
             game.known_trust(played.state)
         peak = tracemalloc.get_traced_memory()[1]
@@ -245,19 +305,28 @@ def test_no_array_of_all_pairs_is_made() -> None:
     assert peak < 80e6
 
 
-# --- bad input ----------------------------------------------------------------------------------------
+# --- bad input
+# ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("fields", "model", "message"),
     [
-        ({"access": {"kind": "everyone"}}, "mean", "access is of kind 'everyone'; a sparse game needs 'encounters'"),
+        (
+            {"access": {"kind": "everyone"}},
+            "mean",
+            "access is of kind 'everyone'; a sparse game needs 'encounters'",
+        ),
         ({"access": ACCESS["in-range"]}, "mean", "needs 'encounters'"),
         ({"ratings": {"late": 0.1}}, "mean", "ratings.late is 0.1; it must be 0"),
         ({"service": "hog"}, "mean", "service is 'hog'"),
         ({}, "travos", "does not run on edges"),
         ({}, "nobody", "unknown trust model 'nobody'"),
-        ({"agents": [{"role": "SR+SP", "count": 5}]}, "eigentrust", "which rater is which provider"),
+        (
+            {"agents": [{"role": "SR+SP", "count": 5}]},
+            "eigentrust",
+            "which rater is which provider",
+        ),
     ],
 )
 def test_what_a_sparse_game_refuses(fields: dict, model: str, message: str) -> None:
@@ -274,9 +343,13 @@ def test_what_a_sparse_game_refuses(fields: dict, model: str, message: str) -> N
         ([{"role": "SR"}, {"role": "SP", "count": 2, "reserve": 1}], 5, 4),
     ],
 )
-def test_nobody_can_meet_more_providers_than_there_are(agents: list, providers: int, most: int) -> None:
+def test_nobody_can_meet_more_providers_than_there_are(
+    agents: list, providers: int, most: int
+) -> None:
     data = {"agents": agents, "access": {"kind": "encounters", "providers": providers}}
-    with pytest.raises(ValueError, match=f"access.providers is {providers}; a rater can meet only {most}"):
+    with pytest.raises(
+        ValueError, match=f"access.providers is {providers}; a rater can meet only {most}"
+    ):
         Scenario.model_validate(data)
     data["access"]["providers"] = most
     Scenario.model_validate(data)
@@ -291,12 +364,18 @@ def test_a_state_is_stepped_from_once_and_can_still_be_read() -> None:
         states.append(game.step(states[-1], act, game.draw(random))[0])
     trust = [game.published(state)[1] for state in states]
     assert all(not np.array_equal(one, other) for one, other in pairwise(trust[1:]))
-    with pytest.raises(ValueError, match=r"round 1 of this sparse game has been played, .* on to round 3"):
+    with pytest.raises(
+        ValueError, match=r"round 1 of this sparse game has been played, .* on to round 3"
+    ):
         game.step(states[1], act, game.draw(random))
     assert game.step(states[-1], act, game.draw(random))[0].round == 4
-    with pytest.raises(ValueError, match=r"needed are \(P, \.\.\.\) = \(5,\) and \(S, K\) = \(7, 3\)"):
+    with pytest.raises(
+        ValueError, match=r"needed are \(P, \.\.\.\) = \(5,\) and \(S, K\) = \(7, 3\)"
+    ):
         game.step(states[-1], Actions(np.ones(5), np.ones((7, 5))), game.draw(random))
-    with pytest.raises(ValueError, match=r"withheld has the shape \(7, 5\); it must be \(S, K\) = \(7, 3\)"):
+    with pytest.raises(
+        ValueError, match=r"withheld has the shape \(7, 5\); it must be \(S, K\) = \(7, 3\)"
+    ):
         game.step(states[-1], act._replace(withheld=np.zeros((7, 5), bool)), game.draw(random))
     with pytest.raises(ValueError, match="serves all alike"):
         game.step(states[-1], act._replace(treatment=np.ones((7, 3))), game.draw(random))
@@ -317,7 +396,9 @@ def test_policies_that_a_sparse_game_cannot_seat(seated: dict[str, Policy], mess
 
 def test_batches_and_observations_are_refused() -> None:
     game = SparseGame(Scenario.model_validate(MARKET))
-    with pytest.raises(ValueError, match=r"shape \(7, 3, 4\); a sparse game has no batch, and needs \(7, 3\)"):
+    with pytest.raises(
+        ValueError, match=r"shape \(7, 3, 4\); a sparse game has no batch, and needs \(7, 3\)"
+    ):
         game.start(game.draw(game.random(0), (4,), start=True))
     with pytest.raises(ValueError, match="no observation vectors"):
         game.observations(game.start(game.draw(game.random(0), start=True)))
@@ -325,11 +406,17 @@ def test_batches_and_observations_are_refused() -> None:
 
 def test_a_city_is_not_played_on_a_grid() -> None:
     for play in Game, parallel_env:
-        with pytest.raises(ValueError, match=r"'city' has 8,000 x 2,000 pairs, .* roletrust_env.SparseGame plays it"):
+        with pytest.raises(
+            ValueError,
+            match=r"'city' has 8,000 x 2,000 pairs, .* roletrust_env.SparseGame plays it",
+        ):
             play(make_scenario("city"))
 
 
 def test_the_record_of_a_sparse_game_counts_all_providers() -> None:
     game = SparseGame(Scenario.model_validate(MARKET))
     found = record(JointPolicy(game, {}), game.random(0))
-    assert repr(found) == f"History(rounds: {len(found.tor)}, raters: 7, providers: 5, agents: 12, batch: ())"
+    assert (
+        repr(found)
+        == f"History(rounds: {len(found.tor)}, raters: 7, providers: 5, agents: 12, batch: ())"
+    )

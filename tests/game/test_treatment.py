@@ -46,10 +46,14 @@ def played(game: Game, policies: dict[str, Policy], batch: tuple[int, ...] = ())
 
 
 def test_where_all_are_served_alike_there_is_nothing_of_it() -> None:
-    joint_policy = JointPolicy(Game(PEERS), {"srsp_0": OnOff(), "srsp_1": BadMouthing(), "srsp_2": Silent()})
+    joint_policy = JointPolicy(
+        Game(PEERS), {"srsp_0": OnOff(), "srsp_1": BadMouthing(), "srsp_2": Silent()}
+    )
     random = joint_policy.game.random(0)
     actions, _ = joint_policy.act(
-        joint_policy.game.start(joint_policy.game.draw(random, start=True)), joint_policy.begin(random), random
+        joint_policy.game.start(joint_policy.game.draw(random, start=True)),
+        joint_policy.begin(random),
+        random,
     )
     assert actions.treatment is None
     history = played(joint_policy.game, dict(joint_policy.policies))
@@ -62,7 +66,9 @@ def test_who_serves_all_alike_plays_as_if_it_had_not_been_asked(scenario: str) -
     fair = played(game, {game.roster.provider_names[0]: Fair()})
     for name, plain, asked in zip(History._fields, played(game, {}), fair, strict=True):
         whole = plain[:, None] if asked.ndim > plain.ndim else plain
-        np.testing.assert_allclose(np.broadcast_to(whole, asked.shape), asked, atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(
+            np.broadcast_to(whole, asked.shape), asked, atol=1e-12, err_msg=name
+        )
 
 
 def test_each_rater_gets_and_tells_of_its_own_service() -> None:
@@ -98,7 +104,9 @@ def test_quality_is_the_mean_over_who_chose_it() -> None:
 
 
 @pytest.mark.parametrize(
-    "scenario", [PAPER, PEERS, make_scenario("subjective").change(max_cycles=8)], ids=lambda s: s.name
+    "scenario",
+    [PAPER, PEERS, make_scenario("subjective").change(max_cycles=8)],
+    ids=lambda s: s.name,
 )
 def test_a_batch_is_its_games_and_torch_agrees(scenario: Any) -> None:
     game = Game(scenario)
@@ -113,7 +121,9 @@ def test_a_batch_is_its_games_and_torch_agrees(scenario: Any) -> None:
 
 def test_the_scripted_agents_of_a_task_treat_raters_differently_there() -> None:
     """Also where the learner sees the whole state: what is offered is no part of it."""
-    task = make_task(PAPER, ["sr_2"], others={"sp_0": Conflicting(raters=(1,))}, knowledge="white_box")
+    task = make_task(
+        PAPER, ["sr_2"], others={"sp_0": Conflicting(raters=(1,))}, knowledge="white_box"
+    )
     random = task.game.random(0)
     state = task.start(task.game.draw(random, start=True), random)
     size = len(task.observe(state))
@@ -124,9 +134,14 @@ def test_the_scripted_agents_of_a_task_treat_raters_differently_there() -> None:
 
 
 def test_an_action_has_no_such_channel_and_says_so() -> None:
-    with pytest.raises(ValueError, match=r"'sp_0' cannot play conflicting: that attacks by treatment, .* on quality$"):
+    with pytest.raises(
+        ValueError,
+        match=r"'sp_0' cannot play conflicting: that attacks by treatment, .* on quality$",
+    ):
         Player(Conflicting(), "sp_0", parallel_env(PAPER).layout)
-    with pytest.raises(ValueError, match=r"'sr_0' cannot play conflicting: .* decides on ratings and silence$"):
+    with pytest.raises(
+        ValueError, match=r"'sr_0' cannot play conflicting: .* decides on ratings and silence$"
+    ):
         JointPolicy(Game(PAPER), {"sr_0": Conflicting()})
 
 
@@ -134,10 +149,14 @@ def test_what_is_wrong_is_refused() -> None:
     game = Game(PAPER)
     with pytest.raises(ValueError, match=r"raters is \(3,\); the last rater is 2"):
         played(game, {"sp_0": Conflicting(raters=(3,))})
-    with pytest.raises(ValueError, match=r"round 0: the policy of 'sp_0' chose treatment that are NaN"):
+    with pytest.raises(
+        ValueError, match=r"round 0: the policy of 'sp_0' chose treatment that are NaN"
+    ):
         played(game, {"sp_0": Rude()})
     random = game.random(0)
     state = game.start(game.draw(random, start=True))
     wrong = Actions(state.quality, state.ratings, treatment=np.ones(3))
-    with pytest.raises(ValueError, match=r"treatment has the shape \(3,\); it must be \(S, P, ...\) = \(3, 3\)"):
+    with pytest.raises(
+        ValueError, match=r"treatment has the shape \(3,\); it must be \(S, P, ...\) = \(3, 3\)"
+    ):
         game.step(state, wrong, game.draw(random))

@@ -11,8 +11,11 @@ _PR_SET_PDEATHSIG = 1  # of Linux
 
 @contextlib.contextmanager
 def guest(command, **options):
-    """Run a program until the end of the context; it is killed, since nodes of rclpy may ignore SIGTERM."""
-    process = subprocess.Popen([*map(str, command)], preexec_fn=_killed_with(os.getpid()), **options)
+    """Run a program until the end of the context; it is killed, since nodes of rclpy may ignore
+    SIGTERM."""
+    process = subprocess.Popen(
+        [*map(str, command)], preexec_fn=_killed_with(os.getpid()), **options
+    )
     try:
         yield process
     finally:
@@ -21,7 +24,8 @@ def guest(command, **options):
 
 
 def _killed_with(parent):
-    """Return a function that has the calling process killed at the end of its parent, even if that is killed."""
+    """Return a function that has the calling process killed at the end of its parent, even if that
+    is killed."""
     libc = ctypes.CDLL(None)
 
     def prepare():

@@ -1,4 +1,5 @@
-"""Robots with little load: cameras with pictures of one colour, and raters that do not look at them."""
+"""Robots with little load: cameras with pictures of one colour, and raters that do not look at
+them."""
 
 import time
 
@@ -13,7 +14,10 @@ from roletrust_env.live.wire.keys import Signer
 
 def run_robots(places, providers, keys, period):
     """Run a camera `sp_k` and a rater `sr_k` for each index until a signal ends the process."""
-    node, signers = Node("robots", f"/robots_{places[0]}"), {k: Signer(keys, f"sr_{k}") for k in places}
+    node, signers = (
+        Node("robots", f"/robots_{places[0]}"),
+        {k: Signer(keys, f"sr_{k}") for k in places},
+    )
     cameras = {k: node.writer(f"/sp_{k}/image_raw/compressed", messages.IMAGE) for k in places}
     raters = {k: node.writer(f"/sr_{k}/ratings", messages.RATINGS) for k in places}
     random = np.random.default_rng(places[0])
@@ -24,6 +28,8 @@ def run_robots(places, providers, keys, period):
             for k in places:
                 shade = np.full((48, 64, 3), random.integers(256), np.uint8)
                 jpeg = cv2.imencode(".jpg", shade)[1].tobytes()
-                cameras[k].write(messages.picture_message(stamp, f"sp_{k}", jpeg, Signer(keys, f"sp_{k}")))
+                cameras[k].write(
+                    messages.picture_message(stamp, f"sp_{k}", jpeg, Signer(keys, f"sp_{k}"))
+                )
                 ratings = {name: float(random.uniform(0.3, 1)) for name in providers}
                 raters[k].write(messages.ratings_message(f"sr_{k}", stamp, ratings, signers[k]))

@@ -1,4 +1,5 @@
-"""The raters of a team on loopback, without robots. Tests make them silent, late, lossy or too loud."""
+"""The raters of a team on loopback, without robots. Tests make them silent, late, lossy or too
+loud."""
 
 import contextlib
 import threading
@@ -80,7 +81,13 @@ def process(run, **arguments):
 
 def managed(folder, **arguments):
     """Start a manager; the folder has its journal and the keys."""
-    given = {"journal": folder / "journal", "period": PERIOD, "team": TEAM, "keys": folder / "keys", **arguments}
+    given = {
+        "journal": folder / "journal",
+        "period": PERIOD,
+        "team": TEAM,
+        "keys": folder / "keys",
+        **arguments,
+    }
     return process(run_manager_node, model=make_trust_model("role-trust"), **given)
 
 
@@ -102,7 +109,9 @@ class Listener(contextlib.AbstractContextManager):
     def _listen(self):
         while self.on:
             time.sleep(0.01)
-            self.heard += [(time.time_ns(), messages.decode(raw, messages.TRUST)) for raw in self._trust.take()]
+            self.heard += [
+                (time.time_ns(), messages.decode(raw, messages.TRUST)) for raw in self._trust.take()
+            ]
             for report in map(messages.read_diagnostics, self._diagnostics.take()):
                 if report.envelope.sender == MANAGER:
                     self.reports = report.values
@@ -119,7 +128,10 @@ class Listener(contextlib.AbstractContextManager):
         assert len({said.round for _, said in self.heard}) == len(self.heard)
         for _, said in self.heard:
             assert by_round[said.round].stamp == messages.stamp_of(said)
-            assert by_round[said.round].trust[:2] == (tuple(said.tor.tolist()), tuple(said.top.tolist()))
+            assert by_round[said.round].trust[:2] == (
+                tuple(said.tor.tolist()),
+                tuple(said.top.tolist()),
+            )
 
 
 def until(holds, why):
@@ -141,7 +153,8 @@ class Raters(Listener):
         keys: Folder of their keys.
         sent: Delay of each message by (rater, stamp), seconds; None if it was lost.
         values: Ratings of each message by (rater, stamp), in the order of the providers.
-        overdue: Times at which a message was due that a busy machine held back for half the manager's deadline.
+        overdue: Times at which a message was due that a busy machine held back for half the
+            manager's deadline.
     """
 
     def __init__(self, keys):
@@ -150,7 +163,9 @@ class Raters(Listener):
         self.lost = self.late = 0.0
         self.sent, self.values, self.overdue = {}, {}, set()
         self._signers = {name: Signer(keys, name) for name in TEAM.raters}
-        self._voices = {name: self.node.writer(f"/{name}/ratings", messages.RATINGS) for name in TEAM.raters}
+        self._voices = {
+            name: self.node.writer(f"/{name}/ratings", messages.RATINGS) for name in TEAM.raters
+        }
         self._random = np.random.default_rng(0)
         self._threads = [threading.Thread(target=work) for work in (self._rate, self._flood)]
         for thread in self._threads:
@@ -173,7 +188,8 @@ class Raters(Listener):
                     waiting.remove(one)
                 time.sleep(0.005)
             waiting += [
-                (stamp + int(delay * 1e9), name, self._message(name, stamp)) for name, delay in self._fate(stamp)
+                (stamp + int(delay * 1e9), name, self._message(name, stamp))
+                for name, delay in self._fate(stamp)
             ]
 
     def _fate(self, stamp):
@@ -181,7 +197,9 @@ class Raters(Listener):
         for name in TEAM.raters:
             lost, late, much = self._random.random(3)
             if name not in self.silent:
-                delay = None if lost < self.lost else much * PERIOD / 1e9 if late < self.late else 0.0
+                delay = (
+                    None if lost < self.lost else much * PERIOD / 1e9 if late < self.late else 0.0
+                )
                 self.sent[name, stamp + self.off.get(name, 0)] = delay
                 if delay is not None:
                     yield name, delay
@@ -198,7 +216,9 @@ class Raters(Listener):
             time.sleep(0.01)
             for name in tuple(self.flooded):
                 nonsense = messages.encode(
-                    messages.ratings_message(name, time.time_ns(), {"sp_0": 0.0}, FixedSigner(b"x" * 64))
+                    messages.ratings_message(
+                        name, time.time_ns(), {"sp_0": 0.0}, FixedSigner(b"x" * 64)
+                    )
                 )
                 for _ in range(FLOOD // 100):
                     self._voices[name].write_raw(nonsense)

@@ -1,4 +1,5 @@
-"""A machine for single nodes, without middleware, whose time passes in sleep and in waits for messages only."""
+"""A machine for single nodes, without middleware, whose time passes in sleep and in waits for
+messages only."""
 
 import signal
 

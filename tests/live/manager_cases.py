@@ -14,7 +14,9 @@ from roletrust_env.trust import make_trust_model, trust_models
 
 PERIOD = 500_000_000
 QUICK = "role-trust", "mean", "fire", "qor"
-MODELS = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in trust_models()]
+MODELS = [
+    pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in trust_models()
+]
 """All trust models; two that grow and two that do not are tried in every run of the tests."""
 
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
@@ -37,7 +39,8 @@ def rating_message(rater, round, ratings):
 
 
 def random_ratings(rounds, seed=0, lost=0.2, team=TEAM):
-    """Return random ratings (R, S, P) and a mask of those that arrive; at least one does in each round."""
+    """Return random ratings (R, S, P) and a mask of those that arrive; at least one does in each
+    round."""
     random = np.random.default_rng(seed)
     shape = (rounds, *team.peers.shape)
     mask = random.random(shape) >= lost
@@ -52,7 +55,9 @@ def feed(keeper, ratings, mask, team=TEAM, first=1):
         for i, rater in enumerate(team.raters):
             row = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
             if row:
-                published += keeper.receive(rating_message(rater, r, row), PERIOD * r + 20_000_000 + i)
+                published += keeper.receive(
+                    rating_message(rater, r, row), PERIOD * r + 20_000_000 + i
+                )
         for share in (0.5, 0.75, 0.9):
             published += keeper.tick(int(PERIOD * (r + share)))
     return published

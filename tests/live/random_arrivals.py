@@ -16,6 +16,8 @@ def arrivals(random, streams, rounds=12, period=500):
                 continue
             stamp = int(round * period + random.uniform(0, jitter))
             for _ in range(1 + (random.random() < doubled)):
-                delay = random.exponential(20) + (random.uniform(0, 3 * period) if random.random() < late else 0)
+                delay = random.exponential(20) + (
+                    random.uniform(0, 3 * period) if random.random() < late else 0
+                )
                 sent.append((stamp + delay, stream, stamp))
     return [(stream, stamp) for _, stream, stamp in sorted(sent)]

@@ -1,11 +1,13 @@
-"""A slow reference of approximate time synchronisation: the rules one by one, on immutable lists."""
+"""A slow reference of approximate time synchronisation: the rules one by one, on immutable
+lists."""
 
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 
 class Slow(NamedTuple):
-    """State: the stamps of each stream in order of arrival, and the number that is set aside at the front of each."""
+    """State: the stamps of each stream in order of arrival, and the number that is set aside at the
+    front of each."""
 
     streams: tuple[tuple[int, ...], ...]
     aside: tuple[int, ...]
@@ -61,7 +63,11 @@ def slow_search(state: Slow, found: list, interval: int, bound: int, factor: Fra
             rest = tuple(state.streams[i][state.aside[i] :] for i in n)
             state = state._replace(streams=rest, aside=(0,) * len(n), candidate=tuple(heads))
         state = state._replace(aside=put(state.aside, first, state.aside[first] + 1))
-        if first == state.pivot[0] or slow_end(state, end, factor) or slow_proof(state, bound, factor):
+        if (
+            first == state.pivot[0]
+            or slow_end(state, end, factor)
+            or slow_proof(state, bound, factor)
+        ):
             found.append(state.candidate)
             rest = tuple(stamps[1:] for stamps in state.streams)
             state = state._replace(streams=rest, aside=(0,) * len(n), candidate=None)

@@ -14,7 +14,9 @@ from typing import NamedTuple
 import pytest
 
 HOUSE = Path(__file__).parents[2]
-PACKAGES = [HOUSE / "roletrust_env" / "live" / name for name in ("roletrust_msgs", "roletrust_nodes")]
+PACKAGES = [
+    HOUSE / "roletrust_env" / "live" / name for name in ("roletrust_msgs", "roletrust_nodes")
+]
 
 ROS = {
     "rclpy": "9.1.2",
@@ -30,9 +32,17 @@ ROS = {
     "ament-cmake-ros": "0.14.5",
     "ament-cmake-ros-core": "0.14.5",
 }
-"""Packages of ROS 2 Kilted for the client and the messages, including some that CMake needs but no package requires."""
+"""Packages of ROS 2 Kilted for the client and the messages, including some that CMake needs but no
+package requires."""
 
-AMENT = ("export-include-directories", "export-interfaces", "export-targets", "gen-version-h", "gmock", "gtest")
+AMENT = (
+    "export-include-directories",
+    "export-interfaces",
+    "export-targets",
+    "gen-version-h",
+    "gmock",
+    "gtest",
+)
 AMENT = (*AMENT, "include-directories", "pytest")
 PINS = (
     *(f"ros-{name}=={version}" for name, version in ROS.items()),
@@ -52,7 +62,12 @@ class Home(NamedTuple):
 
     def environment(self, domain: int) -> dict[str, str]:
         """Return the environment variables of a process, restricted to this machine."""
-        package = self.messages / "lib" / f"python{sys.version_info[0]}.{sys.version_info[1]}" / "site-packages"
+        package = (
+            self.messages
+            / "lib"
+            / f"python{sys.version_info[0]}.{sys.version_info[1]}"
+            / "site-packages"
+        )
         prefix = self.python.parents[1]
         return _clean() | {
             "ROS_DOMAIN_ID": str(domain),
@@ -77,7 +92,9 @@ def ros2_environment() -> Home:
                 subprocess.run([sys.executable, "-m", "venv", root], check=True)
                 _install(home.python)
                 _mend(root)
-        sources = sorted(path for package in PACKAGES for path in package.rglob("*") if path.is_file())
+        sources = sorted(
+            path for package in PACKAGES for path in package.rglob("*") if path.is_file()
+        )
         with _made_of(root / ".messages", b"".join(path.read_bytes() for path in sources)) as old:
             if old:
                 _build(root)
@@ -95,7 +112,8 @@ def _one_at_a_time(root: Path) -> Iterator[None]:
 
 @contextmanager
 def _made_of(mark: Path, what: bytes) -> Iterator[bool]:
-    """Yield whether something must be rebuilt, according to a file that is written after each build."""
+    """Yield whether something must be rebuilt, according to a file that is written after each
+    build."""
     digest = hashlib.sha256(what).hexdigest()
     old = not mark.exists() or mark.read_text() != digest
     yield old
@@ -103,22 +121,34 @@ def _made_of(mark: Path, what: bytes) -> Iterator[bool]:
 
 
 def _clean() -> dict[str, str]:
-    return {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "COVERAGE", "CYCLONE"))}
+    return {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("PYTHON", "COVERAGE", "CYCLONE"))
+    }
 
 
 def _install(python: Path) -> None:
     command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *PINS]
     done = subprocess.run(command, capture_output=True, text=True, env=_clean())
     if "No matching distribution" in done.stderr or "onnection" in done.stderr:
-        pytest.skip(f"the wheels of ROS 2 cannot be downloaded for this platform: {done.stderr.splitlines()[-1]}")
+        pytest.skip(
+            "the wheels of ROS 2 cannot be downloaded for this platform: "
+            f"{done.stderr.splitlines()[-1]}"
+        )
     assert done.returncode == 0, done.stderr
 
 
 def _mend(root: Path) -> None:
-    """Let CMake find the headers of Python; the wheels name the folders of the machine that built them."""
+    """Let CMake find the headers of Python; the wheels name the folders of the machine that built
+    them."""
     script = "import sysconfig as s; print(s.get_path('include'), s.get_path('purelib'))"
     printed = subprocess.run(
-        [root / "bin" / "python", "-c", script], capture_output=True, text=True, check=True, env=_clean()
+        [root / "bin" / "python", "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=_clean(),
     )
     include, library = printed.stdout.split()
     for path in root.glob("share/*/cmake/*Export.cmake"):
@@ -131,10 +161,26 @@ def _mend(root: Path) -> None:
 
 
 def _build(root: Path) -> None:
-    command = [root / "bin" / "colcon", "build", "--base-paths", *PACKAGES, "--install-base", root / "messages"]
-    command += ["--build-base", root / "colcon", "--cmake-args", f"-DPython3_EXECUTABLE={root / 'bin' / 'python'}"]
+    command = [
+        root / "bin" / "colcon",
+        "build",
+        "--base-paths",
+        *PACKAGES,
+        "--install-base",
+        root / "messages",
+    ]
+    command += [
+        "--build-base",
+        root / "colcon",
+        "--cmake-args",
+        f"-DPython3_EXECUTABLE={root / 'bin' / 'python'}",
+    ]
     command += ["-DBUILD_TESTING=OFF"]
     path = f"{root / 'bin'}:{os.environ['PATH']}"
-    environment = _clean() | {"PATH": path, "AMENT_PREFIX_PATH": str(root), "LD_LIBRARY_PATH": str(root / "lib")}
+    environment = _clean() | {
+        "PATH": path,
+        "AMENT_PREFIX_PATH": str(root),
+        "LD_LIBRARY_PATH": str(root / "lib"),
+    }
     done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -1,4 +1,5 @@
-"""Cameras and raters as nodes that do not end by themselves, by a clock that a test moves, without middleware."""
+"""Cameras and raters as nodes that do not end by themselves, by a clock that a test moves, without
+middleware."""
 
 import importlib.util
 import sys
@@ -54,7 +55,12 @@ def test_disturbances_come_once_also_after_the_rounds_of_the_scenario(machine, m
     monkeypatch.setattr(agent_nodes, "open_frames", lambda *_, **__: Source())
     machine.after = [(20, end)]
     machine.runs(run_camera_node, "sp_0")
-    assert {k: strength for k, strength in enumerate(seen[:20]) if strength} == {2: 1.0, 3: 1.0, 9: 0.5, 10: 0.5}
+    assert {k: strength for k, strength in enumerate(seen[:20]) if strength} == {
+        2: 1.0,
+        3: 1.0,
+        9: 0.5,
+        10: 0.5,
+    }
 
 
 @pytest.mark.parametrize(("run", "name"), [(run_camera_node, "sp_0"), (run_rater_node, "sr_0")])
@@ -78,14 +84,17 @@ def test_a_signal_before_the_end_is_no_end_of_the_rounds(machine, frames):
     assert len(machine.lines) == 1
 
 
-@pytest.mark.parametrize(("rounds", "words"), [(None, "no end; loop it, or give the run an end"), (5, "has 5 rounds")])
+@pytest.mark.parametrize(
+    ("rounds", "words"), [(None, "no end; loop it, or give the run an end"), (5, "has 5 rounds")]
+)
 def test_pictures_that_end_before_the_rounds_are_refused(rounds, words, machine, frames):
     with pytest.raises(ValueError, match=words):
         machine.runs(run_camera_node, "sp_0", frames=frames, rounds=rounds)
 
 
 def test_a_camera_that_stood_still_goes_on_with_the_present_round(machine, frames):
-    """A suspended machine or a clock that is set forward; a picture of each lost round once blocked the camera."""
+    """A suspended machine or a clock that is set forward; a picture of each lost round once blocked
+    the camera."""
 
     def stand_still():
         machine.now += 7200 * PERIOD
@@ -121,7 +130,8 @@ class Detector:
 @pytest.mark.parametrize("back", [1, 4, 40])
 @pytest.mark.parametrize("late", [0.0, 0.3])
 def test_the_first_picture_of_a_camera_that_is_back_is_rated(late, back, machine, monkeypatch):
-    """It is the last one of its round; the rater has no ratings of the camera before its first one, either."""
+    """It is the last one of its round; the rater has no ratings of the camera before its first one,
+    either."""
     monkeypatch.setattr(agent_nodes, "PersonDetector", Detector)
     rounds = 10 + back
 
@@ -146,7 +156,8 @@ def test_the_command_ends_after_its_rounds_with_status_0(name, machine):
 
 @pytest.fixture
 def guide_rater(monkeypatch):
-    """Return the rater of the guide, with stand-ins for ROS 2, its ratings, and a function that sets its clock."""
+    """Return the rater of the guide, with stand-ins for ROS 2, its ratings, and a function that
+    sets its clock."""
     sent, now = [], [0.0]
 
     class Node:
@@ -164,10 +175,20 @@ def guide_rater(monkeypatch):
     def ratings(**fields):
         return SimpleNamespace(header=SimpleNamespace(stamp=SimpleNamespace()), **fields)
 
-    modules = {"rclpy": {}, "rclpy.node": {"Node": Node}, "roletrust_msgs": {}, "roletrust_msgs.msg": {}}
-    modules |= {name: {} for name in ("diagnostic_msgs", "diagnostic_msgs.msg", "sensor_msgs", "sensor_msgs.msg")}
+    modules = {
+        "rclpy": {},
+        "rclpy.node": {"Node": Node},
+        "roletrust_msgs": {},
+        "roletrust_msgs.msg": {},
+    }
+    modules |= {
+        name: {}
+        for name in ("diagnostic_msgs", "diagnostic_msgs.msg", "sensor_msgs", "sensor_msgs.msg")
+    }
     modules["roletrust_msgs.msg"]["Ratings"] = ratings
-    modules["diagnostic_msgs.msg"]["DiagnosticArray"] = modules["sensor_msgs.msg"]["CompressedImage"] = None
+    modules["diagnostic_msgs.msg"]["DiagnosticArray"] = modules["sensor_msgs.msg"][
+        "CompressedImage"
+    ] = None
     modules["signing"] = {"read_key": None, "sign_ratings": None}
     for name, content in modules.items():
         module = ModuleType(name)
@@ -185,7 +206,12 @@ def test_the_rater_of_the_guide_goes_on_without_a_camera(guide_rater):
     rater, sent, now = guide_rater
 
     def look(camera, r):
-        rater.look(camera, SimpleNamespace(header=SimpleNamespace(stamp=SimpleNamespace(sec=r, nanosec=0)), data=b"1"))
+        rater.look(
+            camera,
+            SimpleNamespace(
+                header=SimpleNamespace(stamp=SimpleNamespace(sec=r, nanosec=0)), data=b"1"
+            ),
+        )
 
     for r in range(1, 1001):
         now[0] = r + 0.0

@@ -35,7 +35,13 @@ class PublishedBoard:
     """The published trust of a game."""
 
     def __init__(self, tor, top):
-        self.of = dict(zip((*ROSTER.rater_names, *ROSTER.provider_names), np.append(tor, top).tolist(), strict=True))
+        self.of = dict(
+            zip(
+                (*ROSTER.rater_names, *ROSTER.provider_names),
+                np.append(tor, top).tolist(),
+                strict=True,
+            )
+        )
         self.tor = self.top = self.of.__getitem__
 
 
@@ -57,9 +63,13 @@ def test_a_live_rater_gives_the_same_ratings_as_in_the_game(policy):
     selector = RatingSelector("sr_2", ROSTER.provider_names, policy, board, 0)
     for round in range(len(history.tor)):
         if history.rated[round, 2].any():
-            seen = dict(zip(ROSTER.provider_names, history.quality[round - 1].tolist(), strict=True))
+            seen = dict(
+                zip(ROSTER.provider_names, history.quality[round - 1].tolist(), strict=True)
+            )
             ratings = selector.ratings(round, seen)
-            assert ratings == dict(zip(ROSTER.provider_names, history.ratings[round, 2].tolist(), strict=True)), round
+            assert ratings == dict(
+                zip(ROSTER.provider_names, history.ratings[round, 2].tolist(), strict=True)
+            ), round
         board.__init__(history.tor[round], history.top[round])
 
 
@@ -85,7 +95,10 @@ def test_a_trained_provider_reacts_to_its_ratings():
     policy = learned(path=str(ZOO / "provider-3x3"))
     rated = np.ones(3, bool)
     praised, blamed = QualitySelector(policy, 0), QualitySelector(policy, 0)
-    sold = [(praised.quality(r, 0.9, np.ones(3), rated), blamed.quality(r, 0.9, np.zeros(3), rated)) for r in range(20)]
+    sold = [
+        (praised.quality(r, 0.9, np.ones(3), rated), blamed.quality(r, 0.9, np.zeros(3), rated))
+        for r in range(20)
+    ]
     assert all(0 <= quality <= 1 for pair in sold for quality in pair)
     assert any(one != other for one, other in sold)
 
@@ -96,7 +109,9 @@ def test_a_member_of_a_coalition_serves_in_a_live_camera_as_in_the_game():
     history = record(JointPolicy(game, {"sp_2": policy}), game.random(seed=0))
     selector, trust = QualitySelector(policy, 0), RULES.initial_trust
     for round in range(RULES.max_cycles):
-        quality = selector.quality(round, trust, history.ratings[round, :, 2], history.rated[round, :, 2])
+        quality = selector.quality(
+            round, trust, history.ratings[round, :, 2], history.rated[round, :, 2]
+        )
         assert quality == history.quality[round, 2], round
         trust = history.top[round, 2]
 
@@ -115,9 +130,14 @@ class Withholding(Policy):
 
 
 def test_a_policy_sees_the_ratings_that_it_sent_and_not_those_that_it_withheld():
-    selector = RatingSelector("sr_2", ROSTER.provider_names, Withholding(), PublishedBoard(np.ones(3), np.ones(3)), 0)
+    selector = RatingSelector(
+        "sr_2", ROSTER.provider_names, Withholding(), PublishedBoard(np.ones(3), np.ones(3)), 0
+    )
     for round in range(2):
-        assert selector.ratings(round, {"sp_0": 0.8, "sp_1": 0.4, "new": 0.3}) == {"sp_1": 0.1, "new": 0.3}
+        assert selector.ratings(round, {"sp_0": 0.8, "sp_1": 0.4, "new": 0.3}) == {
+            "sp_1": 0.1,
+            "new": 0.3,
+        }
     last = selector._memory[-1]
     np.testing.assert_array_equal(last.ratings, [0, 0.1, 0])
     np.testing.assert_array_equal(last.rated, [False, True, False])

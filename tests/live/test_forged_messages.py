@@ -1,4 +1,5 @@
-"""A participant without keys forges trust, managers and ratings: nothing displayed, nothing displaced, each counted."""
+"""A participant without keys forges trust, managers and ratings: nothing displayed, nothing
+displaced, each counted."""
 
 import os
 import time
@@ -36,7 +37,10 @@ def page(team):
 def guids(team):
     """Return the identifiers of the true writers by topic, from before there are others."""
     topics = "/trust", f"/{VICTIM}/ratings"
-    until(lambda: all(len(team.node.writers_of(topic)) == 1 for topic in topics), "earlier writers have not gone")
+    until(
+        lambda: all(len(team.node.writers_of(topic)) == 1 for topic in topics),
+        "earlier writers have not gone",
+    )
     return {topic: uuid.UUID(*team.node.writers_of(topic)).bytes for topic in topics}
 
 
@@ -48,23 +52,34 @@ def forger(guids):
 def false_trust(stamp):
     """Return a message that claims a low trust in a round that is far away."""
     tor, top, none = np.full(3, LIE), np.full(3, LIE), np.empty(0)
-    names = {"raters": list(TEAM.raters), "providers": list(TEAM.providers), "both": [], "missing": []}
+    names = {
+        "raters": list(TEAM.raters),
+        "providers": list(TEAM.providers),
+        "both": [],
+        "missing": [],
+    }
     numbers = {"tor": tor, "top": top, "toa": none, "signature": np.empty(0, np.uint8)}
-    return messages.make(messages.TRUST, header=messages.header(stamp), round=10039, **names, **numbers)
+    return messages.make(
+        messages.TRUST, header=messages.header(stamp), round=10039, **names, **numbers
+    )
 
 
 def next_stamp():
-    """Return a stamp that is later than those of the last messages, as that of a true message may be."""
+    """Return a stamp that is later than those of the last messages, as that of a true message may
+    be."""
     return (time.time_ns() // PERIOD + 2) * PERIOD
 
 
 def false_ratings(true):
-    """Return forged messages of a rater by the reason of their refusal, from a true message of the rater."""
+    """Return forged messages of a rater by the reason of their refusal, from a true message of the
+    rater."""
     bad = dict.fromkeys(TEAM.providers, LIE)
     altered = messages.decode(true, messages.RATINGS)
     altered.header, altered.values = messages.header(next_stamp()), np.full(3, LIE)
     return {
-        RefusalReason.UNSIGNED: messages.encode(messages.ratings_message(VICTIM, next_stamp(), bad)),
+        RefusalReason.UNSIGNED: messages.encode(
+            messages.ratings_message(VICTIM, next_stamp(), bad)
+        ),
         RefusalReason.MIS_SIGNED: messages.encode(altered),
         RefusalReason.REPLAYED: true,
     }
@@ -86,7 +101,8 @@ def named(team, reason, rater=VICTIM):
 
 
 def rated(team, first):
-    """Return the journal's rounds from a published one on, and check that all their ratings are true."""
+    """Return the journal's rounds from a published one on, and check that all their ratings are
+    true."""
     entries = list(read_journal(team.journal))[team.heard[first][1].round :]
     for entry in entries:
         for name, row in entry.ratings.items():
@@ -102,14 +118,21 @@ def heard(reader):
 
 
 def newest(reader, before):
-    """Return the newest message of the rater itself: one that is old enough is refused for its age alone."""
+    """Return the newest message of the rater itself: one that is old enough is refused for its age
+    alone."""
     own = [raw for raw in reader.take() if LIE not in messages.read_ratings(raw).values]
     return own[-1] if own else before
 
 
 def test_a_forged_manager_is_neither_displayed_nor_does_it_displace_one(team, page, forger):
-    own, other = forger.reader("/trust", messages.TRUST, depth=100), forger.reader("/diagnostics", messages.DIAGNOSTICS)
-    trust, reports = forger.writer("/trust", messages.TRUST), forger.writer("/diagnostics", messages.DIAGNOSTICS)
+    own, other = (
+        forger.reader("/trust", messages.TRUST, depth=100),
+        forger.reader("/diagnostics", messages.DIAGNOSTICS),
+    )
+    trust, reports = (
+        forger.writer("/trust", messages.TRUST),
+        forger.writer("/diagnostics", messages.DIAGNOSTICS),
+    )
     old, said = heard(own), heard(other)
     for _ in range(20):
         now = time.time_ns()
@@ -146,7 +169,11 @@ def test_forged_ratings_cost_their_rater_no_round(team, forger, tmp_path):
         lies = dict.fromkeys(TEAM.providers, LIE)
         voice.write(messages.ratings_message(VICTIM, next_stamp(), lies, Signer(tmp_path, VICTIM)))
         time.sleep(0.1)
-    for reason, least in ((RefusalReason.UNSIGNED, 20), (RefusalReason.MIS_SIGNED, 40), (RefusalReason.REPLAYED, 20)):
+    for reason, least in (
+        (RefusalReason.UNSIGNED, 20),
+        (RefusalReason.MIS_SIGNED, 40),
+        (RefusalReason.REPLAYED, 20),
+    ):
         until(lambda: named(team, reason) - before[reason] >= least, f"{reason} is not counted")  # noqa: B023
     found = rated(team, first)
     assert len(found) > 5
@@ -157,9 +184,13 @@ def test_forged_ratings_cost_their_rater_no_round(team, forger, tmp_path):
 def test_packets_with_the_true_guid_of_the_manager_are_refused(team, page, guids):
     before, end = refused(page, RefusalReason.UNSIGNED), time.monotonic() + 60
     while refused(page, RefusalReason.UNSIGNED) == before and time.monotonic() < end:
-        following = sum(1 for _ in read_journal(team.journal)) + 1  # the manager numbers its messages
+        following = (
+            sum(1 for _ in read_journal(team.journal)) + 1
+        )  # the manager numbers its messages
         packet = messages.encode(false_trust(time.time_ns()))
-        rtps_forger.send(guids["/trust"], following, packet, int(os.environ["ROS_DOMAIN_ID"]), count=12)
+        rtps_forger.send(
+            guids["/trust"], following, packet, int(os.environ["ROS_DOMAIN_ID"]), count=12
+        )
         time.sleep(0.1)
     team.wait_for(4)
     assert refused(page, RefusalReason.UNSIGNED) > before
@@ -168,7 +199,8 @@ def test_packets_with_the_true_guid_of_the_manager_are_refused(team, page, guids
 
 
 def test_packets_with_the_true_guid_of_a_rater_are_refused(team, guids, forger):
-    """The packets take the place of the rater's next messages, which are lost then; nothing false is rated."""
+    """The packets take the place of the rater's next messages, which are lost then; nothing false
+    is rated."""
     topic = f"/{VICTIM}/ratings"
     reader = forger.reader(topic, messages.RATINGS)
     true = heard(reader)[-1]
@@ -176,9 +208,13 @@ def test_packets_with_the_true_guid_of_a_rater_are_refused(team, guids, forger):
     end, reasons = time.monotonic() + 60, set(false_ratings(true))
     while any(named(team, one) == before[one] for one in reasons) and time.monotonic() < end:
         true = newest(reader, true)
-        following = sum(rater == VICTIM for rater, _ in team.values) + 1  # the rater numbers its messages
+        following = (
+            sum(rater == VICTIM for rater, _ in team.values) + 1
+        )  # the rater numbers its messages
         for place, raw in enumerate(false_ratings(true).values()):
-            rtps_forger.send(guids[topic], following + 4 * place, raw, int(os.environ["ROS_DOMAIN_ID"]), count=4)
+            rtps_forger.send(
+                guids[topic], following + 4 * place, raw, int(os.environ["ROS_DOMAIN_ID"]), count=4
+            )
         time.sleep(0.1)
     assert {one for one in reasons if named(team, one) == before[one]} == set()
     found = rated(team, first)

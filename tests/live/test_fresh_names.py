@@ -1,4 +1,5 @@
-"""A flood of fresh names without keys on real middleware: it is named and cut off, and the team loses no round."""
+"""A flood of fresh names without keys on real middleware: it is named and cut off, and the team
+loses no round."""
 
 import time
 from collections import deque
@@ -19,21 +20,28 @@ A_MINUTE, STAY = 1000, 100  # fresh names, and how many of them are there at a t
 
 
 def fresh_names():
-    """Run one participant with a rater of a new name 1000 times a minute, each of which rates for six seconds."""
+    """Run one participant with a rater of a new name 1000 times a minute, each of which rates for
+    six seconds."""
     node, voices, number = Node("stranger", "/strange"), deque(maxlen=STAY), 0
     begin = time.time_ns()
     with run_until_signal() as active:
         while active:
             name = f"x{number}"
-            voices.append((name, node.writer(f"/{name}/ratings", messages.RATINGS)))  # the oldest is deleted
+            voices.append(
+                (name, node.writer(f"/{name}/ratings", messages.RATINGS))
+            )  # the oldest is deleted
             stamp = time.time_ns() // PERIOD * PERIOD
             for one, voice in list(voices):
-                voice.write(messages.ratings_message(one, stamp, dict.fromkeys(TEAM.providers, 0.0)))
+                voice.write(
+                    messages.ratings_message(one, stamp, dict.fromkeys(TEAM.providers, 0.0))
+                )
             number += 1
             active.sleep_until(begin + number * 60_000_000_000 // A_MINUTE)
 
 
-@pytest.mark.parametrize("seconds", [pytest.param(8, marks=pytest.mark.live), pytest.param(60, marks=pytest.mark.soak)])
+@pytest.mark.parametrize(
+    "seconds", [pytest.param(8, marks=pytest.mark.live), pytest.param(60, marks=pytest.mark.soak)]
+)
 def test_the_team_loses_no_round(seconds, tmp_path, keys):
     rounds = seconds * 10**9 // PERIOD
     with Raters(keys) as raters:
@@ -52,8 +60,15 @@ def test_the_team_loses_no_round(seconds, tmp_path, keys):
         counted = flood(raters)
     entries = list(read_journal(tmp_path / "journal"))
     raters.agrees_with(entries)
-    found = [one for one in entries[raters.heard[first][1].round : last] if one.stamp not in raters.overdue]
-    print(f"CPU time of the manager a round: {usual:.4f} s before, {during:.4f} s during, {after:.4f} s after")
+    found = [
+        one
+        for one in entries[raters.heard[first][1].round : last]
+        if one.stamp not in raters.overdue
+    ]
+    print(
+        f"CPU time of the manager a round: {usual:.4f} s before, {during:.4f} s during, "
+        f"{after:.4f} s after"
+    )
     print(f"{len(entries[-1].team.raters) - 3} strangers rated; {counted} names were turned away")
     assert len(found) > 0.9 * rounds
     assert all(set(TEAM.raters) <= entry.ratings.keys() for entry in found)
@@ -63,7 +78,11 @@ def test_the_team_loses_no_round(seconds, tmp_path, keys):
 
 def flood(raters):
     """Return how many topics of a participant the manager says it has not read."""
-    names = [key for key in raters.reports if key.startswith("participant ") and key.endswith("too many newcomers")]
+    names = [
+        key
+        for key in raters.reports
+        if key.startswith("participant ") and key.endswith("too many newcomers")
+    ]
     return sum(int(raters.reports[key]) for key in names)
 
 

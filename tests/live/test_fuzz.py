@@ -35,22 +35,34 @@ def test_invalid_messages_do_not_change_trust(count, tmp_path):
     make_keys(tmp_path, [*TEAM.raters, "liar", "thief"])
     (tmp_path / "thief.pub").unlink()
     keys = PublicKeys(tmp_path)
-    clean, noisy = manager(tmp_path / "clean", keyring=keys), manager(tmp_path / "noisy", keyring=keys)
+    clean, noisy = (
+        manager(tmp_path / "clean", keyring=keys),
+        manager(tmp_path / "noisy", keyring=keys),
+    )
     random, (values, _) = np.random.default_rng(0), random_ratings(ROUNDS, lost=0.0)
     wanted, got, before, refused = [], [], 0, 0
     for r in range(1, ROUNDS + 1):
         now = PERIOD * r + 20_000_000
-        sent = [signed(tmp_path, name, PERIOD * r, row) for name, row in zip(TEAM.raters, values[r - 1], strict=True)]
+        sent = [
+            signed(tmp_path, name, PERIOD * r, row)
+            for name, row in zip(TEAM.raters, values[r - 1], strict=True)
+        ]
         for name, raw in zip(TEAM.raters, sent, strict=True):
             wanted += receive_raw(clean, name, raw, now)
             got += receive_raw(noisy, name, raw, now)
-        made = {kind: [wrong(tmp_path, random, kind, sent, r) for _ in range(POOL)] for kind in REASONS}
+        made = {
+            kind: [wrong(tmp_path, random, kind, sent, r) for _ in range(POOL)] for kind in REASONS
+        }
         if r == TRACED:
             tracemalloc.start()
             before = tracemalloc.get_traced_memory()[0]
         for kind in random.choice(list(REASONS), count // ROUNDS):
             cheap = kind in ("noise", "cut", "bent")
-            topic, raw = wrong(tmp_path, random, kind, sent, r) if cheap else made[kind][random.integers(POOL)]
+            topic, raw = (
+                wrong(tmp_path, random, kind, sent, r)
+                if cheap
+                else made[kind][random.integers(POOL)]
+            )
             counted = noisy.validator.refusals.copy()
             assert receive_raw(noisy, topic, raw, now + 1) == []
             reasons = {reason for _, reason in noisy.validator.refusals - counted}
@@ -72,13 +84,20 @@ signer_of = cache(Signer)
 def signed(folder, rater, stamp, row, signer=None):
     """Return a message of `rater`, signed by itself or by another rater."""
     ratings = dict(zip(TEAM.providers, map(float, row), strict=True))
-    return messages.encode(messages.ratings_message(rater, stamp, ratings, signer_of(folder, signer or rater)))
+    return messages.encode(
+        messages.ratings_message(rater, stamp, ratings, signer_of(folder, signer or rater))
+    )
 
 
 def wrong(folder, random, kind, sent, round):
     """Return the rater whose topic an invalid message is sent on, and its bytes."""
     place = int(random.integers(len(TEAM.raters)))
-    name, raw, stamp, row = TEAM.raters[place], sent[place], PERIOD * round + PERIOD // 2, random.random(3)
+    name, raw, stamp, row = (
+        TEAM.raters[place],
+        sent[place],
+        PERIOD * round + PERIOD // 2,
+        random.random(3),
+    )
     if kind == "noise":
         return name, random.bytes(int(random.integers(0, 300)))
     if kind == "cut":
@@ -88,7 +107,9 @@ def wrong(folder, random, kind, sent, round):
         bent[int(random.integers(len(raw)))] ^= int(random.integers(1, 256))
         return name, bytes(bent)
     if kind == "unsigned":
-        return name, messages.encode(messages.ratings_message(name, stamp, dict.fromkeys(TEAM.providers, 0.0)))
+        return name, messages.encode(
+            messages.ratings_message(name, stamp, dict.fromkeys(TEAM.providers, 0.0))
+        )
     if kind == "forged":
         return name, signed(folder, name, stamp, row, signer="liar")
     if kind == "elsewhere":
@@ -96,7 +117,9 @@ def wrong(folder, random, kind, sent, round):
     if kind in ("past", "future"):
         return name, signed(folder, name, stamp + PERIOD * (50 if kind == "future" else -50), row)
     if kind == "bad":
-        return "liar", signed(folder, "liar", stamp, random.choice([nan, inf, -inf, -0.5, 1.5, 1e300], 3))
+        return "liar", signed(
+            folder, "liar", stamp, random.choice([nan, inf, -inf, -0.5, 1.5, 1e300], 3)
+        )
     if kind == "strange":
         return "thief", signed(folder, "thief", stamp, row)
     return name, raw

@@ -1,4 +1,5 @@
-"""Incoming messages: agents that come and go, subscriptions, times of rounds, and signals. Without middleware."""
+"""Incoming messages: agents that come and go, subscriptions, times of rounds, and signals. Without
+middleware."""
 
 import signal
 import time
@@ -20,7 +21,12 @@ from roletrust_env.live.nodes.inboxes import (
 from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.team import Team, Trust
-from roletrust_env.live.validation import MAX_STRANGERS, MessageValidator, RefusalReason, StampLimits
+from roletrust_env.live.validation import (
+    MAX_STRANGERS,
+    MessageValidator,
+    RefusalReason,
+    StampLimits,
+)
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.topics import IMAGES, RATINGS, TRUST, owner
 
@@ -47,7 +53,14 @@ def readers(wire, strangers=True):
     validator, timing = MessageValidator(StampLimits(10**9, 1)), RoundTiming(500_000_000)
     known = "sp_0", "sp_1"
     return AgentInbox(
-        wire, IMAGES, messages.IMAGE, messages.read_picture, validator, known, strangers=strangers, timing=timing
+        wire,
+        IMAGES,
+        messages.IMAGE,
+        messages.read_picture,
+        validator,
+        known,
+        strangers=strangers,
+        timing=timing,
     )
 
 
@@ -77,15 +90,22 @@ def test_strangers_are_not_read_at_all_if_there_are_keys(clock):
 
 
 @pytest.mark.parametrize("keyed", [True, False])
-@pytest.mark.parametrize("fault", [RefusalReason.FLOOD, RefusalReason.GARBAGE, RefusalReason.ELSEWHERE])
+@pytest.mark.parametrize(
+    "fault", [RefusalReason.FLOOD, RefusalReason.GARBAGE, RefusalReason.ELSEWHERE]
+)
 def test_a_first_message_that_cannot_be_read_is_counted_under_its_name(fault, keyed):
     """A member of the team, with or without keys, before any of its messages was valid."""
     wire, raters = FakeWire(), ("sr_0", "sr_1")
-    validator = MessageValidator(StampLimits(10**9, 1), Names(raters) if keyed else None, members=raters)
+    validator = MessageValidator(
+        StampLimits(10**9, 1), Names(raters) if keyed else None, members=raters
+    )
     inbox = rating_inbox(wire, RoundTiming(PERIOD), validator, raters, strangers=not keyed)
     inbox.update(wire.announce(RATINGS, messages.RATINGS, "sr_1"))
     ratings = messages.encode(messages.ratings_message("sr_0", 5, {"sp_0": 0.5}))
-    wire.waiting["/sr_1/ratings"] += {RefusalReason.GARBAGE: [b"?"], RefusalReason.ELSEWHERE: [ratings]}.get(fault, [])
+    wire.waiting["/sr_1/ratings"] += {
+        RefusalReason.GARBAGE: [b"?"],
+        RefusalReason.ELSEWHERE: [ratings],
+    }.get(fault, [])
     wire.readers["/sr_1/ratings"].excess = int(fault is RefusalReason.FLOOD)
     assert list(inbox.take(5)) == []
     assert inbox.refusals == {("sr_1", fault): 1}
@@ -110,7 +130,8 @@ def test_a_topic_whose_writers_have_gone_is_dropped_and_read_again_when_they_ret
 
 
 def test_a_writer_that_connects_late_is_read(clock):
-    """Another middleware may take more than five seconds to connect on a busy machine; it is announced all the time."""
+    """Another middleware may take more than five seconds to connect on a busy machine; it is
+    announced all the time."""
     wire = FakeWire()
     made = readers(wire)
     made.update(wire.announce(IMAGES, messages.IMAGE, "sp_0"))
@@ -162,7 +183,9 @@ def test_trust_of_long_rounds_is_not_from_the_past():
     wire, now, timing = FakeWire(), time.time_ns(), RoundTiming(60 * 10**9)
     subscription = TrustSubscription(wire, 0.7, limits=trust_limits(timing))
     for age in (timing.period * 3 // 2, 0):
-        entry = JournalEntry(0, now - age, now, Team(("sr_0",), ("sp_0",)), {}, (), Trust((0.2,), (0.3,), ()))
+        entry = JournalEntry(
+            0, now - age, now, Team(("sr_0",), ("sp_0",)), {}, (), Trust((0.2,), (0.3,), ())
+        )
         wire.waiting[TRUST].append(messages.encode(messages.trust_message(entry)))
         subscription.update()
         assert (subscription.tor("sr_0"), subscription.top("sp_0")) == (0.2, 0.3)
@@ -194,7 +217,15 @@ def test_a_provider_reads_the_newest_valid_rating_of_each_rater(sent, value, rat
 
 def test_a_stamp_is_of_the_nearest_round():
     timeline = Timeline(1000, 100)
-    assert [timeline.round(stamp) for stamp in (849, 850, 950, 1000, 1049, 1050, 1149)] == [-2, -1, 0, 0, 0, 1, 1]
+    assert [timeline.round(stamp) for stamp in (849, 850, 950, 1000, 1049, 1050, 1149)] == [
+        -2,
+        -1,
+        0,
+        0,
+        0,
+        1,
+        1,
+    ]
     assert timeline.begin(3) == 1300
     assert timeline.round(timeline.begin(3)) == 3
 
@@ -237,7 +268,9 @@ def test_what_waited_in_a_pause_of_the_manager_counts(pause, tmp_path, monkeypat
     wire, now = FakeWire(), [100 * PERIOD]
     monkeypatch.setattr(inboxes.clock, "now", lambda: now[0])
     keeper = manager(tmp_path / "journal")
-    inbox = rating_inbox(wire, RoundTiming(PERIOD), keeper.validator, keeper.known_raters, strangers=True)
+    inbox = rating_inbox(
+        wire, RoundTiming(PERIOD), keeper.validator, keeper.known_raters, strangers=True
+    )
     inbox.update(wire.announce(RATINGS, messages.RATINGS, *TEAM.raters))
     entries = []
 
@@ -264,7 +297,9 @@ def test_what_waited_in_a_pause_of_the_manager_counts(pause, tmp_path, monkeypat
     turn()
     send(last - 1, names=TEAM.raters[2:])
     turn()
-    assert [(entry.stamp // PERIOD, len(entry.ratings)) for entry in entries] == [(r, 3) for r in range(100, last)]
+    assert [(entry.stamp // PERIOD, len(entry.ratings)) for entry in entries] == [
+        (r, 3) for r in range(100, last)
+    ]
     assert keeper.validator.refusals == {(name, RefusalReason.REPLAYED): 1 for name in TEAM.raters}
 
 
@@ -272,7 +307,9 @@ def test_a_flood_is_counted_once():
     wire = FakeWire()
     made = readers(wire)
     made.update(wire.announce(IMAGES, messages.IMAGE, "sp_0"))
-    wire.waiting[f"/sp_0{IMAGES}"].append(messages.encode(messages.picture_message(5, "sp_0", b"jpeg")))
+    wire.waiting[f"/sp_0{IMAGES}"].append(
+        messages.encode(messages.picture_message(5, "sp_0", b"jpeg"))
+    )
     wire.readers[f"/sp_0{IMAGES}"].excess = 7
     assert [picture.jpeg for picture in made.take(5)] == [b"jpeg"]
     assert list(made.take(5)) == []
@@ -284,13 +321,17 @@ def test_ratings_on_the_topic_of_another_are_refused():
     inbox = rating_inbox(wire, RoundTiming(PERIOD), validator, ("sr_0", "sr_1"), strangers=False)
     inbox.update(wire.announce(RATINGS, messages.RATINGS, "sr_1"))
     for rater in ("sr_0", "sr_1"):
-        wire.waiting["/sr_1/ratings"].append(messages.encode(messages.ratings_message(rater, 5, {"sp_0": 0.5})))
+        wire.waiting["/sr_1/ratings"].append(
+            messages.encode(messages.ratings_message(rater, 5, {"sp_0": 0.5}))
+        )
     assert [message.envelope.sender for message in inbox.take(5)] == ["sr_1"]
     assert validator.refusals == {("sr_1", RefusalReason.ELSEWHERE): 1}
 
 
 def test_a_sender_may_send_ten_messages_a_period_and_at_least_ten_a_second():
-    assert [RoundTiming(period).quota for period in (10**8, 300_000_000, 5 * 10**8, 10**9, 10**10)] == [
+    assert [
+        RoundTiming(period).quota for period in (10**8, 300_000_000, 5 * 10**8, 10**9, 10**10)
+    ] == [
         100,
         34,
         20,

@@ -39,7 +39,11 @@ def robots(folder):
     make_keys(folder / "keys", [MANAGER, *roster.rater_names, *roster.provider_names])
     report = functools.partial(write_report, folder / "reports")
     shared = {"scenario": ROBOTS, "timeline": timeline, "keys": folder / "keys"}
-    starts = {"manager": functools.partial(managed, folder, period=PERIOD, team=Team(*axes(roster)), report=report)}
+    starts = {
+        "manager": functools.partial(
+            managed, folder, period=PERIOD, team=Team(*axes(roster)), report=report
+        )
+    }
     for name in roster.rater_names:
         starts[name] = functools.partial(process, run_rater_node, name=name, **shared)
     for name in roster.provider_names:
@@ -57,7 +61,10 @@ def test_rounds_continue_when_nodes_are_killed_at_random_times(tmp_path):
     assert sum(map(len, pairs)) == 20
     with Listener() as listener:
         running = {name: start() for name, start in starts.items()}
-        until(lambda: listener.heard and not listener.heard[-1][1].missing, "the team does not find each other")
+        until(
+            lambda: listener.heard and not listener.heard[-1][1].missing,
+            "the team does not find each other",
+        )
         for pair in pairs:
             for victim in pair:
                 time.sleep(random.uniform(0, 2 * PERIOD / 1e9))
@@ -73,20 +80,29 @@ def test_rounds_continue_when_nodes_are_killed_at_random_times(tmp_path):
             one.join()
     entries = list(read_journal(tmp_path / "journal"))
     listener.agrees_with(entries)
-    assert replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust == entries[-1].trust
+    assert (
+        replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust
+        == entries[-1].trust
+    )
     ups = [int(line.split()[0]) for line in reports.read_text().splitlines() if "continues" in line]
     away = list(zip(downs, ups, strict=True))
     for last, entry in itertools.pairwise(entries):
-        begun = max([last.stamp, *(up for down, up in away if down <= entry.closed and up >= last.stamp)])
+        begun = max(
+            [last.stamp, *(up for down, up in away if down <= entry.closed and up >= last.stamp)]
+        )
         assert entry.stamp - begun <= 2 * PERIOD, (last.round, entry.missing)
     assert {name for entry in entries[-4:] for name in entry.ratings} == {"sr_0", "sr_1", "sr_2"}
 
 
 def pairs_of(starts, random):
-    """Return pairs of nodes to kill, one soon after the other: each node twice and the manager eight times."""
+    """Return pairs of nodes to kill, one soon after the other: each node twice and the manager
+    eight times."""
     others = [name for name in starts if name != "manager"]
     first, second = random.permutation(others).tolist(), random.permutation(others).tolist()
-    managers = [("manager", name) if random.random() < 0.5 else (name, "manager") for name in (*first, *second[:2])]
+    managers = [
+        ("manager", name) if random.random() < 0.5 else (name, "manager")
+        for name in (*first, *second[:2])
+    ]
     return random.permutation([*managers, second[2:4], second[4:]]).tolist()
 
 
@@ -99,7 +115,9 @@ def test_a_second_manager_is_refused_in_one_line(tmp_path, keys):
         first = managed(tmp_path)
         raters.wait_for(2)
         with pytest.raises(ValueError, match=r"another manager publishes /trust; stop it first"):
-            run_manager_node(make_trust_model("role-trust"), tmp_path / "other", period=PERIOD, keys=keys)
+            run_manager_node(
+                make_trust_model("role-trust"), tmp_path / "other", period=PERIOD, keys=keys
+            )
         assert not (tmp_path / "other").exists()
         raters.wait_for(2)
         first.terminate()

@@ -16,15 +16,31 @@ LIVE = Path(__file__).parents[2] / "roletrust_env" / "live"
 @pytest.fixture
 def launch(monkeypatch):
     """Return a function that gives the commands of the launch for some parameters."""
-    package, actions, substitutions = ModuleType("launch"), ModuleType("actions"), ModuleType("substitutions")
+    package, actions, substitutions = (
+        ModuleType("launch"),
+        ModuleType("actions"),
+        ModuleType("substitutions"),
+    )
     package.LaunchDescription = list
-    actions.DeclareLaunchArgument = lambda name, default_value, description: (name, default_value, description)
+    actions.DeclareLaunchArgument = lambda name, default_value, description: (
+        name,
+        default_value,
+        description,
+    )
     actions.OpaqueFunction = lambda function: function
     actions.ExecuteProcess = lambda cmd, name, output: cmd
-    substitutions.LaunchConfiguration = lambda name: SimpleNamespace(perform=lambda context: context[name])
-    for name, module in (("launch", package), ("launch.actions", actions), ("launch.substitutions", substitutions)):
+    substitutions.LaunchConfiguration = lambda name: SimpleNamespace(
+        perform=lambda context: context[name]
+    )
+    for name, module in (
+        ("launch", package),
+        ("launch.actions", actions),
+        ("launch.substitutions", substitutions),
+    ):
         monkeypatch.setitem(sys.modules, name, module)
-    spec = importlib.util.spec_from_file_location("team", LIVE / "roletrust_nodes" / "launch" / "team.launch.py")
+    spec = importlib.util.spec_from_file_location(
+        "team", LIVE / "roletrust_nodes" / "launch" / "team.launch.py"
+    )
     team = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(team)
     *declared, run = team.generate_launch_description()
@@ -52,8 +68,17 @@ def test_the_nodes_of_the_paper_start_by_default(launch):
 
 def test_parameters_reach_the_nodes(launch):
     commands = launch(
-        keys="keys", journal="", cameras="", raters="sr_0", model="travos", speed="2.0", network="true", rounds="9"
+        keys="keys",
+        journal="",
+        cameras="",
+        raters="sr_0",
+        model="travos",
+        speed="2.0",
+        network="true",
+        rounds="9",
     )
     shared = ["--scenario", "paper-3x3", "--speed", "2.0", "--keys", "keys", "--network"]
-    assert commands == [["roletrust", "live", "agent", "sr_0", "--role", "rater", "--rounds", "9", *shared]]
+    assert commands == [
+        ["roletrust", "live", "agent", "sr_0", "--role", "rater", "--rounds", "9", *shared]
+    ]
     parse(commands[0])

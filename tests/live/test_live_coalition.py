@@ -1,4 +1,5 @@
-"""Members of a trained coalition as nodes of a team with real people detection. Run by `make test-live`."""
+"""Members of a trained coalition as nodes of a team with real people detection. Run by `make
+test-live`."""
 
 import time
 
@@ -23,7 +24,10 @@ pytestmark = pytest.mark.live
 PERIOD, ROUNDS, PATIENCE_S = 500_000_000, 12, 120
 RULES = make_scenario("paper-3x3").change(perturbations=())
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
-ATTACKS = ["sr_2=learned:path=universal-raters", "sp_2=learned:path=universal-providers,accomplices=[sp_2]"]
+ATTACKS = [
+    "sr_2=learned:path=universal-raters",
+    "sp_2=learned:path=universal-providers,accomplices=[sp_2]",
+]
 
 
 def test_a_trained_rater_lies_and_loses_its_trust_beside_a_trained_camera(tmp_path):
@@ -31,10 +35,20 @@ def test_a_trained_rater_lies_and_loses_its_trust_beside_a_trained_camera(tmp_pa
     make_keys(tmp_path, [MANAGER, *TEAM.raters, *TEAM.providers])
     with own_dds_domain(), NodeProcesses() as nodes:
         model = make_trust_model("role-trust")
-        nodes.start("manager", run_manager_node, model=model, journal=journal, period=PERIOD, team=TEAM, keys=tmp_path)
+        nodes.start(
+            "manager",
+            run_manager_node,
+            model=model,
+            journal=journal,
+            period=PERIOD,
+            team=TEAM,
+            keys=tmp_path,
+        )
         for names, run in ((TEAM.raters, run_rater_node), (TEAM.providers, run_camera_node)):
             for name in names:
-                nodes.start(name, run, name=name, scenario=RULES, policy=policies.get(name), keys=tmp_path)
+                nodes.start(
+                    name, run, name=name, scenario=RULES, policy=policies.get(name), keys=tmp_path
+                )
         nodes.ready()
         nodes.begin("manager")
         nodes.begin(*TEAM.raters, *TEAM.providers, timeline=Timeline.aligned(PERIOD))
@@ -43,7 +57,9 @@ def test_a_trained_rater_lies_and_loses_its_trust_beside_a_trained_camera(tmp_pa
             assert time.monotonic() < end, f"{len(complete)} rounds of all raters"
             nodes.check()
             time.sleep(0.2)
-    truth, lies = (np.array([entry.ratings[name] for entry in complete]) for name in ("sr_0", "sr_2"))
+    truth, lies = (
+        np.array([entry.ratings[name] for entry in complete]) for name in ("sr_0", "sr_2")
+    )
     assert truth.min() > 0.7  # the camera, too, serves well in this small team
     assert np.median(lies) < 0.1
     assert complete[-1].trust.tor[2] < complete[-1].trust.tor[0] - 0.2
@@ -54,4 +70,8 @@ def complete_rounds(journal):
     if not journal.exists() or not journal.stat().st_size:
         return []
     entries = read_journal(journal)
-    return [entry for entry in entries if all(None not in entry.ratings.get(name, [None]) for name in TEAM.raters)]
+    return [
+        entry
+        for entry in entries
+        if all(None not in entry.ratings.get(name, [None]) for name in TEAM.raters)
+    ]

@@ -32,14 +32,21 @@ def jpeg(height, width):
     return cv2.imencode(".jpg", np.full((height, width, 3), 90, np.uint8))[1]
 
 
-PICTURES = [np.empty(0, np.uint8), np.frombuffer(b"nonsense", np.uint8), jpeg(64, 64)[:40], jpeg(20_000, 1)]
+PICTURES = [
+    np.empty(0, np.uint8),
+    np.frombuffer(b"nonsense", np.uint8),
+    jpeg(64, 64)[:40],
+    jpeg(20_000, 1),
+]
 
 
 def trust(tor, raters=("sr_0",)):
     numbers = {"tor": np.array(tor, float), "top": np.empty(0), "toa": np.empty(0)}
     names = {"raters": list(raters), "providers": [], "both": [], "missing": []}
     header = messages.header(NOW)
-    message = messages.make(messages.TRUST, header=header, round=0, signature=np.empty(0, np.uint8), **names, **numbers)
+    message = messages.make(
+        messages.TRUST, header=header, round=0, signature=np.empty(0, np.uint8), **names, **numbers
+    )
     return messages.encode(message)
 
 
@@ -77,7 +84,9 @@ def test_a_rater_ignores_pictures_with_stamps_far_from_now():
     wire, limit = FakeWire(), RoundTiming(PERIOD).tolerance
     pictures = inbox(wire, "sp_0")
     wire.waiting[CAMERA] += [b"", b"\0\1\0\0"]
-    wire.waiting[CAMERA] += [image(NOW + off, jpeg(8, 8)) for off in (-limit - 1, -limit, 0, limit, limit + 1)]
+    wire.waiting[CAMERA] += [
+        image(NOW + off, jpeg(8, 8)) for off in (-limit - 1, -limit, 0, limit, limit + 1)
+    ]
     assert [one.envelope.stamp for one in pictures.take(NOW)] == [NOW - limit, NOW, NOW + limit]
     assert pictures.validator.refusals[("sp_0", RefusalReason.FUTURE)] == 1
 
@@ -150,7 +159,9 @@ def test_a_listener_ignores_other_nodes_and_other_types(listening):
     wire.announce(IMAGES, messages.NUMBER, "sp_0")
     wire.announce("/ratings", messages.RATINGS, "sr_0")
     wire.waiting[DIAGNOSTICS] += [report("another node", {"next round": "7"})]
-    wire.waiting["/sr_0/ratings"] += [messages.encode(messages.ratings_message("sr_0", NOW, {"sp_0": 0.5}))]
+    wire.waiting["/sr_0/ratings"] += [
+        messages.encode(messages.ratings_message("sr_0", NOW, {"sp_0": 0.5}))
+    ]
     wire.waiting[CAMERA] += [image(NOW, jpeg(8, 8))]
     listener = listen()
     assert listener.reports == listener.pictures == {}
@@ -159,5 +170,7 @@ def test_a_listener_ignores_other_nodes_and_other_types(listening):
 
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (640, 480), (20_000, 1), (1, 20_000)])
 def test_pictures_are_scaled_by_their_longer_side(height, width):
-    small = cv2.imdecode(np.frombuffer(team_listener._scaled_down(jpeg(height, width)), np.uint8), cv2.IMREAD_COLOR)
+    small = cv2.imdecode(
+        np.frombuffer(team_listener._scaled_down(jpeg(height, width)), np.uint8), cv2.IMREAD_COLOR
+    )
     assert max(small.shape[:2]) == 320

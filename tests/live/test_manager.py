@@ -3,7 +3,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from manager_cases import MODELS, PERIOD, TEAM, feed, manager, random_ratings, rating_message, replay_journal
+from manager_cases import (
+    MODELS,
+    PERIOD,
+    TEAM,
+    feed,
+    manager,
+    random_ratings,
+    rating_message,
+    replay_journal,
+)
 
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.live.journal import Journal, read_journal
@@ -29,7 +38,10 @@ def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp
     published = feed(keeper, [state.ratings for state in heard], [state.rated for state in heard])
     assert len(published) == len(heard) > 50
     for entry, state in zip(published, heard, strict=True):
-        mask = [[rating is not None for rating in entry.ratings.get(name, [None] * 3)] for name in TEAM.raters]
+        mask = [
+            [rating is not None for rating in entry.ratings.get(name, [None] * 3)]
+            for name in TEAM.raters
+        ]
         np.testing.assert_array_equal(mask, state.rated)
         np.testing.assert_array_equal(entry.trust.tor, game.published(state)[0])
         np.testing.assert_array_equal(entry.trust.top, game.published(state)[1])
@@ -92,7 +104,9 @@ def test_a_message_of_the_last_round_is_refused_after_a_restart(tmp_path):
     second = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
     assert second.receive(rating_message("sr_0", 1, {"sp_0": 0.0}), PERIOD) == []
     assert second.validator.refusals == {("sr_0", RefusalReason.REPLAYED): 1}
-    assert second.receive(rating_message("sr_1", 1, {"sp_0": 0.0}), PERIOD) == []  # a new rater, but an old round
+    assert (
+        second.receive(rating_message("sr_1", 1, {"sp_0": 0.0}), PERIOD) == []
+    )  # a new rater, but an old round
     assert second.tick(3 * PERIOD) == []
     assert second.rounds.unused == {"sr_1": 1}
 
@@ -126,7 +140,10 @@ def test_a_journal_of_another_version_is_refused(tmp_path):
 def test_replay_gives_the_same_trust_to_the_last_bit(tmp_path):
     first = manager(tmp_path / "journal")
     published = feed(first, *random_ratings(30))
-    assert replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust == published[-1].trust
+    assert (
+        replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust
+        == published[-1].trust
+    )
 
 
 def test_a_journal_that_was_tampered_with_is_refused(tmp_path):
@@ -144,7 +161,9 @@ def test_a_journal_that_was_tampered_with_is_refused(tmp_path):
 
 def test_the_journal_of_another_model_is_refused(tmp_path):
     manager(tmp_path / "journal").close()
-    with pytest.raises(ValueError, match=r"trust_model is 'RoleTrust\(.*' there and 'Mean\(.*' here"):
+    with pytest.raises(
+        ValueError, match=r"trust_model is 'RoleTrust\(.*' there and 'Mean\(.*' here"
+    ):
         manager(tmp_path / "journal", model="mean")
 
 
@@ -157,7 +176,16 @@ def test_two_managers_cannot_share_a_journal(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", [b"{}", b"[1, 2]", b"my only copy", b'{"journal": 2', b"\xff\xfe\n\xff", b"dear diary\nit rains", b"{}\n{}"]
+    "text",
+    [
+        b"{}",
+        b"[1, 2]",
+        b"my only copy",
+        b'{"journal": 2',
+        b"\xff\xfe\n\xff",
+        b"dear diary\nit rains",
+        b"{}\n{}",
+    ],
 )
 def test_another_file_is_refused_and_not_changed(text, tmp_path):
     (tmp_path / "mine").write_bytes(text)
@@ -174,11 +202,28 @@ def test_another_file_is_refused_and_not_changed(text, tmp_path):
         (lambda lines: [lines[0], *lines[2:]], "is not a line of one"),
         (lambda lines: [*lines[:3], b"{}\n", *lines[3:]], "'{}' is not a line of one"),
         (lambda lines: [*lines, b"\xff\xfe\n"], "is not a line of one"),
-        (lambda lines: [*lines[:3], lines[3].replace(b"ratings", b"rating_"), *lines[4:]], "is not a line of one"),
-        (lambda lines: [*lines[:3], lines[3].replace(b'"sr_1": [', b'"sr_1": [0.5, '), *lines[4:]], "is not a line of"),
-        (lambda lines: [*lines[:3], lines[3].replace(b"sr_1", b"sr_9"), *lines[4:]], "is not a line of one"),
         (
-            lambda lines: [*lines[:3], lines[3].replace(b'"missing": []', b'"missing": 7'), *lines[4:]],
+            lambda lines: [*lines[:3], lines[3].replace(b"ratings", b"rating_"), *lines[4:]],
+            "is not a line of one",
+        ),
+        (
+            lambda lines: [
+                *lines[:3],
+                lines[3].replace(b'"sr_1": [', b'"sr_1": [0.5, '),
+                *lines[4:],
+            ],
+            "is not a line of",
+        ),
+        (
+            lambda lines: [*lines[:3], lines[3].replace(b"sr_1", b"sr_9"), *lines[4:]],
+            "is not a line of one",
+        ),
+        (
+            lambda lines: [
+                *lines[:3],
+                lines[3].replace(b'"missing": []', b'"missing": 7'),
+                *lines[4:],
+            ],
             "not a line of one",
         ),
     ],
@@ -203,13 +248,18 @@ def test_another_file_is_no_journal(tmp_path):
     with pytest.raises(ValueError, match="is no journal: 'dear diary'"):
         manager(path)
     assert path.read_text() == "dear diary\n"
-    with pytest.raises(ValueError, match="a journal is a file, or a path where there is nothing yet"):
+    with pytest.raises(
+        ValueError, match="a journal is a file, or a path where there is nothing yet"
+    ):
         manager(Path("/dev/null"))
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_newcomer_counts_as_a_silent_member_until_then(model, tmp_path):
-    few, many = Team(TEAM.raters[:2], TEAM.providers[:2]), Team((*TEAM.raters, "both"), (*TEAM.providers, "both"))
+    few, many = (
+        Team(TEAM.raters[:2], TEAM.providers[:2]),
+        Team((*TEAM.raters, "both"), (*TEAM.providers, "both")),
+    )
     ratings, mask = random_ratings(20, team=few)
     later, heard = random_ratings(10, seed=1, team=many)
     heard &= ~many.peers
@@ -219,7 +269,9 @@ def test_a_newcomer_counts_as_a_silent_member_until_then(model, tmp_path):
     for name in many.providers:
         keeper.add_provider(name, 0)
     after = feed(keeper, later, heard, team=many, first=21)
-    team_run = TeamRun(make_trust_model(model), after[-1].team, [entry.ratings for entry in [*before, *after]])
+    team_run = TeamRun(
+        make_trust_model(model), after[-1].team, [entry.ratings for entry in [*before, *after]]
+    )
     assert set(after[-1].team.raters) == set(many.raters)
     assert after[-1].trust == team_run.trust
     keeper.close()

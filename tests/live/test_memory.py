@@ -1,4 +1,5 @@
-"""The memory of a manager on real middleware, and of agents by an injected clock. Run by `make test-soak`."""
+"""The memory of a manager on real middleware, and of agents by an injected clock. Run by `make
+test-soak`."""
 
 import gc
 import os
@@ -45,9 +46,12 @@ class LastMessage(list):
         return self.count
 
 
-@pytest.mark.parametrize(("run", "name", "rounds"), [(run_camera_node, "sp_0", 6000), (run_rater_node, "sr_0", 1800)])
+@pytest.mark.parametrize(
+    ("run", "name", "rounds"), [(run_camera_node, "sp_0", 6000), (run_rater_node, "sr_0", 1800)]
+)
 def test_an_agent_does_not_grow(run, name, rounds, monkeypatch):
-    """A camera on the rendered scene, and a rater of three cameras, one of which is away for a while."""
+    """A camera on the rendered scene, and a rater of three cameras, one of which is away for a
+    while."""
     machine, taken = Machine(monkeypatch), []
     machine.wire.sent = LastMessage()
     picture = open_frames(None, duration_s=1.0, period_s=0.5).frame(0, 0.0, 0.0)
@@ -65,8 +69,13 @@ def test_an_agent_does_not_grow(run, name, rounds, monkeypatch):
 
     machine.after = [(rounds // 6, measure), (rounds, measure), (rounds + 1, end)]
     write = machine.write
-    machine.write = lambda message: None if message.__msgtype__ == messages.DIAGNOSTICS else write(message)
+    machine.write = lambda message: (
+        None if message.__msgtype__ == messages.DIAGNOSTICS else write(message)
+    )
     machine.runs(run, name)
     grown = taken[1] - taken[0]
-    print(f"{rounds} rounds of {name}: {taken[1]:.0f} MB, grown by {grown:.2f} MB in the last {rounds - rounds // 6}")
+    print(
+        f"{rounds} rounds of {name}: {taken[1]:.0f} MB, grown by {grown:.2f} MB in the last "
+        f"{rounds - rounds // 6}"
+    )
     assert grown < 1

@@ -31,13 +31,19 @@ def test_unknown_cameras_make_no_rating_late(tmp_path):
     phases = []
 
     def measure(what, rounds):
-        first, before = len(listener.heard), np.array([cpu_s(one.pid) for one in (*raters, manager)])
+        first, before = (
+            len(listener.heard),
+            np.array([cpu_s(one.pid) for one in (*raters, manager)]),
+        )
         listener.wait_for(rounds)
         spent = (np.array([cpu_s(one.pid) for one in (*raters, manager)]) - before) / rounds
         phases.append((what, listener.heard[first][1].round, listener.heard[-1][1].round, spent))
 
     with Listener() as listener:
-        until(lambda: listener.heard and not listener.heard[-1][1].missing, "the team does not find each other")
+        until(
+            lambda: listener.heard and not listener.heard[-1][1].missing,
+            "the team does not find each other",
+        )
         measure("before", MINUTE // 2)
         for count in (12, 200):
             stranger = process(strange_cameras, count=count, period=PERIOD)
@@ -51,7 +57,10 @@ def test_unknown_cameras_make_no_rating_late(tmp_path):
     for what, first, last, spent in phases:
         rounds = entries[first : last + 1]
         ages = [(entry.closed - entry.stamp) / 1e6 for entry in rounds]
-        print(f"{what}: {len(rounds)} rounds, closed {max(ages):.0f} ms after their stamp at most; CPU time a round of")
+        print(
+            f"{what}: {len(rounds)} rounds, closed {max(ages):.0f} ms after their stamp at most; "
+            "CPU time a round of"
+        )
         print("  raters and manager:", ", ".join(f"{one * 1000:.0f} ms" for one in spent))
         assert [entry.round for entry in rounds if set(entry.ratings) != set(TEAM.raters)] == []
         assert np.diff([entry.stamp for entry in rounds]).max() == PERIOD

@@ -1,4 +1,5 @@
-"""Silent, late, wrongly stamped and flooding raters on real middleware: the other raters lose nothing."""
+"""Silent, late, wrongly stamped and flooding raters on real middleware: the other raters lose
+nothing."""
 
 import time
 
@@ -16,7 +17,8 @@ SECOND = 1_000_000_000
 
 @pytest.fixture
 def raters(team):
-    """Return the raters; after a test, they are as before, and all of them have rated some rounds."""
+    """Return the raters; after a test, they are as before, and all of them have rated some
+    rounds."""
     yield team
     team.silent, team.flooded, team.off = set(), set(), {}
     team.lost = team.late = 0.0
@@ -27,7 +29,9 @@ def raters(team):
 def whole_since(raters, begin):
     """Return the number of rounds with all raters that began after a time."""
     entries = read_journal(raters.journal)
-    return sum(entry.stamp > begin and set(TEAM.raters) <= entry.ratings.keys() for entry in entries)
+    return sum(
+        entry.stamp > begin and set(TEAM.raters) <= entry.ratings.keys() for entry in entries
+    )
 
 
 def named(raters, name):
@@ -36,11 +40,18 @@ def named(raters, name):
 
 
 def entries(raters, first):
-    """Return the journal's rounds from a published one on, and check that no gap is longer than two rounds."""
+    """Return the journal's rounds from a published one on, and check that no gap is longer than two
+    rounds."""
     entries = list(read_journal(raters.journal))
     raters.agrees_with(entries)
     found = entries[raters.heard[first][1].round :]
-    sent = sorted({stamp for (name, stamp), delay in raters.sent.items() if delay is not None and name == "sr_0"})
+    sent = sorted(
+        {
+            stamp
+            for (name, stamp), delay in raters.sent.items()
+            if delay is not None and name == "sr_0"
+        }
+    )
     places = np.searchsorted(sent, [entry.stamp for entry in found])
     assert np.diff(places).max() <= 2  # rounds that were sent: on a busy machine, raters skip some
     return [entry for entry in found if entry.stamp not in raters.overdue]
@@ -59,7 +70,11 @@ def test_a_rater_that_vanishes_and_comes_back(raters):
     begin, raters.silent = time.time_ns() + PERIOD, set()
     raters.wait_for(8)
     found = entries(raters, first)
-    back = [stamp for (name, stamp), _ in sorted(raters.sent.items()) if name == "sr_1" and stamp > begin][:2]
+    back = [
+        stamp
+        for (name, stamp), _ in sorted(raters.sent.items())
+        if name == "sr_1" and stamp > begin
+    ][:2]
     assert all("sr_1" in entry.ratings for entry in found if entry.stamp in back)
     assert 1 <= sum("sr_1" in entry.missing for entry in found) <= 6
     assert sum("sr_1" not in entry.ratings for entry in found) >= 8

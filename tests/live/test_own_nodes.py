@@ -1,4 +1,5 @@
-"""The camera and the rater of the guide in plain rclpy, in a team with keys. Run by `make test-ros2`."""
+"""The camera and the rater of the guide in plain rclpy, in a team with keys. Run by `make
+test-ros2`."""
 
 import contextlib
 import time
@@ -32,7 +33,8 @@ TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
-    """Return the rounds of a team with nodes of the guide, and what its rater said while it had no key.
+    """Return the rounds of a team with nodes of the guide, and what its rater said while it had no
+    key.
 
     `sp_2` and `sr_2` are the nodes of the guide; then `sr_1` is its rater without a key.
     """
@@ -56,7 +58,15 @@ def played(tmp_path_factory):
 
     with own_dds_domain() as domain, NodeProcesses() as nodes, guests:
         model = make_trust_model("role-trust")
-        nodes.start("manager", run_manager_node, model=model, journal=journal, period=PERIOD, team=TEAM, keys=folder)
+        nodes.start(
+            "manager",
+            run_manager_node,
+            model=model,
+            journal=journal,
+            period=PERIOD,
+            team=TEAM,
+            keys=folder,
+        )
         nodes.start("sr_0", run_rater_node, name="sr_0", scenario=RULES, keys=folder)
         nodes.start("sp_0", run_camera_node, name="sp_0", scenario=RULES, keys=folder)
         nodes.ready()
@@ -74,7 +84,11 @@ def played(tmp_path_factory):
 def rounds_of_both(journal):
     """Return the number of rounds with our rater and that of the guide."""
     there = journal.exists() and journal.stat().st_size
-    return sum({"sr_0", "sr_2"} <= entry.ratings.keys() for entry in read_journal(journal)) if there else 0
+    return (
+        sum({"sr_0", "sr_2"} <= entry.ratings.keys() for entry in read_journal(journal))
+        if there
+        else 0
+    )
 
 
 def test_ratings_of_the_rater_count(played):
@@ -95,4 +109,6 @@ def test_ratings_without_a_signature_are_refused_and_the_rater_says_so(played):
     entries, said = played
     assert not any("sr_1" in entry.ratings for entry in entries)
     assert "sr_1: unsigned" in said
-    assert not any(f"sr_2: {reason}" in said for reason in (RefusalReason.UNSIGNED, RefusalReason.MIS_SIGNED))
+    assert not any(
+        f"sr_2: {reason}" in said for reason in (RefusalReason.UNSIGNED, RefusalReason.MIS_SIGNED)
+    )

@@ -1,4 +1,5 @@
-"""Processes of the live system: they end with the process that started them, and say what they wait for."""
+"""Processes of the live system: they end with the process that started them, and say what they wait
+for."""
 
 import os
 import signal
@@ -47,10 +48,15 @@ with guest([sys.executable, "-c", DEAF]):
 @pytest.mark.parametrize("script", [NODES, GUEST], ids=["node", "guest"])
 def test_a_process_ends_with_its_parent(script, tmp_path):
     path = tmp_path / "parent.py"
-    path.write_text(f"import os, sys, time\nfrom pathlib import Path\nsys.path.append({str(HERE)!r})\n{script}")
+    path.write_text(
+        f"import os, sys, time\nfrom pathlib import Path\nsys.path.append({str(HERE)!r})\n{script}"
+    )
     parent = subprocess.Popen([sys.executable, path], cwd=tmp_path)
     try:
-        until(lambda: (tmp_path / "one").exists() and (tmp_path / "one").read_text(), "the process does not start")
+        until(
+            lambda: (tmp_path / "one").exists() and (tmp_path / "one").read_text(),
+            "the process does not start",
+        )
     finally:
         parent.send_signal(signal.SIGKILL)
         parent.wait()
@@ -93,7 +99,13 @@ def test_no_command_waits_without_a_word(arguments, line, tmp_path):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         arguments = [str(free.getsockname()[1]) if one == "0" else one for one in arguments]
-    command = [sys.executable, "-c", "from roletrust_experiments import main; main()", "live", *arguments]
+    command = [
+        sys.executable,
+        "-c",
+        "from roletrust_experiments import main; main()",
+        "live",
+        *arguments,
+    ]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     with own_dds_domain(), subprocess.Popen(command, cwd=tmp_path, **pipes) as process:
         patience = threading.Timer(PATIENCE_S, process.kill)

@@ -45,22 +45,31 @@ def test_true_values_are_in_their_intervals(found):
         ("bias", [0, 0, -0.1, 0, 0]),
         ("ability", [1, 1, 0.8, 1]),
     ):
-        pairs = [pair for one in found for pair in zip(getattr(one.perception, name), true, strict=True)]
+        pairs = [
+            pair for one in found for pair in zip(getattr(one.perception, name), true, strict=True)
+        ]
         assert np.mean([within(*pair) for pair in pairs]) >= 0.8
-        assert [value.value for value, _ in pairs] == pytest.approx([value for _, value in pairs], abs=0.01)
+        assert [value.value for value, _ in pairs] == pytest.approx(
+            [value for _, value in pairs], abs=0.01
+        )
 
 
 def test_the_scenario_has_presence_and_disturbances(found):
     for scenario in (one.scenario for one in found):
         joins = [(group.role, group.joins, group.leaves) for group in scenario.agents]
         assert [role for role, _, _ in joins] == ["SR"] * 5 + ["SP"] * 4
-        np.testing.assert_allclose([start for _, start, _ in joins], [0, 0, 0, 60, 0, 0, 0, 0, 80], atol=2)
+        np.testing.assert_allclose(
+            [start for _, start, _ in joins], [0, 0, 0, 60, 0, 0, 0, 0, 80], atol=2
+        )
         assert [stop for _, _, stop in joins[:4] + joins[5:]] == [None] * 8
         assert joins[4][2] == pytest.approx(130, abs=2)
         (disturbance,) = scenario.perturbations
         assert (disturbance.start, disturbance.stop) == (36, 40)
         assert disturbance.strength == pytest.approx(0.5, abs=0.03)
-        assert (scenario.period_s, scenario.max_cycles) == (0.5, 199)  # nobody rated the last services
+        assert (scenario.period_s, scenario.max_cycles) == (
+            0.5,
+            199,
+        )  # nobody rated the last services
 
 
 def test_late_ratings_count_as_lost():
@@ -83,7 +92,9 @@ def test_absence_is_reported_and_is_no_loss():
         round = one.time // PERIOD - 1000
         return not (one.topic == "/sr_1/ratings" and 50 <= round < 100)
 
-    found = infer_scenario(observe_team(filter(there, spoken(PAPER.change(max_cycles=140)))), "away")
+    found = infer_scenario(
+        observe_team(filter(there, spoken(PAPER.change(max_cycles=140)))), "away"
+    )
     assert found.away == ("sr_1",)
     assert found.lost.value < 0.01
     assert found.scenario.agents[1].leaves is None
@@ -92,7 +103,9 @@ def test_absence_is_reported_and_is_no_loss():
 def test_clipped_ratings_of_a_rater_with_positive_bias():
     random = np.random.default_rng(0)
     bias, noise = np.array([0.0, 0.0, 0.05]), np.array([0.05, 0.1, 0.03])
-    ratings = np.array([1.0, 0.7]) + bias[:, None] + noise[:, None] * random.standard_normal((400, 3, 2))
+    ratings = (
+        np.array([1.0, 0.7]) + bias[:, None] + noise[:, None] * random.standard_normal((400, 3, 2))
+    )
     seen = estimate_perception(np.clip(ratings, 0, 1), np.ones((400, 2), bool))
     assert [one.value for one in seen.noise] == pytest.approx(noise, rel=0.12)
     assert [one.value for one in seen.bias] == pytest.approx(bias, abs=0.015)

@@ -1,4 +1,5 @@
-"""A team with a rater written for ROS 2, which interoperates with the other nodes. Run by `make test-ros2`."""
+"""A team with a rater written for ROS 2, which interoperates with the other nodes. Run by `make
+test-ros2`."""
 
 import json
 from itertools import pairwise
@@ -44,7 +45,15 @@ def played(tmp_path_factory):
     journal, report = folder / "journal", folder / "report.json"
     with own_dds_domain() as domain, NodeProcesses() as nodes:
         model = make_trust_model("role-trust")
-        nodes.start("manager", run_manager_node, model=model, journal=journal, period=PERIOD, team=TEAM, keys=folder)
+        nodes.start(
+            "manager",
+            run_manager_node,
+            model=model,
+            journal=journal,
+            period=PERIOD,
+            team=TEAM,
+            keys=folder,
+        )
         for name in TEAM.raters[:-1]:
             policy = BadMouthing(level=LEVEL) if name == OURS else None
             nodes.start(name, run_rater_node, name=name, scenario=RULES, policy=policy, keys=folder)
@@ -72,7 +81,10 @@ def test_it_lists_nodes_topics_and_types_with_true_hashes(played):
     assert around["nodes"]["/sr_0/assess"] == published
     for topic, kind in (("/trust", messages.TRUST), ("/sr_0/ratings", messages.RATINGS)):
         described = home.messages / "share" / f"{kind}.json"
-        hashes = {one["type_name"]: one["hash_string"] for one in json.loads(described.read_text())["type_hashes"]}
+        hashes = {
+            one["type_name"]: one["hash_string"]
+            for one in json.loads(described.read_text())["type_hashes"]
+        }
         assert around["hashes"][topic] == [hashes[kind]]
     assert (
         around["hashes"][f"/{THEIRS}/ratings"] == around["hashes"]["/sr_0/ratings"]
@@ -88,7 +100,10 @@ def test_it_receives_trust_and_pictures_without_loss(played):
     for number, raters, tor, providers, top in report["trust"]:
         assert (raters, providers) == (list(TEAM.raters), list(TEAM.providers))
         assert (tuple(tor), tuple(top)) == (by_round[number].tor, by_round[number].top)
-    mine, said = [entry.trust.tor[TEAM.raters.index(THEIRS)] for entry in entries], report["numbers"]
+    mine, said = (
+        [entry.trust.tor[TEAM.raters.index(THEIRS)] for entry in entries],
+        report["numbers"],
+    )
     assert len(said) >= ROUNDS
     assert any(mine[start : start + len(said)] == said for start in range(len(mine)))
     for camera in TEAM.providers:

@@ -28,7 +28,9 @@ def rounds_of(names, sent, delay=10):
     """Return the messages of rounds; each round is a text of the names that send."""
     every = list(names)
     return [
-        (PERIOD * r + delay + every.index(name), name, PERIOD * r) for r, heard in enumerate(sent, 1) for name in heard
+        (PERIOD * r + delay + every.index(name), name, PERIOD * r)
+        for r, heard in enumerate(sent, 1)
+        for name in heard
     ]
 
 
@@ -64,7 +66,9 @@ def test_the_first_message_after_a_silence_counts(delay, rounds, start):
     """It comes before those of the others, after them, or just before the deadline of the round."""
     others = rounds_of("ab", ["ab"] * (start + rounds + 2))
     stamps = [PERIOD * r for r in (*range(1, start + 1), start + rounds + 1, start + rounds + 2)]
-    closed, assembler = play(others + [(stamp + delay, "c", stamp) for stamp in stamps], names="abc", tick=10)
+    closed, assembler = play(
+        others + [(stamp + delay, "c", stamp) for stamp in stamps], names="abc", tick=10
+    )
     assert [round.items["c"] for _, round in closed if "c" in round.items] == stamps
     assert not assembler.unused
 
@@ -73,12 +77,16 @@ def test_after_a_long_absence_rounds_are_complete_without_a_stream():
     timing = RoundTiming(PERIOD, absence=20.0)
     sent = ["abc"] * 2 + ["ab"] * 28 + ["c"] + ["abc"] * 2
     closed, rounds = play(rounds_of("abc", sent), names="abc", timing=timing, tick=1, until=34_000)
-    assert [now - round.stamp for now, round in closed] == [12] * 2 + [710] * 19 + [12] + [11] * 8 + [712] + [12] * 2
+    assert [now - round.stamp for now, round in closed] == [12] * 2 + [710] * 19 + [12] + [
+        11
+    ] * 8 + [712] + [12] * 2
     assert not rounds.unused
 
 
 def test_new_streams_are_added():
-    closed, _ = play(rounds_of("abcd", ["ab", "ab", "abc", "abcd", "abcd", "abcd"]), names="ab", tick=1)
+    closed, _ = play(
+        rounds_of("abcd", ["ab", "ab", "abc", "abcd", "abcd", "abcd"]), names="ab", tick=1
+    )
     assert summary(closed) == [(heard, "") for heard in ("ab", "ab", "ab", "abc", "abcd", "abcd")]
 
 
@@ -93,7 +101,9 @@ def test_a_stamp_from_the_future_takes_no_round_from_the_others():
     honest = rounds_of("ab", ["ab"] * 8)
     hasty = [(PERIOD * r + 5, "c", PERIOD * r + 1900) for r in range(1, 9)]
     closed, rounds = play(honest + hasty, names="abc", tick=10)
-    of_the_honest = [round.items["a"] for _, round in closed if "a" in round.items and "b" in round.items]
+    of_the_honest = [
+        round.items["a"] for _, round in closed if "a" in round.items and "b" in round.items
+    ]
     assert of_the_honest == [PERIOD * r for r in range(1, 9)]
     assert not rounds.unused["a"] + rounds.unused["b"]
 
@@ -105,7 +115,13 @@ def test_silence_of_all_streams_closes_no_round():
 
 
 def test_the_matching_one_of_two_messages_of_a_round_counts():
-    messages = [(1000, "a", 1000), (1200, "a", 1200), (1210, "b", 1190), (2000, "a", 2000), (2000, "b", 2000)]
+    messages = [
+        (1000, "a", 1000),
+        (1200, "a", 1200),
+        (1210, "b", 1190),
+        (2000, "a", 2000),
+        (2000, "b", 2000),
+    ]
     closed, rounds = play(messages, names="ab")
     assert [round.items for _, round in closed] == [{"a": 1200, "b": 1190}, {"a": 2000, "b": 2000}]
     assert rounds.unused == Counter("a")
@@ -121,7 +137,11 @@ def check_random_arrivals(seed):
     names = "abcd"[: random.integers(1, 5)]
     messages = []
     for stream, stamp in arrivals(random, len(names), rounds=20, period=PERIOD):
-        arrival = stamp + random.exponential(300) if random.random() < 0.8 else random.uniform(0, 20 * PERIOD)
+        arrival = (
+            stamp + random.exponential(300)
+            if random.random() < 0.8
+            else random.uniform(0, 20 * PERIOD)
+        )
         messages.append((int(arrival), names[stream], stamp))
     closed, rounds = play(messages, names=names if seed % 2 else ())
     stamps = [round.stamp for _, round in closed]
@@ -136,8 +156,12 @@ def check_random_arrivals(seed):
 
 
 def test_messages_half_a_period_apart_are_of_one_round():
-    closed, rounds = play([(1000, "a", 1000), (1010, "b", 1500), (1020, "c", 1501)], names="abcd", until=1800)
-    assert [(round.items, round.missing) for _, round in closed] == [({"a": 1000, "b": 1500}, ("c", "d"))]
+    closed, rounds = play(
+        [(1000, "a", 1000), (1010, "b", 1500), (1020, "c", 1501)], names="abcd", until=1800
+    )
+    assert [(round.items, round.missing) for _, round in closed] == [
+        ({"a": 1000, "b": 1500}, ("c", "d"))
+    ]
     assert not rounds.unused
 
 
@@ -149,15 +173,21 @@ def test_an_early_duplicate_half_a_period_before_the_match_is_of_its_round():
 
 @pytest.mark.parametrize(("after", "late"), [(500, True), (501, False)])
 def test_half_a_period_after_a_closed_round_the_next_one_begins(after, late):
-    closed, rounds = play([(1000, "a", 1000), (1010, "b", 1000), (1600, "a", 1000 + after)], names="ab")
+    closed, rounds = play(
+        [(1000, "a", 1000), (1010, "b", 1000), (1600, "a", 1000 + after)], names="ab"
+    )
     assert [round.items for _, round in closed][1:] == ([] if late else [{"a": 1000 + after}])
     assert rounds.unused == Counter("a" if late else "")
 
 
 def test_a_complete_round_of_different_stamps_closes_at_once():
-    sent = [(PERIOD * r + 10, name, PERIOD * r + k) for r in range(1, 5) for k, name in enumerate("abc")]
+    sent = [
+        (PERIOD * r + 10, name, PERIOD * r + k) for r in range(1, 5) for k, name in enumerate("abc")
+    ]
     closed, _ = play(sent, names="abc", tick=1)
-    assert [(now, round.stamp) for now, round in closed] == [(PERIOD * r + 10, PERIOD * r) for r in range(1, 5)]
+    assert [(now, round.stamp) for now, round in closed] == [
+        (PERIOD * r + 10, PERIOD * r) for r in range(1, 5)
+    ]
 
 
 def test_the_limits_of_a_round_are_shares_of_its_period():
@@ -200,10 +230,14 @@ def test_the_deadline_of_an_early_message_counts_from_its_stamp():
 
 
 def test_a_message_of_a_closed_round_takes_no_round_from_the_others():
-    """The synchroniser matches 4500, which belongs to the round of 4000, with 5000; this once stopped the manager."""
+    """The synchroniser matches 4500, which belongs to the round of 4000, with 5000; this once
+    stopped the manager."""
     early = [(3300, "a", 4000), (4000, "a", 4500), (4500, "c", 4000), (4700, "b", 4000)]
     closed, rounds = play([*early, (5000, "b", 5000), (5000, "c", 5000)], names="abc")
-    assert [round.items for _, round in closed] == [{"a": 4000, "b": 4000, "c": 4000}, {"b": 5000, "c": 5000}]
+    assert [round.items for _, round in closed] == [
+        {"a": 4000, "b": 4000, "c": 4000},
+        {"b": 5000, "c": 5000},
+    ]
     assert rounds.unused == Counter("a")
 
 
@@ -236,7 +270,11 @@ def test_rounds_have_the_messages_that_arrived(streams):
     heard = random.random((60, streams)) < 0.9
     heard[:, 0] |= ~heard.any(axis=1)  # without a message there is no round
     messages = [
-        (int(PERIOD * r + random.uniform(0, 300)), names[k], int(PERIOD * r + random.uniform(0, 30)))
+        (
+            int(PERIOD * r + random.uniform(0, 300)),
+            names[k],
+            int(PERIOD * r + random.uniform(0, 30)),
+        )
         for r in range(60)
         for k in range(streams)
         if heard[r, k]

@@ -1,4 +1,5 @@
-"""Signed pictures, trust and diagnostics: forged, altered and replayed ones are refused with their reason."""
+"""Signed pictures, trust and diagnostics: forged, altered and replayed ones are refused with their
+reason."""
 
 import cv2
 import numpy as np
@@ -31,7 +32,8 @@ def keys(tmp_path):
 
 @pytest.fixture
 def page(keys, monkeypatch):
-    """Return a listener with keys whose loop turns once at each call, while its clock stands still."""
+    """Return a listener with keys whose loop turns once at each call, while its clock stands
+    still."""
     wire = FakeWire()
     monkeypatch.setattr(clock, "now", lambda: NOW)
     monkeypatch.setattr(team_listener, "Node", lambda *_, **__: wire)
@@ -69,7 +71,9 @@ def altered(message, **changes):
 
 
 def test_what_is_signed_is_shown(page, keys):
-    assert page(TRUST, trust(Signer(keys, MANAGER), NOW)).rounds[0].tor == dict.fromkeys(TEAM.raters, 0.5)
+    assert page(TRUST, trust(Signer(keys, MANAGER), NOW)).rounds[0].tor == dict.fromkeys(
+        TEAM.raters, 0.5
+    )
     assert list(page(CAMERA, picture(Signer(keys, "sp_0"), NOW)).pictures) == ["sp_0"]
     listener = page(DIAGNOSTICS, report(Signer(keys, MANAGER), NOW))
     assert listener.reports == {MANAGER: {"next round": "7"}}
@@ -81,9 +85,18 @@ def test_what_is_signed_is_shown(page, keys):
     [
         (lambda keys: trust(None, NOW, 0.01, 10039), RefusalReason.UNSIGNED),
         (lambda keys: trust(Signer(keys, "sr_0"), NOW, 0.01), RefusalReason.MIS_SIGNED),
-        (lambda keys: altered(trust(Signer(keys, MANAGER), NOW), round=10039), RefusalReason.MIS_SIGNED),
-        (lambda keys: trust(Signer(keys, MANAGER), NOW - LIMITS.tolerance - PERIOD), RefusalReason.PAST),
-        (lambda keys: trust(Signer(keys, MANAGER), NOW + LIMITS.tolerance + PERIOD), RefusalReason.FUTURE),
+        (
+            lambda keys: altered(trust(Signer(keys, MANAGER), NOW), round=10039),
+            RefusalReason.MIS_SIGNED,
+        ),
+        (
+            lambda keys: trust(Signer(keys, MANAGER), NOW - LIMITS.tolerance - PERIOD),
+            RefusalReason.PAST,
+        ),
+        (
+            lambda keys: trust(Signer(keys, MANAGER), NOW + LIMITS.tolerance + PERIOD),
+            RefusalReason.FUTURE,
+        ),
         (lambda keys: trust(Signer(keys, MANAGER), NOW - PERIOD), RefusalReason.REPLAYED),
     ],
 )
@@ -102,7 +115,9 @@ def test_forged_trust_is_counted_and_not_displayed(forge, reason, page, keys):
         (lambda keys: picture(Signer(keys, "sp_1"), NOW), RefusalReason.MIS_SIGNED),
         (lambda keys: picture(Signer(keys, "sp_0"), NOW, camera="sp_1"), RefusalReason.MIS_SIGNED),
         (
-            lambda keys: altered(picture(Signer(keys, "sp_0"), NOW), header=messages.header(NOW + 1)),
+            lambda keys: altered(
+                picture(Signer(keys, "sp_0"), NOW), header=messages.header(NOW + 1)
+            ),
             RefusalReason.MIS_SIGNED,
         ),
         (lambda keys: picture(Signer(keys, "sp_0"), NOW - 10 * PERIOD), RefusalReason.PAST),
@@ -130,7 +145,12 @@ def test_a_camera_without_a_key_is_not_even_received(page, keys):
     [
         (lambda keys: report(None, NOW), RefusalReason.UNSIGNED),
         (lambda keys: report(Signer(keys, "sr_1"), NOW), RefusalReason.MIS_SIGNED),
-        (lambda keys: altered(report(Signer(keys, MANAGER), NOW), header=messages.header(NOW + 1)), "mis-signed"),
+        (
+            lambda keys: altered(
+                report(Signer(keys, MANAGER), NOW), header=messages.header(NOW + 1)
+            ),
+            "mis-signed",
+        ),
     ],
 )
 def test_forged_diagnostics_are_counted_and_not_displayed(forge, reason, page, keys):
@@ -142,5 +162,7 @@ def test_forged_diagnostics_are_counted_and_not_displayed(forge, reason, page, k
 def test_a_signed_picture_is_the_jpeg_for_every_decoder(keys):
     message = picture(Signer(keys, "sp_0"), 5)
     shown = cv2.imdecode(message.data, cv2.IMREAD_COLOR)
-    np.testing.assert_array_equal(shown, cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_COLOR))
+    np.testing.assert_array_equal(
+        shown, cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_COLOR)
+    )
     assert messages.read_picture("sp_0", messages.encode(message)).jpeg == JPEG

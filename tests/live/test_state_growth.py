@@ -1,4 +1,5 @@
-"""Growth of the state of a trust model, compared with a replay in which the newcomers were silent."""
+"""Growth of the state of a trust model, compared with a replay in which the newcomers were
+silent."""
 
 from typing import NamedTuple
 
@@ -27,7 +28,10 @@ def play(team_run, ratings, mask):
         values = np.where(there, row, np.nan)
         team_run.play_named(
             {
-                name: [None if np.isnan(value) else value for value in values[i, : len(team_run.team.providers)]]
+                name: [
+                    None if np.isnan(value) else value
+                    for value in values[i, : len(team_run.team.providers)]
+                ]
                 for i, name in enumerate(team_run.team.raters)
             }
         )
@@ -46,7 +50,12 @@ def test_a_grown_state_gives_the_trust_of_a_replay(name, data):
     model, random = make_trust_model(name), np.random.default_rng(data.draw(st.integers(0, 2**32)))
     sizes = [(data.draw(st.integers(1, 9)), data.draw(st.integers(1, 9)))]
     for _ in range(data.draw(st.integers(1, 3))):
-        sizes.append((sizes[-1][0] + data.draw(st.integers(0, 2)), sizes[-1][1] + data.draw(st.integers(0, 2))))
+        sizes.append(
+            (
+                sizes[-1][0] + data.draw(st.integers(0, 2)),
+                sizes[-1][1] + data.draw(st.integers(0, 2)),
+            )
+        )
     both = data.draw(st.booleans())
     providers = ("sr_0",) * both + names("sp", sizes[-1][1])[both:]
     teams = [Team(names("sr", few), providers[:some]) for few, some in sizes]
@@ -56,7 +65,9 @@ def test_a_grown_state_gives_the_trust_of_a_replay(name, data):
             grown.grow(team)
         rounds = data.draw(st.integers(1, 12))
         ratings = random.random((rounds, *teams[-1].peers.shape))
-        mask = (random.random(ratings.shape) < data.draw(st.sampled_from([0.3, 0.8, 1.0]))) & ~teams[-1].peers
+        mask = (
+            random.random(ratings.shape) < data.draw(st.sampled_from([0.3, 0.8, 1.0]))
+        ) & ~teams[-1].peers
         mask[:, len(team.raters) :] = mask[:, :, len(team.providers) :] = False
         for team_run in (grown, whole):
             play(team_run, ratings, mask)
@@ -104,7 +115,9 @@ def test_a_model_of_another_kind_does_not_grow(model):
 
 
 def test_the_state_of_a_newcomer_is_that_of_the_start():
-    run = GridRun(make_trust_model("role-trust", initial=0.7), np.zeros((2, 2)), np.zeros((2, 2), bool))
+    run = GridRun(
+        make_trust_model("role-trust", initial=0.7), np.zeros((2, 2)), np.zeros((2, 2), bool)
+    )
     run.rounds, run.state = 1, run.state._replace(tor=np.array([0.1, 0.2]))
     before = type(run.state)
     run.join(3, 4)

@@ -1,4 +1,5 @@
-"""A rater among cameras that it does not know, and after its writers have gone, on real middleware."""
+"""A rater among cameras that it does not know, and after its writers have gone, on real
+middleware."""
 
 import time
 
@@ -20,13 +21,17 @@ __all__ = ["keys", "own_domain"]
 
 PERIODS = 500_000_000, 1_000_000_000, 2_000_000_000  # the longer ones for a busy machine
 SHADE = cv2.imencode(".jpg", np.zeros((96, 128, 3), np.uint8))[1].tobytes()
-PICTURE = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8))[1].tobytes()
+PICTURE = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8))[
+    1
+].tobytes()
 
 
 def strange_cameras(count, period):
     """Run cameras of one participant without keys until a signal ends the process."""
     node = Node("stranger", "/strange")
-    writers = {f"z{k}": node.writer(f"/z{k}/image_raw/compressed", messages.IMAGE) for k in range(count)}
+    writers = {
+        f"z{k}": node.writer(f"/z{k}/image_raw/compressed", messages.IMAGE) for k in range(count)
+    }
     with run_until_signal() as active:
         while active:
             stamp = (time.time_ns() // period + 1) * period
@@ -40,14 +45,18 @@ class Cameras:
 
     Attributes:
         period: Time between rounds, nanoseconds.
-        delays: Time from the stamp of each round to the arrival of its ratings by all three cameras, seconds.
+        delays: Time from the stamp of each round to the arrival of its ratings by all three
+            cameras, seconds.
         rated: Names of all rated cameras.
     """
 
     def __init__(self, keys, period):
         self.node, self.period = Node("cameras"), period
         names = ("sp_0", "sp_1", "sp_2")
-        self._writers = {name: self.node.writer(f"/{name}/image_raw/compressed", messages.IMAGE) for name in names}
+        self._writers = {
+            name: self.node.writer(f"/{name}/image_raw/compressed", messages.IMAGE)
+            for name in names
+        }
         self._signers = {name: None if keys is None else Signer(keys, name) for name in names}
         self._ratings = self.node.reader("/sr_0/ratings", messages.RATINGS, depth=100)
         self.delays, self.rated, self.rounds = [], set(), 0
@@ -75,11 +84,18 @@ class Cameras:
 
 def rater(period, folder=None):
     scenario = make_scenario("paper-3x3")
-    return process(run_rater_node, name="sr_0", scenario=scenario, timeline=Timeline.aligned(period), keys=folder)
+    return process(
+        run_rater_node,
+        name="sr_0",
+        scenario=scenario,
+        timeline=Timeline.aligned(period),
+        keys=folder,
+    )
 
 
 def team(folder):
-    """Return cameras, a rater, and its usual CPU time for eight rounds, with a period that this machine can keep."""
+    """Return cameras, a rater, and its usual CPU time for eight rounds, with a period that this
+    machine can keep."""
     for period in PERIODS:
         cameras, one = Cameras(folder, period), rater(period, folder)
         until(lambda: len(cameras.send(1)) == 1, "the rater does not rate")  # noqa: B023
@@ -93,14 +109,16 @@ def team(folder):
 
 
 def measured(cameras, one):
-    """Return whether eight rounds are complete, with the longest delay and the CPU time of the rater."""
+    """Return whether eight rounds are complete, with the longest delay and the CPU time of the
+    rater."""
     before = cpu_s(one.pid)
     delays = cameras.send(8)
     return len(delays) == 8, max(delays, default=np.inf), cpu_s(one.pid) - before
 
 
 def in_time(cameras, one):
-    """Return the CPU time of the rater for eight rounds that it rates in time; a busy machine may need some trials."""
+    """Return the CPU time of the rater for eight rounds that it rates in time; a busy machine may
+    need some trials."""
     for _ in range(5):
         complete, longest, spent = measured(cameras, one)
         if complete and longest < 0.7 * cameras.period / 1e9:
@@ -117,11 +135,17 @@ def test_unknown_cameras_cost_a_rater_nothing(signed, keys):
     during = in_time(cameras, one)
     assert during < 1.3 * usual + 0.1
     if not signed:  # on a busy machine, the rater seldom has time for strangers
-        until(lambda: cameras.send(1) is not None and len(cameras.rated) > 3, "no stranger is ever rated")
+        until(
+            lambda: cameras.send(1) is not None and len(cameras.rated) > 3,
+            "no stranger is ever rated",
+        )
     stranger.kill()
     stranger.join()
     after = in_time(cameras, one)
-    print(f"CPU time a round: {usual / 8:.4f} s before, {during / 8:.4f} s during, {after / 8:.4f} s after")
+    print(
+        f"CPU time a round: {usual / 8:.4f} s before, {during / 8:.4f} s during, {after / 8:.4f} s "
+        "after"
+    )
     assert after < 1.3 * usual + 0.1
     assert (cameras.rated == {"sp_0", "sp_1", "sp_2"}) is signed
 
@@ -134,7 +158,9 @@ def test_a_rater_waits_again_when_its_cameras_have_gone():
     nothing, none = np.empty(0), np.empty(0, np.uint8)
     header, numbers = messages.header(time.time_ns()), dict.fromkeys(("tor", "top", "toa"), nothing)
     names = {name: [] for name in ("raters", "providers", "both", "missing")}
-    trust.write(messages.make(messages.TRUST, header=header, round=0, signature=none, **names, **numbers))
+    trust.write(
+        messages.make(messages.TRUST, header=header, round=0, signature=none, **names, **numbers)
+    )
     time.sleep(1)
     before = cpu_s(one.pid)
     time.sleep(2)

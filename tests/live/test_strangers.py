@@ -36,20 +36,32 @@ def play(strangers, names, rounds, began):
 @pytest.mark.parametrize("count", [1, 12, 200])
 def test_one_picture_of_a_stranger_is_looked_at_in_four_rounds(count):
     detector = Detector()
-    turns = play(StrangePictures(detector, RoundTiming(PERIOD)), [f"z{k}" for k in range(count)], 40, lambda: 1e12)
+    turns = play(
+        StrangePictures(detector, RoundTiming(PERIOD)),
+        [f"z{k}" for k in range(count)],
+        40,
+        lambda: 1e12,
+    )
     assert detector.seen == 10
     assert [len(turn) for turn in turns] == [0, 0, 0, 1] * 10
 
 
 def test_the_turn_passes_from_camera_to_camera():
-    turns = play(StrangePictures(Detector(), RoundTiming(PERIOD)), ["z0", "z1", "z2"], 24, lambda: 1e12)
+    turns = play(
+        StrangePictures(Detector(), RoundTiming(PERIOD)), ["z0", "z1", "z2"], 24, lambda: 1e12
+    )
     seen = [name for turn in turns for name in turn]
     assert {seen.count(name) for name in ("z0", "z1", "z2")} == {2}
 
 
 def test_no_stranger_is_looked_at_if_the_known_cameras_took_long():
     detector = Detector()
-    play(StrangePictures(detector, RoundTiming(PERIOD)), ["z0"], 8, lambda: person_detector.time.monotonic() - 0.2)
+    play(
+        StrangePictures(detector, RoundTiming(PERIOD)),
+        ["z0"],
+        8,
+        lambda: person_detector.time.monotonic() - 0.2,
+    )
     assert detector.seen == 0
 
 
@@ -77,4 +89,7 @@ def test_an_old_picture_is_of_no_later_round():
 
 @pytest.mark.parametrize("shape", [(48, 64), (1, 1), (700, 900)])
 def test_the_pixels_of_a_jpeg_are_known_before_it_is_decoded(shape):
-    assert pixels(cv2.imencode(".jpg", np.zeros((*shape, 3), np.uint8))[1].tobytes()) == shape[0] * shape[1]
+    assert (
+        pixels(cv2.imencode(".jpg", np.zeros((*shape, 3), np.uint8))[1].tobytes())
+        == shape[0] * shape[1]
+    )

@@ -55,8 +55,14 @@ def check_every_message(random):
     added, decided = [], []
     for at, (stream, stamp) in enumerate(arrivals(random, 3)):
         added.append((stream, at))
-        for step in [*sync.add(stream, Message(stamp, at, at)), *(sync.publish_candidate() if at % 7 == 0 else [])]:
-            decided += [(number, message.arrival) for number, message in zip(step.streams, step.messages, strict=True)]
+        for step in [
+            *sync.add(stream, Message(stamp, at, at)),
+            *(sync.publish_candidate() if at % 7 == 0 else []),
+        ]:
+            decided += [
+                (number, message.arrival)
+                for number, message in zip(step.streams, step.messages, strict=True)
+            ]
     decided += [(number, message.arrival) for number, message in sync.waiting()]
     assert sorted(decided) == sorted(added)
 
@@ -68,15 +74,16 @@ def test_without_bounds_a_match_waits_for_the_next_round():
 
 
 def test_with_a_lower_bound_it_does_not():
-    assert matches(ApproximateTimeSynchroniser(3, max_interval=250, lower_bound=400), [(0, 0), (1, 3), (2, 5)]) == [
-        (0, 3, 5)
-    ]
+    assert matches(
+        ApproximateTimeSynchroniser(3, max_interval=250, lower_bound=400), [(0, 0), (1, 3), (2, 5)]
+    ) == [(0, 3, 5)]
 
 
 def test_a_stream_that_stops_stops_everything():
     alive = [(stream, PERIOD * r) for r in range(1, 20) for stream in (0, 1)]
     assert matches(
-        ApproximateTimeSynchroniser(3, max_interval=250, lower_bound=400), [(0, 0), (1, 0), (2, 0), *alive]
+        ApproximateTimeSynchroniser(3, max_interval=250, lower_bound=400),
+        [(0, 0), (1, 0), (2, 0), *alive],
     ) == [(0,) * 3]
 
 
@@ -88,7 +95,9 @@ def test_a_narrower_match_replaces_the_candidate_unless_it_is_much_later():
 
 def test_a_stream_that_dropped_is_no_pivot_until_another_moved_on():
     sync = ApproximateTimeSynchroniser(2, **LATE, lower_bound=80, queue_size=2)
-    assert matches(sync, [(1, 100), (1, 200), (1, 300)]) == []  # the message of 100, which would match best, is dropped
+    assert (
+        matches(sync, [(1, 100), (1, 200), (1, 300)]) == []
+    )  # the message of 100, which would match best, is dropped
     assert matches(sync, [(0, 110), (0, 210)]) == [(210, 200)]
 
 

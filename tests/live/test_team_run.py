@@ -31,16 +31,24 @@ def test_an_agent_without_ratings_has_the_initial_trust_of_the_model(model, sett
 
 def test_the_trust_of_an_agent_is_weighted_by_the_services_that_it_rated_and_provided():
     team_run = TeamRun(make_trust_model("role-trust"), TEAM)
-    rounds = [{"srsp_0": [0.2, None]}, {"srsp_0": [0.4, None]}, {"sr_0": [0.3, 0.7], "srsp_0": [0.9, None]}]
+    rounds = [
+        {"srsp_0": [0.2, None]},
+        {"srsp_0": [0.4, None]},
+        {"sr_0": [0.3, 0.7], "srsp_0": [0.9, None]},
+    ]
     for ratings in rounds:
         team_run.play_named(ratings)
     tor, top, (toa,) = team_run.trust
-    wanted = agent_trust(np.array(tor[1]), np.array(top[1]), rated=np.array(3.0), provided=np.array(1.0), initial=0.5)
+    wanted = agent_trust(
+        np.array(tor[1]), np.array(top[1]), rated=np.array(3.0), provided=np.array(1.0), initial=0.5
+    )
     assert toa == wanted != (tor[1] + top[1]) / 2
     assert len({tor[1], top[1], toa}) == 3
 
 
-def test_the_model_is_updated_with_zeros_where_there_is_no_rating_and_with_the_number_of_the_round(monkeypatch):
+def test_the_model_is_updated_with_zeros_where_there_is_no_rating_and_with_the_number_of_the_round(
+    monkeypatch,
+):
     updates = []
 
     def update(model, state, ratings, round):
@@ -48,7 +56,9 @@ def test_the_model_is_updated_with_zeros_where_there_is_no_rating_and_with_the_n
         return watched_update(model, state, ratings, round)
 
     monkeypatch.setattr(run, "watched_update", update)
-    team_run = TeamRun(make_trust_model("mean"), TEAM, [{"sr_0": [0.5]}])  # before the second provider came
+    team_run = TeamRun(
+        make_trust_model("mean"), TEAM, [{"sr_0": [0.5]}]
+    )  # before the second provider came
     team_run.play_named({"srsp_0": [None, 0.25]})
     assert updates == [
         ([[0.5, 0.0], [0.0, 0.0]], [[True, False], [False, False]], 0),
@@ -95,7 +105,12 @@ def test_a_saved_run_has_the_flags_and_numbers_of_python_too():
         first.update(Ratings(np.zeros((2, 2))))
     again = GridRun(Counts(), np.zeros((2, 2)), np.zeros((2, 2), bool))
     again.load(first.save())
-    assert (again.rounds, again.state.begun, again.state.rounds, again.state.nothing) == (3, True, 3, None)
+    assert (again.rounds, again.state.begun, again.state.rounds, again.state.nothing) == (
+        3,
+        True,
+        3,
+        None,
+    )
     assert type(again.state.begun) is bool
     assert type(again.state.rounds) is int
     for one in (first, again):

@@ -15,7 +15,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from domains import own_dds_domain
-from manager_cases import MODELS, PERIOD, TEAM, feed, manager, random_ratings, rating_message, replay_journal
+from manager_cases import (
+    MODELS,
+    PERIOD,
+    TEAM,
+    feed,
+    manager,
+    random_ratings,
+    rating_message,
+    replay_journal,
+)
 from process_load import cpu_s
 from test_state_growth import BY_REPLAY, close
 
@@ -23,7 +32,13 @@ from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.live import journal as journals
 from roletrust_env.live import team_trust
-from roletrust_env.live.journal import JournalPosition, read_journal, read_snapshot, snapshot_path, write_snapshot
+from roletrust_env.live.journal import (
+    JournalPosition,
+    read_journal,
+    read_snapshot,
+    snapshot_path,
+    write_snapshot,
+)
 from roletrust_env.live.rounds import MatchedRound
 from roletrust_env.live.team import Team
 from roletrust_env.live.team_run import TeamRun
@@ -32,7 +47,10 @@ from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.trust import make_trust_model
 
 SLOW = pytest.mark.slow
-FLAT, OF_A_NEWCOMER = 50_000, 1_000  # bytes: in 10,000 rounds, a leak of 6 bytes a round is too much
+FLAT, OF_A_NEWCOMER = (
+    50_000,
+    1_000,
+)  # bytes: in 10,000 rounds, a leak of 6 bytes a round is too much
 MANY = Team((*TEAM.raters, "new", "both"), (*TEAM.providers, "both"))
 
 
@@ -58,7 +76,8 @@ def replays(monkeypatch):
 
 
 def grown(path, model, rounds=40):
-    """Return a manager after some rounds in which two raters and a provider have joined, and the rounds.
+    """Return a manager after some rounds in which two raters and a provider have joined, and the
+    rounds.
 
     The snapshot of before, if there is one, is kept beside the journal as `early`.
     """
@@ -69,7 +88,9 @@ def grown(path, model, rounds=40):
     keeper.add_provider("both", 13 * PERIOD)
     ratings, mask = random_ratings(rounds, seed=1, team=MANY, lost=0.1)
     for r in range(rounds):
-        published += feed(keeper, ratings[r : r + 1], mask[r : r + 1] & ~MANY.peers, team=MANY, first=13 + r)
+        published += feed(
+            keeper, ratings[r : r + 1], mask[r : r + 1] & ~MANY.peers, team=MANY, first=13 + r
+        )
     return keeper, published
 
 
@@ -78,10 +99,15 @@ def test_newcomers_join_with_the_trust_of_a_replay(model, often, tmp_path):
     keeper, published = grown(tmp_path / "journal", model)
     assert len(published) == 52
     last = published[-1]
-    assert (set(last.team.raters), set(last.team.providers)) == (set(MANY.raters), set(MANY.providers))
+    assert (set(last.team.raters), set(last.team.providers)) == (
+        set(MANY.raters),
+        set(MANY.providers),
+    )
     whole = TeamRun(make_trust_model(model), last.team, [entry.ratings for entry in published])
     close(last.trust, whole.trust)
-    joining = sum(n for (_, why), n in keeper.validator.refusals.items() if why is RefusalReason.JOINING)
+    joining = sum(
+        n for (_, why), n in keeper.validator.refusals.items() if why is RefusalReason.JOINING
+    )
     assert (joining > 0) is (model in BY_REPLAY)
     keeper.close()
     assert replay_journal(make_trust_model(model), tmp_path / "journal").trust == last.trust
@@ -148,21 +174,53 @@ UNUSABLE = "its snapshot cannot be used: "
     [
         (cut(lambda data: b""), UNUSABLE + "it is no complete file of arrays: it is no zip file"),
         (cut(lambda data: data[:-100]), UNUSABLE + "it is no complete file of arrays"),
-        (cut(lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:]), UNUSABLE + "it is no complete file"),
-        (cut(lambda data: b"\x80\x04\x95cposix\nsystem\n"), UNUSABLE + "it is no complete file of arrays"),
-        (lambda path: spoiled(path, snapshot=lambda _: 1), UNUSABLE + "snapshot is 1: it must be 3"),
-        (lambda path: spoiled(path, position=lambda at: [7, *at[1:]]), UNUSABLE + "it is of another journal"),
-        (lambda path: spoiled(path, position=lambda at: [at[0], "0" * 64, 20]), UNUSABLE + "it is of another journal"),
+        (
+            cut(lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:]),
+            UNUSABLE + "it is no complete file",
+        ),
+        (
+            cut(lambda data: b"\x80\x04\x95cposix\nsystem\n"),
+            UNUSABLE + "it is no complete file of arrays",
+        ),
+        (
+            lambda path: spoiled(path, snapshot=lambda _: 1),
+            UNUSABLE + "snapshot is 1: it must be 3",
+        ),
+        (
+            lambda path: spoiled(path, position=lambda at: [7, *at[1:]]),
+            UNUSABLE + "it is of another journal",
+        ),
+        (
+            lambda path: spoiled(path, position=lambda at: [at[0], "0" * 64, 20]),
+            UNUSABLE + "it is of another journal",
+        ),
         (lambda path: spoiled(path, others={"state_0": None}), UNUSABLE + "state_0 is missing"),
-        (lambda path: spoiled(path, others={"state_0": np.zeros(7)}), UNUSABLE + "state_0 has shape (7,)"),
-        (lambda path: spoiled(path, others={"state_5": np.zeros(7)}), UNUSABLE + "state_5 is of no part of a state"),
-        (lambda path: spoiled(path, others={"rated": np.zeros(7)}), UNUSABLE + "the counts are of another team"),
-        (lambda path: spoiled(path, others={"header": np.array([{}])}), UNUSABLE + "it is no complete file of arrays"),
-        (lambda path: spoiled(path, others={"header": np.zeros(3)}), UNUSABLE + "header has shape (3,)"),
+        (
+            lambda path: spoiled(path, others={"state_0": np.zeros(7)}),
+            UNUSABLE + "state_0 has shape (7,)",
+        ),
+        (
+            lambda path: spoiled(path, others={"state_5": np.zeros(7)}),
+            UNUSABLE + "state_5 is of no part of a state",
+        ),
+        (
+            lambda path: spoiled(path, others={"rated": np.zeros(7)}),
+            UNUSABLE + "the counts are of another team",
+        ),
+        (
+            lambda path: spoiled(path, others={"header": np.array([{}])}),
+            UNUSABLE + "it is no complete file of arrays",
+        ),
+        (
+            lambda path: spoiled(path, others={"header": np.zeros(3)}),
+            UNUSABLE + "header has shape (3,)",
+        ),
         (Path.unlink, "it has no snapshot"),
     ],
 )
-def test_without_a_usable_snapshot_a_line_says_so_and_the_journal_is_replayed(spoil, why, often, replays, tmp_path):
+def test_without_a_usable_snapshot_a_line_says_so_and_the_journal_is_replayed(
+    spoil, why, often, replays, tmp_path
+):
     first = manager(tmp_path / "journal")
     published = feed(first, *random_ratings(25))
     first.close()
@@ -173,7 +231,9 @@ def test_without_a_usable_snapshot_a_line_says_so_and_the_journal_is_replayed(sp
     second = manager(tmp_path / "journal", report=lines.append)
     assert second.trust == published[-1].trust
     assert set(replays) == set(range(25))
-    assert [line.partition(why)[0] for line in lines] == [f"{tmp_path / 'journal'}: 25 rounds are replayed, since "]
+    assert [line.partition(why)[0] for line in lines] == [
+        f"{tmp_path / 'journal'}: 25 rounds are replayed, since "
+    ]
     second.close()
     replays.clear()
     third = manager(tmp_path / "journal", report=lines.append)  # the second has written a snapshot
@@ -203,10 +263,12 @@ def test_a_changed_journal_is_found_in_spite_of_a_snapshot(often, tmp_path):
     ],
 )
 def test_ten_newcomers_a_minute_delay_no_round(rounds, newcomers, tmp_path):
-    """Ten raters and ten providers at two rounds a second; a newcomer rates for a minute and leaves.
+    """Ten raters and ten providers at two rounds a second; a newcomer rates for a minute and
+    leaves.
 
-    Each newcomer has rows in the arrays of the model, and its name in a few tables, for good. Nothing else may grow:
-    all memory is traced from the first round on, and measured after the first tenth and at the end.
+    Each newcomer has rows in the arrays of the model, and its name in a few tables, for good.
+    Nothing else may grow: all memory is traced from the first round on, and measured after the
+    first tenth and at the end.
     """
     team = Team(tuple(f"sr_{k}" for k in range(10)), tuple(f"sp_{k}" for k in range(10)))
     keeper = manager(tmp_path / "journal", team=team, keyring=FixedAgents())
@@ -227,9 +289,19 @@ def test_ten_newcomers_a_minute_delay_no_round(rounds, newcomers, tmp_path):
             memory.append((tracemalloc.get_traced_memory()[0], len(keeper._trust.team.raters)))
     tracemalloc.stop()
     (first, few), (last, many) = memory
-    each = f"; {(last - first) / (many - few):.0f} bytes for each of {many - few} newcomers" if many > few else ""
-    print(f"{rounds} rounds, {many} raters: median {np.median(spent):.4f} s, longest {spent.max():.3f} s, traced")
-    print(f"memory grew by {(last - first) / 1e3:.0f} kB in the last {rounds - rounds // 10} rounds{each}")
+    each = (
+        f"; {(last - first) / (many - few):.0f} bytes for each of {many - few} newcomers"
+        if many > few
+        else ""
+    )
+    print(
+        f"{rounds} rounds, {many} raters: median {np.median(spent):.4f} s, longest "
+        f"{spent.max():.3f} s, traced"
+    )
+    print(
+        f"memory grew by {(last - first) / 1e3:.0f} kB in the last {rounds - rounds // 10} "
+        f"rounds{each}"
+    )
     assert published == rounds
     assert many == 10 + newcomers * rounds // 12
     assert sorted(spent)[-3] < 0.7 * PERIOD / 1e9
@@ -252,7 +324,8 @@ class FixedAgents:
 @pytest.mark.slow
 @pytest.mark.parametrize("rounds", [828, 100_099])
 def test_a_manager_listens_again_in_the_time_of_a_few_imports(rounds, monkeypatch, tmp_path):
-    """Ten raters and ten providers. The unit is the CPU time to import NumPy and hash the journal; best of three."""
+    """Ten raters and ten providers. The unit is the CPU time to import NumPy and hash the journal;
+    best of three."""
     monkeypatch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path / "bytecode"))
     monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
     rules, path = make_scenario("crowd-10x10"), tmp_path / "journal"
@@ -269,7 +342,10 @@ def test_a_manager_listens_again_in_the_time_of_a_few_imports(rounds, monkeypatc
     with own_dds_domain():
         runs = partial(import_s, path), partial(listening_s, command)
         bare, listening = (min(run() for _ in range(3)) for run in runs)
-    print(f"{rounds} rounds, {len(data) / 1e6:.0f} MB: {listening:.2f} s, as long as {listening / bare:.1f} imports")
+    print(
+        f"{rounds} rounds, {len(data) / 1e6:.0f} MB: {listening:.2f} s, as long as "
+        f"{listening / bare:.1f} imports"
+    )
     assert listening < 9 * bare  # it is 2 to 4 times as long
 
 
@@ -279,19 +355,25 @@ def lengthen(path, rules, rounds):
     keeper = team_trust.TeamTrust(parse_trust_model("role-trust", rules), path, period, team)
     for r in range(keeper.next_round, keeper.next_round + rounds):
         rows = random.random(team.peers.shape).tolist()
-        items = {name: dict(zip(team.providers, row, strict=True)) for name, row in zip(team.raters, rows, strict=True)}
+        items = {
+            name: dict(zip(team.providers, row, strict=True))
+            for name, row in zip(team.raters, rows, strict=True)
+        }
         keeper.close_round(MatchedRound(period * r, items, ()), period * r, {})
     keeper.close()
 
 
 def import_s(path):
-    """Return the CPU time of a process that imports the middleware and NumPy and hashes a file, seconds."""
+    """Return the CPU time of a process that imports the middleware and NumPy and hashes a file,
+    seconds."""
     code = "import cyclonedds.domain, cyclonedds.sub, hashlib, numpy, sys"
     code += "; hashlib.file_digest(open(sys.argv[1], 'rb'), 'sha256')"
     before = os.times()
     subprocess.run([sys.executable, "-c", code, path], check=True)
     after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
+    return (
+        after.children_user + after.children_system - before.children_user - before.children_system
+    )
 
 
 def listening_s(command):

@@ -1,4 +1,5 @@
-"""Validation: which messages and ratings count, which newcomers join, and why the others are refused."""
+"""Validation: which messages and ratings count, which newcomers join, and why the others are
+refused."""
 
 from collections import Counter
 from math import inf, nan
@@ -57,7 +58,10 @@ def test_invalid_messages_are_refused_as_a_whole(message, reason):
     validator = MessageValidator(LIMITS, Signed("sr_0", "sr_1"))
     assert validator.accepted_ratings(message, PROVIDERS, NOW) == {}
     assert validator.refusals == {("" if reason is RefusalReason.UNKNOWN else "sr_0", reason): 1}
-    assert validator.accepted_ratings(ratings(), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}  # its state is unchanged
+    assert validator.accepted_ratings(ratings(), PROVIDERS, NOW) == {
+        "sp_0": 0.1,
+        "sp_1": 0.9,
+    }  # its state is unchanged
 
 
 @pytest.mark.parametrize(
@@ -80,12 +84,18 @@ def test_invalid_ratings_are_refused_one_by_one(values, providers, reason):
 @pytest.mark.parametrize("offset", [-2000, 2000])
 def test_stamps_at_the_tolerance_are_accepted(offset):
     validator = MessageValidator(LIMITS)
-    assert validator.accepted_ratings(ratings(stamp=NOW + offset), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}
+    assert validator.accepted_ratings(ratings(stamp=NOW + offset), PROVIDERS, NOW) == {
+        "sp_0": 0.1,
+        "sp_1": 0.9,
+    }
     assert not validator.refusals
 
 
 def test_ratings_at_the_bounds_are_accepted():
-    assert MessageValidator(LIMITS).accepted_ratings(ratings((0.0, 1.0)), PROVIDERS, NOW) == {"sp_0": 0.0, "sp_1": 1.0}
+    assert MessageValidator(LIMITS).accepted_ratings(ratings((0.0, 1.0)), PROVIDERS, NOW) == {
+        "sp_0": 0.0,
+        "sp_1": 1.0,
+    }
 
 
 def test_refusals_are_counted_one_by_one_or_many_at_once():
@@ -113,7 +123,9 @@ def test_stamps_rise_by_the_smallest_gap():
         (100, RefusalReason.REPLAYED),
     ):
         validator.refusals.clear()
-        assert bool(validator.accepted_ratings(ratings(stamp=NOW + stamp), PROVIDERS, NOW)) is (reason is None)
+        assert bool(validator.accepted_ratings(ratings(stamp=NOW + stamp), PROVIDERS, NOW)) is (
+            reason is None
+        )
         assert validator.refusals == ({("sr_0", reason): 1} if reason else {})
     assert validator.accepted_ratings(ratings(rater="sr_1"), PROVIDERS, NOW) == {}
 
@@ -122,15 +134,21 @@ def test_when_the_clock_has_gone_back_a_sender_with_a_key_waits():
     hour, stamps = 3600 * 10**9, {"sr_0": NOW}
     for keys, reason in ((Signed("sr_0"), RefusalReason.CLOCK), (None, None)):
         validator = MessageValidator(LIMITS, keys, stamps)
-        assert bool(validator.accepted_ratings(ratings(stamp=NOW - hour), PROVIDERS, NOW - hour)) is (reason is None)
+        assert bool(
+            validator.accepted_ratings(ratings(stamp=NOW - hour), PROVIDERS, NOW - hour)
+        ) is (reason is None)
         assert validator.refusals == ({("sr_0", reason): 1} if reason else {})
     newcomers = Membership((), 10**9, {f"sr_{k}" for k in range(30)})
     for now in (NOW, NOW - hour):
-        assert sum(newcomers.admits(f"sr_{k}", now) for k in range(30) if f"sr_{k}" not in newcomers) == 10
+        assert (
+            sum(newcomers.admits(f"sr_{k}", now) for k in range(30) if f"sr_{k}" not in newcomers)
+            == 10
+        )
 
 
 def test_the_clock_of_nodes_never_goes_back_and_comes_back_to_that_of_the_machine(monkeypatch):
-    """Each step: its end by real time, how far the machine's clock is ahead then, and by how much that of nodes is."""
+    """Each step: its end by real time, how far the machine's clock is ahead then, and by how much
+    that of nodes is."""
     start, second, hour = clock.now(), 10**9, 3600 * 10**9
     before = start
     for passed, ahead, expected in (
@@ -143,7 +161,11 @@ def test_the_clock_of_nodes_never_goes_back_and_comes_back_to_that_of_the_machin
         (7211, 2 * hour, 2 * hour),
     ):
         monkeypatch.setattr(clock.time, "monotonic_ns", lambda passed=passed: passed * second)
-        monkeypatch.setattr(clock.time, "time_ns", lambda passed=passed, ahead=ahead: start + passed * second + ahead)
+        monkeypatch.setattr(
+            clock.time,
+            "time_ns",
+            lambda passed=passed, ahead=ahead: start + passed * second + ahead,
+        )
         if not passed:
             monkeypatch.setattr(clock, "_last", (0, start))
         assert clock.now() == start + passed * second + expected
@@ -179,11 +201,17 @@ def test_refused_messages_do_not_change_trust(tmp_path):
 
 def wrong(random, round):
     """Return a message that must be refused, and the reason."""
-    rater, values = str(random.choice(TEAM.raters)), dict.fromkeys(TEAM.providers, float(random.random()))
+    rater, values = (
+        str(random.choice(TEAM.raters)),
+        dict.fromkeys(TEAM.providers, float(random.random())),
+    )
     message = rating_message(rater, round, values)
-    kind = [RefusalReason.FUTURE, RefusalReason.PAST, RefusalReason.REPLAYED, RefusalReason.TOO_SOON][
-        random.integers(4)
-    ]
+    kind = [
+        RefusalReason.FUTURE,
+        RefusalReason.PAST,
+        RefusalReason.REPLAYED,
+        RefusalReason.TOO_SOON,
+    ][random.integers(4)]
     offset = {
         RefusalReason.FUTURE: int(random.integers(5 * PERIOD, 10**18)),
         RefusalReason.PAST: -int(random.integers(5 * PERIOD, 10**12)),
@@ -205,7 +233,9 @@ def test_members_always_take_part_and_strangers_up_to_a_limit():
 
 def test_those_with_a_key_join_ten_a_period():
     admission = Membership([], PERIOD, {f"x{k}" for k in range(100)})
-    joined = [sum(admission.admits(f"x{k}", now * PERIOD) for k in range(100)) for now in range(1, 12)]
+    joined = [
+        sum(admission.admits(f"x{k}", now * PERIOD) for k in range(100)) for now in range(1, 12)
+    ]
     assert joined == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 100]
     assert not admission.admits("other", 100 * PERIOD)
 
@@ -222,12 +252,20 @@ def test_a_flood_of_fresh_names_costs_the_others_no_round(tmp_path):
             published += keeper.receive(fresh, PERIOD * (r + 1) + 450_000_000)
     assert sum(set(TEAM.raters) <= entry.ratings.keys() for entry in published) == rounds
     assert len(published[-1].team.raters) <= len(TEAM.raters) + MAX_STRANGERS
-    assert keeper.validator.refusals["", RefusalReason.CROWDED] == names // rounds * rounds - MAX_STRANGERS
+    assert (
+        keeper.validator.refusals["", RefusalReason.CROWDED]
+        == names // rounds * rounds - MAX_STRANGERS
+    )
     keeper.close()
     again = manager(tmp_path / "journal")
-    assert again.receive(rating_message("fresh", rounds + 1, {"sp_0": 0.0}), PERIOD * (rounds + 1)) == []
+    assert (
+        again.receive(rating_message("fresh", rounds + 1, {"sp_0": 0.0}), PERIOD * (rounds + 1))
+        == []
+    )
     strangers = len(published[-1].team.raters) - len(TEAM.raters)
-    assert (again.validator.refusals["", RefusalReason.CROWDED] == 1) is (strangers == MAX_STRANGERS)
+    assert (again.validator.refusals["", RefusalReason.CROWDED] == 1) is (
+        strangers == MAX_STRANGERS
+    )
 
 
 @pytest.mark.parametrize(
@@ -241,7 +279,8 @@ def test_a_flood_of_fresh_names_costs_the_others_no_round(tmp_path):
     ],
 )
 def test_a_key_is_for_a_role_of_the_scenario(name, reason, tmp_path):
-    """A camera of the scenario may not rate, and a rater of the scenario may not serve; a newcomer has either role."""
+    """A camera of the scenario may not rate, and a rater of the scenario may not serve; a newcomer
+    has either role."""
     keeper = manager(tmp_path / "journal", keyring=Signed("sr_0", "sr_9", "sp_0", MANAGER))
     message = RatingMessage(Envelope(name, PERIOD, b"", name.encode()), ["sp_1"], [0.5])
     keeper.receive(message, PERIOD)
@@ -254,7 +293,9 @@ BASE = 2 * HOUR // PERIOD * PERIOD  # a time at which the clock can go back
 
 
 def sent(stamp=BASE, rater="sr_0", signer=None, providers=("sp_0",), values=(0.5,)):
-    return RatingMessage(Envelope(rater, stamp, b"text", f"{signer or rater}text".encode()), providers, values)
+    return RatingMessage(
+        Envelope(rater, stamp, b"text", f"{signer or rater}text".encode()), providers, values
+    )
 
 
 def unsigned(message):
@@ -277,7 +318,8 @@ FAULTS = {
     RefusalReason.NOT_A_NUMBER: (BOTH, [], sent(values=(nan,))),
     RefusalReason.OUT_OF_RANGE: (BOTH, [], sent(values=(1.5,))),
 }
-"""Whether teams with keys and without have this reason, earlier messages, and a message with one fault.
+"""Whether teams with keys and without have this reason, earlier messages, and a message with one
+fault.
 
 The rest of the reasons are tested with the inboxes, and with models whose state cannot grow.
 """
@@ -285,9 +327,12 @@ The rest of the reasons are tested with the inboxes, and with models whose state
 ONLY_OF_A_SERVICE = {RefusalReason.TOO_LARGE, RefusalReason.NO_WORK, RefusalReason.TAKEN}
 
 
-@pytest.mark.parametrize(("reason", "keyed"), [(one, keyed) for one in FAULTS for keyed in FAULTS[one][0]])
+@pytest.mark.parametrize(
+    ("reason", "keyed"), [(one, keyed) for one in FAULTS for keyed in FAULTS[one][0]]
+)
 def test_a_single_fault_is_refused_for_its_own_reason(reason, keyed, tmp_path):
-    """Under the name of the rater, also if none of its messages has been valid so far; strangers have none."""
+    """Under the name of the rater, also if none of its messages has been valid so far; strangers
+    have none."""
     _, before, message = FAULTS[reason]
     names = [*TEAM.raters, *(f"x{k}" for k in range(20))]
     keeper = manager(tmp_path / "journal", keyring=Signed(*names) if keyed else None)
@@ -300,9 +345,15 @@ def test_a_single_fault_is_refused_for_its_own_reason(reason, keyed, tmp_path):
 
 
 def test_the_guide_has_every_reason_of_a_refusal():
-    table = (Path(__file__).parents[2] / "docs" / "guide" / "own-nodes.md").read_text().split("## Refusals")[1]
+    table = (
+        (Path(__file__).parents[2] / "docs" / "guide" / "own-nodes.md")
+        .read_text()
+        .split("## Refusals")[1]
+    )
     rows = " ".join(line.split("|")[1] for line in table.splitlines() if line.startswith("|"))
-    assert [reason for reason in RefusalReason if reason not in ONLY_OF_A_SERVICE and reason not in rows] == []
+    assert [
+        reason for reason in RefusalReason if reason not in ONLY_OF_A_SERVICE and reason not in rows
+    ] == []
 
 
 def test_a_provider_without_a_key_cannot_join_a_team_with_keys(tmp_path):
@@ -310,6 +361,9 @@ def test_a_provider_without_a_key_cannot_join_a_team_with_keys(tmp_path):
     for name in ("sp_8", "sp_9", "sr_1"):
         keeper.add_provider(name, 0)
     keeper.receive(
-        RatingMessage(Envelope("sr_0", PERIOD, b"", b"sr_0"), ["sp_8", "sp_9", "sr_1"], [0.0, 0.5, 1.0]), PERIOD
+        RatingMessage(
+            Envelope("sr_0", PERIOD, b"", b"sr_0"), ["sp_8", "sp_9", "sr_1"], [0.0, 0.5, 1.0]
+        ),
+        PERIOD,
     )
     assert keeper.validator.refusals == {("sr_0", RefusalReason.UNKNOWN_PROVIDER): 2}

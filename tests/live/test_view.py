@@ -52,7 +52,9 @@ class Stage:
             self.port = free.getsockname()[1]
         self.keys = folder / "keys"
         settings = {"period": PERIOD, "team": TEAM, "keys": self.keys}
-        self.manager = started(run_manager_node, make_trust_model("role-trust"), self.journal, **settings)
+        self.manager = started(
+            run_manager_node, make_trust_model("role-trust"), self.journal, **settings
+        )
         self.robots = started(run_robots, (0, 1), TEAM.providers, self.keys, PERIOD)
         self.start_third()
         settings = {"team": TEAM, "keys": self.keys, "attackers": ("sr_2",)}
@@ -93,10 +95,16 @@ def page(stage, browser):
     found, wrong = browser.new_page(viewport={"width": 1200, "height": 900}), []
     found.set_default_timeout(PATIENCE_MS)
     found.on("pageerror", lambda error: wrong.append(str(error)))
-    found.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
+    found.on(
+        "console",
+        lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None,
+    )
     home = f"//localhost:{stage.port}/"
     found.on(
-        "request", lambda asked: wrong.append(asked.url) if asked.url[:4] == "http" and home not in asked.url else 0
+        "request",
+        lambda asked: (
+            wrong.append(asked.url) if asked.url[:4] == "http" and home not in asked.url else 0
+        ),
     )
     found.goto(f"http:{home}")
     found.wait_for_selector("html[data-ready]")
@@ -108,7 +116,10 @@ def page(stage, browser):
 def curve(page, name="tor"):
     """Return the values of a figure's curves in the browser."""
     data = f"Bokeh.documents[0].get_model_by_name('{name}-source').data"
-    return page.evaluate(f"() => Object.fromEntries(Object.entries({data}).map(([key, values]) => [key, [...values]]))")
+    return page.evaluate(
+        f"() => Object.fromEntries(Object.entries({data}).map(([key, values]) => [key, "
+        "[...values]]))"
+    )
 
 
 def test_curves_move_and_pictures_are_shown(page, stage):
@@ -117,7 +128,8 @@ def test_curves_move_and_pictures_are_shown(page, stage):
     assert len(sources) == 3
     seen = page.locator(".state b").inner_text()
     page.wait_for_function(
-        "n => Bokeh.documents[0].get_model_by_name('tor-source').data.time_s.length >= n", arg=len(first["time_s"]) + 4
+        "n => Bokeh.documents[0].get_model_by_name('tor-source').data.time_s.length >= n",
+        arg=len(first["time_s"]) + 4,
     )
     later = curve(page)
     published = {round(entry.trust.tor[0], 12) for entry in stage.entries}
@@ -135,11 +147,15 @@ def test_curves_move_and_pictures_are_shown(page, stage):
 def test_a_refused_rating_is_shown_with_its_reason(page):
     node = Node("rogue")
     voice = node.writer("/sr_1/ratings", messages.RATINGS)
-    shown = page.locator("tr", has=page.locator("th", has_text="sr_1")).locator("td", has_text="unsigned")
+    shown = page.locator("tr", has=page.locator("th", has_text="sr_1")).locator(
+        "td", has_text="unsigned"
+    )
     end = time.monotonic() + PATIENCE_MS / 1000
     while not shown.count():
         assert time.monotonic() < end
-        voice.write(messages.ratings_message("sr_1", time.time_ns() + PERIOD // 2 + 1, {"sp_0": 0.0}))
+        voice.write(
+            messages.ratings_message("sr_1", time.time_ns() + PERIOD // 2 + 1, {"sp_0": 0.0})
+        )
         time.sleep(0.05)
 
 
@@ -152,7 +168,9 @@ def test_only_this_machine_and_this_page_get_an_answer(stage):
 
     async def ask():
         await websocket_connect(
-            HTTPRequest(f"ws://localhost:{stage.port}/ws", headers={"Origin": "http://elsewhere.example"})
+            HTTPRequest(
+                f"ws://localhost:{stage.port}/ws", headers={"Origin": "http://elsewhere.example"}
+            )
         )
 
     with (
@@ -207,6 +225,9 @@ def test_many_viewers_do_not_slow_the_manager(stage):
     watched, rounds = measured()
     assert all(session.connected for session in sessions)
     gaps = [(b.stamp - a.stamp) / PERIOD for a, b in pairwise(rounds)]
-    print(f"manager, seconds of a processor for a round: {alone:.4f} alone, {watched:.4f} with {VIEWERS} viewers")
+    print(
+        f"manager, seconds of a processor for a round: {alone:.4f} alone, {watched:.4f} with "
+        f"{VIEWERS} viewers"
+    )
     assert statistics.median(gaps) == 1
     assert watched < 1.5 * alone + 0.005

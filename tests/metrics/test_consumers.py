@@ -5,7 +5,16 @@ import pytest
 
 from roletrust_baselines.provider import OnOff
 from roletrust_env import Game, JointPolicy, make_scenario, record
-from roletrust_env.metrics import auc, blind_utility, damage, false_alarms, present_trust, robustness, skill, utility
+from roletrust_env.metrics import (
+    auc,
+    blind_utility,
+    damage,
+    false_alarms,
+    present_trust,
+    robustness,
+    skill,
+    utility,
+)
 
 
 def test_utility_goes_by_the_trust_of_the_round_before() -> None:
@@ -19,8 +28,12 @@ def test_utility_goes_by_the_trust_of_the_round_before() -> None:
 
 def test_utility_is_that_of_every_consumer_where_they_are_treated_differently() -> None:
     trust = np.array([[0.9, 0.1], [0.2, 0.8], [0.5, 0.5]])[:, :, None]
-    quality = np.array([[[0.0, 0.0]] * 2, [[0.4, 0.8], [1.0, 0.8]], [[0.6, 1.0], [0.2, 0.0]]])[..., None]
-    assert utility(trust, quality).value == pytest.approx((0.4 + 1.0 + 1.0 + 0.0) / (0.8 + 1.0 + 1.0 + 0.2))
+    quality = np.array([[[0.0, 0.0]] * 2, [[0.4, 0.8], [1.0, 0.8]], [[0.6, 1.0], [0.2, 0.0]]])[
+        ..., None
+    ]
+    assert utility(trust, quality).value == pytest.approx(
+        (0.4 + 1.0 + 1.0 + 0.0) / (0.8 + 1.0 + 1.0 + 0.2)
+    )
     alike = quality[:, :1]
     assert utility(trust, np.repeat(alike, 2, axis=1)).value == utility(trust, alike[:, 0]).value
 
@@ -38,7 +51,9 @@ def test_skill_is_1_for_the_best_choice_and_0_for_a_blind_one() -> None:
 def test_the_interval_of_skill_is_that_of_the_quotient_of_means() -> None:
     random = np.random.default_rng(0)
     blind = random.uniform(0.4, 0.9, (2000, 40))
-    by_trust = 1 - random.uniform(0, 0.1, blind.shape) * (1 - blind)  # differs little where blind differs much
+    by_trust = 1 - random.uniform(0, 0.1, blind.shape) * (
+        1 - blind
+    )  # differs little where blind differs much
     means = np.array([skill(*pair).mean() for pair in zip(by_trust, blind, strict=True)])
     errors = [skill(*pair).std(ddof=1) / 40**0.5 for pair in zip(by_trust, blind, strict=True)]
     assert np.mean(errors) == pytest.approx(means.std(), rel=0.05)
@@ -57,7 +72,10 @@ def test_robustness_is_1_where_no_liar_sells_and_below_0_where_they_sell_most() 
 
 def test_metrics_take_recorded_games() -> None:
     game = Game(make_scenario("paper-3x3").change(max_cycles=40))
-    attacked, twin = (record(JointPolicy(game, policies), game.random(0), (5,)) for policies in ({"sp_2": OnOff()}, {}))
+    attacked, twin = (
+        record(JointPolicy(game, policies), game.random(0), (5,))
+        for policies in ({"sp_2": OnOff()}, {})
+    )
     trust = present_trust(attacked)
     assert damage(trust, present_trust(twin), [0, 1, 2, 3, 4]).value.shape == (5,)
     assert (auc(trust[-1, 3:], [2]).value == 1).all()
@@ -78,7 +96,9 @@ def test_rounds_count_by_their_weights() -> None:
     for metric in metrics:
         first, whole = (metric(slice(0, end)).value for end in (3, 6))
         assert np.all(first != whole)
-        np.testing.assert_array_equal(metric(slice(0, 6), weights=np.array([1.0, 1, 1, 0, 0, 0])).value, first)
+        np.testing.assert_array_equal(
+            metric(slice(0, 6), weights=np.array([1.0, 1, 1, 0, 0, 0])).value, first
+        )
         np.testing.assert_array_equal(metric(slice(0, 6), weights=np.ones(6)).value, whole)
 
 

@@ -44,14 +44,18 @@ def test_what_nobody_is_sorted_by_is_undefined() -> None:
 
 
 def test_attackers_are_told_apart_once_all_honest_agents_are_above_them() -> None:
-    trust = np.array([[0.5, 0.5, 0.5], [0.6, 0.5, 0.55], [0.7, 0.6, 0.3], [0.7, 0.6, 0.2]])[:, :, None]
+    trust = np.array([[0.5, 0.5, 0.5], [0.6, 0.5, 0.55], [0.7, 0.6, 0.3], [0.7, 0.6, 0.2]])[
+        :, :, None
+    ]
     assert rounds_to_detection(trust, [2]).value == 2
     assert rounds_to_detection(trust, [2], start=1).value == 1
     assert rounds_to_detection(trust, [2], alarms=0.5).value == 1
     never = rounds_to_detection(trust[:2], [2])
     assert np.isnan(never.value).all()
     assert "never" in never.why
-    assert np.isnan(rounds_to_detection(np.array([[0.9, NAN], [0.9, NAN]])[:, :, None], [1]).value).all()  # not there
+    assert np.isnan(
+        rounds_to_detection(np.array([[0.9, NAN], [0.9, NAN]])[:, :, None], [1]).value
+    ).all()  # not there
     with pytest.raises(ValueError, match="start is 9"):
         rounds_to_detection(trust, [2], start=9)
 

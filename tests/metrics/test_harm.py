@@ -76,5 +76,11 @@ def test_the_worst_case_is_the_attack_with_the_highest_mean() -> None:
 
 def test_trust_is_back_within_a_distance_on_either_side() -> None:
     twin = np.full((4, 1, 1), 0.5)
-    for trust, rounds in (([0.0, 0.25, 0.5, 0.5], 1), ([1.0, 0.75, 0.5, 0.5], 1), ([1.0, 1.0, 1.0, 0.5], 3)):
-        assert recovery(np.array(trust)[:, None, None], twin, [0], stop=0, within=0.25).value == rounds
+    for trust, rounds in (
+        ([0.0, 0.25, 0.5, 0.5], 1),
+        ([1.0, 0.75, 0.5, 0.5], 1),
+        ([1.0, 1.0, 1.0, 0.5], 3),
+    ):
+        assert (
+            recovery(np.array(trust)[:, None, None], twin, [0], stop=0, within=0.25).value == rounds
+        )

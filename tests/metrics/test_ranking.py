@@ -17,7 +17,9 @@ def test_ranks_correlate_as_in_scipy(notes: list[tuple[int, int]]) -> None:
     expected = stats.kendalltau(trust, quality).statistic
     assert kendall_tau(trust, quality).value == pytest.approx(expected, nan_ok=True)
     if len(set(trust)) > 1 and len(set(quality)) > 1:
-        assert spearman(trust, quality).value == pytest.approx(stats.spearmanr(trust, quality).statistic)
+        assert spearman(trust, quality).value == pytest.approx(
+            stats.spearmanr(trust, quality).statistic
+        )
     else:
         assert np.isnan(spearman(trust, quality).value)
 

@@ -1,4 +1,5 @@
-"""Renderings: what they show, that they only read, and that they work with and without matplotlib and a display."""
+"""Renderings: what they show, that they only read, and that they work with and without matplotlib
+and a display."""
 
 import copy
 import sys
@@ -28,7 +29,9 @@ def play(name, rounds, policies=None, mode="rgb_array", seed=3, **changes):
     policies = policies or {}
     game = parallel_env(name, render_mode=mode, **changes)
     observations, _ = game.reset(seed=seed, options={"attackers": tuple(policies)})
-    players = {a: Player(policies.get(a, Policy()), a, game.layout, seed=1) for a in game.possible_agents}
+    players = {
+        a: Player(policies.get(a, Policy()), a, game.layout, seed=1) for a in game.possible_agents
+    }
     for _ in range(rounds):
         observations, *_ = game.step({a: players[a](observations[a]) for a in game.agents})
     return game
@@ -69,7 +72,9 @@ def test_a_frame_does_not_depend_on_the_frames_before_it():
     once = play("robots-that-move", 0)
     for _ in range(5):
         for game in (often, once):
-            game.step({a: np.full(game.action_space(a).shape, 0.7, np.float32) for a in game.agents})
+            game.step(
+                {a: np.full(game.action_space(a).shape, 0.7, np.float32) for a in game.agents}
+            )
         frame = often.render()
     np.testing.assert_array_equal(frame, once.render())
 
@@ -105,8 +110,15 @@ def test_attackers_are_marked(name):
 def test_absent_agents_look_different():
     game = play("open-system", 45, {"sp_1": OnOff()})
     scene = scene_of(game)
-    assert set(scene.raters.absences + scene.providers.absences) == {"", "waiting", "left", "cut off"}
-    everyone = scene._replace(raters=scene.raters._replace(absences=("",) * len(scene.raters.absences)))
+    assert set(scene.raters.absences + scene.providers.absences) == {
+        "",
+        "waiting",
+        "left",
+        "cut off",
+    }
+    everyone = scene._replace(
+        raters=scene.raters._replace(absences=("",) * len(scene.raters.absences))
+    )
     canvas = Canvas(game.game.scenario)
     canvas.draw(scene, game._spectator.curves)
     shown = canvas.frame()
@@ -125,7 +137,12 @@ def test_perturbation_is_shown_while_it_lasts():
 
 def test_rendering_only_reads():
     def tree(game):
-        leaves = [game._state.ratings, game._state.trust, game._spectator.curves, vars(game._random)]
+        leaves = [
+            game._state.ratings,
+            game._state.trust,
+            game._spectator.curves,
+            vars(game._random),
+        ]
         return repr([game._state, leaves, game.agents])
 
     for mode in ("rgb_array", "ansi"):
@@ -142,7 +159,9 @@ def test_text_of_a_small_game():
     assert "paper-3x3" in lines[0]
     assert "round 20 of 240" in lines[0]
     assert "10.0 s" in lines[0]
-    honest, liar = (next(line for line in lines if line.startswith(name)) for name in ("sr_0", "sr_2"))
+    honest, liar = (
+        next(line for line in lines if line.startswith(name)) for name in ("sr_0", "sr_2")
+    )
     assert honest.split()[1] == "0.59"
     assert honest.endswith("1.00  1.00  1.00")
     assert liar.split()[1:3] == ["!", "0.42"]
@@ -171,7 +190,9 @@ def test_text_of_a_large_game_is_a_summary():
     assert max(map(len, lines)) < 100
     assert "100 of 100 raters present" in text
     assert "1 attackers" in text
-    assert any(line.startswith("sr_2 ") and "!" in line for line in lines)  # it is the least trusted
+    assert any(
+        line.startswith("sr_2 ") and "!" in line for line in lines
+    )  # it is the least trusted
     assert "10000 arrived" in text
 
 

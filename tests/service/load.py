@@ -41,7 +41,10 @@ class Connection(asyncio.Protocol):
             ConnectionError: There is none.
         """
         text = json.dumps(body).encode()
-        head = f"POST {path} HTTP/1.1\r\nHost: m\r\nContent-Type: application/json\r\nContent-Length: {len(text)}"
+        head = (
+            f"POST {path} HTTP/1.1\r\nHost: m\r\nContent-Type: "
+            f"application/json\r\nContent-Length: {len(text)}"
+        )
         self._answer = asyncio.get_running_loop().create_future()
         if self._transport.is_closing():
             raise ConnectionError("the connection has ended")
@@ -75,9 +78,11 @@ class Latencies(NamedTuple):
 
 
 async def offered(port: int, agents: Sequence[Agent], per_s: float, seconds: float) -> Latencies:
-    """Offer ratings at a steady rate, whether they are answered or not, each by the next agent that waits for none.
+    """Offer ratings at a steady rate, whether they are answered or not, each by the next agent that
+    waits for none.
 
-    A request that finds no agent waits for one, and the wait is counted (Tene, "How NOT to Measure Latency", 2013).
+    A request that finds no agent waits for one, and the wait is counted (Tene, "How NOT to Measure
+    Latency", 2013).
     """
     waiting: asyncio.Queue[tuple[Agent, Connection]] = asyncio.Queue()
     for agent in agents:
@@ -86,7 +91,9 @@ async def offered(port: int, agents: Sequence[Agent], per_s: float, seconds: flo
 
     async def rate(due: float, agent: Agent, connection: Connection) -> None:
         provider = agents[len(latencies) % len(agents)].name
-        rated = provider if provider != agent.name else agents[len(latencies) % len(agents) - 1].name
+        rated = (
+            provider if provider != agent.name else agents[len(latencies) % len(agents) - 1].name
+        )
         status, answer = await connection.post("/ratings", {"tokens": [agent.rating(rated, 0.7)]})
         assert status == 201, answer
         latencies.append(time.perf_counter() - due)

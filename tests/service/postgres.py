@@ -1,4 +1,5 @@
-"""A server of PostgreSQL for tests, as Debian's package brings it: in a folder of its own, and gone at the end."""
+"""A server of PostgreSQL for tests, as Debian's package brings it: in a folder of its own, and gone
+at the end."""
 
 import os
 import subprocess
@@ -40,7 +41,8 @@ def crash(address: str) -> None:
 
 @contextmanager
 def postgres() -> Iterator[str]:
-    """Start a server, which listens at a socket in its folder, and return the address of its database.
+    """Start a server, which listens at a socket in its folder, and return the address of its
+    database.
 
     A test that needs it is skipped where PostgreSQL is not installed.
     """

@@ -1,4 +1,5 @@
-"""Hooks of schemathesis: half of its requests are of agents that the manager knows, so that they come further."""
+"""Hooks of schemathesis: half of its requests are of agents that the manager knows, so that they
+come further."""
 
 import re
 import time
@@ -31,10 +32,17 @@ def map_body(context: Any, body: Any) -> Any:
     """Put tokens in the place of texts."""
     ann, bob, cec = AGENTS
     if context.operation.path == "/ratings":
-        return {**body, "tokens": [ann.rating(bob.name, next(_ratings))]} if fits(body, answers.Ratings) else body
+        return (
+            {**body, "tokens": [ann.rating(bob.name, next(_ratings))]}
+            if fits(body, answers.Ratings)
+            else body
+        )
     if not fits(body, answers.Request):
         return body
-    return {**body, "token": cec.farewell() if context.operation.method == "delete" else cec.registration()}
+    return {
+        **body,
+        "token": cec.farewell() if context.operation.method == "delete" else cec.registration(),
+    }
 
 
 @schemathesis.hook
@@ -42,5 +50,8 @@ def map_path_parameters(context: Any, path_parameters: Any) -> Any:
     """Put a name that is known in the place of another."""
     name = (path_parameters or {}).get("name")
     if isinstance(name, str) and re.fullmatch(NAME, name) and next(_turns):
-        return {**path_parameters, "name": AGENTS[0 if context.operation.method == "get" else 2].name}
+        return {
+            **path_parameters,
+            "name": AGENTS[0 if context.operation.method == "get" else 2].name,
+        }
     return path_parameters

@@ -1,4 +1,5 @@
-"""A trust manager that runs: the app on a port of this machine, in a thread, with a clock of its own."""
+"""A trust manager that runs: the app on a port of this machine, in a thread, with a clock of its
+own."""
 
 import asyncio
 import threading
@@ -28,7 +29,8 @@ class Between:
     """What stands between a client and a manager, such as a proxy.
 
     Attributes:
-        before: What happens to the next requests before the manager has them: a delay or a status in its place.
+        before: What happens to the next requests before the manager has them: a delay or a status
+            in its place.
         after: What happens to the next answers.
     """
 
@@ -36,7 +38,11 @@ class Between:
         self.app, self.before, self.after = app, [], []
 
     async def __call__(self, scope, receive, send):
-        if self.before and scope["type"] == "http" and await self.replaced(self.before.pop(0), send):
+        if (
+            self.before
+            and scope["type"] == "http"
+            and await self.replaced(self.before.pop(0), send)
+        ):
             return
         if self.after and scope["type"] == "http":
             answer = []
@@ -71,7 +77,9 @@ def manager(path, clock) -> Iterator[TrustManager]:
 @contextmanager
 def running(app, port: int = 0) -> Iterator[str]:
     """Serve an app, and return its address."""
-    server = uvicorn.Server(uvicorn.Config(app, port=port, log_level="warning", timeout_graceful_shutdown=1))
+    server = uvicorn.Server(
+        uvicorn.Config(app, port=port, log_level="warning", timeout_graceful_shutdown=1)
+    )
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     while not server.started:

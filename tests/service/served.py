@@ -1,4 +1,5 @@
-"""A trust manager in a process of its own, as `roletrust serve --store` makes it; it starts in milliseconds."""
+"""A trust manager in a process of its own, as `roletrust serve --store` makes it; it starts in
+milliseconds."""
 
 import os
 import re
@@ -55,7 +56,9 @@ class Served(NamedTuple):
 def _call(function: Callable[[], object], arguments: list[str], errors: Connection) -> None:
     """Call a function as a command, whose standard error goes to a pipe."""
     os.dup2(errors.fileno(), 2)
-    sys.stderr = os.fdopen(2, "w", 1, closefd=False)  # the one so far takes it for a file, in which one can seek
+    sys.stderr = os.fdopen(
+        2, "w", 1, closefd=False
+    )  # the one so far takes it for a file, in which one can seek
     sys.argv = ["roletrust", *arguments]
     function()
 

@@ -43,7 +43,9 @@ class Agent:
         return sign(with_work(claims, work), self.key)
 
     def rating(self, provider: str, rating: float, **claims: Any) -> str:
-        return sign(Rating(**{**self._claims(), "sub": provider, "rating": rating, **claims}), self.key)
+        return sign(
+            Rating(**{**self._claims(), "sub": provider, "rating": rating, **claims}), self.key
+        )
 
     def farewell(self) -> str:
         return sign(Leave(**self._claims()), self.key)
@@ -73,7 +75,9 @@ def managed(
     path: Path | str, clock: Clock, settings: Settings = QUICK, model: str = "role-trust"
 ) -> Iterator[OneByOne]:
     """A manager of a store, which is released at the end."""
-    manager = OneByOne(Store(str(path), NAME), model, settings, clock, monotonic=lambda: clock.passed)
+    manager = OneByOne(
+        Store(str(path), NAME), model, settings, clock, monotonic=lambda: clock.passed
+    )
     try:
         yield manager
     finally:

@@ -128,17 +128,25 @@ def test_refusals_say_why(ann):
         assert (error.value.reason, error.value.status, error.value.at) == (reason, status, 0)
     with pytest.raises(ValueError, match="'b b' is no name"):
         ann.rate("b b", 4.6)
-    for name, reason in (("carl", "unknown agent"), ("..", r"'\.\.' is no name of an agent"), ("", "is no name")):
+    for name, reason in (
+        ("carl", "unknown agent"),
+        ("..", r"'\.\.' is no name of an agent"),
+        ("", "is no name"),
+    ):
         with pytest.raises(ValueError, match=reason):
             ann.ask(name)
 
 
 def test_what_is_no_manager_is_said_in_one_line(tmp_path):
-    gone = pytest.raises(UnreachableError, match=r"^no trust manager answers at http://127\.0\.0\.1:9$")
+    gone = pytest.raises(
+        UnreachableError, match=r"^no trust manager answers at http://127\.0\.0\.1:9$"
+    )
     with TrustClient("http://127.0.0.1:9", patience_s=0.2) as client, gone:
         client.about()
     with running(FastAPI()) as address, TrustClient(address) as client:
-        with pytest.raises(UnreachableError, match="is no trust manager: it answers with status 404"):
+        with pytest.raises(
+            UnreachableError, match="is no trust manager: it answers with status 404"
+        ):
             client.about()
         with pytest.raises(UnreachableError, match="status 404"):
             client.export(tmp_path / "ratings.csv")

@@ -1,4 +1,5 @@
-"""Agents and a manager as processes of their own: the example of the guide, and a manager that is killed."""
+"""Agents and a manager as processes of their own: the example of the guide, and a manager that is
+killed."""
 
 import asyncio
 import os
@@ -25,7 +26,9 @@ def programs(monkeypatch):
 
 def test_the_consumer_finds_the_better_worker(tmp_path):
     with served("--store", tmp_path / "trust.sqlite", *ROUNDS) as manager:
-        chosen = delegation.main([manager.url, "--keys", str(tmp_path / "keys"), "--tasks", "4", "--pause", "3"])
+        chosen = delegation.main(
+            [manager.url, "--keys", str(tmp_path / "keys"), "--tasks", "4", "--pause", "3"]
+        )
     assert chosen == ["bob", "eve", "bob", "bob"]
 
 
@@ -38,13 +41,16 @@ def test_the_agents_of_the_guide_register_and_rate(tmp_path, monkeypatch, capsys
 
 
 def test_tools_outlive_the_manager(tmp_path):
-    """It is killed between a rating and its repetition, and nothing that was acknowledged is lost."""
+    """It is killed between a rating and its repetition, and nothing that was acknowledged is
+    lost."""
     store, keys = tmp_path / "trust.sqlite", str(tmp_path / "keys")
 
     async def use(manager):
         def tools(name):
             return Client(
-                StdioServerParameters(command="roletrust", args=["mcp", manager.url, "--name", name, "--keys", keys])
+                StdioServerParameters(
+                    command="roletrust", args=["mcp", manager.url, "--name", name, "--keys", keys]
+                )
             )
 
         async with tools("ann") as ann, tools("bob") as bob:

@@ -37,7 +37,9 @@ def registered(client: TestClient, clock: Clock, *names: str) -> list[Agent]:
 
 def test_agents_register_rate_ask_and_leave(client: TestClient, clock: Clock):
     ann, bob, cec = registered(client, clock, "ann", "bob", "cec")
-    receipts = client.post("/ratings", json={"tokens": [ann.rating("bob", 0.9), cec.rating("bob", 0.7)]}).json()
+    receipts = client.post(
+        "/ratings", json={"tokens": [ann.rating("bob", 0.9), cec.rating("bob", 0.7)]}
+    ).json()
     assert [one["seq"] for one in receipts["receipts"]] == [4, 5]
     assert client.get("/agents/bob").json()["provider"]["rank"] is None
     clock.now += 61
@@ -64,12 +66,17 @@ def test_agents_register_rate_ask_and_leave(client: TestClient, clock: Clock):
         lines[1].split(",")[4], key, audience=NAME, options={"verify_iat": False}
     )  # whoever reads, checks
     assert (claims["iss"], claims["sub"], claims["rating"]) == ("ann", "bob", 0.9)
-    assert client.request("DELETE", "/agents/bob", json={"token": bob.farewell()}).status_code == 200
+    assert (
+        client.request("DELETE", "/agents/bob", json={"token": bob.farewell()}).status_code == 200
+    )
     assert client.get("/agents/bob").status_code == 404
 
 
 def test_errors_have_one_form_and_are_counted(
-    client: TestClient, clock: Clock, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    client: TestClient,
+    clock: Clock,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ):
     ann, _ = registered(client, clock, "ann", "bob")
     wrong = Agent("ann", clock, seed=1)
@@ -93,23 +100,41 @@ def test_errors_have_one_form_and_are_counted(
         answer = client.post("/ratings", json={"tokens": make()})
         assert (answer.status_code, answer.json()["reason"]) == (status, reason)
         assert answer.json()["detail"]
-        assert client.get("/refusals").json()["refusals"] == {**counts, reason: counts.get(reason, 0) + 1}
-    assert client.post("/agents", content=b"\xff", headers={"Content-Type": "application/json"}).status_code == 422
+        assert client.get("/refusals").json()["refusals"] == {
+            **counts,
+            reason: counts.get(reason, 0) + 1,
+        }
+    assert (
+        client.post(
+            "/agents", content=b"\xff", headers={"Content-Type": "application/json"}
+        ).status_code
+        == 422
+    )
     assert client.put("/agents").headers["Allow"] == "GET, POST"
     for path in ("/agents/zoe", "/nothing", "/agents?limit=0", "/docs", "/redoc"):
         assert set(client.get(path).json()) == {"reason", "detail", "at"}
     assert client.get("/agents/zoe").json()["reason"] == "unknown agent"
     unknown = client.get("/nothing").json()
     assert unknown["reason"] == "unknown path"
-    assert "no /nothing; there are /openapi.json, /, /agents, /agents/{name}, /ratings" in unknown["detail"]
+    assert (
+        "no /nothing; there are /openapi.json, /, /agents, /agents/{name}, /ratings"
+        in unknown["detail"]
+    )
 
     def full(store: Store, new: object) -> None:
         raise StoreError("/srv/secret is full")
 
     monkeypatch.setattr(Store, "append", full)
     monkeypatch.setattr(Store, "rows", full)
-    for answer in (client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]}), client.get("/ratings")):
-        assert (answer.status_code, answer.json()["reason"], answer.headers["Retry-After"]) == (503, "not stored", "1")
+    for answer in (
+        client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]}),
+        client.get("/ratings"),
+    ):
+        assert (answer.status_code, answer.json()["reason"], answer.headers["Retry-After"]) == (
+            503,
+            "not stored",
+            "1",
+        )
         assert "secret" not in answer.text
     assert [record.message for record in caplog.records] == ["/srv/secret is full"]
 
@@ -117,7 +142,10 @@ def test_errors_have_one_form_and_are_counted(
 def test_the_protocol_of_rounds_is_answered_as_ever(client: TestClient):
     service = TrustService(make_trust_model("mean"))
     lines = [
-        json.dumps({"game": 1, "round": n, "raters": 1, "providers": 2, "ratings": [[0, 1, 0.9]] * n}) for n in (0, 1)
+        json.dumps(
+            {"game": 1, "round": n, "raters": 1, "providers": 2, "ratings": [[0, 1, 0.9]] * n}
+        )
+        for n in (0, 1)
     ]
     assert client.post("/rounds", content="\n".join(lines)).text.splitlines() == [
         service.answer(line) for line in lines

@@ -1,4 +1,5 @@
-"""Kills of a trust manager under load: what was acknowledged is there, once, and trust is that of `roletrust rate`."""
+"""Kills of a trust manager under load: what was acknowledged is there, once, and trust is that of
+`roletrust rate`."""
 
 import asyncio
 import random
@@ -40,7 +41,9 @@ class Rater:
         self.acknowledged: dict[str, int] = {}
         self.refusals = 0
 
-    async def rate(self, port: int, others: list[str], going: Callable[[], bool] = lambda: True) -> None:
+    async def rate(
+        self, port: int, others: list[str], going: Callable[[], bool] = lambda: True
+    ) -> None:
         """Rate as long as it goes on, or until there is no answer."""
         with suppress(ConnectionError):
             connection = await connected(port)
@@ -52,12 +55,18 @@ class Rater:
                     await asyncio.sleep(0.05)
                     continue
                 assert status == 201, answer
-                self.acknowledged |= zip(self._pending, (one["seq"] for one in answer["receipts"]), strict=True)
+                self.acknowledged |= zip(
+                    self._pending, (one["seq"] for one in answer["receipts"]), strict=True
+                )
                 self._pending = []
 
     def _ratings(self, others: list[str]) -> list[str]:
         rated = self._draw.sample(others, self._draw.choice([2, 2, 4]))
-        return [self.agent.rating(one, round(self._draw.random(), 3)) for one in rated if one != self.agent.name]
+        return [
+            self.agent.rating(one, round(self._draw.random(), 3))
+            for one in rated
+            if one != self.agent.name
+        ]
 
 
 async def live(manager: Served, raters: list[Rater], newcomer: Agent, load_s: float) -> None:
@@ -79,7 +88,10 @@ def test_nothing_acknowledged_is_lost_by_kills_under_load(store: str, tmp_path: 
         newcomers.append(Agent(f"n{kill}", time.time))
         with served("--store", store, "--every", 1) as manager:
             asyncio.run(live(manager, raters, newcomers[-1], draw.uniform(*LOAD_S)))
-    with served("--store", store, "--every", 1) as manager, httpx2.Client(base_url=manager.url) as client:
+    with (
+        served("--store", store, "--every", 1) as manager,
+        httpx2.Client(base_url=manager.url) as client,
+    ):
         for rater in raters:  # what got no answer
             asyncio.run(rater.rate(manager.port, [], lambda: False))
         while (about := client.get("/").json())["counted"] < about["ratings"]:
@@ -87,7 +99,9 @@ def test_nothing_acknowledged_is_lost_by_kills_under_load(store: str, tmp_path: 
         agents = client.get("/agents?limit=1000").json()["agents"]
         (tmp_path / "export.csv").write_text(client.get("/ratings?counted=true").text)
     assert check_export(tmp_path / "export.csv", raters) == about["ratings"] > KILLS * RATERS
-    assert {one["name"] for one in agents} == {one.name for one in [*(rater.agent for rater in raters), *newcomers]}
+    assert {one["name"] for one in agents} == {
+        one.name for one in [*(rater.agent for rater in raters), *newcomers]
+    }
     print(f"{KILLS} kills, {about['ratings']} acknowledged ratings, none lost")
     check_rate(tmp_path, agents)
 
@@ -105,7 +119,9 @@ def test_nothing_acknowledged_is_lost_when_the_database_is_killed(tmp_path: Path
     async def rate(port: int) -> None:
         await register(port, [rater.agent for rater in raters])
         crashes = asyncio.create_task(crash_often())
-        await asyncio.gather(crashes, *(rater.rate(port, names, lambda: not crashes.done()) for rater in raters))
+        await asyncio.gather(
+            crashes, *(rater.rate(port, names, lambda: not crashes.done()) for rater in raters)
+        )
 
     with postgres() as store, served("--store", store, "--quota", 100_000) as manager:
         asyncio.run(rate(manager.port))
@@ -115,7 +131,8 @@ def test_nothing_acknowledged_is_lost_when_the_database_is_killed(tmp_path: Path
 
 
 def check_export(path: Path, raters: list[Rater]) -> int:
-    """Check that an export has all acknowledged ratings, once and in order, and no others; return their number."""
+    """Check that an export has all acknowledged ratings, once and in order, and no others; return
+    their number."""
     kept = [row["token"] for row in csv_rows(path)]
     acknowledged = {token: seq for rater in raters for token, seq in rater.acknowledged.items()}
     assert len(kept) == len(set(kept)) == len(acknowledged)
@@ -127,9 +144,13 @@ def check_rate(folder: Path, agents: list[dict[str, Any]]) -> None:
     """Check that `roletrust rate` has the same trust, evidence and order of the export."""
     options = "--model", "role-trust", "--every", "1", "--same-agents", "--out", str(folder)
     printed("rate", folder / "export.csv", *options)
-    for role, file, others in (("provider", "ratees.csv", "raters"), ("rater", "raters.csv", "ratees")):
+    for role, file, others in (
+        ("provider", "ratees.csv", "raters"),
+        ("rater", "raters.csv", "ratees"),
+    ):
         ours = sorted(
-            (one[role] | {"name": one["name"]} for one in agents if one[role]["rank"]), key=itemgetter("rank")
+            (one[role] | {"name": one["name"]} for one in agents if one[role]["rank"]),
+            key=itemgetter("rank"),
         )
         found = csv_rows(folder / file)
         assert [one["name"] for one in ours] == [row["name"] for row in found]

@@ -1,4 +1,5 @@
-"""1,000 acknowledged ratings in a second, each a request of its own, beside an endpoint that does nothing."""
+"""1,000 acknowledged ratings in a second, each a request of its own, beside an endpoint that does
+nothing."""
 
 import asyncio
 import gc
@@ -29,17 +30,22 @@ def bare() -> None:
     app = FastAPI()
 
     async def rate(body: answers.Ratings) -> answers.Receipts:
-        return answers.Receipts(receipts=[answers.Receipt(seq=1, time=time.time()) for _ in body.tokens])
+        return answers.Receipts(
+            receipts=[answers.Receipt(seq=1, time=time.time()) for _ in body.tokens]
+        )
 
     app.add_api_route("/ratings", rate, methods=["POST"], status_code=201)
     with socket.create_server(("127.0.0.1", 0), backlog=1024) as listener:
         print(f"at http://127.0.0.1:{listener.getsockname()[1]}", file=sys.stderr, flush=True)
-        uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False)).run(sockets=[listener])
+        uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False)).run(
+            sockets=[listener]
+        )
 
 
 @pytest.mark.slow
 def test_a_thousand_ratings_a_second_are_acknowledged(tmp_path: Path):
-    """All are acknowledged, at the rate that the machine has room for beside other tests; what they cost is checked.
+    """All are acknowledged, at the rate that the machine has room for beside other tests; what they
+    cost is checked.
 
     Rates and latencies are printed: `pytest -m slow -s tests/service/test_load.py`.
     """
@@ -49,7 +55,9 @@ def test_a_thousand_ratings_a_second_are_acknowledged(tmp_path: Path):
         servers = {
             "bare endpoint": stack.enter_context(served(function=bare)),
             "SQLite": stack.enter_context(served("--store", tmp_path / "trust.sqlite", *options)),
-            "PostgreSQL": stack.enter_context(served("--store", stack.enter_context(postgres()), *options)),
+            "PostgreSQL": stack.enter_context(
+                served("--store", stack.enter_context(postgres()), *options)
+            ),
         }
         managers = list(servers.values())[1:]
         for manager in managers:
@@ -65,13 +73,17 @@ def test_a_thousand_ratings_a_second_are_acknowledged(tmp_path: Path):
     middle = {name: np.median(blocks, axis=0) for name, blocks in found.items()}
     for name, (rate, half, most, *cpu_us) in middle.items():
         low, high = np.quantile([block[2] for block in found[name]], [0.25, 0.75])
-        print(f"{name:16}{rate:9.0f}{half:9.1f}{most:9.1f} {low:5.1f} {high:5.1f}{cpu_us[0]:12.0f}{cpu_us[1]:12.0f}")
+        print(
+            f"{name:16}{rate:9.0f}{half:9.1f}{most:9.1f} {low:5.1f} "
+            f"{high:5.1f}{cpu_us[0]:12.0f}{cpu_us[1]:12.0f}"
+        )
     for name in ("SQLite", "PostgreSQL"):
         assert middle[name][3] < 10 * middle["bare endpoint"][3]  # it is 3 to 4 times as much
 
 
 def measured(server: Served, agents: list[Agent]) -> tuple[float, ...]:
-    """Acknowledged requests in a second, their latency, and the time that both sides compute for one, microseconds."""
+    """Acknowledged requests in a second, their latency, and the time that both sides compute for
+    one, microseconds."""
     before = np.array([server.cpu_s, time.process_time()])
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         rate, latencies_s = runner.run(offered(server.port, agents, PER_S, SECONDS))

@@ -28,7 +28,9 @@ def export(tmp_path: Path) -> Path:
             for rater in agents:
                 rated = [one for one in ABILITY if one != rater.name and draw.random() < 2 / 3]
                 seen = [min(max(draw.gauss(ABILITY[one], 0.05), 0), 1) for one in rated]
-                tokens = [rater.rating(one, 1 + 4 * value) for one, value in zip(rated, seen, strict=True)]
+                tokens = [
+                    rater.rating(one, 1 + 4 * value) for one, value in zip(rated, seen, strict=True)
+                ]
                 requests += [Request(Rating, tokens)] if tokens else []
             assert all(isinstance(answer, list) for answer in manager.take(requests))
             clock.now += 10
@@ -38,7 +40,9 @@ def export(tmp_path: Path) -> Path:
 
 def test_a_log_becomes_a_scenario_that_is_played(export: Path, tmp_path: Path):
     out = tmp_path / "agents.toml"
-    done = run("live", "scenario", str(export), "--every", "10", "--scale", "1", "5", "--out", str(out))
+    done = run(
+        "live", "scenario", str(export), "--every", "10", "--scale", "1", "5", "--out", str(out)
+    )
     assert done.exit_code == 0, done.output
     scenario = make_scenario(out)
     assert (scenario.max_cycles, scenario.period_s, len(scenario.agents)) == (30, 10, 4)
@@ -51,7 +55,16 @@ def test_a_log_becomes_a_scenario_that_is_played(export: Path, tmp_path: Path):
     assert results
     for every, words in (("1000", "less than two rounds"), ("3e-4", "take longer rounds")):
         done = run(
-            "live", "scenario", str(export), "--every", every, "--scale", "1", "5", "--out", str(tmp_path / "x.toml")
+            "live",
+            "scenario",
+            str(export),
+            "--every",
+            every,
+            "--scale",
+            "1",
+            "5",
+            "--out",
+            str(tmp_path / "x.toml"),
         )
         assert done.exit_code == 2
         assert words in " ".join(done.stderr.split())

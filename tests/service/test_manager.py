@@ -1,4 +1,5 @@
-"""The trust manager without HTTP: what counts, what is refused, and trust as `roletrust rate` has it."""
+"""The trust manager without HTTP: what counts, what is refused, and trust as `roletrust rate` has
+it."""
 
 import random
 import re
@@ -35,7 +36,8 @@ def joined(manager: OneByOne, clock: Clock, *names: str) -> list[Agent]:
 
 
 def refused(manager: OneByOne, reason: RefusalReason, kind: str, *args: object) -> RefusedError:
-    """Check that a request is refused for a reason, which is counted, and that nothing else changes."""
+    """Check that a request is refused for a reason, which is counted, and that nothing else
+    changes."""
     before, counts = manager.about(), manager.refusals.copy()
     with pytest.raises(RefusedError) as caught:
         getattr(manager, kind)(*args)
@@ -55,7 +57,11 @@ def as_rated(manager: OneByOne, path: Path, model: str) -> None:
     path.write_text("".join(manager.export(counted=True)))
     settings = manager.settings
     log = read_ratings(
-        path, Columns(time="time"), scale=settings.scale, same_agents=settings.same_agents, every=settings.every
+        path,
+        Columns(time="time"),
+        scale=settings.scale,
+        same_agents=settings.same_agents,
+        every=settings.every,
     )
     run = played(make_trust_model(model), log, log_rounds(log, settings.every))
     for role, trust in (("ratee", run.provider_trust), ("rater", run.rater_trust)):
@@ -84,7 +90,8 @@ def test_a_rating_after_more_silence_than_a_stream_takes_is_not_acknowledged(tmp
 
 
 @pytest.mark.parametrize(
-    ("model", "same_agents"), [("role-trust", True), pytest.param("first-hand", False, marks=pytest.mark.slow)]
+    ("model", "same_agents"),
+    [("role-trust", True), pytest.param("first-hand", False, marks=pytest.mark.slow)],
 )
 def test_trust_is_that_of_rate_on_the_export(tmp_path: Path, model: str, same_agents: bool):
     check_trust(str(tmp_path / "s"), tmp_path, model, same_agents=same_agents)
@@ -94,7 +101,9 @@ def test_trust_is_that_of_rate_on_the_export(tmp_path: Path, model: str, same_ag
 def test_postgresql_keeps_the_same(tmp_path: Path):
     with postgres() as address:
         check_trust(address, tmp_path, "leave-one-out")
-        with managed(address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))) as manager:
+        with managed(
+            address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))
+        ) as manager:
             with pytest.raises(StoreError, match="in use by another manager"):
                 Store(address).open()
             ann, _ = joined(manager, clock, "ann", "bob")
@@ -113,7 +122,8 @@ def break_connection(manager: OneByOne) -> None:
 
 
 def check_trust(address: str, tmp_path: Path, model: str, *, same_agents: bool = True) -> None:
-    """Check trust also after the clock went back, agents left and came back, rounds were silent, and each restart."""
+    """Check trust also after the clock went back, agents left and came back, rounds were silent,
+    and each restart."""
     clock, draw = Clock(), random.Random(7)
     settings = QUICK._replace(every=10.0, scale=(1.0, 5.0), same_agents=same_agents, tolerance=1e6)
     with managed(address, clock, settings, model) as manager:
@@ -139,12 +149,16 @@ def check_trust(address: str, tmp_path: Path, model: str, *, same_agents: bool =
             assert manager.about()["counted"] == manager.about()["ratings"]
     other = settings._replace(every=25.0)
     clock.now += 50
-    with managed(address, clock, other, "beta") as manager:  # another model and length of a round: a replay
+    with managed(
+        address, clock, other, "beta"
+    ) as manager:  # another model and length of a round: a replay
         as_rated(manager, tmp_path / "other.csv", "beta")
 
 
 @pytest.mark.parametrize("model", ["role-trust", "travos"])
-def test_a_round_is_told_of_once_its_trust_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, model: str):
+def test_a_round_is_told_of_once_its_trust_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, model: str
+):
     """Other threads read the state while the round is played."""
     clock, seen, ranking = Clock(), [], journal_trust.Ranking
 
@@ -189,7 +203,9 @@ def test_what_is_not_valid_is_refused_and_counted(tmp_path: Path):
             error = refused(manager, reason, "rate", [ann.rating("cec", 0.2), make()])
             assert error.at == 1
             assert error.detail
-        refused(manager, RefusalReason.DOUBLED, "rate", [ann.rating("bob", 0.2), ann.rating("bob", 0.3)])
+        refused(
+            manager, RefusalReason.DOUBLED, "rate", [ann.rating("bob", 0.2), ann.rating("bob", 0.3)]
+        )
         manager.rate([ann.rating(name, 0.1) for name in ("bob", "cec")])
         refused(manager, RefusalReason.FLOOD, "rate", [ann.rating("bob", 0.1)])
         refused(manager, RefusalReason.TAKEN, "register", eve.registration())
@@ -204,11 +220,14 @@ def test_what_is_not_valid_is_refused_and_counted(tmp_path: Path):
         manager.leave("bob", bob.farewell())
         refused(manager, RefusalReason.UNKNOWN, "rate", [bob.rating("ann", 1)])
         refused(manager, RefusalReason.UNKNOWN_PROVIDER, "rate", [ann.rating("bob", 1)])
-        refused(manager, RefusalReason.TAKEN, "register", Agent("bob", clock, seed=1).registration())
+        refused(
+            manager, RefusalReason.TAKEN, "register", Agent("bob", clock, seed=1).registration()
+        )
 
 
 def test_equals_are_ranked_by_name_as_rate_does(tmp_path: Path):
-    """Not by the order in which they came, which is another one where rounds are played one by one."""
+    """Not by the order in which they came, which is another one where rounds are played one by
+    one."""
     with managed(tmp_path / "s", clock := Clock(), model="mean") as manager:
         r, y, x, _ = joined(manager, clock, "r", "y", "x", "z")
         manager.rate([r.rating("y", 0.5)])
@@ -283,7 +302,8 @@ def rounds_by_half_the_time(manager: OneByOne, clock: Clock, rater: Agent) -> No
     ],
 )
 def test_a_key_with_which_everybody_signs_is_refused(tmp_path: Path, point: str):
-    """The eight points of small order: a signature without a secret is valid for one in eight texts, or for each."""
+    """The eight points of small order: a signature without a secret is valid for one in eight
+    texts, or for each."""
     key, ann = Ed25519PublicKey.from_public_bytes(bytes.fromhex(point)), Agent("ann", Clock())
     for work in range(1000):
         claims = Registration(iss="eve", aud=NAME, iat=START, key=key_as_text(key), work=work)
@@ -293,7 +313,9 @@ def test_a_key_with_which_everybody_signs_is_refused(tmp_path: Path, point: str)
             break
     with managed(tmp_path / "s", Clock(), QUICK._replace(work=0)) as manager:
         refused(manager, RefusalReason.GARBAGE, "register", f"{signed}.AQ{'A' * 84}")
-        written_otherwise = Registration(**ann._claims(), key=key_as_text(ann.key.public_key())[:-1] + "F")
+        written_otherwise = Registration(
+            **ann._claims(), key=key_as_text(ann.key.public_key())[:-1] + "F"
+        )
         refused(manager, RefusalReason.GARBAGE, "register", sign(written_otherwise, ann.key))
 
 
@@ -341,7 +363,9 @@ def test_what_cannot_be_stored_counts_for_nothing(tmp_path: Path):
         as_rated(manager, tmp_path / "e.csv", "role-trust")
 
 
-def test_a_model_that_fails_ends_the_taking_of_ratings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_model_that_fails_ends_the_taking_of_ratings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     """What was acknowledged is kept, and another model begins with it."""
     clock = Clock()
     with managed(tmp_path / "s", clock) as manager:
@@ -360,7 +384,8 @@ def test_a_model_that_fails_ends_the_taking_of_ratings(tmp_path: Path, monkeypat
 
 
 def check_failures(manager: OneByOne, ann: Agent) -> None:
-    """Check that nothing counts if the disk is full, nor if the store does not say whether it has written."""
+    """Check that nothing counts if the disk is full, nor if the store does not say whether it has
+    written."""
     append = Store.append
     for written in (False, True):
 
@@ -386,7 +411,11 @@ def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
         ann, bob = joined(manager, clock, "ann", "bob")
         one, other = ann.rating("bob", 1), bob.rating("ann", 1)
         with monkeypatch.context() as patch:
-            patch.setattr(TrustManager, "_rate", lambda self, signed, *_: self._append(signed, "bob", 1.0) or 1 / 0)
+            patch.setattr(
+                TrustManager,
+                "_rate",
+                lambda self, signed, *_: self._append(signed, "bob", 1.0) or 1 / 0,
+            )
             with pytest.raises(ZeroDivisionError):
                 manager.take([Request(Rating, [one])])
         manager.rate([other])
@@ -400,25 +429,48 @@ def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
         ("update events set time = 'x' where seq = 5", "damaged at event 5: time is 'x'"),
         ("update events set rating = 9e999 where seq = 4", "damaged at event 4: rating is inf"),
         ("update events set kind = 'told' where seq = 4", "damaged at event 4: kind is 'told'"),
-        ("update events set time = 0 where seq = 5", "damaged at event 5: it is before the last one"),
+        (
+            "update events set time = 0 where seq = 5",
+            "damaged at event 5: it is before the last one",
+        ),
         ("delete from events where seq = 2", "damaged at event 2: it is missing"),
-        ("update events set sender = 'zoe' where seq = 4", "'zoe' cannot have sent this rating then"),
-        ("update events set provider = sender where seq = 4", "'ann' cannot have sent this rating then"),
-        ("update events set provider = 'zoe' where seq = 4", "'ann' cannot have sent this rating then"),
+        (
+            "update events set sender = 'zoe' where seq = 4",
+            "'zoe' cannot have sent this rating then",
+        ),
+        (
+            "update events set provider = sender where seq = 4",
+            "'ann' cannot have sent this rating then",
+        ),
+        (
+            "update events set provider = 'zoe' where seq = 4",
+            "'ann' cannot have sent this rating then",
+        ),
         ("update events set stamp = 1 where seq = 5", "'ann' cannot have sent this rating then"),
-        ("update events set kind = 'leave' where seq = 1", "'ann' cannot have sent this leave then"),
-        ("update events set sender = 'ann~2' where seq = 1", "'ann~2' cannot have sent this register then"),
+        (
+            "update events set kind = 'leave' where seq = 1",
+            "'ann' cannot have sent this leave then",
+        ),
+        (
+            "update events set sender = 'ann~2' where seq = 1",
+            "'ann~2' cannot have sent this register then",
+        ),
         ("update events set token = '' where seq = 2", "'bob' cannot have sent this register then"),
         ("update meta set value = 'a b' where name = 'manager'", "its manager is called 'a b'"),
         ("delete from meta where name = 'manager'", "its manager is called ''"),
         ("delete from meta", "its table meta or its table events is missing or empty"),
         ("drop table events", "its table meta or its table events is missing or empty"),
         ("drop table meta", "its table meta or its table events is missing or empty"),
-        ("update meta set value = '2' where name = 'schema'", "has schema 2; schema 1 is read here"),
+        (
+            "update meta set value = '2' where name = 'schema'",
+            "has schema 2; schema 1 is read here",
+        ),
         ("create table t (a)", "is a database of another program, with a table 't'"),
     ],
 )
-def test_a_store_that_was_changed_is_refused_and_stays_as_it_is(tmp_path: Path, change: str, words: str):
+def test_a_store_that_was_changed_is_refused_and_stays_as_it_is(
+    tmp_path: Path, change: str, words: str
+):
     path = tmp_path / "s"
     with managed(path, clock := Clock()) as manager:
         ann, bob = joined(manager, clock, "ann", "bob")
@@ -439,7 +491,10 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytes
     monkeypatch.chdir(tmp_path)
     Store(":memory:").open()  # is a file, as any other text
     assert (tmp_path / ":memory:").is_file()
-    with managed(tmp_path / "s", Clock()), pytest.raises(StoreError, match="in use by another manager"):
+    with (
+        managed(tmp_path / "s", Clock()),
+        pytest.raises(StoreError, match="in use by another manager"),
+    ):
         Store(str(tmp_path / "s")).open()
     with pytest.raises(ValueError, match="of the manager m, not of n"):
         Store(str(tmp_path / "s"), "n").open()

@@ -1,4 +1,5 @@
-"""The description of the trust manager by OpenAPI: what it says holds for examples, for edge cases and at random."""
+"""The description of the trust manager by OpenAPI: what it says holds for examples, for edge cases
+and at random."""
 
 import asyncio
 import os
@@ -19,9 +20,24 @@ EXAMPLES = 12  # of each operation
 
 @pytest.mark.slow
 def test_the_description_holds(tmp_path: Path):
-    """Whatever is sent: no error of the server, and only the statuses, forms and headers that are described."""
-    command = [Path(sys.executable).with_name("schemathesis"), "run", "--checks", "all", "--generation-deterministic"]
-    options = ["--max-examples", EXAMPLES, "--warnings", "off", "--no-color", "--exclude-path", "/events"]  # has no end
+    """Whatever is sent: no error of the server, and only the statuses, forms and headers that are
+    described."""
+    command = [
+        Path(sys.executable).with_name("schemathesis"),
+        "run",
+        "--checks",
+        "all",
+        "--generation-deterministic",
+    ]
+    options = [
+        "--max-examples",
+        EXAMPLES,
+        "--warnings",
+        "off",
+        "--no-color",
+        "--exclude-path",
+        "/events",
+    ]  # has no end
     hooks = {"SCHEMATHESIS_HOOKS": "requests_of_agents", "PYTHONPATH": os.pathsep.join(sys.path)}
     with served("--store", tmp_path / "trust.sqlite", "--every", 1, "--quota", 20) as manager:
         asyncio.run(register(manager.port, AGENTS[:2]))

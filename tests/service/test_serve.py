@@ -20,13 +20,36 @@ from roletrust_baselines.logs.folders import write_log
 from roletrust_experiments.cli import app
 
 COMMAND = [sys.executable, "-c", "from roletrust_experiments import main; main()"]
-AUDIT = ["--same-agents", "--scale", "-10", "10", "--top", "2", "--targets", "1", "--budget", "4", "--alone"]
+AUDIT = [
+    "--same-agents",
+    "--scale",
+    "-10",
+    "10",
+    "--top",
+    "2",
+    "--targets",
+    "1",
+    "--budget",
+    "4",
+    "--alone",
+]
 
 
 @contextmanager
 def served(*options: object) -> Iterator[str]:
     """Start the command, and return its address; it has to end by a signal in order."""
-    command = [*COMMAND, "serve", "mean", "--name", NAME, "--work", "2", "--port", "0", *map(str, options)]
+    command = [
+        *COMMAND,
+        "serve",
+        "mean",
+        "--name",
+        NAME,
+        "--work",
+        "2",
+        "--port",
+        "0",
+        *map(str, options),
+    ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stderr is not None
@@ -57,7 +80,9 @@ def test_a_first_start_that_fails_leaves_nothing_behind(tmp_path: Path, argument
     with socket.create_server(("127.0.0.1", 0)) as used:
         command = f"serve {arguments.format(port=used.getsockname()[1])}".split()
         options = [] if "--port" in command else ["--port", "0"]
-        said = CliRunner().invoke(app, [*command, *options, "--store", str(tmp_path / "trust.sqlite")])
+        said = CliRunner().invoke(
+            app, [*command, *options, "--store", str(tmp_path / "trust.sqlite")]
+        )
     assert words in " ".join((said.output + str(said.exception)).split())
     assert not list(tmp_path.iterdir())
 
@@ -71,14 +96,24 @@ def test_a_model_of_rate_is_served():
 @pytest.mark.slow
 def test_a_manager_tells_of_rounds_and_goes_on_after_its_end(tmp_path: Path):
     ann, bob = Agent("ann", time.time), Agent("bob", time.time)
-    with served("--store", tmp_path / "trust.sqlite", "--every", 2) as url, httpx2.Client(base_url=url) as client:
+    with (
+        served("--store", tmp_path / "trust.sqlite", "--every", 2) as url,
+        httpx2.Client(base_url=url) as client,
+    ):
         for agent in (ann, bob):
             assert client.post("/agents", json={"token": agent.registration()}).status_code == 201
         with client.stream("GET", "/events", timeout=30) as events:
             lines = events.iter_lines()
             assert next(lines).startswith(":")
-            assert httpx2.post(f"{url}/ratings", json={"tokens": [ann.rating("bob", 1)]}).status_code == 201
-            found = next(json.loads(line.removeprefix("data: ")) for line in lines if line.startswith("data: "))
+            assert (
+                httpx2.post(f"{url}/ratings", json={"tokens": [ann.rating("bob", 1)]}).status_code
+                == 201
+            )
+            found = next(
+                json.loads(line.removeprefix("data: "))
+                for line in lines
+                if line.startswith("data: ")
+            )
         assert found["provider"] == {"bob": client.get("/agents/bob").json()["provider"]["trust"]}
         assert found["round"] == 1
         before = client.get("/agents").json()["agents"]

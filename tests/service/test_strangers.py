@@ -1,4 +1,5 @@
-"""What strangers and members send to a trust manager that they want to deceive, to fill or to stop."""
+"""What strangers and members send to a trust manager that they want to deceive, to fill or to
+stop."""
 
 import base64
 import hmac
@@ -28,7 +29,11 @@ FILES, QUOTA = 300, 20  # that the manager may open; ratings of an agent in a ro
 def part(content: bytes | str | dict[str, Any]) -> str:
     """A part of a token."""
     text = json.dumps(content) if isinstance(content, dict) else content
-    return base64.urlsafe_b64encode(text if isinstance(text, bytes) else text.encode()).decode().rstrip("=")
+    return (
+        base64.urlsafe_b64encode(text if isinstance(text, bytes) else text.encode())
+        .decode()
+        .rstrip("=")
+    )
 
 
 def forged(agent: Agent, claims: bytes | str | dict[str, Any], **header: Any) -> str:
@@ -43,7 +48,9 @@ def shared_secret(agent: Agent, claims: dict[str, Any], secret: bytes) -> str:
     return f"{signed}.{part(hmac.digest(secret, signed.encode(), sha256))}"
 
 
-def post(manager: Served, path: str, content: bytes, kind: str = "application/json") -> httpx2.Response:
+def post(
+    manager: Served, path: str, content: bytes, kind: str = "application/json"
+) -> httpx2.Response:
     return _http.post(f"{manager.url}{path}", content=content, headers={"Content-Type": kind})
 
 
@@ -56,13 +63,18 @@ def check_refused(manager: Served, path: str, content: bytes, status: int, reaso
     """Check that a request is refused for a reason, and that this is counted."""
     before = counts(manager)
     answer = post(manager, path, content)
-    assert (answer.status_code, answer.json()["reason"]) == (status, reason), (content[:200], answer.text)
+    assert (answer.status_code, answer.json()["reason"]) == (status, reason), (
+        content[:200],
+        answer.text,
+    )
     assert counts(manager) == before | {reason: before.get(reason, 0) + 1}
 
 
 @pytest.fixture(scope="module")
 def manager(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served("--store", tmp_path_factory.mktemp("m") / "trust.sqlite", "--every", 3600, "--quota", QUOTA) as found:
+    with served(
+        "--store", tmp_path_factory.mktemp("m") / "trust.sqlite", "--every", 3600, "--quota", QUOTA
+    ) as found:
         resource.prlimit(found.process.pid, resource.RLIMIT_NOFILE, (FILES, FILES))
         for agent in (ANN, BOB, FLO):
             assert post(found, "/agents", body(agent.registration())).status_code == 201
@@ -121,12 +133,27 @@ def test_tokens_that_deceive_are_refused_and_counted(manager: Served):
         (422, "rates itself", forged(ANN, claims(sub=ANN.name))),
         (401, "stamp from the past", forged(ANN, claims(iat=1.0))),
         (401, "stamp from the future", forged(ANN, claims(iat=9e9))),
-        *((401, "garbage", forged(ANN, claims(iat=iat))) for iat in (-1, 0, 1e300, True, "1", None)),
-        *((422, "out of range", forged(ANN, claims(rating=rating))) for rating in (1.0000001, -1e-9, 1e308)),
-        *((401, "garbage", forged(ANN, claims(rating=rating))) for rating in ("0.5", None, True, [0.5])),
-        *((401, "garbage", forged(ANN, raw(rating=text))) for text in ("NaN", "Infinity", "1e999", "0x1")),
+        *(
+            (401, "garbage", forged(ANN, claims(iat=iat)))
+            for iat in (-1, 0, 1e300, True, "1", None)
+        ),
+        *(
+            (422, "out of range", forged(ANN, claims(rating=rating)))
+            for rating in (1.0000001, -1e-9, 1e308)
+        ),
+        *(
+            (401, "garbage", forged(ANN, claims(rating=rating)))
+            for rating in ("0.5", None, True, [0.5])
+        ),
+        *(
+            (401, "garbage", forged(ANN, raw(rating=text)))
+            for text in ("NaN", "Infinity", "1e999", "0x1")
+        ),
         *((401, "garbage", forged(ANN, raw(iat=text))) for text in ("9" * 2000, "1e999", "-0")),
-        *((401, "garbage", forged(ANN, raw(sub=text))) for text in ("[" * 1500, "[" * 750 + "]" * 750)),
+        *(
+            (401, "garbage", forged(ANN, raw(sub=text)))
+            for text in ("[" * 1500, "[" * 750 + "]" * 750)
+        ),
         *(
             (401, "garbage", forged(ANN, claims(sub=name)))
             for name in (
@@ -150,7 +177,13 @@ def test_tokens_that_deceive_are_refused_and_counted(manager: Served):
         (401, "garbage", "...."),
     ):
         check_refused(manager, "/ratings", body(token), status, reason)
-    check_refused(manager, "/ratings", body(ANN.rating(FLO.name, 0.2), forged(other, claims())), 401, "mis-signed")
+    check_refused(
+        manager,
+        "/ratings",
+        body(ANN.rating(FLO.name, 0.2), forged(other, claims())),
+        401,
+        "mis-signed",
+    )
     with served_as_ever(manager):
         pass
     check_refused(manager, "/ratings", body(first), 409, "replayed")
@@ -158,7 +191,9 @@ def test_tokens_that_deceive_are_refused_and_counted(manager: Served):
         assert post(manager, "/ratings", body(FLO.rating("ann", 0.3))).status_code == 201
     check_refused(manager, "/ratings", body(FLO.rating("ann", 0.3)), 429, "too many messages")
     check_refused(manager, "/agents", body(other.registration()), 409, "name taken")
-    check_refused(manager, "/agents", body(forged(zoe, {**zoe._claims(), "kind": "register"})), 401, "garbage")
+    check_refused(
+        manager, "/agents", body(forged(zoe, {**zoe._claims(), "kind": "register"})), 401, "garbage"
+    )
     with served_as_ever(manager):
         pass
 
@@ -197,7 +232,8 @@ def test_bodies_and_requests_that_fill_are_refused_and_counted(manager: Served):
         for content in (
             b"\x16\x03\x01\x02\x00\x01\x00",
             b"POST /ratings HTTP/1.1\r\nHost: m\r\nContent-Length: -1\r\n\r\n",
-            b"POST /ratings HTTP/1.1\r\nHost: m\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+            b"POST /ratings HTTP/1.1\r\nHost: m\r\nContent-Length: 5\r\nTransfer-Encoding: "
+            b"chunked\r\n\r\n0\r\n\r\n",
             b"POST /ratings HTTP/1.1\r\nHost: m\r\nContent-Length: " + b"9" * 30 + b"\r\n\r\n{",
         ):
             with connection(manager.port) as client:
@@ -225,8 +261,13 @@ def send(port: int, start: bytes, more: bytes) -> int:
 @pytest.mark.slow
 def test_clients_that_wait_hold_nobody_up(manager: Served):
     """Half requests, listeners that do not read, and more connections than there are files for."""
-    half = b"POST /ratings HTTP/1.1\r\nHost: m\r\nContent-Type: application/json\r\nContent-Length: 500\r\n\r\n{"
-    listen, export = (f"GET /{path} HTTP/1.1\r\nHost: m\r\n\r\n".encode() for path in ("events", "ratings"))
+    half = (
+        b"POST /ratings HTTP/1.1\r\nHost: m\r\nContent-Type: "
+        b"application/json\r\nContent-Length: 500\r\n\r\n{"
+    )
+    listen, export = (
+        f"GET /{path} HTTP/1.1\r\nHost: m\r\n\r\n".encode() for path in ("events", "ratings")
+    )
     with ExitStack() as stack:
         for content in (*[half] * 60, *[listen] * 100, *[export] * 20):
             client = stack.enter_context(connection(manager.port))
@@ -257,11 +298,19 @@ def impatient() -> None:
 
 @pytest.mark.slow
 def test_a_request_that_does_not_arrive_is_cut_and_counted(tmp_path: Path):
-    with served("--store", tmp_path / "trust.sqlite", function=impatient) as manager, ExitStack() as stack:
+    with (
+        served("--store", tmp_path / "trust.sqlite", function=impatient) as manager,
+        ExitStack() as stack,
+    ):
         listener = stack.enter_context(connection(manager.port))
         listener.sendall(b"GET /events HTTP/1.1\r\nHost: m\r\n\r\n")
         slow = [stack.enter_context(connection(manager.port)) for _ in range(4)]
-        starts = b"", b"GET", b"GET / HTTP/1.1\r\n", b"POST /agents HTTP/1.1\r\nHost: m\r\nContent-Length: 9\r\n\r\n{"
+        starts = (
+            b"",
+            b"GET",
+            b"GET / HTTP/1.1\r\n",
+            b"POST /agents HTTP/1.1\r\nHost: m\r\nContent-Length: 9\r\n\r\n{",
+        )
         for client, start in zip(slow, starts, strict=True):
             client.sendall(start)
         for client in slow:

@@ -23,7 +23,9 @@ from roletrust_env.service.tokens import (
 
 KEY = Ed25519PrivateKey.from_private_bytes(bytes(32))
 RATING = Rating(iss="ann", sub="did:web:bob", aud="trust", iat=1764181371.123457, rating=0.9)
-REGISTRATION = Registration(iss="ann", aud="trust", iat=1764181371.5, key=key_as_text(KEY.public_key()))
+REGISTRATION = Registration(
+    iss="ann", aud="trust", iat=1764181371.5, key=key_as_text(KEY.public_key())
+)
 
 
 def test_a_token_returns_as_its_claims_and_as_what_was_signed():
@@ -36,7 +38,11 @@ def test_a_token_returns_as_its_claims_and_as_what_was_signed():
 
 
 def test_a_token_of_another_library_is_read():
-    token = jwt.encode(json.loads(RATING.model_dump_json()) | {"iat": 1764181371, "task": 7}, KEY, algorithm="EdDSA")
+    token = jwt.encode(
+        json.loads(RATING.model_dump_json()) | {"iat": 1764181371, "task": 7},
+        KEY,
+        algorithm="EdDSA",
+    )
     assert read_token(token, Rating)[0] == RATING.model_copy(update={"iat": 1764181371})
 
 
@@ -52,16 +58,34 @@ def test_what_is_no_token_of_the_kind_is_refused():
     cases = [
         ("garbage", Rating, "no signed JSON Web Token"),
         (f"{head}.{payload}", Rating, "no signed JSON Web Token"),
-        (f"{head}.{payload}.{signature[:-1]}B", Rating, "no signed JSON Web Token"),  # the same bytes, another text
+        (
+            f"{head}.{payload}.{signature[:-1]}B",
+            Rating,
+            "no signed JSON Web Token",
+        ),  # the same bytes, another text
         (f"{none}.{payload}.", Rating, "the algorithm of a token is EdDSA"),
-        (jwt.encode(claims, "x" * 32, algorithm="HS256"), Rating, "the algorithm of a token is EdDSA"),
+        (
+            jwt.encode(claims, "x" * 32, algorithm="HS256"),
+            Rating,
+            "the algorithm of a token is EdDSA",
+        ),
         ("x" * (MAX_TOKEN + 1), Rating, "up to 4,096 characters"),
         (sign(RATING, KEY), Registration, "other claims than a registration: kind is 'rating'"),
         (sign(RATING, KEY), Leave, "other claims than a leave"),
     ]
-    for change in ({"iss": "../ann"}, {"sub": "b b"}, {"rating": "0.9"}, {"rating": float("nan")}, {"iat": -1.0}):
+    for change in (
+        {"iss": "../ann"},
+        {"sub": "b b"},
+        {"rating": "0.9"},
+        {"rating": float("nan")},
+        {"iat": -1.0},
+    ):
         cases.append(
-            (jwt.encode(claims | change, KEY, algorithm="EdDSA"), Rating, f"a rating: {next(iter(change))} is")
+            (
+                jwt.encode(claims | change, KEY, algorithm="EdDSA"),
+                Rating,
+                f"a rating: {next(iter(change))} is",
+            )
         )
     for token, kind, message in cases:
         with pytest.raises(ValueError, match=message):
@@ -75,10 +99,20 @@ def test_the_work_is_of_the_manager_the_agent_its_key_and_the_time():
     assert has_work(found, 8)
     assert not has_work(found, 60)
     assert has_work(REGISTRATION, 0)
-    others = ({"aud": "other"}, {"iss": "bob"}, {"key": "A" * 43}, {"iat": 1764181372.5}, {"work": found.work + 1})
+    others = (
+        {"aud": "other"},
+        {"iss": "bob"},
+        {"key": "A" * 43},
+        {"iat": 1764181372.5},
+        {"work": found.work + 1},
+    )
     kept = [has_work(found.model_copy(update=change), 8) for change in others]
     assert not any(kept)
 
 
 def test_all_kinds_are_claims():
-    assert {kind.model_fields["kind"].default for kind in Claims.__subclasses__()} == {"register", "rating", "leave"}
+    assert {kind.model_fields["kind"].default for kind in Claims.__subclasses__()} == {
+        "register",
+        "rating",
+        "leave",
+    }

@@ -15,7 +15,8 @@ from roletrust_env.service.tools import make_tools, trust_text
 
 @pytest.fixture
 def use(ann):
-    """Call tools of ann, one after the other, and return the texts and the data of their answers."""
+    """Call tools of ann, one after the other, and return the texts and the data of their
+    answers."""
 
     async def called(calls):
         async with Client(make_tools(ann)) as client:
@@ -46,7 +47,8 @@ def test_an_agent_registers_rates_and_asks(use, clock):
     assert text.splitlines() == [
         f"Trust in {line}, rank 1 of 1.",
         "That is little evidence: check its work.",
-        "- ann, trusted 0.75, gave 1 rating of 0.90 on average; without them trust is 0.50, rank 1.",
+        "- ann, trusted 0.75, gave 1 rating of 0.90 on average; without them trust is 0.50, rank "
+        "1.",
     ]
     assert bob["provider"]["trust"] == pytest.approx(0.582, abs=0.001)
     assert listed.splitlines() == [line, "1 more: start=1."]
@@ -56,7 +58,9 @@ def test_an_agent_registers_rates_and_asks(use, clock):
 
 def test_how_sure_trust_is_depends_on_its_evidence(use, ann, monkeypatch):
     found = ann.ask("bob")
-    good = AgentTrust(trust=0.8, low=0.7, high=0.9, ratings=40, agents=20, independent=15, last=None, rank=1, of=2)
+    good = AgentTrust(
+        trust=0.8, low=0.7, high=0.9, ratings=40, agents=20, independent=15, last=None, rank=1, of=2
+    )
     for change, meaning in (
         ({}, "That is good evidence."),
         ({"independent": 1.2}, "Nearly all ratings are by one agent: check its work."),
@@ -68,7 +72,10 @@ def test_how_sure_trust_is_depends_on_its_evidence(use, ann, monkeypatch):
         monkeypatch.setattr(ann, "ask", lambda *_, answer=answer, **__: answer)
         ((text, _),) = use(("ask", {"name": "bob"}))
         assert text.splitlines()[1].startswith(meaning)
-        assert text.splitlines()[2] == "Trust in its own ratings: 0.80 (0.70 to 0.90 by 40 ratings of 20 agents)."
+        assert (
+            text.splitlines()[2]
+            == "Trust in its own ratings: 0.80 (0.70 to 0.90 by 40 ratings of 20 agents)."
+        )
 
 
 def test_a_refusal_says_what_to_do(use, ann):
@@ -76,12 +83,18 @@ def test_a_refusal_says_what_to_do(use, ann):
         ("rate", {"name": "bob", "rating": 9}, "a rating is from 0 to 1, not 9"),
         ("rate", {"name": "bob", "rating": "good"}, "rating"),
         ("rate", {"name": "ann", "rating": 1}, "rates itself"),
-        ("rate", {"name": "carl", "rating": 1}, "unknown provider: ann rates an agent that is not registered here"),
+        (
+            "rate",
+            {"name": "carl", "rating": 1},
+            "unknown provider: ann rates an agent that is not registered here",
+        ),
         ("rate", {"name": "bob ", "rating": 1}, "'bob ' is no name of an agent"),
         ("list_agents", {"start": -1}, "greater than or equal to 0"),
         ("ask", {"name": "carl"}, "carl is not registered here. Find the name with `list_agents`."),
     ]
-    for (name, arguments, expected), (text, data) in zip(cases, use(*(case[:2] for case in cases)), strict=True):
+    for (name, arguments, expected), (text, data) in zip(
+        cases, use(*(case[:2] for case in cases)), strict=True
+    ):
         assert expected in text, (name, arguments)
         assert data is None
     (_, (text, _)) = use(("leave", {}), ("rate", {"name": "bob", "rating": 1}))
@@ -96,7 +109,9 @@ def test_a_manager_that_is_not_there_is_one_message(tmp_path):
 
     result = asyncio.run(asked())
     assert result.is_error
-    assert "no trust manager answers at http://127.0.0.1:9. Try again later" in result.content[0].text
+    assert (
+        "no trust manager answers at http://127.0.0.1:9. Try again later" in result.content[0].text
+    )
 
 
 def test_the_settings_of_the_guide_are_a_command():
@@ -106,13 +121,18 @@ def test_the_settings_of_the_guide_are_a_command():
 
 
 def test_trust_is_a_line():
-    some = AgentTrust(trust=0.82, low=0.71, high=0.9, ratings=14, agents=9, independent=8, last=0.0, rank=1, of=2)
+    some = AgentTrust(
+        trust=0.82, low=0.71, high=0.9, ratings=14, agents=9, independent=8, last=0.0, rank=1, of=2
+    )
     for ago, text in (
         (0.5, "just now"),
         (1, "1 second ago"),
         (3600 * 3 + 100, "3 hours ago"),
         (86400 * 400, "400 days ago"),
     ):
-        assert trust_text(some, ago) == f"0.82 (0.71 to 0.90 by 14 ratings of 9 agents, the last {text})"
+        assert (
+            trust_text(some, ago)
+            == f"0.82 (0.71 to 0.90 by 14 ratings of 9 agents, the last {text})"
+        )
     none = some.model_copy(update={"ratings": 0, "agents": 0, "trust": 0.5})
     assert trust_text(none, 1.0) == "0.50 (no ratings)"

@@ -14,7 +14,11 @@ from hypothesis import given
 
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 
-ARRAYS = {"numbers": np.arange(7.0), "places": np.zeros((0,), np.int64), "text": np.frombuffer(b"{}", np.uint8)}
+ARRAYS = {
+    "numbers": np.arange(7.0),
+    "places": np.zeros((0,), np.int64),
+    "text": np.frombuffer(b"{}", np.uint8),
+}
 
 
 def test_arrays_come_back(tmp_path: Path) -> None:
@@ -27,9 +31,13 @@ def test_arrays_come_back(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "a.npz"]
 
 
-def test_a_file_is_on_the_disk_before_it_replaces_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_is_on_the_disk_before_it_replaces_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path, sizes = tmp_path / "a.npz", list[int]()
-    monkeypatch.setattr(os, "fsync", lambda file: sizes.append(os.fstat(file).st_size * (not path.exists())))
+    monkeypatch.setattr(
+        os, "fsync", lambda file: sizes.append(os.fstat(file).st_size * (not path.exists()))
+    )
     save_arrays(path, ARRAYS)
     assert sizes == [path.stat().st_size]
 
@@ -77,9 +85,15 @@ def bad_files(whole: bytes) -> dict[str, tuple[bytes, str]]:
         "another zip file": (foreign.getvalue(), "sha256 is missing"),
         "an encrypted one": (packed(whole, flag=1), "encrypted"),
         "an unknown compression": (packed(whole, method=99), "compressed"),
-        "a bomb": (written(arrays, np.savez_compressed), "compressed, so it may become larger than memory"),
+        "a bomb": (
+            written(arrays, np.savez_compressed),
+            "compressed, so it may become larger than memory",
+        ),
         "no checksum": (written({"numbers": arrays["numbers"]}), "sha256 is missing"),
-        "another number": (written({**arrays, "numbers": np.arange(7.0)[::-1]}), "not the saved ones"),
+        "another number": (
+            written({**arrays, "numbers": np.arange(7.0)[::-1]}),
+            "not the saved ones",
+        ),
         "another type": (written({**arrays, "numbers": np.arange(7)}), "not the saved ones"),
         "one array more": (written({**arrays, "more": np.zeros(1)}), "not the saved ones"),
         "a wrong checksum": (written({**arrays, "sha256": np.zeros(3)}), "not the saved ones"),

@@ -91,13 +91,17 @@ def test_checking_a_folder_leaves_it_unchanged(tmp_path):
     files.prepare_folder(tmp_path)
     files.prepare_folder(tmp_path / "a" / "b")
     assert [path.name for path in tmp_path.iterdir()] == ["probe"]
-    with pytest.raises(OSError, match=r"^--out .*probe/out is no folder that can be written: Not a directory$"):
+    with pytest.raises(
+        OSError, match=r"^--out .*probe/out is no folder that can be written: Not a directory$"
+    ):
         files.prepare_folder(tmp_path / "probe" / "out")
 
 
 def test_a_file_that_cannot_be_written_is_named_and_not_its_unfinished_one(tmp_path):
     with (
-        pytest.raises(PermissionError, match=r"^\S+/votes\.csv cannot be written: Permission denied$"),
+        pytest.raises(
+            PermissionError, match=r"^\S+/votes\.csv cannot be written: Permission denied$"
+        ),
         files.replacing(tmp_path / "votes.csv") as unfinished,
     ):
         raise PermissionError(errno.EACCES, "Permission denied", str(unfinished))
@@ -137,5 +141,7 @@ def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command
     (tmp_path / "file").write_text("in the way")
     result = CliRunner().invoke(app, [*command, "--out", str(tmp_path / out)])
     assert result.exit_code == 2, result.output
-    assert result.stderr.startswith(f"Error: --out {tmp_path / out} is no folder that can be written: ")
+    assert result.stderr.startswith(
+        f"Error: --out {tmp_path / out} is no folder that can be written: "
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

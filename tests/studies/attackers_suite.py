@@ -17,7 +17,7 @@ agents = [{ role = "SR", count = 4, noise = 0.05 }, { role = "SP", count = 3, ab
 [tracks.raters]
 roles = ["SR"]
 shares = [0.5]
-"""
+"""  # noqa: E501
 
 
 def condition(folder):

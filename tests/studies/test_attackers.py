@@ -14,9 +14,21 @@ pytestmark = pytest.mark.slow
 
 
 def test_budgets_of_scripts_and_of_a_search(tmp_path):
-    methods = ["--method", "scripts", "--method", "random search", "--budget", "500", "--budget", "5000"]
+    methods = [
+        "--method",
+        "scripts",
+        "--method",
+        "random search",
+        "--budget",
+        "500",
+        "--budget",
+        "5000",
+    ]
     models = ["--model", "mean", "--model", "beta:keep=0.5"]
-    run("studies.budget", [*condition(tmp_path), *methods, *models, "--runs", "2", "--out", str(tmp_path)])
+    run(
+        "studies.budget",
+        [*condition(tmp_path), *methods, *models, "--runs", "2", "--out", str(tmp_path)],
+    )
     found = csv_rows(tmp_path / "budget.csv")
     assert len(found) == 2 * (1 + 2) * 2
     rounds = 2 * 40 * 6  # scripts x games x rounds of a game
@@ -29,7 +41,9 @@ def test_budgets_of_scripts_and_of_a_search(tmp_path):
 
 
 def test_levels_are_means_over_seeds():
-    searches = [Point("mean", "evolution", 9, seed) for seed in (0, 1)] + [Point("mean", "PPO", 9, 0)]
+    searches = [Point("mean", "evolution", 9, seed) for seed in (0, 1)] + [
+        Point("mean", "PPO", 9, 0)
+    ]
     runs = {
         "mean|evolution|9|0": {"utility": 0.2, "rounds": 8, "seconds": 1.0},
         "mean|evolution|9|1": {"utility": 0.4, "rounds": 10, "seconds": 2.0},
@@ -58,5 +72,9 @@ def test_coalitions_play_on_all_columns(tmp_path):
 
 def test_a_universal_coalition_knows_its_models_with_any_parameters():
     universal = Coalition("universal-raters", ("beta", "mean"), universal=True)
-    assert [universal.knows(model) for model in ("beta", "beta:keep=0.5", "beta-filtered")] == [True, True, False]
+    assert [universal.knows(model) for model in ("beta", "beta:keep=0.5", "beta-filtered")] == [
+        True,
+        True,
+        False,
+    ]
     assert not Coalition("beta", ("beta",)).knows("beta:keep=0.5")

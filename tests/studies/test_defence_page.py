@@ -34,13 +34,17 @@ def shown(row, column):
 
 
 def sign(row, column):
-    """1 if a lead is above 0 by more than its interval, -1 if it is below, 0 if neither is shown."""
+    """1 if a lead is above 0 by more than its interval, -1 if it is below, 0 if neither is
+    shown."""
     return (float(row[f"{column}_low"]) > 0) - (float(row[f"{column}_high"]) < 0)
 
 
 def test_the_tables_are_those_of_the_numbers():
     for row in MODELS.values():
-        assert f"| `{row['model']}` | {' | '.join(shown(row, column) for column in COLUMNS)} |" in TABLES
+        assert (
+            f"| `{row['model']}` | {' | '.join(shown(row, column) for column in COLUMNS)} |"
+            in TABLES
+        )
     for row in rows("leads.csv"):
         cells = " | ".join(shown(row, column) for column in COLUMNS)
         assert f"| `{row['model']}` | `{row['beside']}` | {cells} |" in TABLES
@@ -58,13 +62,15 @@ def test_a_lead_is_the_difference_of_two_means():
 def on_logs(model):
     """What a model does on logs, by the columns of the page."""
     columns = (("next rating", "r"), ("next rating", "rmse"), ("attack", "sink, 3 hijacked"))
-    found = {(row["protocol"], row["measure"]): row for row in rows("logs.csv") if row["model"] == model}
+    found = {
+        (row["protocol"], row["measure"]): row for row in rows("logs.csv") if row["model"] == model
+    }
     return [found[column] for column in columns]
 
 
 LEARNED_SPECS = {
     "`leave-one-out`, trained": (FOLDER / "leave-one-out.txt").read_text(encoding="utf-8").strip(),
-    "network, trained": "roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network",
+    "network, trained": "roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network",  # noqa: E501
 }
 
 
@@ -73,7 +79,10 @@ def test_the_table_of_the_logs_is_that_of_the_numbers():
     names = re.findall(r"^\| ([^|]+?) \| +\d", table, re.MULTILINE)
     assert len(names) == 6
     for name in names:
-        cells = [f"{float(row['value']):.3f}" for row in on_logs(LEARNED_SPECS.get(name, name.strip("`")))]
+        cells = [
+            f"{float(row['value']):.3f}"
+            for row in on_logs(LEARNED_SPECS.get(name, name.strip("`")))
+        ]
         assert f"| {name} | {' | '.join(cells)} |" in table
 
 
@@ -90,7 +99,11 @@ ATTACKED = ("worst", "strangers", "worlds")
 
 
 def test_trained_first_hand_beats_every_fixed_model_but_the_one_that_it_begins_from():
-    others = {sign(LEADS["first-hand", other], column) for other in (*CENTRAL, *JUDGES[:2]) for column in ATTACKED}
+    others = {
+        sign(LEADS["first-hand", other], column)
+        for other in (*CENTRAL, *JUDGES[:2])
+        for column in ATTACKED
+    }
     assert others == {1}
     assert [sign(LEADS["first-hand", "first-hand"], column) for column in COLUMNS] == [-1, 0, 0, 0]
     for column in ("worst", "strangers"):

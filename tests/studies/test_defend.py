@@ -1,4 +1,5 @@
-"""The study of learned defence in its smallest form: its files, its saved models, and what it refuses."""
+"""The study of learned defence in its smallest form: its files, its saved models, and what it
+refuses."""
 
 import json
 
@@ -11,7 +12,20 @@ from studies.study import run
 
 pytestmark = pytest.mark.slow
 
-SHORT = ["--iterations", "1", "--budget", "8000", "--steps", "1", "--games", "3", "--fresh", "3", "--workers", "1"]
+SHORT = [
+    "--iterations",
+    "1",
+    "--budget",
+    "8000",
+    "--steps",
+    "1",
+    "--games",
+    "3",
+    "--fresh",
+    "3",
+    "--workers",
+    "1",
+]
 MODELS = ["--model", "mean", "--model", "role-trust", "--beside", "mean"]
 
 
@@ -21,7 +35,18 @@ def play(folder, *arguments):
     where = ["--suite", str(suite), "--front", "small/raters/0.5", "--world", "small/raters/0.25"]
     run(
         "studies.defend",
-        [*where, *SHORT, *MODELS, "--runs", "1", "--defence", "network", "--out", str(folder / "out"), *arguments],
+        [
+            *where,
+            *SHORT,
+            *MODELS,
+            "--runs",
+            "1",
+            "--defence",
+            "network",
+            "--out",
+            str(folder / "out"),
+            *arguments,
+        ],
     )
 
 
@@ -38,7 +63,10 @@ def by_name(table):
 def test_its_files_say_the_same_and_several_runs_are_the_mean_of_single_ones(tmp_path, monkeypatch):
     play(tmp_path, "--runs", "2")
     monkeypatch.setattr("studies.defend.play_game", None)  # nothing may be played again
-    tables = {name: by_name(rows(tmp_path, name)) for name in ("comparison.csv", "iterations.csv", "leads.csv")}
+    tables = {
+        name: by_name(rows(tmp_path, name))
+        for name in ("comparison.csv", "iterations.csv", "leads.csv")
+    }
     single, kept = [], tmp_path / "out" / "runs.json"
     for seed in (0, 1):
         runs = json.loads(kept.read_text())
@@ -46,7 +74,11 @@ def test_its_files_say_the_same_and_several_runs_are_the_mean_of_single_ones(tmp
         kept.write_text(json.dumps(runs))
         play(tmp_path, "--seed", str(seed))
         single.append({name: by_name(rows(tmp_path, name)) for name in tables})
-    for name, last in (("comparison.csv", "worlds"), ("iterations.csv", "single"), ("leads.csv", "worlds")):
+    for name, last in (
+        ("comparison.csv", "worlds"),
+        ("iterations.csv", "single"),
+        ("leads.csv", "worlds"),
+    ):
         for key, both in tables[name].items():
             values = [float(one[name][key][last]) for one in single]
             assert float(both[last]) == pytest.approx(sum(values) / 2, abs=1e-5)

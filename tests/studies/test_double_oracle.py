@@ -1,4 +1,5 @@
-"""The game that both sides play: its matrix, its mixtures, its numbers by iteration, and the comparison."""
+"""The game that both sides play: its matrix, its mixtures, its numbers by iteration, and the
+comparison."""
 
 import numpy as np
 import pytest
@@ -27,7 +28,20 @@ BOTH = ("mean", "role-trust")
 def options_in(folder):
     path = folder / "tiny.toml"
     path.write_text(SUITE.replace("shares = [0.5]", "shares = [0.25, 0.5]"))
-    return Options(("leave-one-out",), BOTH, ("median",), str(path), FRONTS, FRONTS[:1], 1, 8_000, 1, 4, 5, 0.25)
+    return Options(
+        ("leave-one-out",),
+        BOTH,
+        ("median",),
+        str(path),
+        FRONTS,
+        FRONTS[:1],
+        1,
+        8_000,
+        1,
+        4,
+        5,
+        0.25,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +70,9 @@ def test_a_cell_is_the_skill_in_games_of_its_own(played):
     task = exact_task(game.fronts[1].arguments("role-trust"))
     seen = measure(task, read_record(game.attackers[1][-1].record), game.seed(1), (1, 4))
     for half, part in ((seen.chosen, payoffs.chosen), (seen.measured, payoffs.measured)):
-        np.testing.assert_allclose(part[1, -1], skill(half["utility"][0], half["blind"][0]), atol=1e-5)
+        np.testing.assert_allclose(
+            part[1, -1], skill(half["utility"][0], half["blind"][0]), atol=1e-5
+        )
     assert payoffs.chosen.shape == (3, len(payoffs.attacks), 4)
 
 
@@ -64,16 +80,26 @@ def test_the_numbers_of_an_iteration_are_those_of_the_formulas(played):
     """Every mean is a loop over the matrix of what is known after the iteration."""
     game, before, solution = played
     after = game.payoffs()
-    one = {name: values.mean() for name, values in measure_iteration(before, solution, after).items()}
+    one = {
+        name: values.mean() for name, values in measure_iteration(before, solution, after).items()
+    }
     x = [*solution.models, 0.0]
     value, worst, replies, mixtures = [], [], np.zeros(3), []
     for payoffs, weights in zip(after, solution.attacks, strict=True):
         y = [*(weights / sum(weights)), 0.0]
         mixtures.append(y)
-        value.append(sum(x[m] * y[a] * payoffs.measured[m, a].mean() for m in range(3) for a in range(len(y))))
+        value.append(
+            sum(
+                x[m] * y[a] * payoffs.measured[m, a].mean() for m in range(3) for a in range(len(y))
+            )
+        )
         mixed = [sum(x[m] * payoffs.chosen[m, a].mean() for m in range(3)) for a in range(len(y))]
-        worst.append(sum(x[m] * payoffs.measured[m, int(np.argmin(mixed))].mean() for m in range(3)))
-        replies += [sum(y[a] * payoffs.chosen[m, a].mean() for a in range(len(y))) for m in range(3)]
+        worst.append(
+            sum(x[m] * payoffs.measured[m, int(np.argmin(mixed))].mean() for m in range(3))
+        )
+        replies += [
+            sum(y[a] * payoffs.chosen[m, a].mean() for a in range(len(y))) for m in range(3)
+        ]
     best = int(np.argmax(replies))
     answered = np.mean(
         [
@@ -101,12 +127,16 @@ def test_the_worst_attacker_is_chosen_in_other_games(played):
 
 
 def test_models_stand_beside_each_other():
-    """The learned model of each run is that of its own iteration; a lead is the difference in the same games."""
+    """The learned model of each run is that of its own iteration; a lead is the difference in the
+    same games."""
     noise = np.array([-0.01, 0.0, 0.01])
     runs = [
         {
             "learned": {"beta": k},
-            "compared": {f"beta, trained {k + 1}": {"worst": 0.5 + noise + k / 10}, "mean": {"worst": 0.7 - noise}},
+            "compared": {
+                f"beta, trained {k + 1}": {"worst": 0.5 + noise + k / 10},
+                "mean": {"worst": 0.7 - noise},
+            },
         }
         for k in (0, 1)
     ]
@@ -119,10 +149,13 @@ def test_models_stand_beside_each_other():
 
 
 def test_intervals_cover_the_spread_of_runs():
-    """Runs that differ by more than their games say something about the next run, games alone do not."""
+    """Runs that differ by more than their games say something about the next run, games alone do
+    not."""
     noise = np.array([-0.01, 0.0, 0.01])
     first, second = ({"worst": level + noise} for level in (0.4, 0.6))
-    alone, both = (over_runs({"model": runs})["model"]["worst"] for runs in ([first], [first, second]))
+    alone, both = (
+        over_runs({"model": runs})["model"]["worst"] for runs in ([first], [first, second])
+    )
     assert alone == estimate(first["worst"]).interval
     assert both == pytest.approx(estimate(np.array([0.4, 0.6])).interval)
 

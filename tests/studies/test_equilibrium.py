@@ -1,4 +1,5 @@
-"""The equilibrium of models and attackers: games whose solution is known, duality, and what counts as a strategy."""
+"""The equilibrium of models and attackers: games whose solution is known, duality, and what counts
+as a strategy."""
 
 from pathlib import Path
 
@@ -23,7 +24,8 @@ SCORES = arrays(np.float64, (3, 4), elements=st.floats(-1, 1))
 
 
 def test_two_by_two_has_its_closed_form() -> None:
-    """Without a saddle point, value = (ad - bc) / (a + d - b - c), and the first row has (d - c) / the same."""
+    """Without a saddle point, value = (ad - bc) / (a + d - b - c), and the first row has (d - c) /
+    the same."""
     a, b, c, d = 0.9, 0.2, 0.1, 0.6
     found, apart = solve([np.array([[a, b], [c, d]])]), a + d - b - c
     assert found.value == pytest.approx((a * d - b * c) / apart)
@@ -32,20 +34,24 @@ def test_two_by_two_has_its_closed_form() -> None:
 
 
 def test_one_mixture_serves_all_conditions() -> None:
-    """Each model is perfect in one condition and useless in the other: every mixture has the mean."""
+    """Each model is perfect in one condition and useless in the other: every mixture has the
+    mean."""
     here, there = np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])
     assert solve([here, there]).value == pytest.approx(0.5)
     assert np.mean([solve([game]).value for game in (here, there)]) == pytest.approx(1.0)
 
 
 def test_intervals_are_those_of_means_over_all_games_drawn_anew() -> None:
-    """One model under one attack, so that its score alone is a mean: its interval has the width of the normal one."""
+    """One model under one attack, so that its score alone is a mean: its interval has the width of
+    the normal one."""
     rng, count = np.random.default_rng(0), 400
     chosen, measured = rng.random((2, 1, 1, count))
     (alone,) = equilibrium([Payoffs(HERE, ("a",), chosen, measured)], resamples=400)["alone"]
     half = 1.96 * measured.std() / np.sqrt(count)
     assert alone.value == pytest.approx(measured.mean())
-    assert (alone.low, alone.high) == pytest.approx((measured.mean() - half, measured.mean() + half), abs=half / 4)
+    assert (alone.low, alone.high) == pytest.approx(
+        (measured.mean() - half, measured.mean() + half), abs=half / 4
+    )
 
 
 @given(games=st.lists(SCORES, min_size=1, max_size=3))
@@ -54,28 +60,40 @@ def test_neither_side_gains_by_leaving_the_equilibrium(games: list[np.ndarray]) 
     assert found.models.sum() == pytest.approx(1)
     assert all(mixture.sum() == pytest.approx(1) for mixture in found.attacks)
     assert responded(found.models, games, games) == pytest.approx(found.value, abs=1e-7)
-    best = np.mean([game @ mixture for game, mixture in zip(games, found.attacks, strict=True)], axis=0).max()
+    best = np.mean(
+        [game @ mixture for game, mixture in zip(games, found.attacks, strict=True)], axis=0
+    ).max()
     assert best == pytest.approx(found.value, abs=1e-7)
 
 
-def scores(model: str, attack: str, method: str, value: float, condition: Condition = HERE) -> AttackScores:
+def scores(
+    model: str, attack: str, method: str, value: float, condition: Condition = HERE
+) -> AttackScores:
     games = np.full((2, 3), value)
     measured = {"utility": games, "blind": 0 * games}
-    return AttackScores(model, condition, attack, method, False, attack, games, measured, games, games, np.zeros(1))
+    return AttackScores(
+        model, condition, attack, method, False, attack, games, measured, games, games, np.zeros(1)
+    )
 
 
 def test_attacks_that_some_model_has_not_met_are_no_strategies() -> None:
     rows = [scores(m, "lies", "scripted", 0.5) for m in ("a", "b")]
-    rows += [scores(m, "evolution", "evolution", 0.1) for m in ("a", "b")]  # two attacks of one name
+    rows += [
+        scores(m, "evolution", "evolution", 0.1) for m in ("a", "b")
+    ]  # two attacks of one name
     rows += [
         scores("a", "ring", "scripted", 0.1),
         scores("a", "nobody", "nobody", 1.0, Condition("market", "honest", 0.0)),
     ]
-    longer = np.pad(rows[0].chosen, ((0, 0), (0, 2)), constant_values=np.nan)  # the worst attack has further games
+    longer = np.pad(
+        rows[0].chosen, ((0, 0), (0, 2)), constant_values=np.nan
+    )  # the worst attack has further games
     rows[0] = rows[0]._replace(chosen=longer, score=np.full((2, 5), 0.5))
     (found,) = payoffs(rows, ["a", "b"])
     assert (found.condition, found.attacks, found.chosen.shape) == (HERE, ("lies",), (2, 1, 6))
-    with pytest.raises(ValueError, match="no attack was played on all 2 models in market, raters 30%"):
+    with pytest.raises(
+        ValueError, match="no attack was played on all 2 models in market, raters 30%"
+    ):
         payoffs(rows[2:], ["a", "b"])
     with pytest.raises(ValueError, match="no condition with an attack"):
         payoffs(rows[-1:], ["a"])
@@ -85,7 +103,11 @@ def test_intervals_hold_the_truth_of_a_game_with_noise() -> None:
     rng = np.random.default_rng(0)
     truth = np.array([[0.9, 0.2], [0.1, 0.6]])
     games = [
-        Payoffs(where, ("x", "y"), *(truth[..., None] + rng.normal(0, 0.1, (2, 2, 200)) for _ in range(2)))
+        Payoffs(
+            where,
+            ("x", "y"),
+            *(truth[..., None] + rng.normal(0, 0.1, (2, 2, 200)) for _ in range(2)),
+        )
         for where in (HERE, THERE)
     ]
     found = equilibrium(games, resamples=100)
@@ -100,7 +122,8 @@ def test_intervals_hold_the_truth_of_a_game_with_noise() -> None:
 
 
 def test_an_interval_is_as_wide_as_the_noise_of_all_games_makes_it() -> None:
-    """Each condition has games of its own, so the mean over two of them has the error of one over the root of two."""
+    """Each condition has games of its own, so the mean over two of them has the error of one over
+    the root of two."""
     rng, n = np.random.default_rng(1), 300
     noise = rng.normal(0, 0.1, (2, 2, n))
     noise = (noise - noise.mean(axis=-1, keepdims=True)) / noise.std(axis=-1, keepdims=True) * 0.1
@@ -127,7 +150,8 @@ def test_the_page_says_what_the_table_has() -> None:
     rows = csv_rows(DOCS / "equilibrium" / "equilibrium.csv")
     assert [row["model"] for row in rows if float(row["weight"]) > 0.01] == ["first-hand"]
     assert all(
-        line.endswith("100% |") for line in lines[lines.index("| condition | the attacker's mixture |") + 2 :][:16]
+        line.endswith("100% |")
+        for line in lines[lines.index("| condition | the attacker's mixture |") + 2 :][:16]
     )
 
 
@@ -139,5 +163,7 @@ def test_the_study_of_a_played_suite(tmp_path):
     rows = csv_rows(tmp_path / "out/equilibrium.csv")
     assert {row["model"] for row in rows} == {"mean", "median", "constant"}
     assert sum(float(row["weight"]) for row in rows) == pytest.approx(1, abs=1e-5)
-    assert [float(row["alone"]) for row in rows] == sorted((float(row["alone"]) for row in rows), reverse=True)
+    assert [float(row["alone"]) for row in rows] == sorted(
+        (float(row["alone"]) for row in rows), reverse=True
+    )
     assert "| best mixture | " in (tmp_path / "out/equilibrium.md").read_text()

@@ -1,4 +1,5 @@
-"""The study of findings answers all questions in their smallest form, and the documentation has its answers."""
+"""The study of findings answers all questions in their smallest form, and the documentation has its
+answers."""
 
 import json
 import re
@@ -31,7 +32,10 @@ def test_every_question_has_a_sentence_a_figure_a_table_and_a_command(tmp_path, 
         rows = csv_rows(tmp_path / "findings" / f"{name}.csv")
         assert rows
         assert all(float(row["low"]) <= float(row["value"]) <= float(row["high"]) for row in rows)
-    run("studies.findings", ["--quick", "--games", "3", "--question", "noise", "--out", str(tmp_path / "again")])
+    run(
+        "studies.findings",
+        ["--quick", "--games", "3", "--question", "noise", "--out", str(tmp_path / "again")],
+    )
     again = json.loads((tmp_path / "again" / "runs.json").read_text())["runs"]
     assert again["noise"] == kept["noise"]
     with pytest.raises(SystemExit):
@@ -41,7 +45,9 @@ def test_every_question_has_a_sentence_a_figure_a_table_and_a_command(tmp_path, 
 
 def test_the_page_is_that_of_one_default_run():
     asked = re.findall(
-        r"^    python -m studies findings --question (\S+) --games 48 --seed 0$", PAGE, flags=re.MULTILINE
+        r"^    python -m studies findings --question (\S+) --games 48 --seed 0$",
+        PAGE,
+        flags=re.MULTILINE,
     )
     assert len(asked) == PAGE.count("\n## ")
     assert set(asked) == set(QUESTIONS)
@@ -56,5 +62,11 @@ def test_every_answer_has_its_picture():
 @pytest.mark.parametrize("question", [breaking, roles])
 def test_attacks_that_came_after_the_answers_are_not_played(question):
     suite = question._suite(Effort(48, 0, quick=False))
-    treating = {"personal-milking", "personal-milking-ring", "personal-sybil-ring", "quiet-discrimination", "rotation"}
+    treating = {
+        "personal-milking",
+        "personal-milking-ring",
+        "personal-sybil-ring",
+        "quiet-discrimination",
+        "rotation",
+    }
     assert set(attackers()) - set(suite.attacks) == {"swap-ends", "learned"} | treating

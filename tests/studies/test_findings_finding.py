@@ -28,7 +28,11 @@ def test_rounded_numbers_lie_on_the_same_side_of_0_as_the_exact_ones(one):
 @given(estimates)
 def test_a_difference_is_told_once_and_in_its_direction(one):
     words = in_words(one, "up", "down", "open")
-    assert [word in words for word in ("up", "down", "open")] == [sign(one) > 0, sign(one) < 0, sign(one) == 0]
+    assert [word in words for word in ("up", "down", "open")] == [
+        sign(one) > 0,
+        sign(one) < 0,
+        sign(one) == 0,
+    ]
 
 
 def test_one_game_shows_nothing():
@@ -44,12 +48,16 @@ def test_what_is_not_shown_is_bounded_by_its_interval():
 def names_of(module):
     """The differences that a question's sentence is made of."""
     if module is roles:
-        return [f"{what}, {place}" for what in ("trust", "utility") for place in ("a team", "a market")]
+        return [
+            f"{what}, {place}" for what in ("trust", "utility") for place in ("a team", "a market")
+        ]
     if module is admission:
         kinds = admission.GAIN, admission.BLIND, admission.STRICT, admission.CUT
         return [f"{what}, {who}" for what in kinds for who in ("calm", "war")]
     if module is both_roles:
-        return [f"{name}, {what}" for name in ("liars", "cheats", "seldom") for what in ("gap", "auc")]
+        return [
+            f"{name}, {what}" for name in ("liars", "cheats", "seldom") for what in ("gap", "auc")
+        ]
     return [
         f"{what}, {radius} m, {other}"
         for what in (movement.HARM, movement.UTILITY)
@@ -69,7 +77,8 @@ def test_a_sentence_turns_with_its_numbers(module):
 
 
 @pytest.mark.parametrize(
-    ("module", "yes", "no"), [(roles, MORE, LESS), (admission, MORE, LESS), (both_roles, LESS, MORE)]
+    ("module", "yes", "no"),
+    [(roles, MORE, LESS), (admission, MORE, LESS), (both_roles, LESS, MORE)],
 )
 def test_a_verdict_is_given_only_where_all_numbers_agree(module, yes, no):
     names = names_of(module)
@@ -80,10 +89,16 @@ def test_a_verdict_is_given_only_where_all_numbers_agree(module, yes, no):
 
 
 def test_dilution_is_told_of_each_kind_of_liars_by_its_own_number():
-    names = [f"{who}, {lie}" for who in ("one liar", "a third lies") for lie in ("rate 0.5 as in the paper", "rate 0")]
+    names = [
+        f"{who}, {lie}"
+        for who in ("one liar", "a third lies")
+        for lie in ("rate 0.5 as in the paper", "rate 0")
+    ]
     falls = [MORE, MORE, OPEN, LESS]
     differences = {f"{dilution.FROM}, {name}": Estimate(0.6, 0.1) for name in names}
-    differences |= {f"{dilution.FALLS}, {name}": one for name, one in zip(names, falls, strict=True)}
+    differences |= {
+        f"{dilution.FALLS}, {name}": one for name, one in zip(names, falls, strict=True)
+    }
     fixed_number, fixed_share = dilution.sentence(differences, 3, 9).split(";")
     assert fixed_number.count("0.200 ± 0.100 less") == 2
     assert "neither more nor less (0.100 ± 0.200)" in fixed_share
@@ -128,4 +143,6 @@ def test_the_sentence_names_every_model_once_and_why_some_are_not_measured():
     breaks = {"b": Break(0.25, 0.2, 0.3), "a": Break(0.22, 0.2, 0.3), "c": Break(0.45, 0.4, 0.5)}
     words = sentence(breaks, {"constant"}, {"mine": "returned NaN"})
     assert "20% to 30% lie with a, b; 40% to 50% lie with c" in words
-    assert words.endswith("; nothing to lose without liars: constant; not measured: mine (returned NaN).")
+    assert words.endswith(
+        "; nothing to lose without liars: constant; not measured: mine (returned NaN)."
+    )

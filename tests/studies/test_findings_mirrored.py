@@ -59,7 +59,9 @@ def test_only_judges_with_a_trust_of_their_own_escape(half, name):
 def test_below_the_bound_a_model_may_have_all_skill():
     rng = np.random.default_rng(3)
     assert played("leave-one-out", worlds(12, 8, 10, 12, rng))[0].mean > 0.9
-    assert played("leave-one-out", worlds(17, 3 * 4, 10, 12, rng))[0].mean > 0.9  # 3 of 20 with 3 more identities
+    assert (
+        played("leave-one-out", worlds(17, 3 * 4, 10, 12, rng))[0].mean > 0.9
+    )  # 3 of 20 with 3 more identities
 
 
 def test_what_one_world_gives_the_other_takes(half):
@@ -69,12 +71,18 @@ def test_what_one_world_gives_the_other_takes(half):
     best = [world.quality for world in half]
     assert over_both(best, half).mean() == pytest.approx(1)
     assert over_both([np.ones((8, GAMES))] * 2, half).mean() == pytest.approx(0)
-    assert over_both([np.stack([one, 1 - one]) for one in best], half).mean() < 0.6  # two consumers, one of them misled
+    assert (
+        over_both([np.stack([one, 1 - one]) for one in best], half).mean() < 0.6
+    )  # two consumers, one of them misled
 
 
 def test_the_sentence_names_whoever_is_not_at_0():
     none, some = Estimate(0.0, 0.0), Estimate(0.25, 0.01)
-    assert "2 of 2 models have a skill of 0" in sentence({"a": none, "b": none}, {"a": none, "b": some})
-    assert "own trust has 0.250 ± 0.010 with b" in sentence({"a": none, "b": none}, {"a": none, "b": some})
+    assert "2 of 2 models have a skill of 0" in sentence(
+        {"a": none, "b": none}, {"a": none, "b": some}
+    )
+    assert "own trust has 0.250 ± 0.010 with b" in sentence(
+        {"a": none, "b": none}, {"a": none, "b": some}
+    )
     assert "1 of 2 models" in sentence({"a": some, "b": none}, {"a": some})
     assert "others: a (0.250 ± 0.010)" in sentence({"a": some, "b": none}, {"a": some})

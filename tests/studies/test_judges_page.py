@@ -32,11 +32,31 @@ def test_every_interval_is_in_a_file() -> None:
     [
         ("the majority is right in 0.628", "all", ("all", "all", "majority", "5", "0", "accuracy")),
         ("make it 0.846", "all", ("all", "all", "first-hand", "5", "0", "accuracy")),
-        ("leave-one-out 0.436", "all", ("adversarial", "adversarial", "leave-one-out", "0", "0", "accuracy")),
-        ("Dawid-Skene 0.266", "all", ("adversarial", "adversarial", "dawid-skene", "0", "0", "accuracy")),
-        ("first-hand has 0.823", "all", ("adversarial", "adversarial", "first-hand", "5", "0", "accuracy")),
-        ("yu-singh is right in 0.805", "all", ("adversarial", "other", "yu-singh", "20", "0", "accuracy")),
-        ("and labels alone in 0.659", "all", ("adversarial", "other", "labels-only", "20", "0", "accuracy")),
+        (
+            "leave-one-out 0.436",
+            "all",
+            ("adversarial", "adversarial", "leave-one-out", "0", "0", "accuracy"),
+        ),
+        (
+            "Dawid-Skene 0.266",
+            "all",
+            ("adversarial", "adversarial", "dawid-skene", "0", "0", "accuracy"),
+        ),
+        (
+            "first-hand has 0.823",
+            "all",
+            ("adversarial", "adversarial", "first-hand", "5", "0", "accuracy"),
+        ),
+        (
+            "yu-singh is right in 0.805",
+            "all",
+            ("adversarial", "other", "yu-singh", "20", "0", "accuracy"),
+        ),
+        (
+            "and labels alone in 0.659",
+            "all",
+            ("adversarial", "other", "labels-only", "20", "0", "accuracy"),
+        ),
         ("first-hand has 0.961", "all", ("natural", "other", "first-hand", "20", "0", "accuracy")),
         ("the majority to 0.418", "bought", ("all", "all", "majority", "0", "10", "attacked")),
         ("first-hand keeps 0.739", "bought", ("all", "all", "first-hand", "10", "10", "attacked")),
@@ -66,7 +86,10 @@ def test_the_readme_says_the_same() -> None:
         for row in [*ROWS["all"], *ROWS["bought"]]
         if (row["scored"], row["labelled"]) == ("all", "all") and row["value"]
     }
-    majority, ours = values["majority", "0", "0", "accuracy"], values["first-hand", "5", "0", "accuracy"]
+    majority, ours = (
+        values["majority", "0", "0", "accuracy"],
+        values["first-hand", "5", "0", "accuracy"],
+    )
     assert f"the majority is right in {majority} of the items" in readme
     assert f"make it {ours}" in readme
     assert values["first-hand", "10", "10", "attacked"] > majority

@@ -22,7 +22,18 @@ def climb(out, task, *arguments, budget=6000):
     """The scores of each rung by run, and the page."""
     run(
         "studies.ladder",
-        ["task", "--task", task, *arguments, "--budget", str(budget), "--games", "4", "--out", str(out)],
+        [
+            "task",
+            "--task",
+            task,
+            *arguments,
+            "--budget",
+            str(budget),
+            "--games",
+            "4",
+            "--out",
+            str(out),
+        ],
     )
     rows = csv_rows(out / "ladder.csv")
     rungs = {}
@@ -64,8 +75,12 @@ def test_attacks_may_be_given_with_some_parameters_fixed(tmp_path):
 def test_the_runs_of_a_training_are_one_rung(tmp_path):
     zoo = load_attacker(ZOO / "provider-3x3")
     for seed in (3, 4):
-        card = zoo.card.model_copy(update={"training": zoo.card.training.model_copy(update={"seed": seed})})
-        save_attacker(replace(zoo, card=card), tmp_path / "mine" / f"seed-{seed}" / "attacker", write_bytes)
+        card = zoo.card.model_copy(
+            update={"training": zoo.card.training.model_copy(update={"seed": seed})}
+        )
+        save_attacker(
+            replace(zoo, card=card), tmp_path / "mine" / f"seed-{seed}" / "attacker", write_bytes
+        )
     options = ["--runs", "2", "--seed", "3", "--learned", str(tmp_path / "mine")]
     rungs, _, _ = climb(tmp_path / "out", "ProviderAttack", *CERTAIN, *options, budget=2000)
     assert len(rungs["learned"]) == 2
@@ -73,13 +88,21 @@ def test_the_runs_of_a_training_are_one_rung(tmp_path):
 
 def test_a_trained_attacker():
     zoo = Learned(ZOO / "provider-3x3")
-    arguments = {"scenario": "paper-3x3", "noise": 0.0, "perturbations": (), "max_cycles": 200, "objective": "exploit"}
+    arguments = {
+        "scenario": "paper-3x3",
+        "noise": 0.0,
+        "perturbations": (),
+        "max_cycles": 200,
+        "objective": "exploit",
+    }
     measured = {"budget": 0, "seed": 0, "games": 2}
     trained = find(zoo, {**arguments, "compromised": ("sp_2",)}, **measured)
     assert trained.scores.mean() > 0.23  # the best regular script has 0.230
     assert trained.rounds > 100_000
     assert trained.seconds > 10
-    four = make_scenario("paper-3x3").change(agents=[{"role": "SR", "count": 4}, {"role": "SP", "count": 3}])
+    four = make_scenario("paper-3x3").change(
+        agents=[{"role": "SR", "count": 4}, {"role": "SP", "count": 3}]
+    )
     with pytest.raises(UnsuitableError, match="this task has 12 and 1"):
         find(zoo, {**arguments, "compromised": ("sp_2",), "scenario": four}, **measured)
 

@@ -31,7 +31,9 @@ def test_a_few_thousand_rounds_mislead_consumers():
     assert utility(train(settings), settings) < utility(untrained, settings) - 0.05
 
 
-@pytest.mark.parametrize(("track", "share", "channels"), [("raters", 0.5, (0,)), ("coalition", 0.3, (0, 1))])
+@pytest.mark.parametrize(
+    ("track", "share", "channels"), [("raters", 0.5, (0,)), ("coalition", 0.3, (0, 1))]
+)
 def test_the_attacker_decides_as_the_agent_does(track, share, channels):
     settings = Settings(track=track, share=share)
     task = make_task(**condition(settings))
@@ -53,7 +55,9 @@ def test_the_best_of_several_trainings_counts(monkeypatch):
     agents = [Agent(Settings(), (0,)) for _ in range(3)]
     seeds = []
     values = dict(zip(agents, (0.9, 0.4, 0.6), strict=True))
-    monkeypatch.setattr(ppo_coalition, "train_once", lambda _, seed: seeds.append(seed) or agents[seed - 6])
+    monkeypatch.setattr(
+        ppo_coalition, "train_once", lambda _, seed: seeds.append(seed) or agents[seed - 6]
+    )
     monkeypatch.setattr(ppo_coalition, "utility", lambda agent, _, seed: values[agent])
     assert train(Settings(seed=2)) is agents[1]
     assert seeds == [6, 7, 8]  # no other seed has them

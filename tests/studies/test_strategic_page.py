@@ -29,7 +29,9 @@ def shown_above(low, high):
 
 
 def test_the_whole_table_is_there():
-    assert set(ROWS) == {(s, m, c, b) for s in SCENARIOS for m in MODELS for c in COSTS for b in STARTS}
+    assert set(ROWS) == {
+        (s, m, c, b) for s in SCENARIOS for m in MODELS for c in COSTS for b in STARTS
+    }
 
 
 @pytest.mark.parametrize("model", sorted(set(MODELS) - UNPAID))
@@ -39,9 +41,13 @@ def test_a_reward_for_agreement_costs_honest_ratings(model):
             assert value(scenario, model, cost, "honest", of="honest_raters") < 0.05
             assert value(scenario, model, cost, "nobody learns", of="rater_gain") < 0.05
     assert value("crowd", model, CHEAP, "nobody learns", of="rater_gain") > 0
-    assert "following 0 " not in ROWS["crowd", model, CHEAP, "nobody learns"]["rater_deviation"] + " "
+    assert (
+        "following 0 " not in ROWS["crowd", model, CHEAP, "nobody learns"]["rater_deviation"] + " "
+    )
     for cost in COSTS:
-        learned, drifted = (ROWS["crowd", model, cost, start] for start in ("honest", "honest, shuffled"))
+        learned, drifted = (
+            ROWS["crowd", model, cost, start] for start in ("honest", "honest, shuffled")
+        )
         assert shown_above(learned, drifted) == (model != "role-trust"), cost
 
 
@@ -77,6 +83,10 @@ def test_dear_services_are_cheated_on_in_the_market():
 @pytest.mark.parametrize("model", ["role-trust", "median"])
 def test_some_keep_their_welfare_in_the_market_at_the_lower_cost(model):
     where = "market", model, CHEAP
-    assert value(*where, "honest", of="welfare") > 0.9 * value(*where, "nobody learns", of="welfare")
-    low = value(*where, "nobody learns", of="rater_gain") - value(*where, "nobody learns", of="rater_gain_half_95")
+    assert value(*where, "honest", of="welfare") > 0.9 * value(
+        *where, "nobody learns", of="welfare"
+    )
+    low = value(*where, "nobody learns", of="rater_gain") - value(
+        *where, "nobody learns", of="rater_gain_half_95"
+    )
     assert low < 0.002

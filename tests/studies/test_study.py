@@ -1,4 +1,5 @@
-"""The runner of studies, with a study of squares: its options, what it keeps, refuses and publishes."""
+"""The runner of studies, with a study of squares: its options, what it keeps, refuses and
+publishes."""
 
 import json
 import sys
@@ -18,7 +19,10 @@ class Options(NamedTuple):
     loud: bool = False
 
 
-RECIPES = {"squares": Recipe(Options(), {"page.md": "a/squares.md"}), "cubes": Recipe(Options(power=3.0))}
+RECIPES = {
+    "squares": Recipe(Options(), {"page.md": "a/squares.md"}),
+    "cubes": Recipe(Options(power=3.0)),
+}
 PLAYED = []
 
 
@@ -45,13 +49,28 @@ def study(tmp_path, *arguments):
 
 def test_options_are_those_of_the_recipe_and_of_the_command(tmp_path):
     assert study(tmp_path).options == Options()
-    one = study(tmp_path, "cubes", "--number", 5, "--number", 2, "--number", 5, "--loud", "--seed", 4, "--force")
+    one = study(
+        tmp_path,
+        "cubes",
+        "--number",
+        5,
+        "--number",
+        2,
+        "--number",
+        5,
+        "--loud",
+        "--seed",
+        4,
+        "--force",
+    )
     assert one.options == Options((5, 2), 3.0, True)
     assert one.command.endswith("cubes --number 5 --number 2 --loud --seed 4")
     about = json.loads((tmp_path / "out" / "study.json").read_text())
     assert about["options"] == {"number": [5, 2], "power": 3.0, "loud": True}
     assert "numpy" in about["packages"]
-    assert (tmp_path / "out" / "numbers.csv").read_text() == "number,value\n5,125.000000\n2,8.000000\n"
+    assert (
+        tmp_path / "out" / "numbers.csv"
+    ).read_text() == "number,value\n5,125.000000\n2,8.000000\n"
 
 
 def test_a_study_continues_and_a_failed_run_is_played_again(tmp_path, capsys):
@@ -110,7 +129,9 @@ def test_published_files_are_copied_when_asked(tmp_path, monkeypatch):
     study(tmp_path)
     assert not (tmp_path / "docs").exists()
     study(tmp_path, "--publish")
-    assert (tmp_path / "docs/a/squares.md").read_text().startswith("# Powers\n\nMade by `python -m ")
+    assert (
+        (tmp_path / "docs/a/squares.md").read_text().startswith("# Powers\n\nMade by `python -m ")
+    )
 
 
 def test_a_study_is_run_by_its_name(monkeypatch, capsys):

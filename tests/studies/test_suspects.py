@@ -24,7 +24,12 @@ def written(path: Path) -> Path:
 
 
 def test_accounts_rate_the_same_targets_and_a_club_as_others_do(tmp_path: Path) -> None:
-    log = read_ratings(written(tmp_path / "log.csv"), Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
+    log = read_ratings(
+        written(tmp_path / "log.csv"),
+        Columns("1", "2", "3", "4"),
+        scale=(-10, 10),
+        same_agents=True,
+    )
     for honest in (False, True):
         found, accounts = planted(log, 6, 4, 4, 3, np.random.default_rng(1), honest=honest)
         new = np.isin(found.raters, accounts)
@@ -35,8 +40,12 @@ def test_accounts_rate_the_same_targets_and_a_club_as_others_do(tmp_path: Path) 
         targets = np.flatnonzero(times_rated == 6)
         assert len(targets) >= 4
         for target in targets:
-            theirs, others = (found.values[(found.ratees == target) & chosen] for chosen in (new, ~new))
-            assert np.isin(theirs, others).all() if honest else (theirs == 1).all() or len(targets) > 4
+            theirs, others = (
+                found.values[(found.ratees == target) & chosen] for chosen in (new, ~new)
+            )
+            assert (
+                np.isin(theirs, others).all() if honest else (theirs == 1).all() or len(targets) > 4
+            )
 
 
 def test_the_page_has_a_line_for_each_kind_and_size(tmp_path: Path) -> None:
@@ -52,7 +61,10 @@ def test_the_page_has_a_line_for_each_kind_and_size(tmp_path: Path) -> None:
         "--shuffles",
         "10",
     ]
-    run("studies.suspects", [*options, "--model", "mean", "--workers", "1", "--out", str(tmp_path / "out")])
+    run(
+        "studies.suspects",
+        [*options, "--model", "mean", "--workers", "1", "--out", str(tmp_path / "out")],
+    )
     page = (tmp_path / "out" / "suspects.md").read_text()
     assert "| ring | 5 of 5 | 8 | " in page
     assert "| honest club | 5 of 5 | 8 | " in page

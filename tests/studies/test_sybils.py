@@ -35,12 +35,18 @@ def test_a_community_has_many_good_members_some_cheats_and_returned_ratings() ->
 
 
 def test_gains_by_hand() -> None:
-    """Of 20 members 2 are seeds; without bridge edges nobody reaches the attacker, and with them it has a share."""
+    """Of 20 members 2 are seeds; without bridge edges nobody reaches the attacker, and with them it
+    has a share."""
     log = community(20, np.random.default_rng(0))
     for model in MODELS[2:]:
         assert gains(model, SybilGraph("cycle", 5), log, 2)["share"] == 0
-        assert 0 < gains(model, SybilGraph("cycle", 5, returned=True), log, 2, [3, 4])["share"] < 0.5
-        alone, sold = (gains(model, SybilGraph("line", n, returned=True), log, 2, bought=7)["share"] for n in (0, 5))
+        assert (
+            0 < gains(model, SybilGraph("cycle", 5, returned=True), log, 2, [3, 4])["share"] < 0.5
+        )
+        alone, sold = (
+            gains(model, SybilGraph("line", n, returned=True), log, 2, bought=7)["share"]
+            for n in (0, 5)
+        )
         assert 0 < alone < 0.5
         assert sold > 0
     for model in ("eigentrust", PERSONAL):
@@ -53,15 +59,33 @@ def test_the_worst_topology_is_the_one_with_the_highest_mean() -> None:
 
 
 @pytest.mark.slow
-def test_the_study_writes_the_means_of_its_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run("studies.sybils", ["--members", "30", "--runs", "2", "--seeds", "2", "--workers", "1", "--out", str(tmp_path)])
+def test_the_study_writes_the_means_of_its_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(
+        "studies.sybils",
+        [
+            "--members",
+            "30",
+            "--runs",
+            "2",
+            "--seeds",
+            "2",
+            "--workers",
+            "1",
+            "--out",
+            str(tmp_path),
+        ],
+    )
     rows = csv_rows(tmp_path / "gains.csv")
     assert len(rows) == (len(MODELS) + 1) * len(TOPOLOGIES) * (len(CASES) + 1)
     options = Options(members=30, runs=2, seeds=2)
     runs = [measured(options, 0, k) for k in range(2)]
     for row in rows[::17]:
         key = " ".join(row[name] for name in ("model", "topology", "sybils", "bridges"))
-        assert float(row["share"]) == pytest.approx(np.mean([run[key]["share"] for run in runs]), abs=1e-6)
+        assert float(row["share"]) == pytest.approx(
+            np.mean([run[key]["share"] for run in runs]), abs=1e-6
+        )
     assert "Without a bridge edge" in capsys.readouterr().out
 
 

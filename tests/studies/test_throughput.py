@@ -21,20 +21,25 @@ class Throughput(NamedTuple):
 
     Attributes:
         cell: from the name of a cell to its scores: everything that is done for them.
-        game: of the same scenario in a batch of the same size, played honestly by `roletrust_env.game.rollout.rollout`.
+        game: of the same scenario in a batch of the same size, played honestly by
+            `roletrust_env.game.rollout.rollout`.
     """
 
     cell: float
     game: float
 
 
-def throughput(suite: Suite, models: tuple[str, ...] = ("role-trust", "mean"), turns: int = 3) -> Iterator[Throughput]:
-    """Measure both in turn for the scripted cells of some models: one cell for each model and track with attackers.
+def throughput(
+    suite: Suite, models: tuple[str, ...] = ("role-trust", "mean"), turns: int = 3
+) -> Iterator[Throughput]:
+    """Measure both in turn for the scripted cells of some models: one cell for each model and track
+    with attackers.
 
     Args:
         suite: whose cells they are.
         models: trust models.
-        turns: of each of the two; the fastest counts, which other work on the machine disturbed least.
+        turns: of each of the two; the fastest counts, which other work on the machine disturbed
+            least.
     """
     chosen: dict[tuple[str, str], Cell] = {}
     for cell in suite.model_copy(update={"models": models, "methods": ("scripted",)}).cells():
@@ -49,16 +54,23 @@ def _turn(suite: Suite, cell: Cell) -> Throughput:
     done = play_cell(suite, cell)
     between = process_time()
     scenario = attacked_scenario(suite, cell).scenario
-    game, batch = Game(scenario, parse_trust_model(cell.model, scenario)), (len(done.rows), 2 * suite.games)
+    game, batch = (
+        Game(scenario, parse_trust_model(cell.model, scenario)),
+        (len(done.rows), 2 * suite.games),
+    )
     noise = game.random(cell.seed)
-    steps = batch[0] * batch[1] * sum(1 for _ in rollout(JointPolicy(game, {}), noise, noise, batch))
+    steps = (
+        batch[0] * batch[1] * sum(1 for _ in rollout(JointPolicy(game, {}), noise, noise, batch))
+    )
     return Throughput(done.env_steps / (between - began), steps / (process_time() - between))
 
 
 def test_scripted_cells_play_at_a_third_of_the_speed_of_the_bare_game():
     """Both in the same run, in seconds of the processor; on a quiet machine, the mean is 0.55."""
     quick = load_suite("quick")
-    suite = quick.model_copy(update={"tracks": {name: quick.tracks[name] for name in ("raters", "identities")}})
+    suite = quick.model_copy(
+        update={"tracks": {name: quick.tracks[name] for name in ("raters", "identities")}}
+    )
     for _ in range(4):  # other work may disturb all turns of one side
         shares = [one.cell / one.game for one in throughput(suite, turns=5)]
         if sum(shares) / len(shares) >= 1 / 3:

@@ -28,7 +28,10 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_costs_have_a_row_for_each_model_and_size(tmp_path: Path) -> None:
     sides = ["--side", "3", "--side", "2", "--library", "NumPy"]
-    run("studies.costs", ["--model", "mean", "--model", "beta:keep=0.5", *sides, "--out", str(tmp_path)])
+    run(
+        "studies.costs",
+        ["--model", "mean", "--model", "beta:keep=0.5", *sides, "--out", str(tmp_path)],
+    )
     found = csv_rows(tmp_path / "model-costs.csv")
     assert [(row["model"], row["raters"], row["providers"]) for row in found[-2:]] == [
         ("mean", "3", "3"),
@@ -80,10 +83,15 @@ def test_numpy_has_the_sizes_from_which_growth_is_read() -> None:
 def test_every_model_is_timed_at_every_size() -> None:
     models = {"role-trust": RoleTrust(), "mean": Mean()}
     found = measure_models(models, (2, 3), "NumPy")
-    assert list(found) == [(name, "NumPy", size) for size in sizes((2, 3), "NumPy") for name in models]
+    assert list(found) == [
+        (name, "NumPy", size) for size in sizes((2, 3), "NumPy") for name in models
+    ]
     for (name, _, size), cell in found.items():
         assert cell.timing is not None
-        assert (cell.timing.contestant.name, cell.timing.contestant.amount) == (name, size.raters * size.providers)
+        assert (cell.timing.contestant.name, cell.timing.contestant.amount) == (
+            name,
+            size.raters * size.providers,
+        )
         assert len(cell.timing.seconds) == 5
 
 
@@ -138,7 +146,11 @@ def test_a_model_is_timed_compiled() -> None:
     contestant = trust_update("role-trust", RoleTrust(), Size(2, 3), COMPILED, seed=0)
     state, raters, providers = contestant.step()
     assert isinstance(state, tuple)
-    assert (tuple(raters.shape), tuple(providers.shape), raters.dtype) == ((2,), (3,), torch.float32)
+    assert (tuple(raters.shape), tuple(providers.shape), raters.dtype) == (
+        (2,),
+        (3,),
+        torch.float32,
+    )
 
 
 @pytest.mark.parametrize("ratings", [300, 3000])

@@ -1,4 +1,5 @@
-"""The study of the worlds that decide: its page on games that take seconds, its words, and what is published."""
+"""The study of the worlds that decide: its page on games that take seconds, its words, and what is
+published."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,15 +28,17 @@ tracks = { raters = { roles = ["SR"], shares = [0.3] }, coalition = { roles = ["
 [scenarios]
 centre = { preset = "market", set = { max_cycles = 6 }, shares = { raters = [0.1, 0.3], coalition = [0.1, 0.3] } }
 long = { preset = "market", set = { max_cycles = 9 } }
-"""
+"""  # noqa: E501
 
 
 def boards(**tiers):
-    """Return leaderboards of the centre and of longer games, from the tier and the skill of each model."""
+    """Return leaderboards of the centre and of longer games, from the tier and the skill of each
+    model."""
     found = {}
     for k in range(2):
         rows = [
-            SimpleNamespace(model=name, tier=one[k][0], worst=Estimate(one[k][1], 0.1)) for name, one in tiers.items()
+            SimpleNamespace(model=name, tier=one[k][0], worst=Estimate(one[k][1], 0.1))
+            for name, one in tiers.items()
         ]
         found[CENTRE._replace(rounds=50 + k)] = sorted(rows, key=lambda row: -row.worst.mean)
     return found
@@ -43,7 +46,10 @@ def boards(**tiers):
 
 def test_the_numbers_of_a_world_are_those_of_its_own_benchmark(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL)
-    run("studies.worlds", ["--suite", str(tmp_path / "small.toml"), "--workers", "1", "--out", str(tmp_path)])
+    run(
+        "studies.worlds",
+        ["--suite", str(tmp_path / "small.toml"), "--workers", "1", "--out", str(tmp_path)],
+    )
     found = csv_rows(tmp_path / "worlds.csv")
     assert len(found) == 3 * 2
     suite = load_suite(tmp_path / "small.toml")
@@ -61,20 +67,36 @@ def test_the_numbers_of_a_world_are_those_of_its_own_benchmark(tmp_path):
 
 def test_the_sentence_counts_worlds():
     holds = sentence(boards(a=[(1, 0.9), (1, 0.7)], b=[(2, 0.3), (2, 0.6)]), CENTRE)
-    assert "`a` has the highest mean, 0.800, and `b` the next, 0.450. It leads all others in 2 of them" in holds
-    assert holds.endswith("behind in 0. The highest of a world is `a` in 2. So `a` may be named the leader of all.")
+    assert (
+        "`a` has the highest mean, 0.800, and `b` the next, 0.450. It leads all others in 2 of them"
+        in holds
+    )
+    assert holds.endswith(
+        "behind in 0. The highest of a world is `a` in 2. So `a` may be named the leader of all."
+    )
     open_ = sentence(boards(a=[(1, 0.9), (1, 0.7)], b=[(2, 0.3), (1, 0.6)]), CENTRE)
-    assert "leads all others in 1 of them, is not told apart from some in 1, and is behind in 0. " in open_
+    assert (
+        "leads all others in 1 of them, is not told apart from some in 1, and is behind in 0. "
+        in open_
+    )
     turns = sentence(boards(a=[(1, 0.9), (2, 0.5)], b=[(2, 0.3), (1, 0.6)]), CENTRE)
-    assert "behind in 1 (rounds 51: `b`). The highest of a world is `a` in 1, `b` in 1. So no model may" in turns
+    assert (
+        "behind in 1 (rounds 51: `b`). The highest of a world is `a` in 1, `b` in 1. So no model "
+        "may" in turns
+    )
 
 
-def test_each_world_of_the_suite_differs_from_its_centre_in_one_thing_and_no_other_suite_has_its_seed():
+def test_each_world_of_the_suite_differs_from_its_centre_in_one_thing_and_no_other_suite_has_its_seed():  # noqa: E501
     suite = load_suite(SUITES / "worlds.toml")
     worlds = {World.of(suite.worlds[name], share) for name, _, share in suite.conditions}
     assert len(worlds) == 13
-    assert {sum(a != b for a, b in zip(one, CENTRE, strict=True)) for one in worlds - {CENTRE}} == {1}
-    assert not {*suite.seeds} & {*range(100), *(s for name in suites() for s in load_suite(name).seeds)}
+    assert {sum(a != b for a, b in zip(one, CENTRE, strict=True)) for one in worlds - {CENTRE}} == {
+        1
+    }
+    assert not {*suite.seeds} & {
+        *range(100),
+        *(s for name in suites() for s in load_suite(name).seeds),
+    }
 
 
 def test_the_page_has_the_numbers_of_the_table():

@@ -1,4 +1,5 @@
-"""`check_attack` refuses an attack for each rule that it breaks, in one line that says what to change."""
+"""`check_attack` refuses an attack for each rule that it breaks, in one line that says what to
+change."""
 
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -102,7 +103,9 @@ class Late(WindowedAttack):
     attacks = frozenset({"ratings"})
 
 
-@pytest.mark.parametrize("attack", [Sound(), WithMemory(), DrawsAsItShould()], ids=lambda one: type(one).__name__)
+@pytest.mark.parametrize(
+    "attack", [Sound(), WithMemory(), DrawsAsItShould()], ids=lambda one: type(one).__name__
+)
 def test_a_sound_attack_passes(attack: Any) -> None:
     check_attack(attack)
 
@@ -111,12 +114,24 @@ def test_a_sound_attack_passes(attack: Any) -> None:
     ("attack", "what"),
     [
         (WritesToMemory(), "it writes to its memory; return a new memory"),
-        (RemembersInItself(), "it changes its own attributes; keep what it remembers in the memory"),
+        (
+            RemembersInItself(),
+            "it changes its own attributes; keep what it remembers in the memory",
+        ),
         (TooGood(), r"it cannot play, round 0: .*quality that are NaN or outside \[0, 1\]"),
         (MixesGames(), "a game in a batch differs from the same game alone"),
-        (IsRandom(), "the same game has two results; draw random numbers from the `random` argument"),
-        (InDoublePrecision(), "its quality are float64 in a game of float32; compute them from the view"),
-        (WithoutChannels(), r"attacks is frozenset\(\); it must be a frozenset of some of 'quality'"),
+        (
+            IsRandom(),
+            "the same game has two results; draw random numbers from the `random` argument",
+        ),
+        (
+            InDoublePrecision(),
+            "its quality are float64 in a game of float32; compute them from the view",
+        ),
+        (
+            WithoutChannels(),
+            r"attacks is frozenset\(\); it must be a frozenset of some of 'quality'",
+        ),
         (Unknown(), "it must be a frozenset of some of 'quality'"),
         (Unhashable(), "it cannot be hashed; make its class a frozen dataclass"),
     ],
@@ -144,5 +159,7 @@ def test_an_attack_that_plays_honestly_gets_a_hint() -> None:
 def test_a_class_and_another_object_are_refused() -> None:
     with pytest.raises(ValueError, match=r"is a class; check an object: Sound\(\)"):
         check_attack(Sound)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"is no Policy; derive its class from roletrust_env\.Policy"):
+    with pytest.raises(
+        ValueError, match=r"is no Policy; derive its class from roletrust_env\.Policy"
+    ):
         check_attack(3)  # type: ignore[arg-type]

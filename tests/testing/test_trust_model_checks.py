@@ -1,4 +1,5 @@
-"""`check_trust_model` refuses a model for each rule that it breaks, in one line that says what to change."""
+"""`check_trust_model` refuses a model for each rule that it breaks, in one line that says what to
+change."""
 
 from typing import Any, NamedTuple
 
@@ -25,7 +26,10 @@ class Sound:
         return "Model()"
 
     def start(self, like: Any) -> Any:
-        return Means(0 * namespace(like).ones_like(like[0]) + 0.5, 0 * namespace(like).ones_like(like[:, 0]) + 1)
+        return Means(
+            0 * namespace(like).ones_like(like[0]) + 0.5,
+            0 * namespace(like).ones_like(like[:, 0]) + 1,
+        )
 
     def update(self, state: Any, ratings: Ratings) -> Any:
         top = mean(ratings, ratings.values, PROVIDER)
@@ -85,7 +89,11 @@ class ChangesItsShapes(Sound):
     """Remembers one round more each time."""
 
     def update(self, state: Any, ratings: Ratings) -> Any:
-        return super().update(state, ratings)._replace(tor=namespace(state.tor).concat([state.tor, state.tor[:1]]))
+        return (
+            super()
+            .update(state, ratings)
+            ._replace(tor=namespace(state.tor).concat([state.tor, state.tor[:1]]))
+        )
 
     def rater_trust(self, state: Any) -> Any:
         return state.tor[: 3 if len(state.tor) > 3 else None]
@@ -115,13 +123,19 @@ class FavoursTheFirst(Sound):
 
 class MistakesNone(Sound):
     def update(self, state: Any, ratings: Ratings) -> Any:
-        return super().update(state, ratings) if ratings.mask is not None else state._replace(top=0 * state.top + 0.1)
+        return (
+            super().update(state, ratings)
+            if ratings.mask is not None
+            else state._replace(top=0 * state.top + 0.1)
+        )
 
 
 class CountsInWholeNumbers(Sound):
     def update(self, state: Any, ratings: Ratings) -> Any:
         count = (ratings.weights > 0).sum(axis=0)
-        return state._replace(top=smooth(mean(ratings, ratings.values, PROVIDER), state.top, 0.5, count))
+        return state._replace(
+            top=smooth(mean(ratings, ratings.values, PROVIDER), state.top, 0.5, count)
+        )
 
 
 class NumpyOnly(Sound):
@@ -137,16 +151,28 @@ def test_a_sound_model_passes() -> None:
 @pytest.mark.parametrize(
     ("model", "what"),
     [
-        (WritesToState(), "changes the state it is given|changes the state that it is given; return a new one"),
+        (
+            WritesToState(),
+            "changes the state it is given|changes the state that it is given; return a new one",
+        ),
         (WritesToRatings(), "writes to the ratings|writes to its arguments; copy them"),
         (RemembersInItself(), "changes its own attributes; keep all memory in the state"),
         (IsRandom(), "it changes itself|two results"),
         (DividesByNothing(), r"outside \[0, 1\]"),
-        (MixesGames(), "a game in a batch differs from the same game alone; reduce over axes 0 and 1 only"),
+        (
+            MixesGames(),
+            "a game in a batch differs from the same game alone; reduce over axes 0 and 1 only",
+        ),
         (ChangesItsShapes(), "update changes the shape or dtype of its state; keep both"),
         (CountsInAPythonNumber(), "the state holds 0; a state is a NamedTuple of arrays"),
-        (CountsInWholeNumbers(), "smooth has a count of dtype int64; it must be float64, as the mean so far"),
-        (MistakesNone(), "a round without a mask differs from one with a mask that is true everywhere"),
+        (
+            CountsInWholeNumbers(),
+            "smooth has a count of dtype int64; it must be float64, as the mean so far",
+        ),
+        (
+            MistakesNone(),
+            "a round without a mask differs from one with a mask that is true everywhere",
+        ),
     ],
     ids=lambda model: type(model).__name__,
 )
@@ -166,7 +192,9 @@ def test_each_broken_rule_is_named_in_one_line(model: Any, what: str) -> None:
     ],
     ids=lambda model: type(model).__name__,
 )
-def test_rules_that_one_round_shows_are_checked_in_every_round(model: Any, check: Any, what: str) -> None:
+def test_rules_that_one_round_shows_are_checked_in_every_round(
+    model: Any, check: Any, what: str
+) -> None:
     with pytest.raises(AssertionError, match=what):
         check(model)
 
@@ -180,7 +208,8 @@ def test_a_model_for_numpy_only_is_told_what_to_change() -> None:
     pytest.importorskip("torch")
     check_trust_model(NumpyOnly(), torch=False)
     with pytest.raises(
-        ValueError, match=r"game runs on torch float32: .*namespace\(ratings\.values\) in place of those of numpy"
+        ValueError,
+        match=r"game runs on torch float32: .*namespace\(ratings\.values\) in place of those of numpy",  # noqa: E501
     ):
         check_trust_model(NumpyOnly())
 

@@ -1,4 +1,5 @@
-"""How the personal models are tested: slow references, judge by judge, and states after a few rounds."""
+"""How the personal models are tested: slow references, judge by judge, and states after a few
+rounds."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -30,7 +31,8 @@ class Published(NamedTuple):
 
 
 def round_by_round(kind: Callable[..., Any], **parameters: Any) -> Reference:
-    """The reference of a class of so many raters and providers, whose method `round` returns what is published."""
+    """The reference of a class of so many raters and providers, whose method `round` returns what
+    is published."""
 
     def reference(rounds: Rounds, peers: Any) -> Iterator[Published]:
         slow = kind(len(peers), len(peers[0]), **parameters)
@@ -48,7 +50,9 @@ Trusts = list[tuple[list[float], list[float]]]
 
 def by_history(slow: Callable[..., Trusts], **parameters: float) -> Reference:
     """The reference of a function of a history."""
-    return lambda rounds, peers: slow([np.where(m, f, None).tolist() for f, m in rounds], **parameters)
+    return lambda rounds, peers: slow(
+        [np.where(m, f, None).tolist() for f, m in rounds], **parameters
+    )
 
 
 def mean(values: Sequence[float], otherwise: float) -> float:

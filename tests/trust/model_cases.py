@@ -22,18 +22,26 @@ EVERY_MODEL = pytest.mark.parametrize("name", trust_models())
 
 def named(name: str) -> TrustModel[Any]:
     """The model of that name, with a `lam` of 0.7 and an `initial` of 0.3 if it takes them."""
-    return make_trust_model(name, **registry.accepted_parameters(name, {"lam": 0.7, "initial": 0.3}))
+    return make_trust_model(
+        name, **registry.accepted_parameters(name, {"lam": 0.7, "initial": 0.3})
+    )
 
 
-def assert_close(actual: Iterable[Any], expected: Iterable[Any], tolerance: float, what: str = "") -> None:
+def assert_close(
+    actual: Iterable[Any], expected: Iterable[Any], tolerance: float, what: str = ""
+) -> None:
     for one, other in zip(actual, expected, strict=True):
-        np.testing.assert_allclose(np.asarray(one), np.asarray(other), rtol=0, atol=tolerance, err_msg=what)
+        np.testing.assert_allclose(
+            np.asarray(one), np.asarray(other), rtol=0, atol=tolerance, err_msg=what
+        )
 
 
 def having(*traits: str) -> pytest.MarkDecorator:
     """Parametrize by the names of the models that have all these traits."""
     found = {name: Traits.of(named(name)) for name in trust_models()}
-    return pytest.mark.parametrize("name", [n for n, has in found.items() if all(getattr(has, t) for t in traits)])
+    return pytest.mark.parametrize(
+        "name", [n for n, has in found.items() if all(getattr(has, t) for t in traits)]
+    )
 
 
 Vector = list[float]
@@ -47,7 +55,8 @@ SHAPES = [(3, 3, 2), (1, 4, 2), (4, 1, 2), (1, 1, 1), (5, 2, 2), (6, 5, 2)]
 
 
 def varied_rounds(shape: tuple[int, ...], count: int, seed: int) -> list[RoundRatings]:
-    """Random rounds: the last of each role come late, and of four raters one copies the first, and one is near it.
+    """Random rounds: the last of each role come late, and of four raters one copies the first, and
+    one is near it.
 
     By an odd seed, ratings are near the quality of the providers, and the first rater lies.
     """
@@ -69,7 +78,8 @@ def varied_rounds(shape: tuple[int, ...], count: int, seed: int) -> list[RoundRa
 
 
 def assert_matches(model: TrustModel[Any], reference: Reference, count: int = 15) -> None:
-    """The model computes what a slow reference does, after every round, on NumPy and in single precision on torch."""
+    """The model computes what a slow reference does, after every round, on NumPy and in single
+    precision on torch."""
     for seed, shape in enumerate(SHAPES):
         rounds, peers = varied_rounds(shape, count, seed), who_is_who(shape)
         state = play(model, [], np.zeros(shape), peers)
@@ -81,6 +91,8 @@ def assert_matches(model: TrustModel[Any], reference: Reference, count: int = 15
         for (ratings, mask), *games in zip(rounds, *slow, strict=True):
             expected = [np.stack(trust, -1) for trust in zip(*games, strict=True)]
             state = model.update(state, Ratings(ratings, mask))
-            single = model.update(single, Ratings(torch.asarray(ratings.astype(np.float32)), torch.asarray(mask)))
+            single = model.update(
+                single, Ratings(torch.asarray(ratings.astype(np.float32)), torch.asarray(mask))
+            )
             assert_close(read(model, state), expected, 1e-9)
             assert_close(read(model, single), expected, 1e-4)

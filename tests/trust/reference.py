@@ -1,7 +1,8 @@
-"""Algorithms 1 to 3 for one game, loop by loop: slow, plain, and with nothing taken from the library.
+"""Algorithms 1 to 3 for one game, loop by loop: slow, plain, and with nothing taken from the
+library.
 
-The mean of a provider's ratings is exact (a fraction), because the square root in Algorithm 1 would turn its
-last rounding error, 1e-16, into 1e-8 wherever a rater agrees with the mean.
+The mean of a provider's ratings is exact (a fraction), because the square root in Algorithm 1 would
+turn its last rounding error, 1e-16, into 1e-8 wherever a rater agrees with the mean.
 """
 
 from collections.abc import Sequence
@@ -35,7 +36,13 @@ def rater_trust(ratings: Matrix, mask: Matrix, previous: Vector, lam: float) -> 
 
 
 def provider_trust(
-    ratings: Matrix, mask: Matrix, tor: Vector, previous: Vector, last: Matrix, elapsed: Matrix, lam: float
+    ratings: Matrix,
+    mask: Matrix,
+    tor: Vector,
+    previous: Vector,
+    last: Matrix,
+    elapsed: Matrix,
+    lam: float,
 ) -> list[float]:
     raters, providers = range(len(ratings)), range(len(ratings[0]))
     trust = list(previous)
@@ -52,7 +59,9 @@ def provider_trust(
     return trust
 
 
-def agent_trust(tor: Vector, top: Vector, rated: Vector, provided: Vector, initial: float) -> list[float]:
+def agent_trust(
+    tor: Vector, top: Vector, rated: Vector, provided: Vector, initial: float
+) -> list[float]:
     trust = []
     for k in range(len(tor)):
         services = rated[k] + provided[k]

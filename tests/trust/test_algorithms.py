@@ -1,4 +1,5 @@
-"""Algorithms 1 to 3 against a loop-by-loop reference, and the properties that hold for any ratings."""
+"""Algorithms 1 to 3 against a loop-by-loop reference, and the properties that hold for any
+ratings."""
 
 import re
 from collections.abc import Callable
@@ -38,7 +39,13 @@ def raters(game: Game, lam: float = 0.5) -> Any:
 
 def providers(game: Game, lam: float = 0.5) -> Any:
     return provider_trust(
-        game.ratings, game.mask, tor=game.tor, previous=game.top, lam=lam, last_ratings=game.last, elapsed=game.elapsed
+        game.ratings,
+        game.mask,
+        tor=game.tor,
+        previous=game.top,
+        lam=lam,
+        last_ratings=game.last,
+        elapsed=game.elapsed,
     )
 
 
@@ -47,7 +54,9 @@ def in_precision(array: np.ndarray, precision: type) -> np.ndarray:
 
 
 def assert_close(actual: Any, expected: Any) -> None:
-    np.testing.assert_allclose(np.asarray(actual), np.asarray(expected), rtol=0, atol=TOLERANCE, strict=True)
+    np.testing.assert_allclose(
+        np.asarray(actual), np.asarray(expected), rtol=0, atol=TOLERANCE, strict=True
+    )
 
 
 # --- random cases ---------------------------------------------------------------------------------
@@ -58,8 +67,12 @@ def random_game(rng: np.random.Generator) -> Game:
     s, p = rng.integers(1, 6, 2)
     batch = rng.integers(1, 4)
     cells = (s, p, batch)
-    ratings = np.where(rng.random(cells) < 0.2, rng.choice([0.0, 0.5, 1.0], cells), rng.random(cells))
-    ratings = np.where(rng.random((p, batch)) < 0.2, ratings[:1], ratings)  # some providers' raters all agree
+    ratings = np.where(
+        rng.random(cells) < 0.2, rng.choice([0.0, 0.5, 1.0], cells), rng.random(cells)
+    )
+    ratings = np.where(
+        rng.random((p, batch)) < 0.2, ratings[:1], ratings
+    )  # some providers' raters all agree
     mask = rng.random(cells) < rng.choice([0.3, 0.7, 1.0])
     mask &= rng.random((s, 1, batch)) < 0.9  # some raters rate nobody
     mask &= rng.random((1, p, batch)) < 0.9  # some providers are rated by nobody
@@ -79,7 +92,9 @@ def random_trust(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray
     return np.where(rng.random(shape) < 0.2, rng.choice([0.0, 1.0], shape), rng.random(shape))
 
 
-def looped(function: Callable[..., list[float]], *batched: np.ndarray, **settings: float) -> np.ndarray:
+def looped(
+    function: Callable[..., list[float]], *batched: np.ndarray, **settings: float
+) -> np.ndarray:
     """The reference, one game of the batch after the other."""
     games = zip(*(np.moveaxis(array, -1, 0).tolist() for array in batched), strict=True)
     return np.stack([function(*game, **settings) for game in games], axis=-1)
@@ -116,7 +131,9 @@ def test_1000_random_agents_match_the_reference(asarray: Callable) -> None:
 # --- properties -----------------------------------------------------------------------------------
 
 anything = st.floats(0, 1)
-steps = st.integers(0, 64).map(lambda k: k / 64)  # sums of these are exact, in whatever order they are taken
+steps = st.integers(0, 64).map(
+    lambda k: k / 64
+)  # sums of these are exact, in whatever order they are taken
 lams = st.floats(0.5, 1, exclude_max=True)
 
 
@@ -146,7 +163,9 @@ def test_trust_stays_between_0_and_1(game: Game, lam: float, precision: type) ->
 
 
 @given(games(anything), lams, st.sampled_from([0.0, 1.0]))
-def test_no_trust_and_full_trust_move_by_at_most_lam(game: Game, lam: float, previous: float) -> None:
+def test_no_trust_and_full_trust_move_by_at_most_lam(
+    game: Game, lam: float, previous: float
+) -> None:
     tor, top = np.full_like(game.tor, previous), np.full_like(game.top, previous)
     for trust in (raters(game._replace(tor=tor), lam), providers(game._replace(top=top), lam)):
         assert np.all(np.abs(trust - previous) <= lam + TOLERANCE)
@@ -207,7 +226,12 @@ def test_inputs_are_not_mutated(game: Game) -> None:
 @given(games())
 def test_agents_trust_lies_between_their_two_roles(game: Game) -> None:
     n = min(len(game.tor), len(game.top))
-    tor, top, rated, provided = game.tor[:n], game.top[:n], game.elapsed[:n, 0], game.elapsed[:n, -1]
+    tor, top, rated, provided = (
+        game.tor[:n],
+        game.top[:n],
+        game.elapsed[:n, 0],
+        game.elapsed[:n, -1],
+    )
     trust = agent_trust(tor, top, rated=rated, provided=provided, initial=0.3)
     idle = rated + provided == 0
     assert np.all(trust[idle] == 0.3)
@@ -249,7 +273,11 @@ def test_raters_that_agree_keep_full_trust(asarray: Callable) -> None:
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 def test_a_leap_from_0_to_1_earns_nothing(asarray: Callable, precision: type, game: Game) -> None:
     """Not even a trust below 0, which a rounded sin(pi) would give."""
-    leap = game._replace(ratings=np.ones_like(game.ratings), last=np.zeros_like(game.last), top=np.zeros_like(game.top))
+    leap = game._replace(
+        ratings=np.ones_like(game.ratings),
+        last=np.zeros_like(game.last),
+        top=np.zeros_like(game.top),
+    )
     trust = np.asarray(providers(leap.map(lambda a: asarray(in_precision(a, precision)))))
     assert np.all((trust >= 0) & (trust < 1e-6))
 
@@ -313,7 +341,9 @@ def test_lam_of_1_forgets_the_past_of_raters_only(game: Game) -> None:
         (providers, "elapsed", (2, 3)),
     ],
 )
-def test_shapes_that_do_not_fit_are_refused(function: Callable, field: str, shape: tuple, game: Game) -> None:
+def test_shapes_that_do_not_fit_are_refused(
+    function: Callable, field: str, shape: tuple, game: Game
+) -> None:
     wrong = np.ones(shape, dtype=getattr(game, field).dtype)
     with pytest.raises(ValueError, match=re.escape(str(shape))) as error:
         function(game._replace(**{field: wrong}))

@@ -22,7 +22,8 @@ Edges = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @st.composite
 def logs(draw: st.DrawFn) -> tuple[tuple[int, int], list[Edges]]:
-    """Rounds of ratings in any order: pairs repeat, some agents are alone or never rated, and rounds may be empty."""
+    """Rounds of ratings in any order: pairs repeat, some agents are alone or never rated, and
+    rounds may be empty."""
     shape = draw(st.tuples(st.integers(1, 6), st.integers(1, 6)))
     note = st.floats(0, 1) | st.sampled_from([0.0, 0.1, 0.25, 0.5, 0.75, 1.0])
     edge = st.tuples(st.integers(0, shape[0] - 1), st.integers(0, shape[1] - 1), note)
@@ -45,7 +46,9 @@ def on_grid(edges: Edges, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarra
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan), counts > 0
 
 
-def grid_trust(model: TrustModel[Any], shape: tuple[int, int], rounds: list[Edges], peers: Any = None) -> list[Any]:
+def grid_trust(
+    model: TrustModel[Any], shape: tuple[int, int], rounds: list[Edges], peers: Any = None
+) -> list[Any]:
     """Both trusts after each round on a grid."""
     state = start_model(model, np.zeros(shape), np.zeros(shape, bool) if peers is None else peers)
     found = []
@@ -69,20 +72,30 @@ def run_trust(model: Any, shape: tuple[int, int], rounds: list[Edges], **options
 def test_edges_are_a_grid(log: tuple[tuple[int, int], list[Edges]]) -> None:
     shape, rounds = log
     for name in CENTRAL:
-        found, wanted = run_trust(named(name), shape, rounds), grid_trust(named(name), shape, rounds)
+        found, wanted = (
+            run_trust(named(name), shape, rounds),
+            grid_trust(named(name), shape, rounds),
+        )
         for one, other in zip(found, wanted, strict=True):
             assert_close(one, other, 1e-11, name)
 
 
 @having("takes_peers")
 @given(log=logs())
-def test_agents_of_two_roles_are_one_agent_on_edges_too(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
+def test_agents_of_two_roles_are_one_agent_on_edges_too(
+    name: str, log: tuple[tuple[int, int], list[Edges]]
+) -> None:
     _, rounds = log
     shape, peers = (6, 6), np.eye(6, dtype=bool)
     others = [tuple(column[edges[0] != edges[1]] for column in edges) for edges in rounds]
-    for played in (others, rounds):  # in the latter, agents may rate themselves, which counts for nothing
+    for played in (
+        others,
+        rounds,
+    ):  # in the latter, agents may rate themselves, which counts for nothing
         wanted = grid_trust(named(name), shape, played, peers)
-        for found, right in zip(run_trust(named(name), shape, played, one_role=False), wanted, strict=True):
+        for found, right in zip(
+            run_trust(named(name), shape, played, one_role=False), wanted, strict=True
+        ):
             assert_close(found, right, 1e-10)
             assert_close(found[:1], found[1:], 1e-12)
 
@@ -99,24 +112,33 @@ def random_log(seed: int, shape: tuple[int, int] = (40, 8), rounds: int = 6) -> 
 
 @EVERY_CENTRAL
 def test_the_order_of_edges_changes_nothing_but_rounding(name: str) -> None:
-    """A square root magnifies the rounding of a sum, which depends on the order, where a gap should be 0."""
+    """A square root magnifies the rounding of a sum, which depends on the order, where a gap should
+    be 0."""
     for seed in range(5):
         rounds = random_log(seed)
         orders = [np.random.default_rng(99).permutation(len(edges[0])) for edges in rounds]
-        mixed = [tuple(column[o] for column in edges) for o, edges in zip(orders, rounds, strict=True)]
+        mixed = [
+            tuple(column[o] for column in edges) for o, edges in zip(orders, rounds, strict=True)
+        ]
         found = run_trust(named(name), (40, 8), rounds)
-        for wanted in (run_trust(named(name), (40, 8), mixed), grid_trust(named(name), (40, 8), rounds)):
+        for wanted in (
+            run_trust(named(name), (40, 8), mixed),
+            grid_trust(named(name), (40, 8), rounds),
+        ):
             for one, other in zip(found, wanted, strict=True):
                 assert_close(one, other, 1e-13)
 
 
 @EVERY_CENTRAL
 def test_agents_may_join_in_any_round(name: str) -> None:
-    """Whether room is made for them at first or when they rate does not matter to those that are there."""
+    """Whether room is made for them at first or when they rate does not matter to those that are
+    there."""
     if Traits.of(named(name)).takes_peers:
         pytest.skip("its trust depends on the number of agents")
     model, rounds = named(name), random_log(3, (30, 20))
-    late = [tuple(column[(edges[0] < 5 * t + 5)] for column in edges) for t, edges in enumerate(rounds)]
+    late = [
+        tuple(column[(edges[0] < 5 * t + 5)] for column in edges) for t, edges in enumerate(rounds)
+    ]
     grown, whole = EdgeRun(model), run_trust(model, (30, 20), late)
     for edges, right in zip(late, whole, strict=True):
         grown.play(*edges)
@@ -126,7 +148,8 @@ def test_agents_may_join_in_any_round(name: str) -> None:
 
 @EVERY_CENTRAL
 def test_a_local_model_in_a_round_of_few_changes_only_them(name: str) -> None:
-    """And it computes what it does when all agents are updated, also with a memory of rounds long past."""
+    """And it computes what it does when all agents are updated, also with a memory of rounds long
+    past."""
     model: Any = named(name)
     run, shape = EdgeRun(model), (300, 200)
     run.join(*shape)
@@ -134,14 +157,18 @@ def test_a_local_model_in_a_round_of_few_changes_only_them(name: str) -> None:
     for _ in range(8):
         rounds.append((rng.integers(0, 300, 12), rng.integers(0, 200, 12), rng.random(12)))
     rounds[5] = tuple(column[:0] for column in rounds[5])  # type: ignore[assignment]
-    rounds[6], rounds[7] = ((*rounds[t][:2], rng.random(12)) for t in (0, 3))  # the same pairs, later
+    rounds[6], rounds[7] = (
+        (*rounds[t][:2], rng.random(12)) for t in (0, 3)
+    )  # the same pairs, later
     for edges in rounds:
         before = run.rater_trust, run.provider_trust
         run.play(*edges)
         if Traits.of(model).local:
             away = np.setdiff1d(np.arange(300), edges[0]), np.setdiff1d(np.arange(200), edges[1])
             after = run.rater_trust, run.provider_trust
-            assert all(np.array_equal(a[x], b[x]) for a, b, x in zip(before, after, away, strict=True))
+            assert all(
+                np.array_equal(a[x], b[x]) for a, b, x in zip(before, after, away, strict=True)
+            )
     assert_close((run.rater_trust, run.provider_trust), grid_trust(model, shape, rounds)[-1], 1e-11)
 
 
@@ -179,7 +206,9 @@ def test_edges_on_torch(name: str, dtype: torch.dtype, tolerance: float) -> None
     everyone = torch.arange(63)
     known = Ratings(None, raters=everyone // 7, providers=everyone % 7, shape=shape)
     state = start_on_edges(model, shape, like)
-    state = map_kinds(lambda kind, leaf: leaf.new_zeros(63) if kind in ("pair", "age") else leaf, state)
+    state = map_kinds(
+        lambda kind, leaf: leaf.new_zeros(63) if kind in ("pair", "age") else leaf, state
+    )
     for raters, providers, values in rounds:
         i, j = torch.asarray(raters), torch.asarray(providers)
         given = torch.asarray(values, dtype=dtype)
@@ -192,7 +221,10 @@ def test_edges_on_torch(name: str, dtype: torch.dtype, tolerance: float) -> None
 @EVERY_CENTRAL
 def test_the_start_on_edges_is_that_on_a_grid(name: str) -> None:
     model = edge_model(named(name))
-    on_edges, grid = start_on_edges(model, (4, 3)), start_model(named(name), np.zeros((4, 3)), np.zeros((4, 3), bool))
+    on_edges, grid = (
+        start_on_edges(model, (4, 3)),
+        start_model(named(name), np.zeros((4, 3)), np.zeros((4, 3), bool)),
+    )
     assert_close(read(model, on_edges), read(named(name), grid), 1e-12)
     again = model.update(on_edges, no_ratings(np.zeros(1), (4, 3)))
     assert_close(read(model, again), read(model, on_edges), 1e-12)
@@ -205,7 +237,13 @@ def test_several_ratings_of_a_pair_have_one_voice() -> None:
     assert trust == pytest.approx(0.7 * (0.1 + 1 + 1) / 3 + 0.3 * 0.3)
 
 
-@given(st.lists(st.sampled_from([-0.0, 0.0, 5e-324, 0.1, 0.25, 1.0]) | st.floats(0, 1), min_size=1, max_size=30))
+@given(
+    st.lists(
+        st.sampled_from([-0.0, 0.0, 5e-324, 0.1, 0.25, 1.0]) | st.floats(0, 1),
+        min_size=1,
+        max_size=30,
+    )
+)
 def test_many_ratings_are_sorted_as_few_are(values: list[float]) -> None:
     numbers = np.array(values)
     raters, places = np.arange(len(numbers)), (numbers * 100_000).astype(np.int64)

@@ -1,4 +1,5 @@
-"""The table of facts, from the two functions alone: closed forms to 1e-6, and the digits as printed."""
+"""The table of facts, from the two functions alone: closed forms to 1e-6, and the digits as
+printed."""
 
 from collections.abc import Iterable
 from itertools import cycle, islice, repeat
@@ -14,12 +15,15 @@ TO_STEADY_STATE = 60  # rounds: what is left of the start is 2 ** -60
 
 
 def play(rounds: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """ToR and ToP after each round, (rounds, S) and (rounds, P), everyone rating everyone in every round."""
+    """ToR and ToP after each round, (rounds, S) and (rounds, P), everyone rating everyone in every
+    round."""
     trust: list[tuple[np.ndarray, np.ndarray]] = []
     last = None
     for ratings in rounds:
         mask = np.ones(ratings.shape, dtype=bool)
-        tor, top = trust[-1] if trust else (np.full(len(ratings), 0.5), np.full(len(ratings.T), 0.5))
+        tor, top = (
+            trust[-1] if trust else (np.full(len(ratings), 0.5), np.full(len(ratings.T), 0.5))
+        )
         tor = rater_trust(ratings, mask, previous=tor, lam=0.5)
         top = provider_trust(
             ratings,
@@ -91,7 +95,9 @@ def test_a_third_of_liars_is_never_diluted(raters: int) -> None:
     assert tor[-1] == printed(0.5918, digits=4)
     assert tor[0] == close(1 - sqrt(1 / 3))
     assert tor[0] == printed(0.4226, digits=4)
-    assert top == close((2 * (1 - sqrt(1 / 6)) + (1 - sqrt(1 / 3)) / pi) / 3)  # sinc(1/2) / 2 = 1 / pi
+    assert top == close(
+        (2 * (1 - sqrt(1 / 6)) + (1 - sqrt(1 / 3)) / pi) / 3
+    )  # sinc(1/2) / 2 = 1 / pi
 
 
 def test_a_liar_that_rates_0() -> None:
@@ -113,7 +119,9 @@ def test_a_liar_that_attacks_one_provider_of_three() -> None:
     assert top[2] == printed(0.66, digits=2)
 
 
-@pytest.mark.parametrize(("quality", "printed_top"), [(0.9, 0.885), (0.8, 0.748), (0.7, 0.601), (0.5, 0.318)])
+@pytest.mark.parametrize(
+    ("quality", "printed_top"), [(0.9, 0.885), (0.8, 0.748), (0.7, 0.601), (0.5, 0.318)]
+)
 def test_constant_quality_among_the_honest(quality: float, printed_top: float) -> None:
     tor, top = steady(np.full((3, 3), quality))
     assert tor == close(1)
@@ -126,7 +134,8 @@ def test_on_off_in_turn_loses_all_trust() -> None:
 
 
 def test_on_off_with_one_bad_round_per_five_good() -> None:
-    """The bad round and the good one after it have QoP 0 and halve ToP; every other round has QoP 1."""
+    """The bad round and the good one after it have QoP 0 and halve ToP; every other round has QoP
+    1."""
     trust = on_off(0, 1, 1, 1, 1, 1)
     assert trust == close(np.array([10, 5, 13, 17, 19, 20]) / 21)
     assert (trust.min(), trust.max(), trust.mean()) == close((5 / 21, 20 / 21, 2 / 3))
@@ -135,7 +144,8 @@ def test_on_off_with_one_bad_round_per_five_good() -> None:
 
 @pytest.mark.parametrize("spread", [0.01, 0.05, 0.1])
 def test_noisy_perception_costs_honest_raters_much_trust(spread: float) -> None:
-    """QoR is 1 - E sqrt|N(0, s)|, with E sqrt|N(0, 1)| = 2 ** (1/4) * gamma(3/4) / sqrt(pi) = 0.822."""
+    """QoR is 1 - E sqrt|N(0, s)|, with E sqrt|N(0, 1)| = 2 ** (1/4) * gamma(3/4) / sqrt(pi) =
+    0.822."""
     noise = np.random.default_rng(0).normal(0, spread, (300, 300))
     tor, _ = steady(np.clip(0.5 + noise, 0, 1))
     assert tor.mean() == pytest.approx(1 - 0.822 * sqrt(spread), abs=0.01)

@@ -17,11 +17,16 @@ def test_the_product_is_that_of_every_game(batch: tuple[int, ...], asarray: Any)
     rng = np.random.default_rng(0)
     one, other = rng.random((3, 4, *batch)), rng.random((4, 2, *batch))
     wanted = np.einsum("ab...,bc...->ac...", one, other)
-    np.testing.assert_allclose(np.asarray(product(asarray(one), asarray(other))), wanted, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.asarray(product(asarray(one), asarray(other))), wanted, rtol=1e-12
+    )
 
 
 def test_a_judge_hears_whom_it_believes() -> None:
-    credence, sums = np.array([[1.0, 0.5], [0.0, 1.0]]), np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    credence, sums = (
+        np.array([[1.0, 0.5], [0.0, 1.0]]),
+        np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    )
     mean, weight = weighted_advice(credence, sums, np.array([[2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
     assert mean == pytest.approx(np.array([[2 / 3, 0, 0.5 / 1.5], [0, 0, 1]]))
     assert weight.tolist() == [[3, 0, 1.5], [2, 0, 1]]
@@ -37,7 +42,9 @@ def test_nobody_publishes_what_it_thinks_of_itself() -> None:
 
 @pytest.mark.parametrize("name", ["peer-trust", "clustering", "zhang-cohen", "regression-aligned"])
 @pytest.mark.parametrize("block", [1, 60])  # one judge at a time; two, and one in the end
-def test_judge_by_judge_is_all_at_once(name: str, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_judge_by_judge_is_all_at_once(
+    name: str, block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model, rounds, like = make_trust_model(name), random_rounds((7, 4), 15), np.zeros((7, 4))
     together = read(model, play(model, rounds, like))
     monkeypatch.setattr(personal, "_BLOCK", block)

@@ -26,7 +26,9 @@ def test_it_gives_each_key_one_place(batches: list[list[int]]) -> None:
 
 
 @given(st.lists(st.lists(st.integers(0, 12), max_size=40), max_size=6))
-def test_small_keys_have_places_in_the_order_in_which_they_first_occur(batches: list[list[int]]) -> None:
+def test_small_keys_have_places_in_the_order_in_which_they_first_occur(
+    batches: list[list[int]],
+) -> None:
     index = KeyIndex()
     for batch in batches:
         index.places(np.array(batch, np.int64))
@@ -34,9 +36,14 @@ def test_small_keys_have_places_in_the_order_in_which_they_first_occur(batches: 
 
 
 @pytest.mark.parametrize("block", [7, 1 << 16])
-@pytest.mark.parametrize(("least", "small"), [(-5_000, 1 << 20), (0, 1 << 20), (0, 16), (1 << 40, 16)])
-def test_places_stay_when_the_table_grows(monkeypatch: pytest.MonkeyPatch, block: int, least: int, small: int) -> None:
-    """Whether keys are entries of the table themselves, are hashed, or change from the one to the other."""
+@pytest.mark.parametrize(
+    ("least", "small"), [(-5_000, 1 << 20), (0, 1 << 20), (0, 16), (1 << 40, 16)]
+)
+def test_places_stay_when_the_table_grows(
+    monkeypatch: pytest.MonkeyPatch, block: int, least: int, small: int
+) -> None:
+    """Whether keys are entries of the table themselves, are hashed, or change from the one to the
+    other."""
     monkeypatch.setattr(key_index, "_BLOCK", block)
     monkeypatch.setattr(key_index, "_SMALL", small)
     keys = least + np.random.default_rng(0).integers(0, 10_000, 20_000)

@@ -1,4 +1,5 @@
-"""A trust model of another package that goes wrong in the middle of a game is named, with the round."""
+"""A trust model of another package that goes wrong in the middle of a game is named, with the
+round."""
 
 from typing import Any, NamedTuple
 
@@ -59,7 +60,10 @@ WRONG = pytest.mark.parametrize(
         (lambda top: top * np.nan, "provider_trust holds nan"),
         (lambda top: top + 1, r"provider_trust holds 1\.5; a trust must lie in \[0, 1\]"),
         (lambda top: top[:1], r"provider_trust has shape \(1,.*\); it must be \(3,"),
-        (lambda top: 0.5, "provider_trust is of type float; it must be a (ndarray|Tensor) of shape"),
+        (
+            lambda top: 0.5,
+            "provider_trust is of type float; it must be a (ndarray|Tensor) of shape",
+        ),
         (lambda top: top > 0, r"provider_trust is of dtype .*bool; it must be .*float"),
         (fail, "KeyError: 'lost'"),
     ],
@@ -125,7 +129,9 @@ def test_a_model_that_cannot_start_is_named() -> None:
         def start(self, like: Any) -> Any:
             raise IndexError("lost")
 
-    with pytest.raises(ValueError, match=r"trust model Turncoat\(\) cannot start: IndexError: lost"):
+    with pytest.raises(
+        ValueError, match=r"trust model Turncoat\(\) cannot start: IndexError: lost"
+    ):
         TrustStream(Stuck(None), agents=(["ann"], ["shop"]))
 
 
@@ -171,8 +177,12 @@ def remember_in_self(self: Any, state: Trusts, ratings: Ratings) -> Trusts:
         (remember_in_self, "twice alike: it changes itself"),
     ],
 )
-def test_a_model_that_is_no_function_is_refused_at_once(what: Any, complaint: str, like: Any) -> None:
-    with pytest.raises(ValueError, match=rf"trust model Turncoat\(\) cannot play one round.*{complaint}"):
+def test_a_model_that_is_no_function_is_refused_at_once(
+    what: Any, complaint: str, like: Any
+) -> None:
+    with pytest.raises(
+        ValueError, match=rf"trust model Turncoat\(\) cannot play one round.*{complaint}"
+    ):
         Game(make_scenario("paper-3x3"), Writer(what), like)
 
 
@@ -188,20 +198,31 @@ def test_a_model_that_compares_games_is_refused_at_once() -> None:
 @pytest.mark.parametrize("name", ["mask", "present"])
 def test_an_update_with_a_third_argument_is_one_clear_error(name: str) -> None:
     namespace: dict[str, Any] = {"Turncoat": Turncoat}
-    exec(f"class Old(Turncoat):\n    def update(self, state, ratings, {name}): return state", namespace)
+    exec(
+        f"class Old(Turncoat):\n    def update(self, state, ratings, {name}): return state",
+        namespace,
+    )
     wanted = rf"has update\(state, ratings, {name}\); it must be update\(state, ratings\)"
     with pytest.raises(ValueError, match=wanted) as error:
         Game(make_scenario("paper-3x3"), namespace["Old"](None))
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"])
+@pytest.mark.parametrize(
+    "like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"]
+)
 def test_a_read_out_in_another_precision_is_refused_at_once(like: Any) -> None:
     class Double(Turncoat):
         def rater_trust(self, state: Trusts) -> Any:
-            return np.asarray(state.tor, np.float64) if isinstance(like, np.ndarray) else state.tor.double()
+            return (
+                np.asarray(state.tor, np.float64)
+                if isinstance(like, np.ndarray)
+                else state.tor.double()
+            )
 
-    with pytest.raises(ValueError, match=r"rater_trust is of dtype .*float64; it must be .*float32"):
+    with pytest.raises(
+        ValueError, match=r"rater_trust is of dtype .*float64; it must be .*float32"
+    ):
         Game(make_scenario("paper-3x3"), Double(None), like)
 
 
@@ -211,10 +232,14 @@ def test_a_read_out_that_is_no_array_is_refused_at_once(read: Any) -> None:
         def rater_trust(self, state: Trusts) -> Any:
             return read
 
-    with pytest.raises(ValueError, match=f"rater_trust is of type {type(read).__name__}; it must be a ndarray"):
+    with pytest.raises(
+        ValueError, match=f"rater_trust is of type {type(read).__name__}; it must be a ndarray"
+    ):
         Game(make_scenario("paper-3x3"), NoArray(None))
 
 
 def test_models_of_the_package_are_not_watched() -> None:
     assert needs_watching(Turncoat(fail))
-    assert not any(needs_watching(roletrust_env.make_trust_model(name)) for name in ("role-trust", "mean"))
+    assert not any(
+        needs_watching(roletrust_env.make_trust_model(name)) for name in ("role-trust", "mean")
+    )

@@ -79,7 +79,10 @@ def test_models_of_installed_packages_are_found(install: Callable[..., None]) ->
 
 def test_a_broken_package_harms_only_who_asks_for_it(install: Callable[..., None]) -> None:
     install(
-        "broken", "roletrust_env.trust_models", "raise RuntimeError('half installed')", "broken-model = broken:Model"
+        "broken",
+        "roletrust_env.trust_models",
+        "raise RuntimeError('half installed')",
+        "broken-model = broken:Model",
     )
     assert trust_models()["broken-model"]
     assert make_trust_model("role-trust")
@@ -120,7 +123,9 @@ class Sociable:
     takes_peers = True
 
     def start(self, like: Any, peers: Any) -> Neighbours:
-        return Neighbours(0 * like[0] + peers.sum(axis=0).reshape(-1, *[1] * (like.ndim - 2)), 0 * like[:, 0] + 1)
+        return Neighbours(
+            0 * like[0] + peers.sum(axis=0).reshape(-1, *[1] * (like.ndim - 2)), 0 * like[:, 0] + 1
+        )
 
     def update(self, state: Neighbours, ratings: Ratings) -> Neighbours:
         return state
@@ -148,8 +153,12 @@ def test_traits_have_usual_values() -> None:
 def test_a_model_may_drop_ratings_before_another_takes_them() -> None:
     class Deaf(RoleTrust):
         def update(self, state: Any, ratings: Ratings) -> Any:
-            return super().update(state, Ratings(ratings.values, (ratings.weights > 0) & (ratings.values > 0.1)))
+            return super().update(
+                state, Ratings(ratings.values, (ratings.weights > 0) & (ratings.values > 0.1))
+            )
 
     rules = make_scenario("paper-3x3").change(max_cycles=5, noise=0.0, perturbations=[])
-    deaf, plain = (record(JointPolicy(game, {}), game.random(0)) for game in (Game(rules, Deaf()), Game(rules)))
+    deaf, plain = (
+        record(JointPolicy(game, {}), game.random(0)) for game in (Game(rules, Deaf()), Game(rules))
+    )
     np.testing.assert_allclose(deaf.top, plain.top, rtol=0, atol=1e-12)

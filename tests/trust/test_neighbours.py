@@ -1,4 +1,5 @@
-"""Rounds of few ratings among many pairs: the numbers of a model that is `nearby` are those of a round of all pairs."""
+"""Rounds of few ratings among many pairs: the numbers of a model that is `nearby` are those of a
+round of all pairs."""
 
 from typing import Any
 
@@ -47,7 +48,8 @@ def join(runs: list[EdgeRun], rng: np.random.Generator) -> None:
 def test_a_round_of_few_ratings_has_the_numbers_of_a_round_of_all_pairs(
     monkeypatch: pytest.MonkeyPatch, seeds: range
 ) -> None:
-    """To the last bit: while agents join and leave, rounds are empty, and the median wanders below and above."""
+    """To the last bit: while agents join and leave, rounds are empty, and the median wanders below
+    and above."""
     few, play_near = [0, 0], EdgeRun._play_near
 
     def counted(self: EdgeRun, *arguments: Any) -> bool:
@@ -64,7 +66,10 @@ def test_a_round_of_few_ratings_has_the_numbers_of_a_round_of_all_pairs(
         mean = rng.random()
         for number in range(40):
             size = max(2, agents // 100) if number else agents // 2
-            who, whom = rng.integers(0, agents, size), (agents * rng.random(size) ** rng.integers(1, 4)).astype(int)
+            who, whom = (
+                rng.integers(0, agents, size),
+                (agents * rng.random(size) ** rng.integers(1, 4)).astype(int),
+            )
             whom += (not one_role) * (who == whom)
             values = rng.normal(mean, 0.3, size).clip(0, 1).round(1)
             for run in runs:
@@ -72,7 +77,9 @@ def test_a_round_of_few_ratings_has_the_numbers_of_a_round_of_all_pairs(
             if rng.random() < 0.2:
                 [leave, save, pause, join][rng.integers(4)](runs, rng)
             if rng.random() < 0.4:
-                for trust, wanted in zip(*((run.rater_trust, run.provider_trust) for run in runs), strict=True):
+                for trust, wanted in zip(
+                    *((run.rater_trust, run.provider_trust) for run in runs), strict=True
+                ):
                     assert np.array_equal(trust, wanted)
     assert min(few) > 4 * len(seeds)
 

@@ -81,8 +81,12 @@ def address(request):
 
 
 def test_the_examples_have_the_numbers_of_the_model_inside(address):
-    outside, inside = (evaluate(model, "bad-mouthing", "market", games=3) for model in (address, "mean"))
-    for one, other in zip(outside[:4], inside[:4], strict=True):  # but the mean rates no raters, and so has no AUC
+    outside, inside = (
+        evaluate(model, "bad-mouthing", "market", games=3) for model in (address, "mean")
+    )
+    for one, other in zip(
+        outside[:4], inside[:4], strict=True
+    ):  # but the mean rates no raters, and so has no AUC
         assert one[:2] == pytest.approx(other[:2], abs=1e-9)
 
 
@@ -103,7 +107,9 @@ def test_the_model_gets_ratings_and_nothing_else(tmp_path):
     ).format(answer="{'providers': [0.5] * message['providers']}")
     model = OutsideModel(program(tmp_path, text))
     ratings = np.array([[0.25, 0.5], [0.75, 1.0]])
-    model.update(model.start(np.zeros((2, 2))), Ratings(ratings, np.array([[True, False], [True, True]])))
+    model.update(
+        model.start(np.zeros((2, 2))), Ratings(ratings, np.array([[True, False], [True, True]]))
+    )
     begun, round = map(json.loads, log.read_text().splitlines())
     number = begun.pop("game")
     assert begun == {"round": 0, "raters": 2, "providers": 2, "ratings": []}
@@ -154,7 +160,9 @@ def test_a_wrong_answer_is_one_clear_error(tmp_path, answer, message):
 
 
 def test_who_does_not_answer_is_ended(tmp_path):
-    link = ProcessLink(program(tmp_path, "import sys\nsys.stdin.read()").removeprefix("exec:"), limit_s=0.2)
+    link = ProcessLink(
+        program(tmp_path, "import sys\nsys.stdin.read()").removeprefix("exec:"), limit_s=0.2
+    )
     with pytest.raises(ValueError, match=r"not answered for 0.2 s"):
         link.ask(["{}"])
     assert link._process.poll() is not None
@@ -180,7 +188,9 @@ def test_a_process_that_stops_to_answer_is_one_line_at_once(tmp_path, monkeypatc
 
 
 def test_a_process_that_does_not_listen_holds_nobody_up(tmp_path):
-    link = ProcessLink(program(tmp_path, "import time; time.sleep(60)").removeprefix("exec:"), limit_s=0.2)
+    link = ProcessLink(
+        program(tmp_path, "import time; time.sleep(60)").removeprefix("exec:"), limit_s=0.2
+    )
     link.tell("1" * 1_000_000)
     with pytest.raises(ValueError, match=r"not answered for 0.2 s"):
         link.ask(["{}"])
@@ -224,7 +234,10 @@ OK = b"HTTP/1.1 200 OK\r\n"
         (OK + b"Content-Length: 100\r\n\r\n{}", "breaks off"),
         (OK + b"X: y\r\n" * 101 + b"\r\n", "no HTTP"),
         (OK + b"X: " + b"y" * 70_000 + b"\r\n\r\n", "no HTTP"),
-        (b"HTTP/1.1 500 \x1b[31mred\x07\r\nContent-Length: 0\r\n\r\n", r"status 500 \\x1b\[31mred\\x07$"),
+        (
+            b"HTTP/1.1 500 \x1b[31mred\x07\r\nContent-Length: 0\r\n\r\n",
+            r"status 500 \\x1b\[31mred\\x07$",
+        ),
         (b"HTTP/1.1 302 Go\r\nLocation: file:///etc/passwd\r\n\r\n", "status 302"),
         (OK + b"Content-Length: 6\r\n\r\n{}\n{}\n", "it answered 2 lines to 1"),
     ],
@@ -268,7 +281,9 @@ def test_a_game_does_not_go_back(service):
     start = model.start(np.zeros((2, 2)))
     ratings = np.full((2, 2), 0.9)
     first = model.update(start, Ratings(ratings, ratings > 0))
-    again = model.update(start, Ratings(ratings, ratings > 0))  # a game without ratings begins again
+    again = model.update(
+        start, Ratings(ratings, ratings > 0)
+    )  # a game without ratings begins again
     assert (model.provider_trust(first) == model.provider_trust(again)).all()
     model.update(first, Ratings(ratings, ratings > 0))
     with pytest.raises(ValueError, match="cannot go back to round 1 of a game"):

@@ -10,7 +10,9 @@ def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) ->
     rng = np.random.default_rng(0)
     credence, said = rng.random((7, 7, 2)), rng.random((7, 3, 2))
     at_once = personal.credence_sum(credence, said)
-    np.testing.assert_allclose(at_once, np.einsum("ike,kje->ije", credence, said), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        at_once, np.einsum("ike,kje->ije", credence, said), rtol=0, atol=1e-12
+    )
     seen = []
     monkeypatch.setattr(personal, "_BLOCK", 2 * said.size)
 
@@ -24,15 +26,23 @@ def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_what_opinions_were_worth_is_summed_over_what_both_rated() -> None:
-    f, m = np.array([[1.0, 0.5, 9], [0.25, 0.5, 0.75]]), np.array([[True, True, False], [True, True, True]])
+    f, m = (
+        np.array([[1.0, 0.5, 9], [0.25, 0.5, 0.75]]),
+        np.array([[True, True, False], [True, True, True]]),
+    )
     ratings = Ratings(f, m)
-    assert personal.compare_opinions(ratings, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
+    assert personal.compare_opinions(ratings, lambda apart: 1 - apart).tolist() == [
+        [2, 1.25],
+        [1.25, 3],
+    ]
     assert personal.in_common(ratings).tolist() == [[2, 2], [2, 3]]
     assert ratings.rated(PROVIDER).tolist() == [True, True, True]
 
 
 @pytest.mark.parametrize("rows", [1, 2, 9])
-def test_each_pair_is_compared_once_and_a_full_round_needs_no_flags(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_pair_is_compared_once_and_a_full_round_needs_no_flags(
+    rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     f = np.random.default_rng(0).random((7, 3, 2))
     monkeypatch.setattr(personal, "_BLOCK", rows * f.size)
     for ratings in (Ratings(f), Ratings(f, np.ones(f.shape, bool)), Ratings(f, f > 0.3)):
@@ -52,7 +62,11 @@ def test_a_memory_keeps_the_last_ratings_of_each_pair() -> None:
 
 def test_a_mean_absorbs_values_and_is_exact_where_there_are_none() -> None:
     before = np.array([0.1, 0.1, 0.3])
-    weight, sums, count = np.array([2.0, 2.0, 0.0]), np.array([1.5, 0.0, 0.7]), np.array([2.0, 0.0, 1.0])
+    weight, sums, count = (
+        np.array([2.0, 2.0, 0.0]),
+        np.array([1.5, 0.0, 0.7]),
+        np.array([2.0, 0.0, 1.0]),
+    )
     assert personal.absorb(before, weight, sums, count) == pytest.approx([1.7 / 4, 0.1, 0.7])
     assert personal.absorb(before, weight, sums, count)[1] == 0.1
 
@@ -61,5 +75,7 @@ def test_what_is_published_is_the_judges_mean_and_nobody_judges_itself() -> None
     credence = np.array([[9.0, 0.2, 0.4], [0.6, 9.0, 0.8], [0.0, 0.4, 9.0]])
     assert personal.published_raters(credence) == pytest.approx([0.3, 0.3, 0.6])
     assert personal.published_raters(np.array([[0.3]])).tolist() == [1]
-    assert personal.published_providers(np.array([[0.2, 1.0], [0.4, 1 + 1e-15]])).tolist() == pytest.approx([0.3, 1])
+    assert personal.published_providers(
+        np.array([[0.2, 1.0], [0.4, 1 + 1e-15]])
+    ).tolist() == pytest.approx([0.3, 1])
     assert personal.published_providers(np.array([[1 + 1e-15]])).max() == 1

@@ -15,7 +15,8 @@ NOBODY = np.zeros((5, 4), bool)
 
 
 class FirstRaters(Mean):
-    """A model that believes the first raters only, since compromised agents often are the last ones."""
+    """A model that believes the first raters only, since compromised agents often are the last
+    ones."""
 
     def update(self, state, ratings):
         mask = ratings.weights > 0
@@ -36,7 +37,9 @@ def test_a_model_that_treats_all_alike_gives_the_same_trust(name):
 
 
 def test_an_agent_of_both_roles_is_refused():
-    with pytest.raises(ValueError, match="cannot change places where one is both rater and provider"):
+    with pytest.raises(
+        ValueError, match="cannot change places where one is both rater and provider"
+    ):
         evaluate(RandomOrder(Mean()), "srsp_2=on-off", "peers", games=2)
 
 
@@ -69,7 +72,9 @@ def test_it_is_the_same_on_torch():
 @pytest.mark.slow
 def test_who_believes_the_first_raters_gains_nothing():
     known = evaluate(FirstRaters(), "complementary", "market", games=20, share=0.5).utility
-    seated = evaluate(RandomOrder(FirstRaters()), "complementary", "market", games=20, share=0.5).utility
+    seated = evaluate(
+        RandomOrder(FirstRaters()), "complementary", "market", games=20, share=0.5
+    ).utility
     plain = evaluate("mean", "complementary", "market", games=20, share=0.5).utility
     assert known.mean > 0.98
     assert seated.mean + seated.half < known.mean - known.half

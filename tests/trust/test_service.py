@@ -1,4 +1,5 @@
-"""A trust model as a service: the same trust as in a game, over both kinds of link, and one error for bad messages."""
+"""A trust model as a service: the same trust as in a game, over both kinds of link, and one error
+for bad messages."""
 
 import json
 import socket
@@ -23,7 +24,13 @@ SHAPE = (4, 3)
 
 
 def message(game=1, round=0, ratings=(), shape=SHAPE, **changes):
-    fields = {"game": game, "round": round, "raters": shape[0], "providers": shape[1], "ratings": list(ratings)}
+    fields = {
+        "game": game,
+        "round": round,
+        "raters": shape[0],
+        "providers": shape[1],
+        "ratings": list(ratings),
+    }
     return json.dumps({**fields, **changes})
 
 
@@ -33,7 +40,9 @@ def test_every_model_gives_the_trust_of_a_game(name):
     service = TrustService(model)
     service.answer(message())
     for k, (ratings, mask) in enumerate(rounds, 1):
-        given = [[int(i), int(j), float(ratings[i, j])] for i, j in zip(*np.nonzero(mask), strict=True)]
+        given = [
+            [int(i), int(j), float(ratings[i, j])] for i, j in zip(*np.nonzero(mask), strict=True)
+        ]
         answer = json.loads(service.answer(message(round=k, ratings=given)))
     tor, top = read_trust(model, play_rounds(model, rounds, np.zeros(SHAPE), np.zeros(SHAPE, bool)))
     assert answer["providers"] == top.tolist()
@@ -110,7 +119,9 @@ def test_a_client_that_waits_holds_up_nobody():
     with http_server(TrustService(make_trust_model("mean")), "127.0.0.1", 0) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         with socket.create_connection(("127.0.0.1", server.server_port)):
-            request = urllib.request.urlopen(f"http://127.0.0.1:{server.server_port}", message().encode(), timeout=10)
+            request = urllib.request.urlopen(
+                f"http://127.0.0.1:{server.server_port}", message().encode(), timeout=10
+            )
             assert "providers" in request.read().decode()
         server.shutdown()
 
@@ -152,7 +163,9 @@ def test_the_service_over_http_is_a_model_like_any_other():
 
 def test_the_command_answers_standard_input():
     program = Path(sys.executable).with_name("roletrust")
-    found = evaluate(OutsideModel(f"exec:{program} serve beta:keep=0.8"), "bad-mouthing", "market", games=2)
+    found = evaluate(
+        OutsideModel(f"exec:{program} serve beta:keep=0.8"), "bad-mouthing", "market", games=2
+    )
     own = evaluate(make_trust_model("beta", keep=0.8), "bad-mouthing", "market", games=2)
     assert found.utility.mean == pytest.approx(own.utility.mean)
 

@@ -32,7 +32,9 @@ def walk(weights: Matrix, start: Vector, a: float) -> Vector:
     rows = [[w / sum(row) for w in row] if sum(row) else [1 / n] * n for row in weights]
     v, moved = start, 1.0
     while moved > 1e-14:
-        after = [(1 - a) * sum(v[i] * rows[i][j] for i in range(n)) + a * start[j] for j in range(n)]
+        after = [
+            (1 - a) * sum(v[i] * rows[i][j] for i in range(n)) + a * start[j] for j in range(n)
+        ]
         v, moved = after, max(abs(new - old) for new, old in zip(after, v, strict=True))
     return v
 

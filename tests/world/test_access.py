@@ -16,15 +16,28 @@ NAMESPACES = pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids
 
 @NAMESPACES
 def test_in_range(asarray: Callable) -> None:
-    raters, providers = asarray([[0.0, 0.0], [9.0, 9.0]]), asarray([[3.0, 4.0], [0.0, 5.01], [9.0, 9.0]])
+    raters, providers = (
+        asarray([[0.0, 0.0], [9.0, 9.0]]),
+        asarray([[3.0, 4.0], [0.0, 5.01], [9.0, 9.0]]),
+    )
     near = np.asarray(in_range(raters, providers, 5.0))
     assert near.tolist() == [[True, False, False], [False, False, True]]
-    batched = in_range(raters[..., None] + asarray([0.0, 1.0]), providers[..., None] + asarray([0.0, 1.0]), 5.0)
+    batched = in_range(
+        raters[..., None] + asarray([0.0, 1.0]), providers[..., None] + asarray([0.0, 1.0]), 5.0
+    )
     assert np.array_equal(np.asarray(batched), np.stack([near, near], -1))
 
 
-@given(st.integers(1, 4), st.integers(1, 5), st.sampled_from([0.0, 0.1]), st.integers(0, 999), st.data())
-def test_as_many_as_wanted_of_those_available(s: int, p: int, temperature: float, seed: int, data) -> None:
+@given(
+    st.integers(1, 4),
+    st.integers(1, 5),
+    st.sampled_from([0.0, 0.1]),
+    st.integers(0, 999),
+    st.data(),
+)
+def test_as_many_as_wanted_of_those_available(
+    s: int, p: int, temperature: float, seed: int, data
+) -> None:
     k, rng = data.draw(st.integers(1, p)), np.random.default_rng(seed)
     batch = data.draw(st.sampled_from([(), (3,), (2, 2)]))
     top, luck = rng.choice([0.0, 0.3, 1.0], (p, *batch)), rng.random((s, p, *batch))
@@ -36,7 +49,9 @@ def test_as_many_as_wanted_of_those_available(s: int, p: int, temperature: float
         left = available & ~chosen
         worst = np.where(chosen, top[None], np.inf).min(axis=1)
         assert np.all(np.where(left, top[None], -np.inf).max(axis=1) <= worst)
-    tensors = choose(Choice(providers=k, temperature=temperature), *map(torch.asarray, (top, available, luck)))
+    tensors = choose(
+        Choice(providers=k, temperature=temperature), *map(torch.asarray, (top, available, luck))
+    )
     assert np.array_equal(tensors.numpy(), chosen)
 
 
@@ -60,10 +75,14 @@ def test_softmax_has_the_shares_of_a_softmax() -> None:
     everyone = np.ones(luck.shape, bool)
     weight = np.exp(top / 0.4)
     share = weight / weight.sum()
-    assert choose(Choice(temperature=0.4), top, everyone, luck).mean(axis=0) == pytest.approx(share, abs=0.006)
+    assert choose(Choice(temperature=0.4), top, everyone, luck).mean(axis=0) == pytest.approx(
+        share, abs=0.006
+    )
     # Two without replacement: the second among the others, by the same weights.
     second = [
-        share[j] + sum(share[i] * weight[j] / (weight.sum() - weight[i]) for i in range(3) if i != j) for j in range(3)
+        share[j]
+        + sum(share[i] * weight[j] / (weight.sum() - weight[i]) for i in range(3) if i != j)
+        for j in range(3)
     ]
     two = choose(Choice(providers=2, temperature=0.4), top, everyone, luck).mean(axis=0)
     assert two == pytest.approx(second, abs=0.006)
@@ -72,7 +91,9 @@ def test_softmax_has_the_shares_of_a_softmax() -> None:
 @pytest.mark.parametrize("temperature", [1e-6, 1e6])
 def test_extreme_temperatures_choose_all_the_same(temperature: float) -> None:
     top, luck = np.array([0.0, 0.5, 1.0]), np.random.default_rng(0).random((100, 3))
-    chosen = choose(Choice(providers=2, temperature=temperature), top, np.ones(luck.shape, bool), luck)
+    chosen = choose(
+        Choice(providers=2, temperature=temperature), top, np.ones(luck.shape, bool), luck
+    )
     assert np.all(chosen.sum(axis=1) == 2)
     if temperature <= 1e-6:
         assert chosen[:, 2].all()

@@ -10,8 +10,13 @@ from roletrust_env.world.scenario import read_scenario
 from roletrust_env.world.vision.service import HogService
 
 
-def crowd(raters: dict[str, Any] | None = None, providers: dict[str, Any] | None = None, **fields: Any) -> Scenario:
-    agents = [{"role": "SR", "count": 3} | (raters or {}), {"role": "SP", "count": 4} | (providers or {})]
+def crowd(
+    raters: dict[str, Any] | None = None, providers: dict[str, Any] | None = None, **fields: Any
+) -> Scenario:
+    agents = [
+        {"role": "SR", "count": 3} | (raters or {}),
+        {"role": "SP", "count": 4} | (providers or {}),
+    ]
     return read_scenario({"agents": agents, "max_cycles": 5} | fields, "crowd")
 
 
@@ -42,9 +47,15 @@ def test_raters_perceive_scale_times_quality_plus_bias() -> None:
     game = Game(crowd({"bias": 0.1, "scale": 0.5}, {"ability": 0.6}))
     history = record(JointPolicy(game, {}), game.random(0))
     np.testing.assert_allclose(history.ratings[1:], 0.5 * 0.6 + 0.1)
-    struck = Game(crowd({"bias": -0.4, "scale": 2.0}, perturbations=[{"start": 1, "stop": 2, "strength": 0.75}]))
+    struck = Game(
+        crowd(
+            {"bias": -0.4, "scale": 2.0}, perturbations=[{"start": 1, "stop": 2, "strength": 0.75}]
+        )
+    )
     notes = record(JointPolicy(struck, {}), struck.random(0)).ratings
-    np.testing.assert_allclose(notes[1:4, 0, 0], [1.0, 2.0 * 0.25 - 0.4, 1.0])  # clipped, dimmed, clipped
+    np.testing.assert_allclose(
+        notes[1:4, 0, 0], [1.0, 2.0 * 0.25 - 0.4, 1.0]
+    )  # clipped, dimmed, clipped
 
 
 def test_a_range_is_drawn_for_each_agent_and_each_game_and_lasts() -> None:
@@ -63,8 +74,14 @@ def test_a_range_is_drawn_for_each_agent_and_each_game_and_lasts() -> None:
 
 
 def test_luck_of_bias_scale_and_ability_is_independent() -> None:
-    properties = start(crowd({"bias": (0, 1), "scale": (0, 1)}, {"ability": (0, 1), "count": 3}), 0, (5000,)).properties
-    draws = [properties.ability.ravel(), properties.perception.bias.ravel(), properties.perception.scale.ravel()]
+    properties = start(
+        crowd({"bias": (0, 1), "scale": (0, 1)}, {"ability": (0, 1), "count": 3}), 0, (5000,)
+    ).properties
+    draws = [
+        properties.ability.ravel(),
+        properties.perception.bias.ravel(),
+        properties.perception.scale.ravel(),
+    ]
     assert np.abs(np.corrcoef(draws) - np.eye(3)).max() < 5 / np.sqrt(15_000)
 
 
@@ -78,7 +95,10 @@ def test_luck_moves_for_nobody_else(name: str) -> None:
     game, other = Game(plain), Game(plain.change(agents=groups))
     random, twin = game.random(1), other.random(1)
     for round in range(70):
-        luck, same = game.draw(random, (2,), start=round == 0), other.draw(twin, (2,), start=round == 0)
+        luck, same = (
+            game.draw(random, (2,), start=round == 0),
+            other.draw(twin, (2,), start=round == 0),
+        )
         assert (same.ability is not None) == (round == 0)
         for a, b in zip(luck, same._replace(ability=None), strict=True):
             assert (a is None) == (b is None)
@@ -114,8 +134,18 @@ def test_the_usual_nature_told_changes_no_bit(name: str) -> None:
         ({"scale": (-0.1, 1)}, {}, {}, ["scale", "-0.1", "[0, 1e6]"]),
         ({"scale": float("inf")}, {}, {}, ["scale", "inf", "[0, 1e6]"]),
         ({"noise": 1e308}, {}, {}, ["noise", "1e+308", "[0, 1e6]"]),
-        ({}, {}, {"access": {"kind": "in-range", "arena": 1e308}}, ["access.in-range.arena", "[1e-6, 1e6]"]),
-        ({}, {}, {"access": {"kind": "choice", "temperature": 1e-9}}, ["temperature", "{0} or [1e-6, 1e6]"]),
+        (
+            {},
+            {},
+            {"access": {"kind": "in-range", "arena": 1e308}},
+            ["access.in-range.arena", "[1e-6, 1e6]"],
+        ),
+        (
+            {},
+            {},
+            {"access": {"kind": "choice", "temperature": 1e-9}},
+            ["temperature", "{0} or [1e-6, 1e6]"],
+        ),
         ({}, {"bias": 0.1}, {}, ["bias is 0.1", "raters", "'SP'"]),
         ({"bias": 0.1}, {}, {"service": "hog"}, ["bias and scale", "'synthetic'", "'hog'"]),
     ],
@@ -133,7 +163,9 @@ def test_what_is_out_of_range_is_refused(
 def test_a_detector_has_no_taste() -> None:
     perception = start(crowd({"bias": 0.1})).properties.perception
     with pytest.raises(ValueError, match="no bias or scale"):
-        HogService(3, 4, period_s=0.5, max_cycles=5).perceive(np.ones(4), 0.0, 0, np.zeros((3, 4)), perception)
+        HogService(3, 4, period_s=0.5, max_cycles=5).perceive(
+            np.ones(4), 0.0, 0, np.zeros((3, 4)), perception
+        )
 
 
 def test_ranges_from_a_file(tmp_path: Any) -> None:

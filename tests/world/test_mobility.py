@@ -28,7 +28,9 @@ def test_a_robot_walks_straight_to_its_goal_and_then_to_the_next(asarray: Callab
 
 
 def test_a_robot_that_just_reaches_its_goal_has_the_next() -> None:
-    there = move(RULE, Motion(np.array([[1.0, 1.0]]), np.array([[1.5, 1.0]])), np.array([[0.25, 0.75]]))
+    there = move(
+        RULE, Motion(np.array([[1.0, 1.0]]), np.array([[1.5, 1.0]])), np.array([[0.25, 0.75]])
+    )
     assert there.position.tolist() == [[1.5, 1.0]]
     assert there.goal.tolist() == [[2.0, 6.0]]
 
@@ -39,7 +41,9 @@ def test_robots_stay_in_the_arena_and_within_their_speed(speed: float, dtype: ty
     rule, rng = InRange(arena=7.3, speed=speed), np.random.default_rng(0)
     motion = scatter(rule, *rng.random((2, 40, 2, 5), dtype=dtype))
     for _ in range(60):
-        goal = np.where(rng.random((40, 2, 5)) < 0.2, np.nextafter(dtype(1), dtype(0)), rng.random((40, 2, 5)))
+        goal = np.where(
+            rng.random((40, 2, 5)) < 0.2, np.nextafter(dtype(1), dtype(0)), rng.random((40, 2, 5))
+        )
         after = move(rule, motion, goal.astype(dtype))
         stride = np.hypot(*np.moveaxis(after.position - motion.position, 1, 0))
         assert np.all(stride <= speed * (1 + 1e-5) + 1e-6)
@@ -56,4 +60,6 @@ def test_robots_move_apart_from_each_other(asarray: Callable) -> None:
     for n in range(4):
         for e in range(3):
             one = scatter(RULE, asarray(position[n : n + 1, :, e]), asarray(goal[n : n + 1, :, e]))
-            np.testing.assert_allclose(move(RULE, one, asarray(following[n : n + 1, :, e]))[0][0], many[0][n, :, e])
+            np.testing.assert_allclose(
+                move(RULE, one, asarray(following[n : n + 1, :, e]))[0][0], many[0][n, :, e]
+            )

@@ -11,7 +11,8 @@ from roletrust_env.world.roster import Roster
 
 
 def presence(group: dict[str, Any], **fields: Any) -> tuple[Presence, int]:
-    """The rules for a rater of a group among two providers that always stay; and the number of agents."""
+    """The rules for a rater of a group among two providers that always stay; and the number of
+    agents."""
     scenario = Scenario(agents=[{"role": "SR"} | group, {"role": "SP", "count": 2}], **fields)
     roster = Roster.of(scenario)
     return Presence(scenario, roster, np.zeros(())), roster.n_agents
@@ -23,7 +24,9 @@ def life(group: dict[str, Any], luck: list[float], trust: float = 0.5, **fields:
     population = rules.start(np.full(n, luck[0]))
     phases = [int(population.phase[0])]
     for round, chance in enumerate(luck[1:], start=1):
-        population = rules.step(population, np.asarray(round), np.full(n, trust), np.full(n, chance))
+        population = rules.step(
+            population, np.asarray(round), np.full(n, trust), np.full(n, chance)
+        )
         phases.append(int(population.phase[0]))
     return phases
 
@@ -33,7 +36,11 @@ def life(group: dict[str, Any], luck: list[float], trust: float = 0.5, **fields:
     [
         ({}, [0.9] * 3, [PRESENT] * 3),
         ({"joins": 2}, [0.5] * 4, [WAITING, WAITING, PRESENT, PRESENT]),
-        ({"joins": 1, "join_rate": 0.3}, [0.1, 0.3, 0.29, 0.9], [WAITING, WAITING, PRESENT, PRESENT]),
+        (
+            {"joins": 1, "join_rate": 0.3},
+            [0.1, 0.3, 0.29, 0.9],
+            [WAITING, WAITING, PRESENT, PRESENT],
+        ),
         ({"leaves": 2}, [0.5] * 4, [PRESENT, PRESENT, LEFT, LEFT]),
         ({"leave_rate": 0.3}, [0.1, 0.3, 0.29, 0.9], [PRESENT, PRESENT, LEFT, LEFT]),
         ({"joins": 1, "leaves": 3}, [0.5] * 5, [WAITING, PRESENT, PRESENT, LEFT, LEFT]),
@@ -82,7 +89,9 @@ def test_whether_anybody_ever_comes_or_goes(group: dict[str, Any]) -> None:
 
 
 def test_shares_are_as_told() -> None:
-    scenario = Scenario(agents=[{"role": "SR", "count": 2000, "join_rate": 0.1, "leave_rate": 0.05}, {"role": "SP"}])
+    scenario = Scenario(
+        agents=[{"role": "SR", "count": 2000, "join_rate": 0.1, "leave_rate": 0.05}, {"role": "SP"}]
+    )
     rules, rng = Presence(scenario, Roster.of(scenario), np.zeros(())), np.random.default_rng(0)
     first = rules.start(rng.random((2001, 3)))
     second = rules.step(first, np.asarray([1, 1, 1]), np.ones((2001, 3)), rng.random((2001, 3)))
@@ -91,17 +100,29 @@ def test_shares_are_as_told() -> None:
     assert second.phase.dtype == first.phase.dtype
 
 
-def test_an_identity_in_reserve_comes_when_it_is_wanted_and_who_is_not_wanted_leaves_for_good() -> None:
-    rules, n = presence({"reserve": 1, "joins": 1})  # sr_0, sr_1 in reserve of it, sp_0 and sp_1 without
+def test_an_identity_in_reserve_comes_when_it_is_wanted_and_who_is_not_wanted_leaves_for_good() -> (
+    None
+):
+    rules, n = presence(
+        {"reserve": 1, "joins": 1}
+    )  # sr_0, sr_1 in reserve of it, sp_0 and sp_1 without
     assert n == 4
     population, phases = rules.start(np.zeros(n)), []
     plan = [[1, 1, 0, 0], [1, 1, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0]]
     for round, wanted in enumerate(plan):
-        population = rules.step(population, np.asarray(round), np.ones(n), np.zeros(n), np.asarray(wanted, bool))
+        population = rules.step(
+            population, np.asarray(round), np.ones(n), np.zeros(n), np.asarray(wanted, bool)
+        )
         phases.append(population.phase[:2].tolist())
         assert population.phase[2:].tolist() == [PRESENT, PRESENT]
     here, gone = [PRESENT, PRESENT], [LEFT, PRESENT]
-    assert phases == [[WAITING, WAITING], here, gone, [LEFT, LEFT], [LEFT, LEFT]]  # nobody before the group joins
+    assert phases == [
+        [WAITING, WAITING],
+        here,
+        gone,
+        [LEFT, LEFT],
+        [LEFT, LEFT],
+    ]  # nobody before the group joins
 
 
 def test_nobody_is_called_where_nobody_says_what_is_wanted() -> None:

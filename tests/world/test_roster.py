@@ -9,7 +9,9 @@ from roletrust_env.world.roster import Roster, role_in_name
 
 
 def roster(*roles: str, **group: object) -> Roster:
-    return Roster.of(Scenario(agents=[{"role": role, **(group if role == "SR+SP" else {})} for role in roles]))
+    return Roster.of(
+        Scenario(agents=[{"role": role, **(group if role == "SR+SP" else {})} for role in roles])
+    )
 
 
 MIXED = ("SR+SP", "SP", "SR", "SP", "SR+SP", "SR", "SR")
@@ -24,7 +26,9 @@ def test_names_and_axes() -> None:
 
 
 @pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
-@pytest.mark.parametrize("roles", [MIXED, ("SR", "SP"), ("SR+SP", "SR+SP"), ("SR+SP", "SP"), ("SR+SP", "SR")])
+@pytest.mark.parametrize(
+    "roles", [MIXED, ("SR", "SP"), ("SR+SP", "SR+SP"), ("SR+SP", "SP"), ("SR+SP", "SR")]
+)
 def test_every_axis_is_a_slice_of_another(roles: tuple[str, ...], asarray) -> None:
     who = roster(*roles)
     agents = asarray(np.arange(who.n_agents))
@@ -39,17 +43,27 @@ def test_every_axis_is_a_slice_of_another(roles: tuple[str, ...], asarray) -> No
 
 def test_nobody_is_a_stranger_to_itself() -> None:
     who = roster(*MIXED)
-    own = [(i, j) for i, j in np.argwhere(~who.not_self) if who.rater_names[i] == who.provider_names[j]]
+    own = [
+        (i, j) for i, j in np.argwhere(~who.not_self) if who.rater_names[i] == who.provider_names[j]
+    ]
     assert len(own) == (~who.not_self).sum() == 2
 
 
 def test_groups_keep_their_order() -> None:
-    scenario = Scenario(agents=[{"role": "SP"}, {"role": "SR", "count": 2, "noise": 0.1}, {"role": "SR", "noise": 0.2}])
+    scenario = Scenario(
+        agents=[
+            {"role": "SP"},
+            {"role": "SR", "count": 2, "noise": 0.1},
+            {"role": "SR", "noise": 0.2},
+        ]
+    )
     assert [group.noise for group in Roster.of(scenario).groups] == [0.1, 0.1, 0.2, 0.0]
 
 
 def test_turns() -> None:
-    rating, providing = roster("SR", "SP", "SR+SP", turns=("SR", "SP", "SR+SP"), turn_length=2).role_schedule(8)
+    rating, providing = roster(
+        "SR", "SP", "SR+SP", turns=("SR", "SP", "SR+SP"), turn_length=2
+    ).role_schedule(8)
     assert rating[:, 0].all()
     assert providing[:, 0].all()
     assert rating[:, 1].tolist() == [True, True, False, False, True, True, True, True]
@@ -62,7 +76,11 @@ def test_turns() -> None:
 
 
 def test_the_role_of_an_agent_is_that_of_its_group() -> None:
-    groups = (AgentGroup(role="SR+SP", count=2), AgentGroup(role="SP", reserve=1), AgentGroup(role="SR", count=2))
+    groups = (
+        AgentGroup(role="SR+SP", count=2),
+        AgentGroup(role="SP", reserve=1),
+        AgentGroup(role="SR", count=2),
+    )
     who = Roster.of(Scenario(agents=groups))
     assert who.roles == {
         **dict.fromkeys(("sr_0", "sr_1"), "SR"),
@@ -70,7 +88,12 @@ def test_the_role_of_an_agent_is_that_of_its_group() -> None:
         **dict.fromkeys(("srsp_0", "srsp_1"), "SR+SP"),
     }
     assert [who.role(name) for name in who.names] == [role_in_name(name) for name in who.names]
-    with pytest.raises(ValueError, match="there is no agent 'sp_2'; the scenario has sr_0, sr_1, sp_0"):
+    with pytest.raises(
+        ValueError, match="there is no agent 'sp_2'; the scenario has sr_0, sr_1, sp_0"
+    ):
         who.role("sp_2")
-    with pytest.raises(ValueError, match=r"there is no agent 'judge_0'; agents are called sr_0, sp_0, srsp_0 \.\.\."):
+    with pytest.raises(
+        ValueError,
+        match=r"there is no agent 'judge_0'; agents are called sr_0, sp_0, srsp_0 \.\.\.",
+    ):
         role_in_name("judge_0")

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from roletrust_env import Game, Random, Scenario, load_scenario, make_scenario, parallel_env, scenarios
+from roletrust_env import (
+    Game,
+    Random,
+    Scenario,
+    load_scenario,
+    make_scenario,
+    parallel_env,
+    scenarios,
+)
 from roletrust_env.benchmarking.suite import Stage, Suite, Track
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.summary import summarise
@@ -46,25 +54,51 @@ AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
         ({"agents": "many"}, ["agents", "'many'", "list"]),
         ({"agents": [{"role": "XX"}]}, ["agents.0.role", "'XX'", "'SR'", "'SP'", "'SR+SP'"]),
         ({"agents": [{"count": 2}]}, ["agents.0.role", "missing"]),
-        ({"agents": [{"role": "SR", "count": 0}, {"role": "SP"}]}, ["agents.0.count", "0", "greater than"]),
-        ({"agents": [{"role": "SR", "noise": -1}, {"role": "SP"}]}, ["agents.0.noise", "-1", "[0, 1e6]"]),
-        ({"agents": [{"role": "SR", "turns": ["SP"]}, {"role": "SP"}]}, ["agents.0", "turns", "'SR+SP'", "'SR'"]),
-        ({"agents": [*AGENTS, {"role": "SR", "joins": 5, "leaves": 5}]}, ["agents.2", "leaves is 5", "joins, 5"]),
-        ({"agents": [*AGENTS, {"role": "SR", "join_rate": 0}]}, ["agents.2", "join_rate is 0", "above 0"]),
+        (
+            {"agents": [{"role": "SR", "count": 0}, {"role": "SP"}]},
+            ["agents.0.count", "0", "greater than"],
+        ),
+        (
+            {"agents": [{"role": "SR", "noise": -1}, {"role": "SP"}]},
+            ["agents.0.noise", "-1", "[0, 1e6]"],
+        ),
+        (
+            {"agents": [{"role": "SR", "turns": ["SP"]}, {"role": "SP"}]},
+            ["agents.0", "turns", "'SR+SP'", "'SR'"],
+        ),
+        (
+            {"agents": [*AGENTS, {"role": "SR", "joins": 5, "leaves": 5}]},
+            ["agents.2", "leaves is 5", "joins, 5"],
+        ),
+        (
+            {"agents": [*AGENTS, {"role": "SR", "join_rate": 0}]},
+            ["agents.2", "join_rate is 0", "above 0"],
+        ),
         ({"access": {"radius": 3.0}}, ["field access.kind is missing"]),
-        ({"access": {"kind": "wifi"}}, ["access", "'wifi'", "'everyone'", "'in-range'", "'choice'"]),
+        (
+            {"access": {"kind": "wifi"}},
+            ["access", "'wifi'", "'everyone'", "'in-range'", "'choice'"],
+        ),
         ({"access": {"kind": "in-range", "radius": -1}}, ["access", "radius", "-1", "[1e-6, 1e6]"]),
-        ({"access": {"kind": "choice", "providers": 3}}, ["access.providers", "3", "only 2 providers"]),
+        (
+            {"access": {"kind": "choice", "providers": 3}},
+            ["access.providers", "3", "only 2 providers"],
+        ),
         ({"ratings": {"lost": 1.1}}, ["ratings.lost", "1.1", "[0, 1]"]),
         ({"ratings": {"late": 0.1, "delay": 0}}, ["ratings.delay", "0", "greater than"]),
-        ({"perturbations": [{"start": 4, "stop": 4}]}, ["perturbations.0", "stop is 4", "start, 4"]),
+        (
+            {"perturbations": [{"start": 4, "stop": 4}]},
+            ["perturbations.0", "stop is 4", "start, 4"],
+        ),
         ({"admission": {"rounds": 3}}, ["admission.threshold", "missing"]),
         ({"rewards": {"quality_cost": -1}}, ["rewards.quality_cost", "-1", "[0, 1e6]"]),
         ({"lam": 2, "max_cycles": -3}, ["lam", "2", "max_cycles", "-3"]),
     ],
     ids=str,
 )
-def test_a_wrong_field_is_named_with_its_value_and_what_is_allowed(fields: dict[str, Any], words: list[str]) -> None:
+def test_a_wrong_field_is_named_with_its_value_and_what_is_allowed(
+    fields: dict[str, Any], words: list[str]
+) -> None:
     with pytest.raises(ValueError, match="my file: ") as error:
         read_scenario({"agents": AGENTS} | fields, "my file")
     assert all(word in str(error.value) for word in words), str(error.value)
@@ -83,7 +117,9 @@ def test_a_wrong_field_is_named_with_its_value_and_what_is_allowed(fields: dict[
     ],
     ids=str,
 )
-def test_an_unknown_field_is_answered_with_the_known_ones(fields: dict[str, Any], unknown: str, allowed: str) -> None:
+def test_an_unknown_field_is_answered_with_the_known_ones(
+    fields: dict[str, Any], unknown: str, allowed: str
+) -> None:
     with pytest.raises(ValueError, match="there is no field") as error:
         read_scenario({"agents": AGENTS} | fields, "my file")
     assert unknown in str(error.value)
@@ -112,7 +148,10 @@ GROUPS = "did you mean 'agents'? Each of its groups has a 'role' and a 'count'"
         ("abilty", "did you mean 'ability' in 'agents'?"),
         ("loss", "did you mean 'lost' in 'ratings'?"),
         ("radius", "did you mean 'radius' in 'access'?"),
-        ("agents.max_cycles", "did you mean 'max_cycles' of the scenario itself, above its tables?"),
+        (
+            "agents.max_cycles",
+            "did you mean 'max_cycles' of the scenario itself, above its tables?",
+        ),
         ("agents.number", "did you mean 'count'?"),
         ("agents.abilty", "did you mean 'ability'?"),
         ("agents.lost", "did you mean 'lost' in 'ratings'?"),
@@ -180,7 +219,8 @@ def test_the_smallest_scenarios_are_taken(agents: list[dict[str, Any]]) -> None:
     assert rated
 
 
-# --- files ------------------------------------------------------------------------------------------
+# --- files
+# ------------------------------------------------------------------------------------------
 
 TOML = """
 description = "From a file"
@@ -212,7 +252,9 @@ access: {kind: choice, temperature: 0.5}
 """
 
 
-@pytest.mark.parametrize(("name", "text"), [("mine.toml", TOML), ("mine.yaml", YAML), ("mine.yml", YAML)])
+@pytest.mark.parametrize(
+    ("name", "text"), [("mine.toml", TOML), ("mine.yaml", YAML), ("mine.yml", YAML)]
+)
 def test_files(tmp_path: Path, name: str, text: str) -> None:
     path = tmp_path / name
     path.write_text(text)
@@ -226,7 +268,11 @@ def test_files(tmp_path: Path, name: str, text: str) -> None:
         access={"kind": "choice", "temperature": 0.5},
     )
     assert (
-        load_scenario(path) == load_scenario(str(path)) == make_scenario(path) == make_scenario(str(path)) == expected
+        load_scenario(path)
+        == load_scenario(str(path))
+        == make_scenario(path)
+        == make_scenario(str(path))
+        == expected
     )
     assert parallel_env(path, max_cycles=3).game.scenario == expected.change(max_cycles=3)
 
@@ -239,13 +285,25 @@ def test_files(tmp_path: Path, name: str, text: str) -> None:
         ("a.toml", b"\x00\xff\xfe\x89PNG", ["is broken", "utf-8"]),
         ("a.yaml", b"agents: [", ["is broken", "line 1"]),
         ("a.yaml", b"\x89PNG\xff", ["is broken", "utf-8"]),
-        ("a.yaml", b"max_cycles: !!python/object/apply:os.system ['true']", ["is broken", "python"]),
+        (
+            "a.yaml",
+            b"max_cycles: !!python/object/apply:os.system ['true']",
+            ["is broken", "python"],
+        ),
         ("a.yaml", b"- a\n- b", ["holds a list", "fields"]),
         ("a.yaml", b"just words", ["holds a str", "fields"]),
         ("a.yaml", b"", ["fields"]),
         ("a.yaml", b"1: 2", ["1"]),
-        ("a.yaml", b'name: "\\uD800"\nagents: []\n', ["name: it has \\ud800, which is no character of Unicode"]),
-        ("a.yaml", b'tags: ["\\uD800"]\nagents: []\n', ["tags: it has \\ud800, which is no character of Unicode"]),
+        (
+            "a.yaml",
+            b'name: "\\uD800"\nagents: []\n',
+            ["name: it has \\ud800, which is no character of Unicode"],
+        ),
+        (
+            "a.yaml",
+            b'tags: ["\\uD800"]\nagents: []\n',
+            ["tags: it has \\ud800, which is no character of Unicode"],
+        ),
         ("a.toml", b"", ["agents", "missing"]),
         ("a.toml", b"lam = 3", ["lam is 3", "[0.5, 1)", "agents", "missing"]),
         ("a.json", b"{}", ["must end in", ".toml", ".yaml", ".yml"]),
@@ -268,7 +326,8 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
         make_scenario(tmp_path / "a.toml")
 
 
-# --- changes ----------------------------------------------------------------------------------------
+# --- changes
+# ----------------------------------------------------------------------------------------
 
 
 def test_a_scenario_is_frozen() -> None:
@@ -304,21 +363,34 @@ def test_presets_survive_a_round_trip(name: str) -> None:
     assert read_scenario(scenario.model_dump(), "itself") == scenario
 
 
-# --- anything at all --------------------------------------------------------------------------------
+# --- anything at all
+# --------------------------------------------------------------------------------
 
 junk = st.one_of(
-    st.none(), st.booleans(), st.integers(-3, 9), st.floats(), st.text(max_size=4), st.just([]), st.just({})
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 9),
+    st.floats(),
+    st.text(max_size=4),
+    st.just([]),
+    st.just({}),
 )
-names = st.sampled_from(["role", "count", "turns", "joins", "noise", "kind", "radius", "start", "stop", "x"])
+names = st.sampled_from(
+    ["role", "count", "turns", "joins", "noise", "kind", "radius", "start", "stop", "x"]
+)
 inner = st.dictionaries(names, junk | st.sampled_from(["SR", "SP", "SR+SP", "choice"]), max_size=4)
 agents = st.lists(inner | st.sampled_from([*AGENTS, {"role": "SR+SP", "count": 2}]), max_size=3)
 fields = st.dictionaries(
-    st.sampled_from([*Scenario.model_fields, "oops"]), junk | inner | st.lists(inner, max_size=2), max_size=4
+    st.sampled_from([*Scenario.model_fields, "oops"]),
+    junk | inner | st.lists(inner, max_size=2),
+    max_size=4,
 )
 
 
 @given(fields, agents)
-def test_a_scenario_of_anything_is_refused_clearly_or_plays(fields: dict[str, Any], agents: list[Any]) -> None:
+def test_a_scenario_of_anything_is_refused_clearly_or_plays(
+    fields: dict[str, Any], agents: list[Any]
+) -> None:
     message = "junk: "
     try:
         scenario = read_scenario({"agents": agents} | fields, "junk")
@@ -342,7 +414,10 @@ def plays(scenario: Scenario) -> None:
         ({"service": "hog", "frames": -1}, "frames is -1"),
         ({"service": "hog", "frames": ""}, "frames is ''"),
         ({"agents": [{"role": "SR", "count": 10**9}, {"role": "SP"}]}, "count"),
-        ({"agents": [{"role": "SR", "leaves": 3}, {"role": "SP", "joins": 5}]}, "no agent can rate another"),
+        (
+            {"agents": [{"role": "SR", "leaves": 3}, {"role": "SP", "joins": 5}]},
+            "no agent can rate another",
+        ),
     ],
 )
 def test_more_that_cannot_be_played_is_refused(changes, message):
@@ -358,7 +433,10 @@ def test_a_file_nested_too_deeply_is_refused(tmp_path):
 
 
 def test_the_strongest_of_overlapping_perturbations_counts_and_none_outside() -> None:
-    both = [Perturbation(start=1, stop=4, strength=0.75), Perturbation(start=2, stop=3, strength=0.5)]
+    both = [
+        Perturbation(start=1, stop=4, strength=0.75),
+        Perturbation(start=2, stop=3, strength=0.5),
+    ]
     assert [strength_in(both, round) for round in range(5)] == [0, 0.75, 0.75, 0.75, 0]
     scenario = make_scenario("paper-3x3").change(perturbations=both, max_cycles=5)
     strengths = Perturbations(scenario, np.zeros(())).strength(np.arange(5))

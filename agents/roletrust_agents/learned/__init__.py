@@ -1,7 +1,13 @@
 """Trained attackers: networks, files and policies."""
 
 from roletrust_agents.learned.coalition_member import CoalitionMember
-from roletrust_agents.learned.policy import LearnedPolicy, learned, learned_member, learned_policy, play_task
+from roletrust_agents.learned.policy import (
+    LearnedPolicy,
+    learned,
+    learned_member,
+    learned_policy,
+    play_task,
+)
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker, save_attacker
 from roletrust_agents.learned.sb3 import attacker_of, policy_of
 

@@ -78,7 +78,8 @@ class TrainingCard(UntrustedModel):
     steps: Count
     """Number of rounds of experience, in all games together."""
     rounds: Count = 0
-    """Number of all rounds played, including those for the normalisation of observations and for model selection."""
+    """Number of all rounds played, including those for the normalisation of observations and for
+    model selection."""
     seed: Count
     seconds: Annotated[float, Field(ge=0, le=1e9)]
     settings: Annotated[dict[Name, Plain], Field(max_length=100, default_factory=dict)]
@@ -86,7 +87,9 @@ class TrainingCard(UntrustedModel):
 
 
 class ScoreCard(UntrustedModel):
-    """Mean reward per round in games that were not used for training, and half its 95% confidence interval."""
+    """Mean reward per round in games that were not used for training, and half its 95% confidence
+    interval.
+    """
 
     mean: Number
     half_95: Annotated[float, Field(ge=0, le=1e6)]
@@ -119,12 +122,17 @@ class Card(UntrustedModel):
         if sum(group.count for group in self.scenario.agents) > _MAX_AGENTS:
             raise ValueError(f"the scenario has more than {_MAX_AGENTS} agents")
         roster, task = Roster.of(self.scenario), self.task
-        for names, known in ((task.compromised, roster.names), (task.accomplices, roster.provider_names)):
+        for names, known in (
+            (task.compromised, roster.names),
+            (task.accomplices, roster.provider_names),
+        ):
             if len(set(names)) < len(names) or not set(names) <= set(known):
                 raise ValueError(f"{', '.join(names)} must be different agents of the scenario")
         if isinstance(self.architecture, DeepSetArchitecture):
             if self.observation is not None or task.knowledge != "black_box":
-                raise ValueError("a deep set has black_box knowledge, and no observation besides its features")
+                raise ValueError(
+                    "a deep set has black_box knowledge, and no observation besides its features"
+                )
         elif self.observation is None:
             raise ValueError("the observation of the network is missing")
         else:
@@ -134,14 +142,20 @@ class Card(UntrustedModel):
     def _check_network(self, architecture: Architecture, observation: InputCard) -> None:
         roster, task = Roster.of(self.scenario), self.task
         total = sum(field.size for field in observation.fields)
-        if observation.fields != observation_fields(self.scenario, task.compromised, task.knowledge, total):
+        if observation.fields != observation_fields(
+            self.scenario, task.compromised, task.knowledge, total
+        ):
             raise ValueError("the fields of the observation are not those of the task")
         if not total == len(observation.mean) == len(observation.variance) == architecture.inputs:
-            raise ValueError("the observation, its normalisation and the network's inputs differ in size")
+            raise ValueError(
+                "the observation, its normalisation and the network's inputs differ in size"
+            )
         providing = sum(name in roster.provider_names for name in task.compromised)
         rating = sum(name in roster.rater_names for name in task.compromised)
         if architecture.outputs != providing + roster.n_providers * rating:
-            raise ValueError("the number of outputs of the network must be that of the actions of the agents")
+            raise ValueError(
+                "the number of outputs of the network must be that of the actions of the agents"
+            )
 
 
 def observation_fields(
@@ -163,7 +177,11 @@ def observation_fields(
     for part, fields in zip(AgentView._fields[1:], (provider, rater), strict=True):
         both += [(f"{part}.{name}", size) for name, size in fields]
     by_role: dict[Role, list[tuple[str, int]]] = {"SP": provider, "SR": rater, "SR+SP": both}
-    sizes = [(f"{agent}.{name}", size) for agent in compromised for name, size in by_role[roster.role(agent)]]
+    sizes = [
+        (f"{agent}.{name}", size)
+        for agent in compromised
+        for name, size in by_role[roster.role(agent)]
+    ]
     if knowledge != "black_box":
         sizes += [("published.raters", s), ("published.providers", p)]
     if knowledge == "white_box":

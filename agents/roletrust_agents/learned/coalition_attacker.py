@@ -36,7 +36,9 @@ class NetworkAttacker:
         observed = task if self.knowledge is None else with_knowledge(task, self.knowledge)
         return observed, self.network.begin(np.zeros(batch))
 
-    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array, Any]:
+    def act(
+        self, task: AttackTask, state: TaskState, memory: Any, random: Random
+    ) -> tuple[Array, Any]:
         """See `roletrust_env.evaluation.attackers.Attacker`."""
         observed, remembered = memory
         action, remembered = self.network(observed.observe(state), remembered)
@@ -54,7 +56,8 @@ def with_knowledge(task: AttackTask, knowledge: Knowledge) -> AttackTask:
 class CoalitionAttacker:
     """A coalition that plays any task by a network that treats providers alike.
 
-    It sees what its agents see, plays every task with any number of agents, and calls identities in reserve.
+    It sees what its agents see, plays every task with any number of agents, and calls identities in
+    reserve.
 
     Attributes:
         network: Network, or K networks for a batch of games of shape (K, G).
@@ -66,11 +69,15 @@ class CoalitionAttacker:
         """See `roletrust_env.evaluation.attackers.Attacker`."""
         return Coalition(task.game, task.identities, wide=self.network.architecture.wide), None
 
-    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Actions, Any]:
+    def act(
+        self, task: AttackTask, state: TaskState, memory: Any, random: Random
+    ) -> tuple[Actions, Any]:
         """See `roletrust_env.evaluation.attackers.Attacker`."""
         coalition, remembered = memory
         game = state.game
-        remembered = coalition.remember(game, coalition.begin(game) if remembered is None else remembered)
+        remembered = coalition.remember(
+            game, coalition.begin(game) if remembered is None else remembered
+        )
         accounts = coalition.account_features(remembered) if coalition.treats else None
         decision = decide(coalition, self.network, coalition.features(game, remembered), accounts)
         actions = coalition.actions(decision, remembered)
@@ -114,28 +121,35 @@ def recorded_coalition(units: int, weights: str) -> CoalitionAttacker:
         raise ValueError("the weights of a recorded coalition must be a text in base64") from None
     arrays = read_weights(data)
     if any(weights.dtype not in (np.float32, np.float64) for weights in arrays.values()):
-        raise ValueError("the weights of a recorded coalition must be numbers of single or double precision")
+        raise ValueError(
+            "the weights of a recorded coalition must be numbers of single or double precision"
+        )
     network = DeepSet(DeepSetArchitecture.of(units, wide="treatment1.bias" in arrays), arrays)
     if network.weights["layer2.bias"].ndim != 1:
         raise ValueError("the weights of a recorded coalition must be those of one network")
     return CoalitionAttacker(network)
 
 
-def decide(coalition: Coalition, network: DeepSet, features: Array, accounts: Array | None = None) -> Decision:
+def decide(
+    coalition: Coalition, network: DeepSet, features: Array, accounts: Array | None = None
+) -> Decision:
     """Return the decision of a coalition by its network.
 
     Args:
         coalition: Coalition; it is wide if the network is.
         network: Network.
         features: Features of the providers, see `Coalition.features`.
-        accounts: Features of the accounts, see `Coalition.account_features`; None where nobody is treated by them.
+        accounts: Features of the accounts, see `Coalition.account_features`; None where nobody is
+            treated by them.
     """
     lie, quality, *silence = network.decide(features)
     return Decision(
         lie if coalition.rates else None,
         quality if coalition.providers else None,
         silence[0] if coalition.silent else None,
-        None if accounts is None else network.treatment(accounts, features[:, coalition.providers, ...]),
+        None
+        if accounts is None
+        else network.treatment(accounts, features[:, coalition.providers, ...]),
     )
 
 
@@ -144,6 +158,11 @@ def attacker_for(network: Decider | DeepSet, knowledge: Knowledge | None = None)
 
     Args:
         network: Network of any kind.
-        knowledge: Knowledge of an attacker with a `Network`; None is that of the task. A coalition needs none.
+        knowledge: Knowledge of an attacker with a `Network`; None is that of the task. A coalition
+            needs none.
     """
-    return CoalitionAttacker(network) if isinstance(network, DeepSet) else NetworkAttacker(network, knowledge)
+    return (
+        CoalitionAttacker(network)
+        if isinstance(network, DeepSet)
+        else NetworkAttacker(network, knowledge)
+    )

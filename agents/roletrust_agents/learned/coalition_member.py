@@ -1,4 +1,6 @@
-"""A member of a coalition that decides alone, by the coalition's network and by what it sees itself."""
+"""A member of a coalition that decides alone, by the coalition's network and by what it sees
+itself.
+"""
 
 from typing import Any, ClassVar, NamedTuple
 
@@ -26,10 +28,11 @@ class CoalitionSize(NamedTuple):
 
 
 class _MemberMemory(NamedTuple):
-    """What the two roles of a member remember; None before the first round, and of a network that is not wide.
+    """What the two roles of a member remember; None before the first round, and of a network that
+    is not wide.
 
-    `silence` is what the network decided with the last ratings, and `serving` the features and the quality with which
-    the provider then treats raters.
+    `silence` is what the network decided with the last ratings, and `serving` the features and the
+    quality with which the provider then treats raters.
     """
 
     rater: CoalitionMemory | None = None
@@ -41,24 +44,35 @@ class _MemberMemory(NamedTuple):
 class CoalitionMember(Policy):
     """Policy of one member of a trained coalition. The members do not communicate.
 
-    Each member runs the coalition's network, on the same features as `CoalitionAttacker`, from what its own view has:
+    Each member runs the coalition's network, on the same features as `CoalitionAttacker`, from what
+    its own view has:
 
-    - A rater sees the published trust of all providers. It perceives only the services that it gets, knows only its own
-      ratings, and takes its own ToR for that of the coalition.
-    - A provider sees its own trust only, and takes it for that of all providers, as a coalition without raters does.
+    - A rater sees the published trust of all providers. It perceives only the services that it
+      gets, knows only its own ratings, and takes its own ToR for that of the coalition.
+    - A provider sees its own trust only, and takes it for that of all providers, as a coalition
+      without raters does.
 
-    So raters that see the same lie in the same way. With noise, each has its own estimate of a provider, while
-    `CoalitionAttacker` pools them. Identities in reserve are not called. A provider keeps accounts of its own.
+    So raters that see the same lie in the same way. With noise, each has its own estimate of a
+    provider, while `CoalitionAttacker` pools them. Identities in reserve are not called. A provider
+    keeps accounts of its own.
 
     Args:
         network: Network of the coalition.
-        size: Size of the game in training; it fixes `own_share` and the clock. In a longer game, the clock stops.
+        size: Size of the game in training; it fixes `own_share` and the clock. In a longer game,
+            the clock stops.
         accomplices: Indices of the coalition's providers on the provider axis.
         description: Description of this attacker, for its `repr`.
     """
 
-    def __init__(self, network: DeepSet, size: CoalitionSize, accomplices: tuple[int, ...], description: str) -> None:
-        self._network, self._size, self._accomplices, self._description = network, size, accomplices, description
+    def __init__(
+        self, network: DeepSet, size: CoalitionSize, accomplices: tuple[int, ...], description: str
+    ) -> None:
+        self._network, self._size, self._accomplices, self._description = (
+            network,
+            size,
+            accomplices,
+            description,
+        )
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._description})"
@@ -76,9 +90,13 @@ class CoalitionMember(Policy):
         published = to_digits(view.published)
         places = range(published.shape[0])
         if not set(self._accomplices) <= set(places):
-            raise ValueError(f"{self!r}: accomplices is {self._accomplices}; there are {len(places)} providers")
+            raise ValueError(
+                f"{self!r}: accomplices is {self._accomplices}; there are {len(places)} providers"
+            )
         before = memory.rater or CoalitionMemory.begin(published)
-        known = before.remember(published).perceive(view.service[None, ...], view.awaiting[None, ...])
+        known = before.remember(published).perceive(
+            view.service[None, ...], view.awaiting[None, ...]
+        )
         xp = namespace(published)
         features = self._features(
             view,
@@ -91,11 +109,15 @@ class CoalitionMember(Policy):
         silence = decided[2] if self._network.architecture.wide else None
         return lie_ratings(known, decided[0]), memory._replace(rater=known, silence=silence)
 
-    def withholds(self, view: RaterView, memory: _MemberMemory, random: Random) -> tuple[Array | None, Any]:
+    def withholds(
+        self, view: RaterView, memory: _MemberMemory, random: Random
+    ) -> tuple[Array | None, Any]:
         """Return which ratings a wide network withholds. See `Policy.withholds`."""
         return None if memory.silence is None else memory.silence > 0.5, memory
 
-    def quality(self, view: ProviderView, memory: _MemberMemory, random: Random) -> tuple[Array, Any]:
+    def quality(
+        self, view: ProviderView, memory: _MemberMemory, random: Random
+    ) -> tuple[Array, Any]:
         """Return the quality that the network chooses. See `Policy.quality`."""
         xp, own = namespace(view.trust), to_digits(view.trust)
         published = xp.broadcast_to(own[None, ...], (self._size.providers, *own.shape))
@@ -111,24 +133,33 @@ class CoalitionMember(Policy):
         quality = self._network.decide(features)[1, 0]
         if known.accounts is not None:
             heard = known.accounts.hear(view.ratings[:, None, ...], view.rated[:, None, ...])
-            known, memory = known._replace(accounts=heard), memory._replace(serving=(features[:, :1, ...], quality))
+            known, memory = (
+                known._replace(accounts=heard),
+                memory._replace(serving=(features[:, :1, ...], quality)),
+            )
         return quality, memory._replace(provider=known)
 
     def _begin_serving(self, published: Array, view: ProviderView) -> CoalitionMemory:
-        """Return the memory of a provider before the first round; one of a wide network keeps accounts."""
+        """Return the memory of a provider before the first round; one of a wide network keeps
+        accounts.
+        """
         memory = CoalitionMemory.begin(published)
         if not self._network.architecture.wide:
             return memory
         nothing = 0 * view.ratings[:, None, ...]
         return memory._replace(accounts=Accounts.begin(nothing), given=nothing)
 
-    def treats(self, view: ProviderView, memory: _MemberMemory, random: Random) -> tuple[Array | None, Any]:
+    def treats(
+        self, view: ProviderView, memory: _MemberMemory, random: Random
+    ) -> tuple[Array | None, Any]:
         """Return how a wide network treats each rater. See `Policy.treats`."""
         known = memory.provider
         if memory.serving is None or known is None or known.accounts is None or known.given is None:
             return None, memory
         xp, given, (features, quality) = namespace(known.given), known.given, memory.serving
-        place = xp.arange(given.shape[0], dtype=given.dtype, device=given.device) / max(1, given.shape[0] - 1)
+        place = xp.arange(given.shape[0], dtype=given.dtype, device=given.device) / max(
+            1, given.shape[0] - 1
+        )
         accounts = account_features(
             known.accounts,
             best_other=known.published[0, ...],
@@ -177,11 +208,18 @@ class CheatingMember(CoalitionMember):
 class FullMember(CoalitionMember):
     """Member of a coalition of raters and providers."""
 
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "treatment", "ratings", "silence"})
+    attacks: ClassVar[frozenset[Channel]] = frozenset(
+        {"quality", "treatment", "ratings", "silence"}
+    )
 
 
 def member_of(
-    network: DeepSet, size: CoalitionSize, accomplices: tuple[int, ...], *, provides: bool, description: str
+    network: DeepSet,
+    size: CoalitionSize,
+    accomplices: tuple[int, ...],
+    *,
+    provides: bool,
+    description: str,
 ) -> CoalitionMember:
     """Return the policy of each member of a coalition.
 
@@ -193,13 +231,17 @@ def member_of(
         description: See `CoalitionMember`.
 
     Raises:
-        ValueError: The coalition was trained with providers and has no accomplices, or the other way round.
+        ValueError: The coalition was trained with providers and has no accomplices, or the other
+            way round.
     """
     if provides and not accomplices:
         raise ValueError(
-            f"{description}: the coalition was trained with providers; name those of yours, such as accomplices=[sp_0]"
+            f"{description}: the coalition was trained with providers; name those of yours, such "
+            "as accomplices=[sp_0]"
         )
     if accomplices and not provides:
-        raise ValueError(f"{description}: the coalition was trained without providers; it has no accomplices")
+        raise ValueError(
+            f"{description}: the coalition was trained without providers; it has no accomplices"
+        )
     kind = (FullMember if size.rater_share else CheatingMember) if provides else LyingMember
     return kind(network, size, accomplices, description)

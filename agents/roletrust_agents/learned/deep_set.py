@@ -1,4 +1,6 @@
-"""The network of a coalition: it treats all providers alike, so that it plays with any number of them."""
+"""The network of a coalition: it treats all providers alike, so that it plays with any number of
+them.
+"""
 
 from collections.abc import Mapping
 from math import prod
@@ -21,7 +23,9 @@ GAIN = 3.0
 
 
 class DeepSetArchitecture(BaseModel):
-    """Architecture of a `DeepSet`: two layers for each provider, of which the second sees the mean over providers."""
+    """Architecture of a `DeepSet`: two layers for each provider, of which the second sees the mean
+    over providers.
+    """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
 
@@ -33,13 +37,16 @@ class DeepSetArchitecture(BaseModel):
     identity_features: tuple[str, ...] = IDENTITY_FEATURES
     """Names of the features of an identity."""
     account_features: tuple[str, ...] = ()
-    """Names of the features of an account of a wide network, which also decides on silence and on the treatment of each
-    rater; empty for one that does not."""
+    """Names of the features of an account of a wide network, which also decides on silence and on
+    the treatment of each rater; empty for one that does not."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         of_accounts = self.account_features in ((), ACCOUNT_FEATURES)
-        if not of_accounts or (self.features, self.identity_features) != (FEATURES, IDENTITY_FEATURES):
+        if not of_accounts or (self.features, self.identity_features) != (
+            FEATURES,
+            IDENTITY_FEATURES,
+        ):
             raise ValueError("the features are not those of this version of the package")
         return self
 
@@ -92,24 +99,25 @@ class DeepSetArchitecture(BaseModel):
 
 
 class DeepSet:
-    """Network from the features of providers to the decision of a coalition, after Zaheer et al. (2017).
+    """Network from the features of providers to the decision of a coalition, after Zaheer et al.
+    (2017).
 
-    For each provider i with features x_i: u_i = tanh(A x_i + a), v_i = tanh(B u_i + C mean_j u_j + b), and
-    (l_i, q_i, g_i) = 0.5 + 0.5 tanh(3 (D v_i + E x_i + d)). The decision is the lie 0.5 + g_i (l_i - 0.5), of which 0.5
-    is the truth, and the quality q_i if the provider is an accomplice. The gate g_i lets a liar tell the truth most of
-    the time, and so keep its trust. A second, smaller network decides for each identity in reserve whether it shall be
-    present.
+    For each provider i with features x_i: u_i = tanh(A x_i + a), v_i = tanh(B u_i + C mean_j u_j +
+        b), and (l_i, q_i, g_i) = 0.5 + 0.5 tanh(3 (D v_i + E x_i + d)). The decision is the lie 0.5
+        + g_i (l_i - 0.5), of which 0.5 is the truth, and the quality q_i if the provider is an
+        accomplice. The gate g_i lets a liar tell the truth most of the time, and so keep its trust.
+        A second, smaller network decides for each identity in reserve whether it shall be present.
 
-    A wide network also decides on silence, s_i = 0.5 + 0.5 tanh(3 (S v_i + T x_i + s)), and on the treatment of each
-    rater k with the account z_ki by its own provider i: 0.5 + 0.5 tanh(3 (H w_ki + K z_ki + h)) with
-    w_ki = tanh(F z_ki + G x_i + f). It treats all raters by the same rule.
+    A wide network also decides on silence, s_i = 0.5 + 0.5 tanh(3 (S v_i + T x_i + s)), and on the
+    treatment of each rater k with the account z_ki by its own provider i: 0.5 + 0.5 tanh(3 (H w_ki
+    + K z_ki + h)) with w_ki = tanh(F z_ki + G x_i + f). It treats all raters by the same rule.
 
     K networks of one architecture play side by side in a batch of shape (K, G).
 
     Args:
         architecture: Architecture.
-        weights: Weights by the names of `DeepSetArchitecture.shapes`, each with one further axis K in front, or
-            without it for a single network.
+        weights: Weights by the names of `DeepSetArchitecture.shapes`, each with one further axis K
+            in front, or without it for a single network.
 
     Raises:
         ValueError: A weight is missing, superfluous, of the wrong shape, or not finite.
@@ -118,12 +126,16 @@ class DeepSet:
     def __init__(self, architecture: DeepSetArchitecture, weights: Mapping[str, Array]) -> None:
         shapes = architecture.shapes()
         if set(weights) != set(shapes):
-            raise ValueError(f"the weights are {sorted(weights)}; the architecture has {sorted(shapes)}")
+            raise ValueError(
+                f"the weights are {sorted(weights)}; the architecture has {sorted(shapes)}"
+            )
         rows = weights["layer2.bias"].shape[:-1]
         for name, shape in shapes.items():
             found = tuple(weights[name].shape)
             if len(rows) > 1 or found != (*rows, *shape):
-                raise ValueError(f"weight {name!r} has the shape {found}; the architecture has {shape}")
+                raise ValueError(
+                    f"weight {name!r} has the shape {found}; the architecture has {shape}"
+                )
             if not bool(namespace(weights[name]).isfinite(weights[name]).all()):
                 raise ValueError(f"weight {name!r} has entries that are not finite")
         self.architecture = architecture
@@ -131,7 +143,9 @@ class DeepSet:
 
     @classmethod
     def unflatten(cls, architecture: DeepSetArchitecture, vector: Array) -> Self:
-        """Return the network with its weights in a vector, shape (n,), or K networks, shape (K, n)."""
+        """Return the network with its weights in a vector, shape (n,), or K networks, shape (K,
+        n).
+        """
         weights, at = {}, 0
         for name, shape in architecture.shapes().items():
             weights[name] = vector[..., at : at + prod(shape)].reshape(*vector.shape[:-1], *shape)
@@ -141,7 +155,10 @@ class DeepSet:
     def flatten(self) -> Array:
         """Return the weights as a vector, shape (n,), or (K, n) for K networks."""
         shapes = self.architecture.shapes()
-        parts = [self.weights[name].reshape(*self.weights[name].shape[: -len(s)], -1) for name, s in shapes.items()]
+        parts = [
+            self.weights[name].reshape(*self.weights[name].shape[: -len(s)], -1)
+            for name, s in shapes.items()
+        ]
         return namespace(parts[0]).concat(parts, axis=-1)
 
     def decide(self, features: Array) -> Array:
@@ -159,7 +176,11 @@ class DeepSet:
         x = xp.tanh(x + own["layer1.bias"][..., None, None]).reshape(k, -1, cells)
 
         def outputs(name: str) -> Array:
-            linear = own[f"{name}.weight"] @ x + own[f"{name}.skip"] @ seen + own[f"{name}.bias"][..., None]
+            linear = (
+                own[f"{name}.weight"] @ x
+                + own[f"{name}.skip"] @ seen
+                + own[f"{name}.bias"][..., None]
+            )
             return self._decisions(GAIN * linear, features)
 
         lie, quality, gate = outputs("layer2")
@@ -177,19 +198,38 @@ class DeepSet:
         flat, own = accounts.reshape(a, s * n, *batch), self._constants(features)
         z, of_provider = self._rows(flat), own["treatment0.provider"] @ self._rows(features)
         k, units, cells = of_provider.shape
-        hidden = (own["treatment0.weight"] @ z).reshape(k, units, s, cells) + of_provider[:, :, None, :]
-        hidden = namespace(z).tanh(hidden + own["treatment0.bias"][..., None, None]).reshape(k, units, -1)
-        x = own["treatment1.weight"] @ hidden + own["treatment1.skip"] @ z + own["treatment1.bias"][..., None]
+        hidden = (own["treatment0.weight"] @ z).reshape(k, units, s, cells) + of_provider[
+            :, :, None, :
+        ]
+        hidden = (
+            namespace(z)
+            .tanh(hidden + own["treatment0.bias"][..., None, None])
+            .reshape(k, units, -1)
+        )
+        x = (
+            own["treatment1.weight"] @ hidden
+            + own["treatment1.skip"] @ z
+            + own["treatment1.bias"][..., None]
+        )
         return self._decisions(GAIN * x, flat)[0].reshape(s, n, *batch)
 
     def presence(self, features: Array) -> Array:
-        """Return whether each identity shall be present, boolean, shape (n, ...), from features, shape (I, n, ...)."""
+        """Return whether each identity shall be present, boolean, shape (n, ...), from features,
+        shape (I, n, ...).
+        """
         x, own = self._rows(features), self._constants(features)
         x = namespace(features).tanh(own["presence0.weight"] @ x + own["presence0.bias"][..., None])
-        return self._decisions(own["presence1.weight"] @ x + own["presence1.bias"][..., None], features)[0] > 0.5
+        return (
+            self._decisions(
+                own["presence1.weight"] @ x + own["presence1.bias"][..., None], features
+            )[0]
+            > 0.5
+        )
 
     def _rows(self, features: Array) -> Array:
-        """Return features as K matrices, (K, F, P * G). One network sees the whole batch as one row."""
+        """Return features as K matrices, (K, F, P * G). One network sees the whole batch as one
+        row.
+        """
         xp, (f, p, *batch) = namespace(features), features.shape
         if self.weights["layer2.bias"].ndim == 1:
             return features.reshape(1, f, -1)
@@ -206,15 +246,23 @@ class DeepSet:
         """Return the weights in the array library, dtype and device of an array."""
         first = self.weights["layer2.bias"]
         if type(first) is type(like):
-            same = {name: w if w.dtype == like.dtype else cast(w, like.dtype) for name, w in self.weights.items()}
+            same = {
+                name: w if w.dtype == like.dtype else cast(w, like.dtype)
+                for name, w in self.weights.items()
+            }
         else:
             xp = namespace(like)
-            same = {name: xp.asarray(w, dtype=like.dtype, device=like.device) for name, w in self.weights.items()}
+            same = {
+                name: xp.asarray(w, dtype=like.dtype, device=like.device)
+                for name, w in self.weights.items()
+            }
         return same
 
 
 def random_weights(architecture: DeepSetArchitecture, random: np.random.Generator) -> Any:
-    """Return weights to begin a training with, shape (n,): normal, with the variance 1 over the number of inputs."""
+    """Return weights to begin a training with, shape (n,): normal, with the variance 1 over the
+    number of inputs.
+    """
     parts = []
     for name, shape in architecture.shapes().items():
         spread = 0.0 if name.endswith("bias") else shape[-1] ** -0.5
@@ -226,9 +274,10 @@ _TREATMENTS: tuple[dict[str, float], ...] = (
     {"bias": 5.7, "account": -10.0, "own_lead": -30.0},
     {"bias": 7.4, "account": -7.0, "known": -7.0},
 )
-"""Treatments from which trainings of wide networks begin, by their weights in the last layer. One is bad where the mean
-rating of the rater is above 0.57 and no other own provider has a better one: a single provider is enough to cheat. The
-other is bad above a threshold that falls from 0.72 after one rating to 0.35 after five."""
+"""Treatments from which trainings of wide networks begin, by their weights in the last layer. One
+is bad where the mean rating of the rater is above 0.57 and no other own provider has a better one:
+a single provider is enough to cheat. The other is bad above a threshold that falls from 0.72 after
+one rating to 0.35 after five."""
 
 ALIKE = 1.0  # bias of the treatment that serves all raters alike
 TALKATIVE = -0.5  # bias of silence: every rating is sent, and a training soon meets silence
@@ -236,10 +285,11 @@ _WELL = 1.5  # bias of the quality of providers that decide by treatment alone
 
 
 def widened(network: DeepSet) -> list[DeepSet]:
-    """Return wide networks that lie and call identities as a network does, and differ in how they serve.
+    """Return wide networks that lie and call identities as a network does, and differ in how they
+    serve.
 
-    The first one serves as the network does. The others serve each rater by its account, with the network's quality as
-    the best one and with full quality.
+    The first one serves as the network does. The others serve each rater by its account, with the
+    network's quality as the best one and with full quality.
 
     Args:
         network: Network; a wide one is returned as it is.
@@ -247,7 +297,9 @@ def widened(network: DeepSet) -> list[DeepSet]:
     if network.architecture.wide:
         return [network]
     architecture = DeepSetArchitecture.of(network.architecture.units, wide=True)
-    shapes = {name: shape for name, shape in architecture.shapes().items() if name not in network.weights}
+    shapes = {
+        name: shape for name, shape in architecture.shapes().items() if name not in network.weights
+    }
 
     def wide(treatment: Mapping[str, float], weights: Mapping[str, Array]) -> DeepSet:
         further = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
@@ -261,4 +313,7 @@ def widened(network: DeepSet) -> list[DeepSet]:
     for name in ("layer2.weight", "layer2.skip", "layer2.bias"):
         well[name][1] = _WELL if name == "layer2.bias" else 0.0
     served = (network.weights, well)
-    return [wide({"bias": ALIKE}, network.weights), *(wide(one, own) for own in served for one in _TREATMENTS)]
+    return [
+        wide({"bias": ALIKE}, network.weights),
+        *(wide(one, own) for own in served for one in _TREATMENTS),
+    ]

@@ -23,7 +23,8 @@ _RUN_FIELDS: Any = {
 @refuse_unknown
 @dataclass(frozen=True)
 class Learned:
-    """Search method that loads a saved attacker of `roletrust train`. Its rounds and seconds are those of the training.
+    """Search method that loads a saved attacker of `roletrust train`. Its rounds and seconds are
+    those of the training.
 
     Attributes:
         path: Path of its folder, or of one of its two files.
@@ -41,28 +42,35 @@ class Learned:
         card, task = saved.card, exact_task(arguments)
         if isinstance(saved.network, Network):
             architecture = saved.network.architecture
-            seen, needed = _observation_size(with_knowledge(task, card.task.knowledge)), architecture.inputs
+            seen, needed = (
+                _observation_size(with_knowledge(task, card.task.knowledge)),
+                architecture.inputs,
+            )
             if (seen, task.action_size) != (needed, architecture.outputs):
                 raise UnsuitableError(
-                    f"{self.path} learned with {needed} observations and {architecture.outputs} actions; "
+                    f"{self.path} learned with {needed} observations and {architecture.outputs} "
+                    "actions; "
                     f"this task has {seen} and {task.action_size}"
                 )
         attacker = attacker_for(saved.network, card.task.knowledge)
         words = f"{card.training.algorithm} on {card.task.id}, {card.task.knowledge}"
-        return SearchResult(attacker, card.training.rounds or card.training.steps, words, card.training.seconds)
+        return SearchResult(
+            attacker, card.training.rounds or card.training.steps, words, card.training.seconds
+        )
 
 
 def learned_methods(folder: Path, seeds: Sequence[int], name: str) -> list[Learned]:
     """Return the runs of one training as search methods, one for each seed.
 
     Args:
-        folder: Folder of a single run, which can have any seed, or folder with a subfolder for each run, see
-            `roletrust train --runs`.
+        folder: Folder of a single run, which can have any seed, or folder with a subfolder for each
+            run, see `roletrust train --runs`.
         seeds: Seeds that the runs must have.
         name: Name in tables.
 
     Raises:
-        ValueError: A file is not valid, the runs do not have these seeds, or they differ in more than their seed.
+        ValueError: A file is not valid, the runs do not have these seeds, or they differ in more
+            than their seed.
     """
     from roletrust_agents.learned.saved import load_attacker
 
@@ -77,10 +85,13 @@ def learned_methods(folder: Path, seeds: Sequence[int], name: str) -> list[Learn
     if sorted(runs) != list(seeds):
         available = ", ".join(map(str, sorted(runs))) or "none"
         raise ValueError(
-            f"{folder} holds runs of the seeds {available}; this ladder has the seeds {', '.join(map(str, seeds))}"
+            f"{folder} holds runs of the seeds {available}; this ladder has the seeds "
+            f"{', '.join(map(str, seeds))}"
         )
     if len(trainings) > 1:
-        raise ValueError(f"the runs in {folder} differ in more than their seed; they are not one search method")
+        raise ValueError(
+            f"the runs in {folder} differ in more than their seed; they are not one search method"
+        )
     return [Learned(runs[seed], name) for seed in seeds]
 
 

@@ -15,7 +15,8 @@ MAX_WEIGHTS = 4_000_000
 """Largest number of weights of a network."""
 
 _MAX_WORK = 100 * MAX_WEIGHTS
-"""Largest number of multiplications in a decision. A network with heads uses its weights several times."""
+"""Largest number of multiplications in a decision. A network with heads uses its weights several
+times."""
 
 _CLIP = 10.0  # limit on normalised inputs, in standard deviations
 
@@ -26,7 +27,8 @@ _STRICT = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=Fal
 
 
 class Head(BaseModel):
-    """Small network that is applied once for each of several outputs, with the inputs that concern this output.
+    """Small network that is applied once for each of several outputs, with the inputs that concern
+    this output.
 
     A learned vector for each output is added to the first layer.
     """
@@ -40,9 +42,11 @@ class Head(BaseModel):
 
 
 class Architecture(BaseModel):
-    """Architecture: normalised inputs -> optional LSTM -> hidden layers -> outputs in [-1, 1] -> actions in [0, 1].
+    """Architecture: normalised inputs -> optional LSTM -> hidden layers -> outputs in [-1, 1] ->
+    actions in [0, 1].
 
-    There is either one network from all inputs to all outputs, or several heads with hidden layers of their own.
+    There is either one network from all inputs to all outputs, or several heads with hidden layers
+    of their own.
     """
 
     model_config = _STRICT
@@ -73,20 +77,31 @@ class Architecture(BaseModel):
     def _check_heads(self) -> None:
         if self.lstm or not self.hidden:
             raise ValueError("a network with heads must have hidden layers and no LSTM")
-        if sorted(index for head in self.heads for index in head.outputs) != list(range(self.outputs)):
+        if sorted(index for head in self.heads for index in head.outputs) != list(
+            range(self.outputs)
+        ):
             raise ValueError(f"each of the {self.outputs} outputs must belong to exactly one head")
         for head in self.heads:
             sizes = {len(inputs) for inputs in head.sees}
             if len(head.sees) != len(head.outputs) or len(sizes) != 1 or not head.sees[0]:
-                raise ValueError("a head must have the same number of inputs, 1 or more, for each of its outputs")
+                raise ValueError(
+                    "a head must have the same number of inputs, 1 or more, for each of its outputs"
+                )
             if max(max(inputs) for inputs in head.sees) >= self.inputs:
-                raise ValueError(f"an input of a head is not one of the {self.inputs} inputs of the network")
-        work = sum(len(head.outputs) * sum(map(prod, self._head(h).values())) for h, head in enumerate(self.heads))
+                raise ValueError(
+                    f"an input of a head is not one of the {self.inputs} inputs of the network"
+                )
+        work = sum(
+            len(head.outputs) * sum(map(prod, self._head(h).values()))
+            for h, head in enumerate(self.heads)
+        )
         if work > _MAX_WORK:
             raise ValueError(f"the heads take {work} multiplications; the limit is {_MAX_WORK}")
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the shape of each weight by its name. The gates of the LSTM are in the order of torch: i, f, g, o."""
+        """Return the shape of each weight by its name. The gates of the LSTM are in the order of
+        torch: i, f, g, o.
+        """
         shapes: dict[str, tuple[int, ...]] = {}
         if self.heads:
             for h in range(len(self.heads)):
@@ -101,7 +116,9 @@ class Architecture(BaseModel):
         return shapes | _layers("", (width, *self.hidden, self.outputs))
 
     def _head(self, h: int) -> dict[str, tuple[int, ...]]:
-        """Return the shapes of the weights of a head. `own` holds the vector of each output for the first layer."""
+        """Return the shapes of the weights of a head. `own` holds the vector of each output for the
+        first layer.
+        """
         head = self.heads[h]
         own = {f"head{h}.own": (len(head.outputs), self.hidden[0])}
         return own | _layers(f"head{h}.", (len(head.sees[0]), *self.hidden, 1))
@@ -118,7 +135,9 @@ class Decider(Protocol):
         """Return the memory before the first observation, for `like` of the shape of the batch."""
 
     def __call__(self, observation: Array, memory: Any = None) -> tuple[Array, Any]:
-        """Return the actions in [0, 1], (A, ...), for observations, (K, ...), and the new memory."""
+        """Return the actions in [0, 1], (A, ...), for observations, (K, ...), and the new
+        memory.
+        """
 
 
 class Network:
@@ -127,7 +146,8 @@ class Network:
     Args:
         architecture: Architecture.
         mean: Mean of each input, shape (K,), which the normalisation subtracts.
-        variance: Variance of each input, shape (K,), by whose square root the normalisation then divides.
+        variance: Variance of each input, shape (K,), by whose square root the normalisation then
+            divides.
         weights: Weights with the names and shapes of `Architecture.shapes`, float32.
 
     Raises:
@@ -135,25 +155,37 @@ class Network:
     """
 
     def __init__(
-        self, architecture: Architecture, mean: Floats, variance: Floats, weights: Mapping[str, Floats]
+        self,
+        architecture: Architecture,
+        mean: Floats,
+        variance: Floats,
+        weights: Mapping[str, Floats],
     ) -> None:
         shapes = architecture.shapes()
         if set(weights) != set(shapes):
-            raise ValueError(f"the weights are {sorted(weights)}; the architecture has {sorted(shapes)}")
+            raise ValueError(
+                f"the weights are {sorted(weights)}; the architecture has {sorted(shapes)}"
+            )
         for name, shape in shapes.items():
             weight = weights[name]
             if weight.shape != shape or weight.dtype != np.float32:
                 raise ValueError(
-                    f"weight {name!r} is {weight.dtype} of shape {weight.shape}; it must be float32 of shape {shape}"
+                    f"weight {name!r} is {weight.dtype} of shape {weight.shape}; it must be "
+                    f"float32 of shape {shape}"
                 )
             if not np.isfinite(weight).all():
                 raise ValueError(f"weight {name!r} holds NaN or infinity")
         if mean.shape != (architecture.inputs,) or variance.shape != (architecture.inputs,):
-            raise ValueError(f"mean and variance must have one entry for each of the {architecture.inputs} inputs")
+            raise ValueError(
+                f"mean and variance must have one entry for each of the {architecture.inputs} "
+                "inputs"
+            )
         self.architecture = architecture
         self.mean, self.variance = mean, variance
         self.weights = dict(weights)
-        self._order = np.argsort([place for head in architecture.heads for place in head.outputs]).tolist()
+        self._order = np.argsort(
+            [place for head in architecture.heads for place in head.outputs]
+        ).tolist()
 
     @property
     def has_memory(self) -> bool:
@@ -164,20 +196,32 @@ class Network:
         """Return the memory before the first observation, shape (2 H, ...); None without an LSTM.
 
         Args:
-            like: Array of the shape of the batch (...), of the library, dtype and device to work with.
+            like: Array of the shape of the batch (...), of the library, dtype and device to work
+                with.
         """
         if not self.architecture.lstm:
             return None
         return namespace(like).stack([0 * like] * (2 * self.architecture.lstm))
 
-    def __call__(self, observation: Array, memory: Array | None = None) -> tuple[Array, Array | None]:
-        """Return actions in [0, 1], shape (A, ...), for observations of shape (K, ...), and the new memory."""
+    def __call__(
+        self, observation: Array, memory: Array | None = None
+    ) -> tuple[Array, Array | None]:
+        """Return actions in [0, 1], shape (A, ...), for observations of shape (K, ...), and the new
+        memory.
+        """
         xp, batch = namespace(observation), tuple(observation.shape[1:])
         if observation.shape[0] != self.architecture.inputs:
-            raise ValueError(f"the observation has {observation.shape[0]} entries, not {self.architecture.inputs}")
+            raise ValueError(
+                f"the observation has {observation.shape[0]} entries, not "
+                f"{self.architecture.inputs}"
+            )
 
         def constant(values: Floats) -> Array:
-            return values if xp is np else xp.asarray(values, dtype=observation.dtype, device=observation.device)
+            return (
+                values
+                if xp is np
+                else xp.asarray(values, dtype=observation.dtype, device=observation.device)
+            )
 
         x = observation.reshape(observation.shape[0], -1)
         x = (x - constant(self.mean)[:, None]) / constant(np.sqrt(self.variance))[:, None]
@@ -190,7 +234,10 @@ class Network:
             memory = memory.reshape(-1, *batch)
         if self.architecture.heads:
             heads = enumerate(self.architecture.heads)
-            rows = [self._layers(f"head{h}.", x[xp.asarray(head.sees)], constant)[:, 0] for h, head in heads]
+            rows = [
+                self._layers(f"head{h}.", x[xp.asarray(head.sees)], constant)[:, 0]
+                for h, head in heads
+            ]
             x = xp.concat(rows)[self._order]
         else:
             x = self._layers("", x, constant)
@@ -198,7 +245,9 @@ class Network:
         return (x * 0.5 + 0.5).reshape(-1, *batch), memory
 
     def _layers(self, name: str, x: Array, constant: Callable[[Floats], Array]) -> Array:
-        """Apply the layers of a head, (n, k, B) -> (n, 1, B), or of a network without heads, (K, B) -> (A, B)."""
+        """Apply the layers of a head, (n, k, B) -> (n, 1, B), or of a network without heads, (K, B)
+        -> (A, B).
+        """
         xp, last = namespace(x), len(self.architecture.hidden)
         for i in range(last + 1):
             x = (
@@ -213,7 +262,9 @@ class Network:
 
 
 def _layers(name: str, widths: Sequence[int]) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of the weights of dense layers. The widths are the number of inputs, then of the units."""
+    """Return the shapes of the weights of dense layers. The widths are the number of inputs, then
+    of the units.
+    """
     shapes: dict[str, tuple[int, ...]] = {}
     for i, (inputs, units) in enumerate(pairwise(widths)):
         shapes[f"{name}layer{i}.weight"], shapes[f"{name}layer{i}.bias"] = (units, inputs), (units,)
@@ -221,7 +272,9 @@ def _layers(name: str, widths: Sequence[int]) -> dict[str, tuple[int, ...]]:
 
 
 def _lstm(xp: Any, weights: list[Array], x: Array, memory: Array) -> tuple[Array, Array]:
-    """Return the output of one step of an LSTM (Hochreiter and Schmidhuber, 1997), and its hidden and cell state."""
+    """Return the output of one step of an LSTM (Hochreiter and Schmidhuber, 1997), and its hidden
+    and cell state.
+    """
     input_weights, hidden_weights, bias = weights
     units = hidden_weights.shape[1]
     gates = input_weights @ x + hidden_weights @ memory[:units] + bias[:, None]

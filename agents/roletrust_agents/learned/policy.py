@@ -1,4 +1,6 @@
-"""Trained attackers in games: as policies like the scripted ones, or as the attacker of their own task."""
+"""Trained attackers in games: as policies like the scripted ones, or as the attacker of their own
+task.
+"""
 
 from typing import Any, ClassVar
 
@@ -24,10 +26,12 @@ from roletrust_env.world.roster import Roster, role_in_name
 class LearnedPolicy(Policy):
     """Policy of a trained attacker that controls one agent.
 
-    `learned_policy` returns the policy of a saved attacker, and `policy_of` that of a model of Stable-Baselines3.
+    `learned_policy` returns the policy of a saved attacker, and `policy_of` that of a model of
+    Stable-Baselines3.
 
-    The observations are those of the training, so the games must have the same number of raters and providers. In a
-    longer game, the observed time stops at the end of the game length known from training.
+    The observations are those of the training, so the games must have the same number of raters and
+    providers. In a longer game, the observed time stops at the end of the game length known from
+    training.
 
     Args:
         decide: Network or model that was trained for one agent, with the knowledge `"black_box"`.
@@ -46,12 +50,16 @@ class LearnedPolicy(Policy):
         return self._decider.begin(random.uniform(shape)) if self._decider.has_memory else None
 
     def _decide(self, observation: Array, memory: Any) -> tuple[Array, Any]:
-        """Return the action, shape (A, ...), for an observation, shape (K, ...), clipped to the range of training."""
+        """Return the action, shape (A, ...), for an observation, shape (K, ...), clipped to the
+        range of training.
+        """
         try:
             return self._decider(namespace(observation).clip(observation, 0.0, 1.0), memory)
         except ValueError as error:
             size = f"{self._layout.n_raters} raters and {self._layout.n_providers} providers"
-            raise ValueError(f"{self!r} was trained with {size}, and can play only with as many: {error}") from None
+            raise ValueError(
+                f"{self!r} was trained with {size}, and can play only with as many: {error}"
+            ) from None
 
 
 class LearnedProvider(LearnedPolicy):
@@ -94,28 +102,39 @@ def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
     """Return the policy of a saved attacker.
 
     Raises:
-        ValueError: The attacker controls several agents, or observes more than a view of its agent. Such attackers play
-            in their own task, see `play_task`.
+        ValueError: The attacker controls several agents, or observes more than a view of its agent.
+            Such attackers play in their own task, see `play_task`.
     """
     card, task = attacker.card, attacker.card.task
     if isinstance(attacker.network, DeepSet):
         raise ValueError(
-            "the attacker is a coalition, which plays all compromised agents of a task as one mind; play it as a "
+            "the attacker is a coalition, which plays all compromised agents of a task as one "
+            "mind; play it as a "
             "search method, see `CoalitionAttacker`. Members that each decide "
             "alone are `learned_member`"
         )
     if len(task.compromised) > 1 or task.knowledge != "black_box":
         raise ValueError(
-            f"the attacker controls {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy controls "
-            "one agent with black_box knowledge. The attacker can play in its own task: see `play_task`"
+            f"the attacker controls {', '.join(task.compromised)} with {task.knowledge} knowledge; "
+            "a policy controls "
+            "one agent with black_box knowledge. The attacker can play in its own task: see "
+            "`play_task`"
         )
     description = f"{card.training.algorithm}, {card.task.id}, {card.weights_sha256[:8]}"
-    return policy_for(role_in_name(task.compromised[0]), attacker.network, attacker.layout, description)
+    return policy_for(
+        role_in_name(task.compromised[0]), attacker.network, attacker.layout, description
+    )
 
 
 def policy_for(role: Role, decide: Decider, layout: Layout, description: str) -> LearnedPolicy:
-    """Return the policy for an agent of a role. The other arguments are those of `LearnedPolicy`."""
-    classes: dict[Role, type[LearnedPolicy]] = {"SP": LearnedProvider, "SR": LearnedRater, "SR+SP": LearnedBoth}
+    """Return the policy for an agent of a role. The other arguments are those of
+    `LearnedPolicy`.
+    """
+    classes: dict[Role, type[LearnedPolicy]] = {
+        "SP": LearnedProvider,
+        "SR": LearnedRater,
+        "SR+SP": LearnedBoth,
+    }
     return classes[role](decide, layout, description)
 
 
@@ -148,13 +167,15 @@ def learned(path: str, accomplices: tuple[int, ...] = ()) -> Policy:
     """Trained attacker, loaded from a pair of files, NAME.json and NAME.safetensors.
 
     Args:
-        path: Path of the files, or name of an attacker that comes with the project; see `load_attacker`.
-        accomplices: Indices of the coalition's providers, for a coalition such as `universal-coalition`, of which each
-            seated agent is a member that decides for itself, see `CoalitionMember`.
+        path: Path of the files, or name of an attacker that comes with the project; see
+            `load_attacker`.
+        accomplices: Indices of the coalition's providers, for a coalition such as
+            `universal-coalition`, of which each seated agent is a member that decides for itself,
+            see `CoalitionMember`.
 
     Raises:
-        ValueError: The files are not valid, the attacker is no coalition and does not control one agent with black-box
-            knowledge, or the accomplices do not fit, see `member_of`.
+        ValueError: The files are not valid, the attacker is no coalition and does not control one
+            agent with black-box knowledge, or the accomplices do not fit, see `member_of`.
     """
     attacker = load_attacker(path)
     if accomplices or isinstance(attacker.network, DeepSet):
@@ -162,8 +183,11 @@ def learned(path: str, accomplices: tuple[int, ...] = ()) -> Policy:
     return learned_policy(attacker)
 
 
-def play_task(task: AttackTask, network: Network | DeepSet | None, *, games: int, seed: int) -> Array:
-    """Return the score of each game, shape (E,): the mean reward per round, 0 after the attacker has been caught.
+def play_task(
+    task: AttackTask, network: Network | DeepSet | None, *, games: int, seed: int
+) -> Array:
+    """Return the score of each game, shape (E,): the mean reward per round, 0 after the attacker
+    has been caught.
 
     Args:
         task: Task to play, on NumPy.
@@ -172,10 +196,13 @@ def play_task(task: AttackTask, network: Network | DeepSet | None, *, games: int
         seed: Random seed.
 
     Raises:
-        ValueError: The observations or the actions of the network have another size than those of the task.
+        ValueError: The observations or the actions of the network have another size than those of
+            the task.
     """
     if isinstance(network, Network) and network.architecture.outputs != task.action_size:
-        raise ValueError(f"the network has {network.architecture.outputs} actions, the task {task.action_size}")
+        raise ValueError(
+            f"the network has {network.architecture.outputs} actions, the task {task.action_size}"
+        )
     attacker = Scripted({}) if network is None else attacker_for(network)
     return play_attacker(task, attacker, games=games, seed=seed)
 
@@ -183,6 +210,8 @@ def play_task(task: AttackTask, network: Network | DeepSet | None, *, games: int
 def play_attacker(task: AttackTask, attacker: Attacker, *, games: int, seed: int) -> Array:
     """Return the score of each game of any attacker, see `play_task`."""
     random, score = task.game.random(seed), np.zeros(games)
-    for _, outcome in judged(task, rollout(AttackedPlayers(task, attacker), random, random, (games,))):
+    for _, outcome in judged(
+        task, rollout(AttackedPlayers(task, attacker), random, random, (games,))
+    ):
         score += outcome.reward
     return score / task.game.scenario.mean_length

@@ -1,4 +1,6 @@
-"""A trust model with a small network: from how a rater's ratings compare with those of others to the trust in it."""
+"""A trust model with a small network: from how a rater's ratings compare with those of others to
+the trust in it.
+"""
 
 from collections.abc import Mapping
 from math import prod
@@ -47,7 +49,8 @@ MAX_WEIGHT = 1e6
 
 
 def start_weights(seed: int = 0) -> Floats:
-    """Return weights to begin a training with, shape (n,): random layers, and a last one that says nothing.
+    """Return weights to begin a training with, shape (n,): random layers, and a last one that says
+    nothing.
 
     The model is then leave-one-out, with the trust of every rater times the same sigmoid(3).
     """
@@ -62,7 +65,8 @@ def start_weights(seed: int = 0) -> Floats:
 class RaterNetworkTrust(LeaveOneOut):
     """Leave-one-out trust whose trust in raters a network decides, after Zaheer et al. (2017).
 
-    The network sees what leave-one-out trust computes of each pair, see `LeaveOneOut`: the features y[i, j] are
+    The network sees what leave-one-out trust computes of each pair, see `LeaveOneOut`: the features
+    y[i, j] are
 
     - `deviation` and `distance`: 4 (x[i, j] - c[i, j]), and its absolute value;
     - `level`: x[i, j] - initial;
@@ -75,8 +79,8 @@ class RaterNetworkTrust(LeaveOneOut):
         m      = mean over i of u[i], weighted by the sum over j of e[i, j]
         ToR[i] = a[i]^power sigmoid(3 + 4 (D tanh(B u[i] + C m + b2) + g (a[i] - 1) + b3))
 
-    All raters and all providers are treated alike, so it plays with any number of them, on grids and on lists of
-    ratings. Everything else is as in `LeaveOneOut`, with its parameters.
+    All raters and all providers are treated alike, so it plays with any number of them, on grids
+    and on lists of ratings. Everything else is as in `LeaveOneOut`, with its parameters.
 
     Attributes:
         weights: Weights of the network in one row, in the order of `SHAPES`.
@@ -93,7 +97,8 @@ class RaterNetworkTrust(LeaveOneOut):
     """
 
     weights: Annotated[
-        tuple[Annotated[float, Field(ge=-MAX_WEIGHT, le=MAX_WEIGHT)], ...], Field(min_length=SIZE, max_length=SIZE)
+        tuple[Annotated[float, Field(ge=-MAX_WEIGHT, le=MAX_WEIGHT)], ...],
+        Field(min_length=SIZE, max_length=SIZE),
     ] = Field(kw_only=True)
 
     nearby = False  # a rater's trust depends on the mean of all raters
@@ -108,9 +113,13 @@ class RaterNetworkTrust(LeaveOneOut):
         deviation = _SCALE * (compared.apart - compared.view)
         distance = abs(deviation)
         dispute = pairs.gather(weighted_mean(pairs, distance, compared.voice, PROVIDER), PROVIDER)
-        seen = xp.stack([deviation, distance, compared.above, compared.voice, dispute + 0 * deviation])
+        seen = xp.stack(
+            [deviation, distance, compared.above, compared.voice, dispute + 0 * deviation]
+        )
         pair = xp.tanh(_layer(own["pair.weight"], seen) + _column(own["pair.bias"], seen))
-        pooled = xp.stack([weighted_mean(pairs, pair[k, ...], evidence, RATER) for k in range(UNITS)])
+        pooled = xp.stack(
+            [weighted_mean(pairs, pair[k, ...], evidence, RATER) for k in range(UNITS)]
+        )
         mass = pairs.reduce(evidence, RATER)
         mean = (pooled * mass).sum(axis=1) / (mass.sum(axis=0) + TINY)
         rater = _layer(own["rater.weight"], pooled) + _layer(own["rater.mean"], mean)[:, None, ...]
@@ -131,7 +140,9 @@ def split(vector: Floats) -> dict[str, Floats]:
 
 
 def _layer(weights: Array, inputs: Array) -> Array:
-    """Return the weights, (H, F), times the inputs, (F, ...); or K weights, (K, H, F), times inputs (F, ..., K, G)."""
+    """Return the weights, (H, F), times the inputs, (F, ...); or K weights, (K, H, F), times inputs
+    (F, ..., K, G).
+    """
     xp = namespace(inputs)
     if weights.ndim == 2:
         return xp.tensordot(weights, inputs, axes=1)
@@ -141,7 +152,9 @@ def _layer(weights: Array, inputs: Array) -> Array:
 
 
 def _column(bias: Array, like: Array) -> Array:
-    """Return a bias, (H,) or (K, H), in a shape that broadcasts with an array of as many axes as another."""
+    """Return a bias, (H,) or (K, H), in a shape that broadcasts with an array of as many axes as
+    another.
+    """
     if bias.ndim == 1:
         return bias.reshape(-1, *[1] * (like.ndim - 1))
     return bias.T.reshape(bias.shape[1], *[1] * (like.ndim - 3), bias.shape[0], 1)

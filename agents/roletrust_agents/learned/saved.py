@@ -1,7 +1,8 @@
-"""Saved attackers that are safe to share: weights in safetensors, all other data in JSON. Loading executes no code.
+"""Saved attackers that are safe to share: weights in safetensors, all other data in JSON. Loading
+executes no code.
 
-An attacker is a pair of files, `NAME.safetensors` and `NAME.json`. Names, shapes, dtypes, sizes and values are checked,
-and the JSON holds a digest of the weights. Invalid files raise a `ValueError`.
+An attacker is a pair of files, `NAME.safetensors` and `NAME.json`. Names, shapes, dtypes, sizes and
+values are checked, and the JSON holds a digest of the weights. Invalid files raise a `ValueError`.
 """
 
 import hashlib
@@ -19,7 +20,13 @@ from roletrust_agents.learned.weights import read_weights, weights_bytes
 from roletrust_env.game.attack_task import AttackTask, Stealth
 from roletrust_env.game.make_task import Observation, make_task
 from roletrust_env.game.views import Layout
-from roletrust_env.storage.untrusted import check_file, check_scenario_size, parse_json, parse_untrusted, read_limited
+from roletrust_env.storage.untrusted import (
+    check_file,
+    check_scenario_size,
+    parse_json,
+    parse_untrusted,
+    read_limited,
+)
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
@@ -51,11 +58,15 @@ class SavedAttacker:
 def task_from_card(
     task: TaskCard, trust_model: ModelCard, scenario: Scenario, observation: Observation = "agents"
 ) -> AttackTask:
-    """Return the task described by cards, on NumPy in float32; see `make_task` for `observation`."""
+    """Return the task described by cards, on NumPy in float32; see `make_task` for
+    `observation`.
+    """
     return make_task(**arguments_from_card(task, trust_model, scenario), observation=observation)
 
 
-def arguments_from_card(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> dict[str, Any]:
+def arguments_from_card(
+    task: TaskCard, trust_model: ModelCard, scenario: Scenario
+) -> dict[str, Any]:
     """Return the arguments of `make_task` for the task described by cards."""
     return {
         "scenario": scenario,
@@ -74,7 +85,9 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def save_attacker(attacker: SavedAttacker, path: Path, write: Callable[[Path, bytes], object]) -> None:
+def save_attacker(
+    attacker: SavedAttacker, path: Path, write: Callable[[Path, bytes], object]
+) -> None:
     """Write the pair of files.
 
     Args:
@@ -90,27 +103,38 @@ def save_attacker(attacker: SavedAttacker, path: Path, write: Callable[[Path, by
         raise ValueError("the digest in the card belongs to other weights")
     path = _stem(path)
     write(path.with_name(path.name + ".safetensors"), data)
-    write(path.with_name(path.name + ".json"), (attacker.card.model_dump_json(indent=1) + "\n").encode())
+    write(
+        path.with_name(path.name + ".json"),
+        (attacker.card.model_dump_json(indent=1) + "\n").encode(),
+    )
 
 
 def zoo(folder: Path = ZOO) -> list[str]:
-    """Return the names of the attackers in a folder, by default those that come with the project."""
-    return sorted(path.stem for path in folder.glob("*.json") if path.with_suffix(".safetensors").exists())
+    """Return the names of the attackers in a folder, by default those that come with the
+    project.
+    """
+    return sorted(
+        path.stem for path in folder.glob("*.json") if path.with_suffix(".safetensors").exists()
+    )
 
 
 def load_attacker(path: str | Path) -> SavedAttacker:
     """Read a saved attacker. This executes no code of the files and imports nothing.
 
     Args:
-        path: Path of either file, or without a suffix, or of a folder with `attacker.json`; or the name of an attacker
-            that comes with the project, such as `provider-3x3`.
+        path: Path of either file, or without a suffix, or of a folder with `attacker.json`; or the
+            name of an attacker that comes with the project, such as `provider-3x3`.
 
     Raises:
         ValueError: A file is missing, too large or not valid.
     """
     path = Path(path)
     path = path / "attacker" if path.is_dir() else _stem(path)
-    if len(path.parts) == 1 and not path.with_name(path.name + ".json").exists() and path.name in zoo():
+    if (
+        len(path.parts) == 1
+        and not path.with_name(path.name + ".json").exists()
+        and path.name in zoo()
+    ):
         path = ZOO / path.name
     text = _read(path.with_name(path.name + ".json"), MAX_JSON)
     data = _read(path.with_name(path.name + ".safetensors"), MAX_SAFETENSORS)
@@ -128,7 +152,8 @@ def parse_attacker(text: bytes, data: bytes) -> SavedAttacker:
     """
     if len(text) > MAX_JSON or len(data) > MAX_SAFETENSORS:
         raise ValueError(
-            f"the files have {len(text)} and {len(data)} bytes; the limits are {MAX_JSON} and {MAX_SAFETENSORS}"
+            f"the files have {len(text)} and {len(data)} bytes; the limits are {MAX_JSON} and "
+            f"{MAX_SAFETENSORS}"
         )
     fields = parse_json(text)
     if isinstance(fields, dict) and isinstance(fields.get("scenario"), dict):
@@ -140,7 +165,10 @@ def parse_attacker(text: bytes, data: bytes) -> SavedAttacker:
     if isinstance(card.architecture, DeepSetArchitecture):
         return SavedAttacker(card, DeepSet(card.architecture, weights))
     assert card.observation is not None  # the card has been checked
-    mean, variance = (np.asarray(values, np.float32) for values in (card.observation.mean, card.observation.variance))
+    mean, variance = (
+        np.asarray(values, np.float32)
+        for values in (card.observation.mean, card.observation.variance)
+    )
     return SavedAttacker(card, Network(card.architecture, mean, variance, weights))
 
 
@@ -150,6 +178,8 @@ def _stem(path: Path) -> Path:
 
 def _read(path: Path, limit: int) -> bytes:
     check_file(
-        path, "a saved attacker is a .json and a .safetensors file with the same name, which training writes at its end"
+        path,
+        "a saved attacker is a .json and a .safetensors file with the same name, which training "
+        "writes at its end",
     )
     return read_limited(path, limit)

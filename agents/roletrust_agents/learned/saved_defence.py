@@ -1,7 +1,9 @@
-"""Saved defences that are safe to share: weights in safetensors, all other data in JSON. Loading executes no code.
+"""Saved defences that are safe to share: weights in safetensors, all other data in JSON. Loading
+executes no code.
 
-A defence is a pair of files, `NAME.safetensors` and `NAME.json`, as an attacker is, see `saved`. Names, shapes, dtypes,
-sizes and values are checked, and the JSON holds a digest of the weights. Invalid files raise a `ValueError`.
+A defence is a pair of files, `NAME.safetensors` and `NAME.json`, as an attacker is, see `saved`.
+Names, shapes, dtypes, sizes and values are checked, and the JSON holds a digest of the weights.
+Invalid files raise a `ValueError`.
 """
 
 from collections.abc import Callable
@@ -28,13 +30,22 @@ from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.weights import read_weights
 from roletrust_env.errors import explain
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.storage.untrusted import UntrustedModel, check_file, parse_json, parse_untrusted, read_limited
+from roletrust_env.storage.untrusted import (
+    UntrustedModel,
+    check_file,
+    parse_json,
+    parse_untrusted,
+    read_limited,
+)
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 
 MAX_JSON, MAX_SAFETENSORS = 100_000, 8 * SIZE + 10_000
 """Largest sizes of the two files, in bytes."""
 
-_MADE = "a saved defence is a .json and a .safetensors file, which `python -m studies defend --defence network` writes"
+_MADE = (
+    "a saved defence is a .json and a .safetensors file, which `python -m studies defend "
+    "--defence network` writes"
+)
 
 _PARAMETERS = tuple(field.name for field in fields(LeaveOneOut) if field.name != "initial")
 """Parameters of a saved model. Trust before any rating is the scenario's."""
@@ -67,16 +78,22 @@ class DefenceCard(UntrustedModel):
         if (self.units, self.features) != (UNITS, FEATURES):
             raise ValueError("the features and units are not those of this version of the package")
         if unknown := sorted(set(self.parameters) - set(_PARAMETERS)):
-            raise ValueError(f"there is no parameter {unknown[0]!r}; the parameters are {', '.join(_PARAMETERS)}")
+            raise ValueError(
+                f"there is no parameter {unknown[0]!r}; the parameters are {', '.join(_PARAMETERS)}"
+            )
         return self
 
 
 def weights_bytes(vector: Floats) -> bytes:
     """Return weights, shape (n,), as the content of a safetensors file, in double precision."""
-    return safetensors.save({name: np.ascontiguousarray(part) for name, part in sorted(split(vector).items())})
+    return safetensors.save(
+        {name: np.ascontiguousarray(part) for name, part in sorted(split(vector).items())}
+    )
 
 
-def save_defence(vector: Floats, card: DefenceCard, path: Path, write: Callable[[Path, bytes], object]) -> None:
+def save_defence(
+    vector: Floats, card: DefenceCard, path: Path, write: Callable[[Path, bytes], object]
+) -> None:
     """Write the pair of files.
 
     Args:
@@ -114,7 +131,10 @@ def load_defence(path: str | Path) -> tuple[DefenceCard, Floats]:
     files = [path.with_name(path.name + suffix) for suffix in (".json", ".safetensors")]
     for file in files:
         check_file(file, _MADE)
-    text, data = (read_limited(file, limit) for file, limit in zip(files, (MAX_JSON, MAX_SAFETENSORS), strict=True))
+    text, data = (
+        read_limited(file, limit)
+        for file, limit in zip(files, (MAX_JSON, MAX_SAFETENSORS), strict=True)
+    )
     try:
         return _parsed(text, data)
     except ValueError as error:
@@ -128,13 +148,17 @@ def _parsed(text: bytes, data: bytes) -> tuple[DefenceCard, Floats]:
         raise ValueError("the digest of the weights differs from the one in the JSON file")
     weights: dict[str, Any] = read_weights(data)
     if set(weights) != set(SHAPES):
-        raise ValueError(f"the weights are {sorted(weights)}; the architecture has {sorted(SHAPES)}")
+        raise ValueError(
+            f"the weights are {sorted(weights)}; the architecture has {sorted(SHAPES)}"
+        )
     for name, shape in SHAPES.items():
         if weights[name].shape != shape or weights[name].dtype != np.float64:
             found = f"{weights[name].dtype} {weights[name].shape}"
             raise ValueError(f"weight {name!r} is {found}; the architecture has float64 {shape}")
         if not (abs(weights[name]) <= MAX_WEIGHT).all():
-            raise ValueError(f"weight {name!r} has entries outside [-{MAX_WEIGHT:g}, {MAX_WEIGHT:g}]")
+            raise ValueError(
+                f"weight {name!r} has entries outside [-{MAX_WEIGHT:g}, {MAX_WEIGHT:g}]"
+            )
     return card, np.concatenate([weights[name].reshape(-1) for name in SHAPES])
 
 
@@ -156,7 +180,9 @@ class SavedTrust(RaterNetworkTrust):
         """Read the weights and the parameters."""
         card, vector = load_defence(self.path)
         try:
-            made = RaterNetworkTrust(initial=self.initial, weights=tuple(vector.tolist()), **card.parameters)
+            made = RaterNetworkTrust(
+                initial=self.initial, weights=tuple(vector.tolist()), **card.parameters
+            )
         except ValidationError as error:
             raise ValueError(f"saved defence {self.path}: {explain(error)}") from None
         for name in (*card.parameters, "weights"):

@@ -10,8 +10,12 @@ from roletrust_env.errors import short
 
 
 def weights_bytes(network: Network | DeepSet) -> bytes:
-    """Return the weights as the content of a safetensors file. The same weights give the same bytes."""
-    return safetensors.save({name: np.ascontiguousarray(network.weights[name]) for name in sorted(network.weights)})
+    """Return the weights as the content of a safetensors file. The same weights give the same
+    bytes.
+    """
+    return safetensors.save(
+        {name: np.ascontiguousarray(network.weights[name]) for name in sorted(network.weights)}
+    )
 
 
 def read_weights(data: bytes) -> dict[str, Floats]:

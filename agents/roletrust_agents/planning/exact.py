@@ -1,9 +1,11 @@
-"""Exact optima of two attacks on role-trust in deterministic scenarios: the quality of a provider, and a single lie.
+"""Exact optima of two attacks on role-trust in deterministic scenarios: the quality of a provider,
+and a single lie.
 
-Both hold for scenarios in which every rater rates every provider in every round and nothing is random, under the trust
-model of the paper. The timing is that of the game: the services of round t are rated in round t + 1, and there are no
-ratings in round 0. The tasks are small enough for dynamic programming because raters that agree have full trust, except
-for a known remainder of their initial trust. The scores are means per round over a whole game of `max_cycles` rounds.
+Both hold for scenarios in which every rater rates every provider in every round and nothing is
+random, under the trust model of the paper. The timing is that of the game: the services of round t
+are rated in round t + 1, and there are no ratings in round 0. The tasks are small enough for
+dynamic programming because raters that agree have full trust, except for a known remainder of their
+initial trust. The scores are means per round over a whole game of `max_cycles` rounds.
 """
 
 from dataclasses import dataclass
@@ -22,9 +24,10 @@ class Optimum:
 
     Attributes:
         score: Mean score per round of `actions` in the game, a lower bound of the optimum.
-        error: Estimate of the distance to the optimum, from refining the grid; see `GridSolution.error`.
-        values: Optimum according to the backward pass on grids with 1/4, 1/2 and all of the cells. It can be above or
-            below the true optimum.
+        error: Estimate of the distance to the optimum, from refining the grid; see
+            `GridSolution.error`.
+        values: Optimum according to the backward pass on grids with 1/4, 1/2 and all of the cells.
+            It can be above or below the true optimum.
         actions: Quality or lie in each round, shape (T,).
         seconds: Time of the computation, seconds.
     """
@@ -38,13 +41,14 @@ class Optimum:
 
 @dataclass(frozen=True)
 class Exploit:
-    """Task of a provider that exploits its trust among honest raters: the state is ToP, the action is the quality q.
+    """Task of a provider that exploits its trust among honest raters: the state is ToP, the action
+    is the quality q.
 
-        reward[t] = ToP[t] * (1 - q[t])
-        ToP[t + 1] = lam * sinc(1 - q[t]) * sinc(|q[t] - q[t - 1]|) * ToR[t + 1] * q[t] + (1 - lam) * ToP[t]
-        ToR[t] = 1 - (1 - initial) * (1 - lam)^t
+        reward[t] = ToP[t] * (1 - q[t]) ToP[t + 1] = lam * sinc(1 - q[t]) * sinc(|q[t] - q[t - 1]|)
+        * ToR[t + 1] * q[t] + (1 - lam) * ToP[t] ToR[t] = 1 - (1 - initial) * (1 - lam)^t
 
-    ToP[t] is updated in round t by the ratings of q[t - 1]. For q[0], the term with the last action is left out.
+    ToP[t] is updated in round t by the ratings of q[t - 1]. For q[0], the term with the last action
+    is left out.
 
     Attributes:
         lam: Weight of the newest round.
@@ -79,16 +83,18 @@ class Exploit:
 class Damage:
     """Task of a share of the raters that rates all providers x, though their quality is 1.
 
-    The state is E, and the action is u = sqrt(1 - x). With the compromised share c, after n rounds of ratings,
+    The state is E, and the action is u = sqrt(1 - x). With the compromised share c, after n rounds
+    of ratings,
 
         E[n] = lam * u[n] + (1 - lam) * E[n - 1],    E[0] = 0
         honest ToR = 1 - sqrt(c) * E - rest,    attacker ToR = 1 - sqrt(1 - c) * E - rest
         rest = (1 - initial) * (1 - lam)^n
         QoP = (1 - c) * honest ToR + c * sinc(1 - x) * sinc(|x - last x|) * attacker ToR * x
 
-    and the score of a round is 1 - ToP - weight * max(0, honest ToR - attacker ToR - tolerance). The sum of ToP over
-    the game is linear in every QoP, each of which has the weight 1 - (1 - lam)^(T - n), so ToP need not be part of the
-    state. As functions of u instead of x, all terms except the penalty are smooth.
+    and the score of a round is 1 - ToP - weight * max(0, honest ToR - attacker ToR - tolerance).
+    The sum of ToP over the game is linear in every QoP, each of which has the weight 1 - (1 -
+    lam)^(T - n), so ToP need not be part of the state. As functions of u instead of x, all terms
+    except the penalty are smooth.
 
     Attributes:
         lam: Weight of the newest round.
@@ -115,11 +121,15 @@ class Damage:
 
     @property
     def constant(self) -> float:
-        """Damage if trust were only the remainder of the initial trust: sum of 1 - (1 - lam)^t * initial."""
+        """Damage if trust were only the remainder of the initial trust: sum of 1 - (1 - lam)^t *
+        initial.
+        """
         return float(np.sum(1 - self.initial * (1 - self.lam) ** np.arange(self.rounds)))
 
     def step(self, t: int, state: Array, last: Array, action: Array) -> tuple[Array, Array]:
-        """Return reward and next state. Decision t is the lie of round t + 1. See `Task.step` in `planning.grid`."""
+        """Return reward and next state. Decision t is the lie of round t + 1. See `Task.step` in
+        `planning.grid`.
+        """
         deviation = self.lam * action + (1 - self.lam) * state
         return self.reward(t + 1, deviation, rating_weight(action, last)), deviation
 
@@ -133,7 +143,9 @@ class Damage:
         """
         honest, attacker = self.trust(n, deviation)
         quality = (1 - self.share) * honest + self.share * attacker * weight
-        return -self.remaining_weight(n) * quality - self.weight * np.maximum(0, honest - attacker - self.tolerance)
+        return -self.remaining_weight(n) * quality - self.weight * np.maximum(
+            0, honest - attacker - self.tolerance
+        )
 
     def trust(self, n: Array | int, deviation: Array) -> tuple[Array, Array]:
         """Return the ToR of the honest raters and of the attackers in round n."""
@@ -146,7 +158,9 @@ class Damage:
 
 
 def rating_weight(action: Array, last: Array) -> Array:
-    """Return the contribution rho x of a rating x after the last rating, in [0, 1]; both are given as sqrt(1 - x)."""
+    """Return the contribution rho x of a rating x after the last rating, in [0, 1]; both are given
+    as sqrt(1 - x).
+    """
     return np.sinc(action**2) * np.sinc(action**2 - last**2) * (1 - action**2)
 
 
@@ -179,14 +193,16 @@ def optimal_rater(
     levels: int = 200,
     points: int = 200,
 ) -> Optimum:
-    """Return the optimum of some raters under `damage` with stealth, with one lie about all providers; see `Damage`.
+    """Return the optimum of some raters under `damage` with stealth, with one lie about all
+    providers; see `Damage`.
 
     Lies that differ between providers do more damage; see `roletrust_agents.planning.bracket`.
 
     Args:
         scenario: Deterministic scenario, see `check_certain`.
         compromised: Number of raters that lie. At least one rater is honest.
-        weight: Weight of the trust gap beyond the tolerance. With 0, the best lie is 0 in every round.
+        weight: Weight of the trust gap beyond the tolerance. With 0, the best lie is 0 in every
+            round.
         tolerance: Trust gap without penalty.
         levels: Number of grid cells of sqrt(1 - lie), a multiple of 4.
         points: Number of grid cells of its exponential mean, a multiple of 4.
@@ -203,15 +219,27 @@ def optimal_rater(
 
 
 def damage_task(scenario: Scenario, *, compromised: int, weight: float, tolerance: float) -> Damage:
-    """Return the task of raters in a scenario. The arguments and errors are those of `optimal_rater`."""
+    """Return the task of raters in a scenario. The arguments and errors are those of
+    `optimal_rater`.
+    """
     check_certain(scenario)
     raters = sum(group.count for group in scenario.agents if group.role == "SR")
     if not 1 <= whole_number("compromised", compromised) < raters:
-        raise ValueError(f"compromised is {compromised!r}; of {raters} raters, 1 to {raters - 1} can be compromised")
+        raise ValueError(
+            f"compromised is {compromised!r}; of {raters} raters, 1 to {raters - 1} can be "
+            "compromised"
+        )
     for name, value in (("weight", weight), ("tolerance", tolerance)):
         if not 0 <= value < np.inf:
             raise ValueError(f"{name} is {value!r}; it must be a finite number, 0 or more")
-    return Damage(scenario.lam, scenario.initial_trust, scenario.max_cycles, compromised / raters, weight, tolerance)
+    return Damage(
+        scenario.lam,
+        scenario.initial_trust,
+        scenario.max_cycles,
+        compromised / raters,
+        weight,
+        tolerance,
+    )
 
 
 def check_certain(scenario: Scenario) -> None:
@@ -236,11 +264,15 @@ def check_certain(scenario: Scenario) -> None:
     }
     reasons = [text for text, holds in obstacles.items() if holds]
     if reasons:
-        raise ValueError(f"scenario {scenario.name!r} has no exact optimum here: {', '.join(reasons)}")
+        raise ValueError(
+            f"scenario {scenario.name!r} has no exact optimum here: {', '.join(reasons)}"
+        )
 
 
 def _optimum(solution: GridSolution, scenario: Scenario, actions: Array) -> Optimum:
     """Return the optimum of a solution, with means per round instead of sums."""
     rounds = scenario.max_cycles
     values = tuple(value / rounds for value in solution.values)
-    return Optimum(solution.total / rounds, solution.error / rounds, values, actions, solution.seconds)
+    return Optimum(
+        solution.total / rounds, solution.error / rounds, values, actions, solution.seconds
+    )

@@ -1,13 +1,16 @@
-"""Dynamic programming on a grid, for deterministic control tasks whose state is a number and the last action.
+"""Dynamic programming on a grid, for deterministic control tasks whose state is a number and the
+last action.
 
-The backward pass is Bellman's principle of optimality (Bellman, Dynamic Programming, 1957). With the state z, the last
-action l and D decisions,
+The backward pass is Bellman's principle of optimality (Bellman, Dynamic Programming, 1957). With
+the state z, the last action l and D decisions,
 
-    V[D](z, l) = 0,    V[t](z, l) = max over a of  r[t](z, l, a) + V[t + 1](z', a),    z' = f[t](z, l, a)
+    V[D](z, l) = 0,    V[t](z, l) = max over a of  r[t](z, l, a) + V[t + 1](z', a),    z' = f[t](z,
+    l, a)
 
-Actions are restricted to levels, so l needs no interpolation; V is interpolated linearly in z. The forward pass then
-plays greedily by V with the exact f on finer actions, and a gradient search improves these actions. So the score is
-that of a real sequence of actions, and never above the optimum.
+Actions are restricted to levels, so l needs no interpolation; V is interpolated linearly in z. The
+forward pass then plays greedily by V with the exact f on finer actions, and a gradient search
+improves these actions. So the score is that of a real sequence of actions, and never above the
+optimum.
 """
 
 from collections.abc import Callable
@@ -28,7 +31,9 @@ FINER = 8
 
 
 class GridTask(Protocol):
-    """Deterministic control task. States and actions lie in [0, 1]. The first action is its own last action."""
+    """Deterministic control task. States and actions lie in [0, 1]. The first action is its own
+    last action.
+    """
 
     @property
     def decisions(self) -> int:
@@ -56,7 +61,8 @@ class GridSolution:
     Attributes:
         total: Sum of rewards of `actions` under the exact dynamics, a lower bound of the optimum.
         actions: Actions, one for each decision, shape (D,).
-        values: Optimum according to the backward pass, V[0] at the start, on grids with 1/4, 1/2 and all of the cells.
+        values: Optimum according to the backward pass, V[0] at the start, on grids with 1/4, 1/2
+            and all of the cells.
         seconds: Wall-clock time of the computation, seconds.
     """
 
@@ -69,9 +75,10 @@ class GridSolution:
     def error(self) -> float:
         """Estimate of the distance between `total` and the optimum; it is not a proven bound.
 
-        It is the larger of two differences: between the values on the last two grids, and between the value on the last
-        grid and `total`. By Richardson's extrapolation, the first one is the error of the last grid if errors are
-        proportional to the cell size, and larger than the error if they fall faster.
+        It is the larger of two differences: between the values on the last two grids, and between
+            the value on the last grid and `total`. By Richardson's extrapolation, the first one is
+            the error of the last grid if errors are proportional to the cell size, and larger than
+            the error if they fall faster.
         """
         return max(abs(self.values[-1] - self.values[-2]), abs(self.values[-1] - self.total))
 
@@ -90,7 +97,8 @@ def solve(task: GridTask, *, levels: int, points: int) -> GridSolution:
     for name, cells in (("levels", levels), ("points", points)):
         if whole_number(name, cells, 4) % 4:
             raise ValueError(
-                f"{name} is {cells!r}; it must be a positive multiple of 4, because the grid is halved twice"
+                f"{name} is {cells!r}; it must be a positive multiple of 4, because the grid is "
+                "halved twice"
             )
     start = perf_counter()
     values = []
@@ -102,7 +110,9 @@ def solve(task: GridTask, *, levels: int, points: int) -> GridSolution:
 
 
 def backward(task: GridTask, levels: int, points: int) -> Array:
-    """Return the table of V by decision, last action and state, shape (D + 1, levels + 1, points + 1)."""
+    """Return the table of V by decision, last action and state, shape (D + 1, levels + 1, points +
+    1).
+    """
     actions, states = np.linspace(0, 1, levels + 1), np.linspace(0, 1, points + 1)
     table = np.zeros((task.decisions + 1, levels + 1, points + 1))
     for t in reversed(range(task.decisions)):
@@ -120,15 +130,17 @@ def forward(task: GridTask, table: Array, finer: int = FINER) -> Array:
     Args:
         task: Task to play.
         table: Table of V, from `backward`.
-        finer: Number of actions to try for each level of the table, between which V is interpolated. With 1, only the
-            levels are tried.
+        finer: Number of actions to try for each level of the table, between which V is
+            interpolated. With 1, only the levels are tried.
     """
     levels, points = table.shape[1] - 1, table.shape[2] - 1
     options = np.linspace(0, 1, finer * levels + 1)
     state, last, played = np.asarray(task.start), options, np.zeros(task.decisions)
     for t in range(task.decisions):
         reward, after = task.step(t, state, last, options)
-        future = map_coordinates(table[t + 1], (options * levels, after * points), order=1, mode="nearest")
+        future = map_coordinates(
+            table[t + 1], (options * levels, after * points), order=1, mode="nearest"
+        )
         best = np.argmax(reward + future)
         state, last = after[best], options[best]
         played[t] = last
@@ -136,7 +148,9 @@ def forward(task: GridTask, table: Array, finer: int = FINER) -> Array:
 
 
 def start_value(task: GridTask, table: Array) -> float:
-    """Return the optimum according to the backward pass: V before the first decision, plus the constant."""
+    """Return the optimum according to the backward pass: V before the first decision, plus the
+    constant.
+    """
     levels, points = table.shape[1] - 1, table.shape[2] - 1
     if not task.decisions:
         return task.constant
@@ -147,7 +161,9 @@ def start_value(task: GridTask, table: Array) -> float:
 
 
 def total(task: GridTask, actions: Array) -> Array:
-    """Return the total scores, shape (...), of sequences of actions, shape (D, ...), under the exact dynamics."""
+    """Return the total scores, shape (...), of sequences of actions, shape (D, ...), under the
+    exact dynamics.
+    """
     score, state = task.constant + 0 * actions.sum(axis=0), task.start
     for t, action in enumerate(actions):
         reward, state = task.step(t, state, actions[max(t - 1, 0)], action)
@@ -158,11 +174,12 @@ def total(task: GridTask, actions: Array) -> Array:
 def polish(score: Callable[[Array], Array], actions: Array) -> Array:
     """Return a local maximum of a score near some actions, by L-BFGS-B (Byrd et al., 1995).
 
-    The derivatives are computed by complex steps (Squire and Trapp, 1998). They are exact, and all D of them are one
-    batch.
+    The derivatives are computed by complex steps (Squire and Trapp, 1998). They are exact, and all
+    D of them are one batch.
 
     Args:
-        score: Score of actions of shape (D, ...), with the batch in the last axes; analytic except at kinks.
+        score: Score of actions of shape (D, ...), with the batch in the last axes; analytic except
+            at kinks.
         actions: Actions to start from, shape (D,), in [0, 1].
     """
     tiny = 1e-30j * np.eye(len(actions))
@@ -175,5 +192,7 @@ def polish(score: Callable[[Array], Array], actions: Array) -> Array:
         return actions
     # At a kink the search would never converge; stopping early costs about 1e-7 of a score.
     stop = {"ftol": 1e-12, "gtol": 1e-10, "maxfun": 500}
-    best = minimize(descent, actions, jac=True, method="L-BFGS-B", bounds=[(0, 1)] * len(actions), options=stop).x
+    best = minimize(
+        descent, actions, jac=True, method="L-BFGS-B", bounds=[(0, 1)] * len(actions), options=stop
+    ).x
     return max(actions, best, key=lambda x: float(score(x)))

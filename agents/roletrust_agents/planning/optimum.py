@@ -1,4 +1,6 @@
-"""Search methods that compute an attack without games: the exact optimum, and the best known attack of raters."""
+"""Search methods that compute an attack without games: the exact optimum, and the best known attack
+of raters.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -32,10 +34,16 @@ class Exact:
         task = exact_task(arguments)
         _check_model(task)
         agents = task.compromised
-        if task.objective != "exploit" or len(agents) > 1 or agents[0] not in task.game.roster.provider_names:
+        if (
+            task.objective != "exploit"
+            or len(agents) > 1
+            or agents[0] not in task.game.roster.provider_names
+        ):
             raise UnsuitableError("an exact optimum is known for one provider under exploit")
         if task.stealth.weight:
-            raise UnsuitableError("the optimum of a provider is known only without a price of stealth")
+            raise UnsuitableError(
+                "the optimum of a provider is known only without a price of stealth"
+            )
         try:
             best = _provider(task.game.scenario)
         except ValueError as error:
@@ -47,7 +55,8 @@ class Exact:
 @refuse_unknown
 @dataclass(frozen=True)
 class BestKnown:
-    """Best known attack of raters under `damage`, and for one rater a bound, see `planning.bracket`.
+    """Best known attack of raters under `damage`, and for one rater a bound, see
+    `planning.bracket`.
 
     Attributes:
         name: Name in tables.
@@ -60,22 +69,32 @@ class BestKnown:
         task = exact_task(arguments)
         _check_model(task)
         agents, price = task.compromised, task.stealth
-        if task.objective != "damage" or any(agent in task.game.roster.provider_names for agent in agents):
+        if task.objective != "damage" or any(
+            agent in task.game.roster.provider_names for agent in agents
+        ):
             raise UnsuitableError("the best attack is known for raters under damage")
         try:
             best = _raters(task.game.scenario, len(agents), price.weight, price.tolerance)
         except ValueError as error:
             raise UnsuitableError(str(error)) from None
-        proof = "" if best.bound is None else f"; no attack scores more than {best.bound:.5f}, which is proven"
+        proof = (
+            ""
+            if best.bound is None
+            else f"; no attack scores more than {best.bound:.5f}, which is proven"
+        )
         actions = np.tile(best.lies, (1, len(agents)))
-        return SearchResult(OpenLoop(actions), 0, f"two lies in each round, planned{proof}", bound=best.bound)
+        return SearchResult(
+            OpenLoop(actions), 0, f"two lies in each round, planned{proof}", bound=best.bound
+        )
 
 
 def _check_model(task: AttackTask) -> None:
     game = task.game
     model = RoleTrust(lam=game.scenario.lam, initial=game.scenario.initial_trust)
     if type(game.model) is not RoleTrust or game.model != model:
-        raise UnsuitableError("the trust model is not role-trust with the scenario's own lam and initial trust")
+        raise UnsuitableError(
+            "the trust model is not role-trust with the scenario's own lam and initial trust"
+        )
     if task.joint_policy.attackers:
         raise UnsuitableError("there are other attackers")
 

@@ -1,8 +1,8 @@
 """White-box planner: gradient ascent through the game on a fixed sequence of actions.
 
-The game is differentiable with respect to the actions of the attacker, so one backward pass through a whole game on
-torch gives the gradient of all actions. The planner knows the whole game except its random numbers. The resulting
-sequence is open-loop: it does not react to the game.
+The game is differentiable with respect to the actions of the attacker, so one backward pass through
+a whole game on torch gives the gradient of all actions. The planner knows the whole game except its
+random numbers. The resulting sequence is open-loop: it does not react to the game.
 """
 
 import math
@@ -33,17 +33,20 @@ from roletrust_env.trust import Traits
 @refuse_unknown
 @dataclass(frozen=True)
 class Planner:
-    """Gradient ascent by Adam (Kingma and Ba, 2015) on the logits of all actions, from many starts as one batch.
+    """Gradient ascent by Adam (Kingma and Ba, 2015) on the logits of all actions, from many starts
+    as one batch.
 
-    At least a third of the budget is for all starts; the rest is for the best quarter of them. The learning rate decays
-    to 0 by a half cosine. In a random task, every step draws new random numbers, the same for all starts, because a
-    plan for a fixed sample would overfit it. The result is the final sequence with the best score in the exact game.
+    At least a third of the budget is for all starts; the rest is for the best quarter of them. The
+    learning rate decays to 0 by a half cosine. In a random task, every step draws new random
+    numbers, the same for all starts, because a plan for a fixed sample would overfit it. The result
+    is the final sequence with the best score in the exact game.
 
     A step counts one round for each round of each of its games. The backward pass is not counted.
 
     Attributes:
         starts: Number of sequences at the start; fewer in a large scenario or with a small budget.
-        samples: Number of games per sequence and step in a random task; a deterministic task needs one.
+        samples: Number of games per sequence and step in a random task; a deterministic task needs
+            one.
         rate: Initial learning rate of the logits.
         name: Name in tables.
     """
@@ -67,7 +70,8 @@ class Planner:
         samples = 1 if is_certain(arguments) else self.samples
         budget.spend(2 * rounds)
         check = samples if samples == 1 else 16 * samples
-        # The time depends on the number of small arrays; above some thousands of cells, it grows with their size.
+        # The time depends on the number of small arrays; above some thousands of cells, it grows
+        # with their size.
         cells = task.game.roster.n_raters * task.game.roster.n_providers * samples
         starts = max(8, min(self.starts, 6400 // cells, budget.rounds // (60 * rounds * samples)))
         survivors = max(2, starts // 4)
@@ -75,17 +79,22 @@ class Planner:
         first, second = _steps(left, rounds * samples, starts, survivors)
         if first < 1:
             raise UnsuitableError(
-                f"the budget of {budget.rounds} rounds is too small for the planner in games of {rounds} rounds"
+                f"the budget of {budget.rounds} rounds is too small for the planner in games of "
+                f"{rounds} rounds"
             )
 
         noise, chance = random_sources(task, seed, SEARCHED)
         logits = torch.tensor(_starts(generator(seed), rounds, size, starts))
-        check_graph(task, OpenLoop(torch.sigmoid(logits[:, :, :1].requires_grad_())), starts * samples)
+        check_graph(
+            task, OpenLoop(torch.sigmoid(logits[:, :, :1].requires_grad_())), starts * samples
+        )
         for steps, done in ((first, 0), (second, first)):
             logits.requires_grad_()
             adam = torch.optim.Adam([logits], lr=self.rate)
             for step in range(done, done + steps):
-                adam.param_groups[0]["lr"] = self.rate * 0.5 * (1 + math.cos(math.pi * step / (first + second)))
+                adam.param_groups[0]["lr"] = (
+                    self.rate * 0.5 * (1 + math.cos(math.pi * step / (first + second)))
+                )
                 score = self._climb(task, logits, adam, noise, chance, samples)
                 budget.spend(rounds * samples * logits.shape[2])
             logits = logits.detach()
@@ -99,16 +108,22 @@ class Planner:
         words = f"open loop, best of {starts} starts, {first} + {second} steps"
         return SearchResult(OpenLoop(actions[:, :, best]), budget.spent, words)
 
-    def _climb(self, task: AttackTask, logits: Any, adam: Any, noise: Random, chance: Random, samples: int) -> Any:
+    def _climb(
+        self, task: AttackTask, logits: Any, adam: Any, noise: Random, chance: Random, samples: int
+    ) -> Any:
         """Take a step of Adam, and return the score of each sequence before it."""
         import torch
 
         attacker = OpenLoop(torch.sigmoid(logits))
         rounds = judged_rollout(task, attacker, (logits.shape[2], samples), noise, chance)
-        score = sum(outcome.reward for _, outcome in rounds).mean(dim=1) / task.game.scenario.mean_length
+        score = (
+            sum(outcome.reward for _, outcome in rounds).mean(dim=1)
+            / task.game.scenario.mean_length
+        )
         adam.zero_grad()
         (-score.sum()).backward()
-        # Other trust models can have kinks of their own, where the gradient is not finite; it is replaced by 0.
+        # Other trust models can have kinks of their own, where the gradient is not finite; it is
+        # replaced by 0.
         logits.grad.nan_to_num_(0.0, 0.0, 0.0)
         adam.step()
         return score.detach()
@@ -126,15 +141,21 @@ def _smooth_task(arguments: TaskArguments) -> AttackTask:
     check_service(game.scenario)
     model = game.model
     if not Traits.of(model).differentiable:
-        raise UnsuitableError(f"trust jumps under {type(model).__name__}, so it is not differentiable")
-    return make_task(**{**arguments, "trust_model": smooth_model(model)}, like=torch.zeros((), dtype=torch.float64))
+        raise UnsuitableError(
+            f"trust jumps under {type(model).__name__}, so it is not differentiable"
+        )
+    return make_task(
+        **{**arguments, "trust_model": smooth_model(model)},
+        like=torch.zeros((), dtype=torch.float64),
+    )
 
 
 def _steps(budget: int, price: int, starts: int, survivors: int) -> tuple[int, int]:
-    """Return the number of steps of all starts, for a third of the budget, and of the survivors, for the rest.
+    """Return the number of steps of all starts, for a third of the budget, and of the survivors,
+    for the rest.
 
-    The second stage has at most three times the steps of the first, as more have no effect. What is left then is for
-    the first stage.
+    The second stage has at most three times the steps of the first, as more have no effect. What is
+    left then is for the first stage.
 
     Args:
         budget: Number of rounds.
@@ -150,11 +171,14 @@ def _steps(budget: int, price: int, starts: int, survivors: int) -> tuple[int, i
     return first, second
 
 
-def _starts(random: np.random.Generator, rounds: int, size: int, starts: int) -> npt.NDArray[np.float64]:
-    """Return the initial logits, shape (T, A, R): patterns of 1 to 12 rounds that repeat, with some noise.
+def _starts(
+    random: np.random.Generator, rounds: int, size: int, starts: int
+) -> npt.NDArray[np.float64]:
+    """Return the initial logits, shape (T, A, R): patterns of 1 to 12 rounds that repeat, with some
+    noise.
 
-    Trust forgets quickly, so good attacks are nearly periodic, and gradients cannot change the period. In every other
-    pattern all parts of the action are equal.
+    Trust forgets quickly, so good attacks are nearly periodic, and gradients cannot change the
+    period. In every other pattern all parts of the action are equal.
     """
     logits = np.empty((rounds, size, starts))
     for k in range(starts):

@@ -82,7 +82,9 @@ class AdamTraining(CoalitionTraining[CoalitionSettingsT]):
         import torch
 
         file = io.BytesIO()
-        torch.save({**{name: getattr(self, name) for name in self._counts}, **self._adam.state()}, file)
+        torch.save(
+            {**{name: getattr(self, name) for name in self._counts}, **self._adam.state()}, file
+        )
         return file.getvalue()
 
     def restore(self, state: bytes) -> None:
@@ -102,13 +104,15 @@ _LAST_RATE = 0.1
 class EvolutionStrategy(AdamTraining[StrategySettings]):
     """An evolution strategy in progress, after Salimans, Ho, Chen, Sidor and Sutskever (2017).
 
-    A step plays n / 2 pairs of candidates w + s e_k and w - s e_k with e_k ~ N(0, I), all in the same games. With the
-    ranks of the n scores, scaled to [-1/2, 1/2] and called r, the slope at the weights w is
+    A step plays n / 2 pairs of candidates w + s e_k and w - s e_k with e_k ~ N(0, I), all in the
+    same games. With the ranks of the n scores, scaled to [-1/2, 1/2] and called r, the slope at the
+    weights w is
 
         g = 1 / (n s) sum_k (r(w + s e_k) - r(w - s e_k)) e_k,
 
-    and Adam follows it. It needs no slope of the game, so trust may jump. With few rounds it improves a network further
-    than CMA-ES does (`Evolution`), which has to learn a variance for each weight, too.
+    and Adam follows it. It needs no slope of the game, so trust may jump. With few rounds it
+    improves a network further than CMA-ES does (`Evolution`), which has to learn a variance for
+    each weight, too.
 
     For the arguments see `CoalitionTraining`. The learning rate falls linearly to a tenth.
     """
@@ -116,7 +120,9 @@ class EvolutionStrategy(AdamTraining[StrategySettings]):
     def step(self) -> None:
         """Play the candidates of a step, and follow the slope. See `CoalitionTraining.step`."""
         settings = self.settings
-        noise = np.random.default_rng((self.seed, self.steps)).standard_normal((settings.pairs, self.architecture.size))
+        noise = np.random.default_rng((self.seed, self.steps)).standard_normal(
+            (settings.pairs, self.architecture.size)
+        )
         moves = settings.spread * np.concatenate([noise, -noise])
         networks, tasks = self.networks(self.weights + moves), [self.tasks[k] for k in self.turn]
         rate = falling_rate(settings.learning_rate, self.done)
@@ -127,7 +133,9 @@ class EvolutionStrategy(AdamTraining[StrategySettings]):
 
 
 def falling_rate(first: float, done: float) -> float:
-    """Return the learning rate when a share of the training is done: it falls linearly to a tenth of the first."""
+    """Return the learning rate when a share of the training is done: it falls linearly to a tenth
+    of the first.
+    """
     return first * (1 - (1 - _LAST_RATE) * done)
 
 

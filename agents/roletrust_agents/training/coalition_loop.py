@@ -11,7 +11,15 @@ from roletrust_agents.training.coalition_ppo import CoalitionPpoTraining
 from roletrust_agents.training.coalition_training import CoalitionTraining, Validated
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.gradients import GradientAscent
-from roletrust_agents.training.runs import Checkpoint, CurvePoint, OnReport, Run, RunFolder, TrainingReport, finish
+from roletrust_agents.training.runs import (
+    Checkpoint,
+    CurvePoint,
+    OnReport,
+    Run,
+    RunFolder,
+    TrainingReport,
+    finish,
+)
 from roletrust_agents.training.settings import (
     CoalitionPPOSettings,
     CoalitionSettings,
@@ -32,7 +40,9 @@ _KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {
 }
 
 
-def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[CurvePoint]]:
+def train(
+    run: Run, folder: RunFolder, on_report: OnReport
+) -> tuple[SavedAttacker, list[CurvePoint]]:
     """Train from the folder's last checkpoint, or from the beginning, to the end.
 
     Args:
@@ -41,7 +51,8 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
         on_report: Called with the progress after every step.
 
     Returns:
-        The coalition with the best score during training, measured again in new games, and the learning curve.
+        The coalition with the best score during training, measured again in new games, and the
+        learning curve.
     """
     training = _training(run)
     curve = _take_up(training, folder)
@@ -54,14 +65,18 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
             curve.append(CurvePoint(training.rounds, seconds, float(score.mean), float(score.half)))
             _save(training, curve, folder)
         on_report(TrainingReport(min(training.rounds, run.steps), curve))
-    return finish(run, training.tasks[0].with_blind_share(0.0), training.network, curve, training.rounds), curve
+    return finish(
+        run, training.tasks[0].with_blind_share(0.0), training.network, curve, training.rounds
+    ), curve
 
 
 def check_games(run: Run) -> None:
     """Refuse a run whose games do not fit into the memory, see `check_games_memory`."""
     settings = _settings(run)
     for model in (run.trust_model, *run.further_models):
-        check_games_memory(task_from_card(run.task, model, run.scenario), max(settings.games, settings.validation))
+        check_games_memory(
+            task_from_card(run.task, model, run.scenario), max(settings.games, settings.validation)
+        )
 
 
 def _settings(run: Run) -> CoalitionSettings:
@@ -74,7 +89,9 @@ def _training(run: Run) -> CoalitionTraining[Any]:
     """Return the training of a run at its beginning."""
     settings = _settings(run)
     if run.task.knowledge != "black_box":
-        raise ValueError(f"knowledge is {run.task.knowledge!r}; a coalition has black_box knowledge")
+        raise ValueError(
+            f"knowledge is {run.task.knowledge!r}; a coalition has black_box knowledge"
+        )
     of_ppo: Observation = "accounts" if settings.wide else "coalition"
     observation: Observation = of_ppo if isinstance(settings, CoalitionPPOSettings) else "agents"
     models = (run.trust_model, *run.further_models)

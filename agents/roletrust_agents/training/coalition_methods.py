@@ -1,4 +1,6 @@
-"""Trainings of a coalition as search methods with a budget: by evolution, an evolution strategy and gradients."""
+"""Trainings of a coalition as search methods with a budget: by evolution, an evolution strategy and
+gradients.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -31,7 +33,10 @@ from roletrust_env.parameters import refuse_unknown
 
 _STEPS = 2  # fewer are no training
 _LOOK = 2  # games that show whether anything is left to chance
-_CHOICE, _KEPT = 4, 4  # a quarter of the rounds chooses among known networks, and a quarter of these plays again
+_CHOICE, _KEPT = (
+    4,
+    4,
+)  # a quarter of the rounds chooses among known networks, and a quarter of these plays again
 _PLACE = 1_000_000_010  # of the games of this choice, beside those of a training
 
 
@@ -40,10 +45,10 @@ class CoalitionSearch(ABC):
     """Training of a coalition for one task, until the budget allows no further step.
 
     Attributes:
-        start: `"universal"` begins with the best of the universal coalitions, of known ones and of random networks,
-            `"random"` with the best of random networks.
-        known: Records of attackers that others found in the same condition. With records a quarter of the rounds
-            chooses the start among their coalitions and the universal ones.
+        start: `"universal"` begins with the best of the universal coalitions, of known ones and of
+            random networks, `"random"` with the best of random networks.
+        known: Records of attackers that others found in the same condition. With records a quarter
+            of the rounds chooses the start among their coalitions and the universal ones.
         wide: Whether the network also decides on silence, and on the treatment of each rater.
         name: Name in tables.
     """
@@ -75,14 +80,17 @@ class CoalitionSearch(ABC):
         needed = (first + 2 * _STEPS * (settings.step_games + settings.validation) + _LOOK) * length
         if budget.left < needed:
             raise UnsuitableError(
-                f"the budget of {budget.rounds} rounds is too small for {self.name}; give {needed} or more"
+                f"the budget of {budget.rounds} rounds is too small for {self.name}; give {needed} "
+                "or more"
             )
         budget.spend(_LOOK * length)
         if self.known and (best := self._best(task, known, settings, budget, seed)):
             known, settings = best, settings.model_copy(update={"candidates": 1})
         limit, spent, progress = budget.left, 0, list[tuple[int, float]]()
         training = self._training([task], settings, seed, limit, known)
-        for judged in chain([True], training.within(limit)):  # a known network is judged before the first step
+        for judged in chain(
+            [True], training.within(limit)
+        ):  # a known network is judged before the first step
             if judged and training.best is not None:
                 progress.append((training.rounds, training.best.score))
             budget.spend(training.rounds - spent)
@@ -91,11 +99,24 @@ class CoalitionSearch(ABC):
         return SearchResult(attacker, budget.spent, words, progress=tuple(progress))
 
     def _best(
-        self, task: AttackTask, known: Sequence[Floats], settings: CoalitionSettings, budget: Budget, seed: int
+        self,
+        task: AttackTask,
+        known: Sequence[Floats],
+        settings: CoalitionSettings,
+        budget: Budget,
+        seed: int,
     ) -> list[Floats]:
-        """Return the best of the known networks that fit: all play a few games, and the best of them further ones."""
-        architecture, length = DeepSetArchitecture.of(settings.units, wide=settings.wide), task.game.scenario.max_cycles
-        left, rounds = [one for one in known if len(one) == architecture.size], budget.left // _CHOICE // 2
+        """Return the best of the known networks that fit: all play a few games, and the best of
+        them further ones.
+        """
+        architecture, length = (
+            DeepSetArchitecture.of(settings.units, wide=settings.wide),
+            task.game.scenario.max_cycles,
+        )
+        left, rounds = (
+            [one for one in known if len(one) == architecture.size],
+            budget.left // _CHOICE // 2,
+        )
         for look, kept in enumerate((-(-len(left) // _KEPT), 1)):
             if left[1:]:
                 games = max(1, rounds // (len(left) * length))
@@ -164,8 +185,8 @@ class EvolutionStrategySearch(CoalitionSearch):
 class GradientSearch(CoalitionSearch):
     """Gradients through the game for one task, see `GradientAscent`.
 
-    The search knows the trust model, as that of evolution does. The coalition that it finds observes no more than its
-    agents do. For the other attributes see `CoalitionSearch`.
+    The search knows the trust model, as that of evolution does. The coalition that it finds
+    observes no more than its agents do. For the other attributes see `CoalitionSearch`.
 
     Attributes:
         games: Number of games of a step.

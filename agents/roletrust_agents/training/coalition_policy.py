@@ -1,8 +1,8 @@
 """The network of a coalition for PPO of Stable-Baselines3, with noise that is held over an episode.
 
-Smoothed trust averages over the rounds. Noise drawn anew in each round cancels there, and an attack that differs from
-the present one in the same direction all the time is never tried. So a game keeps its noise from its first round to
-its last.
+Smoothed trust averages over the rounds. Noise drawn anew in each round cancels there, and an attack
+that differs from the present one in the same direction all the time is never tried. So a game keeps
+its noise from its first round to its last.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,14 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.preprocessing import get_action_dim
 from torch import nn
 
-from roletrust_agents.learned.deep_set import ACCOUNT_UNITS, ALIKE, GAIN, TALKATIVE, DeepSet, DeepSetArchitecture
+from roletrust_agents.learned.deep_set import (
+    ACCOUNT_UNITS,
+    ALIKE,
+    GAIN,
+    TALKATIVE,
+    DeepSet,
+    DeepSetArchitecture,
+)
 from roletrust_env.game.accounts import ACCOUNT_FEATURES
 from roletrust_env.game.coalition import FEATURES, Decision
 from roletrust_env.game.coalition_task import CoalitionTask
@@ -32,7 +39,8 @@ class Sight(NamedTuple):
         raters: Number of raters, S.
         providers: Number of providers, P.
         own: Indices of its own providers, n of them.
-        sizes: Kind of each decision, by its place in `Decision`, and the size of this part of an action, in its order.
+        sizes: Kind of each decision, by its place in `Decision`, and the size of this part of an
+            action, in its order.
     """
 
     raters: int
@@ -63,7 +71,9 @@ class Sight(NamedTuple):
 
 
 class ProviderLayers(nn.Module):
-    """The first two layers of a `DeepSet` in torch: features of providers, (B, F, P), to units, (B, P, units)."""
+    """The first two layers of a `DeepSet` in torch: features of providers, (B, F, P), to units, (B,
+    P, units).
+    """
 
     def __init__(self, units: int) -> None:
         super().__init__()
@@ -76,18 +86,25 @@ class ProviderLayers(nn.Module):
     def forward(self, features: torch.Tensor) -> torch.Tensor:
         """Return the units of the second layer for each provider."""
         first = torch.tanh(self.layer0(features.transpose(1, 2)))
-        second: torch.Tensor = torch.tanh(self.layer1(first) + self.mean(first.mean(dim=1, keepdim=True)))
+        second: torch.Tensor = torch.tanh(
+            self.layer1(first) + self.mean(first.mean(dim=1, keepdim=True))
+        )
         return second
 
 
 class Treatment(nn.Module):
-    """The treatment of a `DeepSet` in torch: features of accounts, (B, S, n, A), and of own providers, (B, n, F)."""
+    """The treatment of a `DeepSet` in torch: features of accounts, (B, S, n, A), and of own
+    providers, (B, n, F).
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self.layer0 = nn.Linear(len(ACCOUNT_FEATURES), ACCOUNT_UNITS)
         self.provider = nn.Linear(len(FEATURES), ACCOUNT_UNITS, bias=False)
-        self.layer1, self.skip = nn.Linear(ACCOUNT_UNITS, 1), nn.Linear(len(ACCOUNT_FEATURES), 1, bias=False)
+        self.layer1, self.skip = (
+            nn.Linear(ACCOUNT_UNITS, 1),
+            nn.Linear(len(ACCOUNT_FEATURES), 1, bias=False),
+        )
         for layer in (self.layer0, self.provider):
             _initialise(layer, 1.0)
         for layer in (self.layer1, self.skip):
@@ -116,7 +133,10 @@ class Actor(nn.Module):
         for layer in (self.layer2, self.skip):
             _initialise(layer, _NEAR_ZERO / GAIN)
         if sight.wide:
-            self.silence, self.silence_skip = nn.Linear(units, 1), nn.Linear(len(FEATURES), 1, bias=False)
+            self.silence, self.silence_skip = (
+                nn.Linear(units, 1),
+                nn.Linear(len(FEATURES), 1, bias=False),
+            )
             for layer in (self.silence, self.silence_skip):
                 _initialise(layer, _NEAR_ZERO / GAIN)
             nn.init.constant_(self.silence.bias, TALKATIVE)
@@ -131,13 +151,16 @@ class Actor(nn.Module):
         if self.sight.wide:
             parts.append(torch.tanh(GAIN * (self.silence(units) + self.silence_skip(seen)))[..., 0])
         if self.sight.treats:
-            treatment = self.treatment(self.sight.accounts(observations), seen[:, list(self.sight.own)])
+            treatment = self.treatment(
+                self.sight.accounts(observations), seen[:, list(self.sight.own)]
+            )
             parts.append(torch.tanh(GAIN * treatment))
         return torch.cat([parts[kind] for kind, _ in self.sight.sizes], dim=1)
 
 
 class Critic(nn.Module):
-    """A deep set with a mean over the providers at its end: observations, (B, K), to values, (B, 1).
+    """A deep set with a mean over the providers at its end: observations, (B, K), to values, (B,
+    1).
 
     Args:
         units: Number of units of each layer.
@@ -156,12 +179,14 @@ class Critic(nn.Module):
 
 
 class HeldGaussian(DiagGaussianDistribution):
-    """A normal distribution of actions; its samples use the same noise from the first round of a game to its last.
+    """A normal distribution of actions; its samples use the same noise from the first round of a
+    game to its last.
 
     Log-probabilities are those of a normal distribution in each round.
 
     Attributes:
-        begun: Whether the game of each row is in its first round, boolean, shape (B,); such a game gets new noise.
+        begun: Whether the game of each row is in its first round, boolean, shape (B,); such a game
+            gets new noise.
     """
 
     def __init__(self, action_dim: int) -> None:
@@ -170,7 +195,9 @@ class HeldGaussian(DiagGaussianDistribution):
         self._noise = torch.zeros(0, action_dim)
 
     def sample(self) -> torch.Tensor:
-        """Return actions with the noise of the games; if their number has changed, every game gets new noise."""
+        """Return actions with the noise of the games; if their number has changed, every game gets
+        new noise.
+        """
         mean: torch.Tensor = self.distribution.mean
         noise = torch.randn(mean.shape, dtype=mean.dtype, device=mean.device)
         same = self._noise.shape == mean.shape
@@ -179,7 +206,8 @@ class HeldGaussian(DiagGaussianDistribution):
 
 
 class CoalitionPolicy(ActorCriticPolicy):
-    """Policy of PPO that treats all providers alike, in a task with `observation="coalition"` or `"accounts"`.
+    """Policy of PPO that treats all providers alike, in a task with `observation="coalition"` or
+    `"accounts"`.
 
     Args:
         sight: What the coalition observes and decides.
@@ -189,7 +217,9 @@ class CoalitionPolicy(ActorCriticPolicy):
         kwargs: Keyword arguments of `ActorCriticPolicy`, among them `log_std_init`.
     """
 
-    def __init__(self, *args: Any, sight: Sight, units: int, critic_units: int, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, sight: Sight, units: int, critic_units: int, **kwargs: Any
+    ) -> None:
         self._sight, self._units, self._critic_units = sight, units, critic_units
         super().__init__(*args, **{**kwargs, "net_arch": []})
 
@@ -198,13 +228,16 @@ class CoalitionPolicy(ActorCriticPolicy):
         critic: Any = Critic(self._critic_units, self._sight)
         self.action_net, self.value_net = Actor(self._units, self._sight), critic
         kinds = 1 + max(1, *(kind for kind, _ in self._sight.sizes))
-        self.log_std = nn.Parameter(torch.full((kinds,), float(self.log_std_init)))  # of each kind of decision
+        self.log_std = nn.Parameter(
+            torch.full((kinds,), float(self.log_std_init))
+        )  # of each kind of decision
         self.action_dist = HeldGaussian(get_action_dim(self.action_space))
         parameters: Any = {"lr": lr_schedule(1), **self.optimizer_kwargs}
         self.optimizer = self.optimizer_class(self.parameters(), **parameters)
 
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> HeldGaussian:
-        """Return the distribution of actions. The latent features are the observations, as there are no layers before.
+        """Return the distribution of actions. The latent features are the observations, as there
+        are no layers before.
 
         The clock in them tells which games begin.
         """
@@ -216,8 +249,12 @@ class CoalitionPolicy(ActorCriticPolicy):
         return result
 
 
-def policy_arguments(task: CoalitionTask, units: int, critic_units: int, log_std_init: float) -> dict[str, Any]:
-    """Return the arguments of a `CoalitionPolicy` for a task, as PPO takes them for `policy_kwargs`."""
+def policy_arguments(
+    task: CoalitionTask, units: int, critic_units: int, log_std_init: float
+) -> dict[str, Any]:
+    """Return the arguments of a `CoalitionPolicy` for a task, as PPO takes them for
+    `policy_kwargs`.
+    """
     coalition, roster = task.coalition, task.game.roster
     return {
         "sight": Sight(
@@ -237,13 +274,23 @@ def deep_set_of(policy: CoalitionPolicy, presence: DeepSet | None = None) -> Dee
 
     Args:
         policy: The policy.
-        presence: Network that decides which identities in reserve are present; none is called if it is None.
+        presence: Network that decides which identities in reserve are present; none is called if it
+            is None.
     """
     tensors = dict(_tensors(policy))
-    architecture = DeepSetArchitecture.of(len(tensors["layer0.bias"]), wide="silence.bias" in tensors)
+    architecture = DeepSetArchitecture.of(
+        len(tensors["layer0.bias"]), wide="silence.bias" in tensors
+    )
     shapes = architecture.shapes().items()
-    weights = presence.weights if presence else {name: np.zeros(shape, np.float32) for name, shape in shapes}
-    learned = {name: np.array(tensor.detach().cpu().numpy(), np.float32) for name, tensor in tensors.items()}
+    weights = (
+        presence.weights
+        if presence
+        else {name: np.zeros(shape, np.float32) for name, shape in shapes}
+    )
+    learned = {
+        name: np.array(tensor.detach().cpu().numpy(), np.float32)
+        for name, tensor in tensors.items()
+    }
     return DeepSet(architecture, {**weights, **learned})
 
 
@@ -280,7 +327,9 @@ def _tensors(policy: CoalitionPolicy) -> Iterator[tuple[str, torch.Tensor]]:
 
 
 def _initialise(layer: nn.Linear, scale: float) -> None:
-    """Draw the weights as `roletrust_agents.learned.deep_set.random_weights` does, times a scale."""
+    """Draw the weights as `roletrust_agents.learned.deep_set.random_weights` does, times a
+    scale.
+    """
     nn.init.normal_(layer.weight, std=scale * layer.in_features**-0.5)
     if layer.bias is not None:
         nn.init.zeros_(layer.bias)

@@ -1,4 +1,6 @@
-"""PPO for a coalition as one mind: a training with checkpoints, and a search method with a budget of rounds."""
+"""PPO for a coalition as one mind: a training with checkpoints, and a search method with a budget
+of rounds.
+"""
 
 import warnings
 from collections.abc import Callable
@@ -11,8 +13,18 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
 from roletrust_agents.training.settings import CoalitionPPOSettings, Start, settings_of
-from roletrust_agents.training.universal import best_universal, choice_rounds, starts_of, universal_coalitions
-from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, check_games_memory, mean_rewards
+from roletrust_agents.training.universal import (
+    best_universal,
+    choice_rounds,
+    starts_of,
+    universal_coalitions,
+)
+from roletrust_env.evaluation.measurement import (
+    SEARCHED,
+    TaskArguments,
+    check_games_memory,
+    mean_rewards,
+)
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.make_task import make_task
@@ -24,7 +36,8 @@ _BATCHES = 4  # of a rollout
 _GAMES, _FEWEST_GAMES, _UPDATES = 32, 4, 60
 """Number of games of a rollout, the fewest, and the number of updates that is worth fewer games."""
 _COMPARED, _VALIDATION, _MOST_VALIDATION_GAMES = 5, 8, 200
-"""Number of networks that are compared, share of the budget for it (1 of 8), and most games for each."""
+"""Number of networks that are compared, share of the budget for it (1 of 8), and most games for
+each."""
 _LEAST = 40
 """Number of whole games that a budget must have."""
 _LAST_RATE = 0.1
@@ -43,7 +56,8 @@ def make_ppo(
     Args:
         task: Task of the coalition.
         settings: Settings.
-        learning_rate: Function of the share of the training that is left, in the sense of Stable-Baselines3.
+        learning_rate: Function of the share of the training that is left, in the sense of
+            Stable-Baselines3.
         seed: Random seed.
         first: Network to begin with; None is a random one whose mean actions are near the truth.
 
@@ -53,7 +67,11 @@ def make_ppo(
     """
     from stable_baselines3 import PPO
 
-    from roletrust_agents.training.coalition_policy import CoalitionPolicy, begin_with, policy_arguments
+    from roletrust_agents.training.coalition_policy import (
+        CoalitionPolicy,
+        begin_with,
+        policy_arguments,
+    )
     from roletrust_agents.training.experience import WholeGames, update_memory
 
     check_games_memory(task, settings.games)
@@ -76,7 +94,9 @@ def make_ppo(
             seed=seed,
             device="cpu",
         )
-    check_memory("games", settings.games, update_memory(model) / settings.games)  # zeros take none until they are used
+    check_memory(
+        "games", settings.games, update_memory(model) / settings.games
+    )  # zeros take none until they are used
     if first is not None:
         policy: Any = model.policy
         begin_with(policy, first)
@@ -84,10 +104,12 @@ def make_ppo(
 
 
 class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
-    """PPO of a coalition in progress: a step is a rollout of whole games with each task of the turn, and its update.
+    """PPO of a coalition in progress: a step is a rollout of whole games with each task of the
+    turn, and its update.
 
-    It validates its start, too. The random numbers of a step follow from the seed and the number of the step, so that a
-    run continues to the last bit. For the arguments see `CoalitionTraining`; the tasks are those of a coalition.
+    It validates its start, too. The random numbers of a step follow from the seed and the number of
+    the step, so that a run continues to the last bit. For the arguments see `CoalitionTraining`;
+    the tasks are those of a coalition.
     """
 
     def _begin(self) -> None:
@@ -97,7 +119,9 @@ class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
         if len(tasks) < len(self.tasks):
             raise ValueError('PPO of a coalition is for tasks with observation="coalition"')
         if self.settings.start != "random" and not self._known:
-            raise UnsuitableError(f"no universal coalition has {self.settings.units} units; give start=random")
+            raise UnsuitableError(
+                f"no universal coalition has {self.settings.units} units; give start=random"
+            )
         self._first = self.networks(self._starts[0]) if self.settings.start != "random" else None
         self._games = [WholeGames(task, self.settings.games) for task in tasks]
         self._ppo = make_ppo(tasks[0], self.settings, self._rate, self.seed, self._first)
@@ -105,7 +129,9 @@ class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
             self.validate()
 
     def _rate(self, left: float) -> float:
-        """Return the learning rate; Stable-Baselines3 knows only what is left of the present step."""
+        """Return the learning rate; Stable-Baselines3 knows only what is left of the present
+        step.
+        """
         return self.settings.first_rate * (1 - (1 - _LAST_RATE) * self.done)
 
     @property
@@ -120,13 +146,17 @@ class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
         """Play and learn. See `CoalitionTraining.step`."""
         for k in self.turn:
             self._ppo.set_env(self._games[k])
-            self._ppo.set_random_seed(int(np.random.SeedSequence([self.seed, self.steps, k]).generate_state(1)[0]))
+            self._ppo.set_random_seed(
+                int(np.random.SeedSequence([self.seed, self.steps, k]).generate_state(1)[0])
+            )
             self._ppo.learn(self.step_games * self.length, reset_num_timesteps=False)
             self.rounds += self.step_games * self.length
         self.steps += 1
 
     def state(self) -> bytes:
-        """Return the number of steps, the parameters and the state of Adam. See `CoalitionTraining.state`."""
+        """Return the number of steps, the parameters and the state of Adam. See
+        `CoalitionTraining.state`.
+        """
         from roletrust_agents.training.learners import parameters_bytes
 
         return self.steps.to_bytes(8, "little") + parameters_bytes(self._ppo)
@@ -142,28 +172,31 @@ class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
 @refuse_unknown
 @dataclass(frozen=True)
 class CoalitionPpo:
-    """PPO (Schulman et al., 2017) on the network of a coalition, with noise that is held over an episode.
+    """PPO (Schulman et al., 2017) on the network of a coalition, with noise that is held over an
+    episode.
 
-    The coalition observes and decides as in a task with `observation="coalition"`, and the network is a `DeepSet`. Each
-    game keeps its noise over the whole episode, see `roletrust_agents.training.coalition_policy`. The result is the
-    best of some networks of the training, in the same games for all, and plays without noise. The universal coalition
-    at the start is one of them, because a training can end below its start. After a random start, only networks of the
-    second half are compared.
+    The coalition observes and decides as in a task with `observation="coalition"`, and the network
+    is a `DeepSet`. Each game keeps its noise over the whole episode, see
+    `roletrust_agents.training.coalition_policy`. The result is the best of some networks of the
+    training, in the same games for all, and plays without noise. The universal coalition at the
+    start is one of them, because a training can end below its start. After a random start, only
+    networks of the second half are compared.
 
-    The network does not learn when to call identities in reserve: a universal coalition does so as before, and a random
-    network calls none.
+    The network does not learn when to call identities in reserve: a universal coalition does so as
+        before, and a random network calls none.
 
     Attributes:
-        start: `"universal"` begins with the best of the universal coalitions, `"random"` with a random network.
+        start: `"universal"` begins with the best of the universal coalitions, `"random"` with a
+            random network.
         wide: Whether the network also decides on silence, and on the treatment of each rater.
-        learning_rate: Initial learning rate, which falls linearly to a tenth of it; None is 0.003 for a universal
-            coalition and 0.01 for a random network.
+        learning_rate: Initial learning rate, which falls linearly to a tenth of it; None is 0.003
+            for a universal coalition and 0.01 for a random network.
         gamma: Discount factor.
         gae_lambda: Factor of generalised advantage estimation.
         n_epochs: Number of passes over a rollout.
         clip_range: Clip range of the ratio of probabilities.
-        spread: Initial standard deviation of the actions, which lie in [-1, 1]; None is 0.2 for a universal coalition
-            and 0.5 for a random network.
+        spread: Initial standard deviation of the actions, which lie in [-1, 1]; None is 0.2 for a
+            universal coalition and 0.5 for a random network.
         name: Name in tables.
     """
 
@@ -195,11 +228,16 @@ class CoalitionPpo:
         task = _task(arguments, self.name, self.wide)
         rounds = task.game.scenario.max_cycles
         universal = self.start != "random"
-        ready = starts_of(universal_coalitions(wide=self.start == "universal"), wide=self.wide) if universal else {}
+        ready = (
+            starts_of(universal_coalitions(wide=self.start == "universal"), wide=self.wide)
+            if universal
+            else {}
+        )
         least = _LEAST * rounds + choice_rounds(task, ready)
         if budget.left < least:
             raise UnsuitableError(
-                f"the budget of {budget.rounds} rounds is too small for {self.name}; give {least} or more"
+                f"the budget of {budget.rounds} rounds is too small for {self.name}; give {least} "
+                "or more"
             )
         first = best_universal(task, ready, budget, seed)[1] if universal else None
         plan = _Plan.of(budget.left // rounds, universal)
@@ -214,7 +252,9 @@ class CoalitionPpo:
             if updates not in plan.compared:
                 return
             network = deep_set_of(policy, first)
-            reward = mean_rewards(task, CoalitionAttacker(network), (seed, 0), (1, plan.validation), SEARCHED)[0]
+            reward = mean_rewards(
+                task, CoalitionAttacker(network), (seed, 0), (1, plan.validation), SEARCHED
+            )[0]
             budget.spend(plan.validation * rounds)
             scores.append(float(reward.mean()))
             if scores[-1] == max(scores):
@@ -226,7 +266,9 @@ class CoalitionPpo:
 
         compare(0)
         model.learn(plan.updates * rollout, callback=AfterUpdates(rollout, updated))
-        return SearchResult(CoalitionAttacker(best[0]), budget.spent, f"{self.name} in {budget.spent} rounds")
+        return SearchResult(
+            CoalitionAttacker(best[0]), budget.spent, f"{self.name} in {budget.spent} rounds"
+        )
 
 
 class _Plan(NamedTuple):
@@ -235,7 +277,8 @@ class _Plan(NamedTuple):
     Attributes:
         games: Number of games of a rollout.
         updates: Number of rollouts.
-        compared: Numbers of updates after which a network is compared with the best one; 0 is the start.
+        compared: Numbers of updates after which a network is compared with the best one; 0 is the
+            start.
         validation: Number of games of a comparison.
     """
 
@@ -246,13 +289,17 @@ class _Plan(NamedTuple):
 
     @classmethod
     def of(cls, whole: int, universal: bool) -> Self:
-        """Return the plan for a number of games, with a universal coalition as the start or a random network."""
+        """Return the plan for a number of games, with a universal coalition as the start or a
+        random network.
+        """
         validation = min(_MOST_VALIDATION_GAMES, whole // (_VALIDATION * _COMPARED))
         left = whole - validation * _COMPARED
         games = min(_GAMES, max(_FEWEST_GAMES, left // _UPDATES))
         updates = left // games
         begin = 0.0 if universal else 0.5
-        compared = frozenset(round(updates * (begin + (1 - begin) * k / (_COMPARED - 1))) for k in range(_COMPARED))
+        compared = frozenset(
+            round(updates * (begin + (1 - begin) * k / (_COMPARED - 1))) for k in range(_COMPARED)
+        )
         return cls(games, updates, compared, validation)
 
 
@@ -261,6 +308,9 @@ def _task(arguments: TaskArguments, name: str, wide: bool) -> CoalitionTask:
     knowledge = arguments.get("knowledge", "black_box")
     if knowledge != "black_box":
         raise UnsuitableError(f"{name} is for black_box knowledge, and the task has {knowledge}")
-    task = make_task(**{**arguments, "observation": "accounts" if wide else "coalition"}, like=np.zeros((), np.float32))
+    task = make_task(
+        **{**arguments, "observation": "accounts" if wide else "coalition"},
+        like=np.zeros((), np.float32),
+    )
     assert isinstance(task, CoalitionTask)
     return task

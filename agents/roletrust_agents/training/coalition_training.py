@@ -1,4 +1,6 @@
-"""What trainings of the network of a coalition have in common: tasks, the start, validation, and the best network."""
+"""What trainings of the network of a coalition have in common: tasks, the start, validation, and
+the best network.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -17,20 +19,29 @@ from roletrust_env.metrics.confidence import GameMean, over_games
 Floats = npt.NDArray[np.float64]
 
 _VALIDATION, _START, _AGAIN = 1_000_000_000, 1_000_000_001, 1_000_000_002
-"""Places of the games for validation and of those that choose the start, beside the numbers of the steps."""
+"""Places of the games for validation and of those that choose the start, beside the numbers of the
+steps."""
 
 _DRAW = 1  # random numbers of the tasks of a step, beside those of its candidates
 
 _START_GAMES = 4  # but no more than a validation has
-_AIM = 0.8  # share of the quotient: with all of it, an attack that changes nothing is as good as the start
-_LEADING, _WIDE_GAMES = 16, 16  # starts of wide networks that are tried again, and games of each before that
-_KNOWN = 4  # known networks that are validated at the beginning, as far as a tenth of the rounds allows
+# share of the quotient: with all of it, an attack that changes nothing is as good as the start
+_AIM = 0.8
+_LEADING, _WIDE_GAMES = (
+    16,
+    16,
+)  # starts of wide networks that are tried again, and games of each before that
+_KNOWN = (
+    4  # known networks that are validated at the beginning, as far as a tenth of the rounds allows
+)
 _TASKS_AT_ONCE = 2
 _CELLS = 400_000  # limit on the ratings of a round in one batch
 
 
 def start_games(settings: CoalitionSettings, known: int) -> int:
-    """Return the largest number of games of the start of a wide network where the budget is small."""
+    """Return the largest number of games of the start of a wide network where the budget is
+    small.
+    """
     return known * min(_START_GAMES, settings.validation) + 2 * settings.validation
 
 
@@ -44,9 +55,9 @@ class Validated(NamedTuple):
 class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     """A training in progress: steps that improve weights, and validations that keep the best ones.
 
-    With several tasks a step plays two of them in turn; the result is an attacker for all. With shares the tasks are a
-    mixture, such as that of a defender who draws a trust model for each game: a step draws its tasks, and scores are
-    weighted.
+    With several tasks a step plays two of them in turn; the result is an attacker for all. With
+    shares the tasks are a mixture, such as that of a defender who draws a trust model for each
+    game: a step draws its tasks, and scores are weighted.
 
     Args:
         tasks: Tasks with the same reward, one or more.
@@ -61,8 +72,8 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         architecture: Architecture of the network.
         steps: Number of steps so far.
         rounds: Number of rounds that were played.
-        best: Best validated network; None before the first validation. The best known networks are validated first, for
-            a training can end below its start.
+        best: Best validated network; None before the first validation. The best known networks are
+            validated first, for a training can end below its start.
     """
 
     def __init__(
@@ -88,7 +99,9 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
 
     @abstractmethod
     def _begin(self) -> None:
-        """Make what the training needs besides; the networks to start from are in order, the best first."""
+        """Make what the training needs besides; the networks to start from are in order, the best
+        first.
+        """
 
     @property
     @abstractmethod
@@ -128,7 +141,9 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         """Indices of the tasks of the next step."""
         many = len(self.tasks)
         if self._shares is not None:
-            drawn = np.random.default_rng((self.seed, self.steps, _DRAW)).choice(many, _TASKS_AT_ONCE, p=self._shares)
+            drawn = np.random.default_rng((self.seed, self.steps, _DRAW)).choice(
+                many, _TASKS_AT_ONCE, p=self._shares
+            )
             return list(dict.fromkeys(drawn.tolist()))
         return [(_TASKS_AT_ONCE * self.steps + k) % many for k in range(min(_TASKS_AT_ONCE, many))]
 
@@ -143,7 +158,8 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         return min(1.0, self.rounds / self.budget)
 
     def within(self, rounds: int) -> Iterator[bool]:
-        """Step while a number of rounds allows a further step, and validate when it is due and at the end.
+        """Step while a number of rounds allows a further step, and validate when it is due and at
+        the end.
 
         Args:
             rounds: Number of rounds, those so far included.
@@ -163,7 +179,9 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         return self.steps % self.settings.validate_every == 0
 
     def validate(self) -> GameMean:
-        """Return the score of the weights in the games for validation, and keep them if they are the best."""
+        """Return the score of the weights in the games for validation, and keep them if they are
+        the best.
+        """
         return self._validate(self.weights.copy())
 
     def _validate(self, weights: Floats) -> GameMean:
@@ -185,7 +203,10 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         step = max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
         rows, parts = len(networks.weights["layer2.bias"]), []
         for at in range(0, rows, step):
-            part = DeepSet(networks.architecture, {name: w[at : at + step] for name, w in networks.weights.items()})
+            part = DeepSet(
+                networks.architecture,
+                {name: w[at : at + step] for name, w in networks.weights.items()},
+            )
             batch, seed = (min(step, rows - at), games), (self.seed, place)
             parts.append(mean_rewards(task, CoalitionAttacker(part), seed, batch, SEARCHED)[0])
         scores: Floats = np.concatenate(parts).astype(np.float64)
@@ -210,23 +231,37 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         ]
         if len(candidates) == 1:
             return candidates
-        wide = self.settings.wide  # has several starts for each known network: a few games tell them apart badly
+        wide = (
+            self.settings.wide
+        )  # has several starts for each known network: a few games tell them apart badly
         if wide:
-            games = min(_WIDE_GAMES, max(games, self.budget // 8 // (len(candidates) * self.length * len(self.tasks))))
+            games = min(
+                _WIDE_GAMES,
+                max(games, self.budget // 8 // (len(candidates) * self.length * len(self.tasks))),
+            )
         order = np.argsort(-self._scores(candidates, games, _START), kind="stable")
         leading = [candidates[k] for k in order[:_LEADING]]
-        again = min(self.settings.validation, self.budget // 8 // (len(leading) * self.length * len(self.tasks)))
+        again = min(
+            self.settings.validation,
+            self.budget // 8 // (len(leading) * self.length * len(self.tasks)),
+        )
         if wide and again > games:
-            order[:_LEADING] = order[np.argsort(-self._scores(leading, again, _AGAIN), kind="stable")]
+            order[:_LEADING] = order[
+                np.argsort(-self._scores(leading, again, _AGAIN), kind="stable")
+            ]
         return [candidates[k] for k in order]
 
     def _aimed(self, task: AttackTask) -> AttackTask:
-        """Return a task in which attacks count by the skill that they leave to consumers, near that of the best start.
+        """Return a task in which attacks count by the skill that they leave to consumers, near that
+        of the best start.
 
         The method is that of Dinkelbach (1967) for quotients, with one step.
         """
         network, games = self.networks(self._starts[0][None, :]), self.settings.validation
-        lost, beyond = (self.play(task.with_blind_share(share), network, games, _AGAIN).mean() for share in (0.0, 1.0))
+        lost, beyond = (
+            self.play(task.with_blind_share(share), network, games, _AGAIN).mean()
+            for share in (0.0, 1.0)
+        )
         self.rounds += 2 * games * self.length
         return task.with_blind_share(_AIM * min(1.0, max(0.0, lost / max(lost - beyond, 1e-9))))
 

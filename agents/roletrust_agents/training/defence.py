@@ -1,4 +1,6 @@
-"""Training of a defence: a trust model with numbers that are learned, against a mixture of attackers."""
+"""Training of a defence: a trust model with numbers that are learned, against a mixture of
+attackers.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +19,8 @@ from roletrust_env.trust import TrustModel
 Floats = npt.NDArray[np.float64]
 
 _VALIDATION, _DRAW = 1_000_000_000, 1
-"""Place of the games for validation beside the numbers of the steps, and the random numbers that draw attackers."""
+"""Place of the games for validation beside the numbers of the steps, and the random numbers that
+draw attackers."""
 
 _AT_ONCE = 2  # conditions of a step
 
@@ -36,7 +39,8 @@ class DefenceLearner(Protocol):
         """Return the trust model of a vector as a text that `parse_trust_model` reads."""
 
     def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
-        """Return the trust models of K vectors as one model, for games of shape (K, G) in single precision.
+        """Return the trust models of K vectors as one model, for games of shape (K, G) in single
+        precision.
 
         Args:
             vectors: Vectors, shape (K, n).
@@ -48,7 +52,8 @@ class AttackerMixture(NamedTuple):
     """A condition in which a defence is trained, and the mixture of attackers there.
 
     Attributes:
-        arguments: Arguments of the attack task, with a `Scenario`; the trust model in it is replaced.
+        arguments: Arguments of the attack task, with a `Scenario`; the trust model in it is
+            replaced.
         attackers: Attackers.
         weights: Probability of each attacker, shape (A,).
     """
@@ -88,7 +93,8 @@ class Trained(NamedTuple):
 
     Attributes:
         vector: Its numbers, shape (n,).
-        score: Mean reward in the games for validation: the loss of consumers, with the sign that higher is better.
+        score: Mean reward in the games for validation: the loss of consumers, with the sign that
+            higher is better.
         start: The same of the vector from which the training began.
         rounds: Number of game rounds that were played.
     """
@@ -107,11 +113,12 @@ def train_defence(
     seed: int,
     on_step: Callable[[], None] = lambda: None,
 ) -> Trained:
-    """Train a defence by an evolution strategy, see `EvolutionStrategy`, against mixtures of attackers.
+    """Train a defence by an evolution strategy, see `EvolutionStrategy`, against mixtures of
+    attackers.
 
-    A step plays two conditions in turn. All candidates meet the same attackers in the same games. The result is the
-    best vector in the games for validation, where all attackers play and count by their weights; the start is
-    validated, too, so that no training ends below it there.
+    A step plays two conditions in turn. All candidates meet the same attackers in the same games.
+    The result is the best vector in the games for validation, where all attackers play and count by
+    their weights; the start is validated, too, so that no training ends below it there.
 
     Args:
         learner: What is trained.
@@ -123,7 +130,9 @@ def train_defence(
     """
     adam, rounds = Adam(start), 0
 
-    def scores(places: Sequence[AttackerMixture], vectors: Floats, games: int, place: int) -> Floats:
+    def scores(
+        places: Sequence[AttackerMixture], vectors: Floats, games: int, place: int
+    ) -> Floats:
         nonlocal rounds
         rounds += len(vectors) * games * sum(len(one.attackers) * _length(one) for one in places)
         rewards = [_rewards(one, learner, vectors, games, (seed, place)) for one in places]
@@ -134,10 +143,14 @@ def train_defence(
     for step in range(climb.steps):
         noise = np.random.default_rng((seed, step)).standard_normal((climb.pairs, len(start)))
         candidates = adam.weights + climb.spread * np.concatenate([noise, -noise])
-        turn = [fronts[(_AT_ONCE * step + k) % len(fronts)] for k in range(min(_AT_ONCE, len(fronts)))]
+        turn = [
+            fronts[(_AT_ONCE * step + k) % len(fronts)] for k in range(min(_AT_ONCE, len(fronts)))
+        ]
         drawn = [_drawn(front, climb.attackers, (seed, step, _DRAW)) for front in turn]
         rate = falling_rate(climb.learning_rate, step / climb.steps)
-        adam.climb(slope_of(scores(drawn, candidates, climb.games, step), noise, climb.spread), rate)
+        adam.climb(
+            slope_of(scores(drawn, candidates, climb.games, step), noise, climb.spread), rate
+        )
         if (step + 1) % climb.validate_every == 0 or step + 1 == climb.steps:
             score = float(scores(fronts, adam.weights[None, :], climb.validation, _VALIDATION)[0])
             if score > best:
@@ -147,20 +160,30 @@ def train_defence(
 
 
 def _drawn(front: AttackerMixture, many: int, seed: tuple[int, ...]) -> AttackerMixture:
-    """Return a condition with attackers that are drawn from its mixture; each counts as often as it is drawn."""
+    """Return a condition with attackers that are drawn from its mixture; each counts as often as it
+    is drawn.
+    """
     counts = np.random.default_rng(seed).multinomial(many, front.weights / front.weights.sum())
     some = tuple(one for one, count in zip(front.attackers, counts, strict=True) if count)
     return AttackerMixture(front.arguments, some, counts[counts > 0] / many)
 
 
 def _rewards(
-    front: AttackerMixture, learner: DefenceLearner, vectors: Floats, games: int, seed: tuple[int, ...]
+    front: AttackerMixture,
+    learner: DefenceLearner,
+    vectors: Floats,
+    games: int,
+    seed: tuple[int, ...],
 ) -> Floats:
-    """Return the mean reward of K defences, shape (K,): what the attackers win, with the other sign."""
+    """Return the mean reward of K defences, shape (K,): what the attackers win, with the other
+    sign.
+    """
     model = learner.models(vectors, front.arguments["scenario"].initial_trust)
     task, lost = make_task(**{**front.arguments, "trust_model": model}), np.zeros(len(vectors))
     for one, weight in zip(front.attackers, front.weights, strict=True):
-        rewards = mean_rewards(task, read_record(one.record), seed, (len(vectors), games), SEARCHED)[0]
+        rewards = mean_rewards(
+            task, read_record(one.record), seed, (len(vectors), games), SEARCHED
+        )[0]
         lost += weight * rewards.mean(axis=1)
     return -lost
 

@@ -1,4 +1,6 @@
-"""What a defence learns: the parameters of a registered trust model, or the network of `RaterNetworkTrust`."""
+"""What a defence learns: the parameters of a registered trust model, or the network of
+`RaterNetworkTrust`.
+"""
 
 import inspect
 from collections.abc import Mapping, Sequence
@@ -46,9 +48,11 @@ _RANGES: tuple[tuple[Any, _Range], ...] = (
 
 @dataclass(frozen=True)
 class ParameterLearner:
-    """The numbers of a registered trust model, each as a place in its range: 0 at the low end and 1 at the high one.
+    """The numbers of a registered trust model, each as a place in its range: 0 at the low end and 1
+    at the high one.
 
-    Places outside [0, 1] are drawn to the nearest end. Trust before any rating is the scenario's, and is not learned.
+    Places outside [0, 1] are drawn to the nearest end. Trust before any rating is the scenario's,
+    and is not learned.
 
     Attributes:
         name: Name of the trust model, or `package.module:Class`, whose module is imported.
@@ -66,9 +70,14 @@ class ParameterLearner:
 
     def __post_init__(self) -> None:
         if ":" not in self.name and self.name not in registry:
-            raise ValueError(f"unknown trust model {self.name!r}{suggest(self.name, ['network', *registry.names()])}")
+            raise ValueError(
+                "unknown trust model "
+                f"{self.name!r}{suggest(self.name, ['network', *registry.names()])}"
+            )
         if "=" in self.name:
-            raise ValueError(f"{self.name!r} has parameters; name the model alone, it begins at its defaults")
+            raise ValueError(
+                f"{self.name!r} has parameters; name the model alone, it begins at its defaults"
+            )
         if not self.ranges or not self._plays_in_rows():
             raise ValueError(f"trust model {self.name!r} has no number that can be learned")
 
@@ -80,17 +89,25 @@ class ParameterLearner:
         found = {}
         for name, parameter in inspect.signature(factory).parameters.items():
             for kind, span in _RANGES:
-                if name not in _SCENARIO and hints.get(name) == kind and parameter.default is not parameter.empty:
+                if (
+                    name not in _SCENARIO
+                    and hints.get(name) == kind
+                    and parameter.default is not parameter.empty
+                ):
                     found[name] = span, float(parameter.default)
         return found
 
     def _plays_in_rows(self) -> bool:
-        """Return whether many values of each number play side by side as alone; those that a branch asks for do not."""
+        """Return whether many values of each number play side by side as alone; those that a branch
+        asks for do not.
+        """
         vectors = np.stack([self.start(), 0.5 * self.start() + 0.2])
         ratings = np.random.default_rng(0).random((3, 2, 2, 2)).astype(np.float32)
         try:
             both = _trust_after(self.models(vectors, 0.5), ratings)
-            alone = [_trust_after(self.models(vectors[[k]], 0.5), ratings[..., [k], :]) for k in range(2)]
+            alone = [
+                _trust_after(self.models(vectors[[k]], 0.5), ratings[..., [k], :]) for k in range(2)
+            ]
         except (TypeError, ValueError, IndexError):  # a formula that is for one value
             return False
         return bool(np.allclose(both, np.concatenate(alone, axis=1), atol=1e-5))
@@ -106,13 +123,15 @@ class ParameterLearner:
 
     def spec(self, vector: Floats) -> str:
         """See `DefenceLearner.spec`."""
-        return f"{self.name}:{','.join(f'{name}={value}' for name, value in self.parameters(vector).items())}"
+        return f"{self.name}:{','.join(f'{name}={value}' for name, value in self.parameters(vector).items())}"  # noqa: E501
 
     def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
         """See `DefenceLearner.models`."""
         initially = "initial" in inspect.signature(named_factory(registry, self.name)).parameters
         spec = self.spec(vectors[0]) + f",initial={initial}" * initially
-        return TrustSideBySide(parse_named(registry, spec), _columns([self.parameters(vector) for vector in vectors]))
+        return TrustSideBySide(
+            parse_named(registry, spec), _columns([self.parameters(vector) for vector in vectors])
+        )
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Any]:
@@ -121,20 +140,26 @@ def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Any]:
 
 
 class TrustSideBySide:
-    """K models of one formula as one, for a batch of games of shape (K, G): the k-th plays in the k-th row.
+    """K models of one formula as one, for a batch of games of shape (K, G): the k-th plays in the
+    k-th row.
 
-    A single game, in which a new task tries its model, is played by the model that the others are made of.
+    A single game, in which a new task tries its model, is played by the model that the others are
+    made of.
 
     Args:
-        model: Model with all other parameters. Its formula must be one for arrays in the place of these numbers.
-        rows: Values of the numbers that differ, by name, each in a shape that broadcasts with (K, G).
+        model: Model with all other parameters. Its formula must be one for arrays in the place of
+            these numbers.
+        rows: Values of the numbers that differ, by name, each in a shape that broadcasts with (K,
+            G).
     """
 
     def __init__(self, model: TrustModel[Any], rows: Mapping[str, np.ndarray[Any, Any]]) -> None:
         self.rates_raters = model.rates_raters
         self._alone, self._together = model, copy(model)
         for name, values in rows.items():
-            object.__setattr__(self._together, name, values)  # the class is frozen, and checks single numbers
+            object.__setattr__(
+                self._together, name, values
+            )  # the class is frozen, and checks single numbers
         if hasattr(model, "judge_trust"):  # consumers then go by the trust of their own
             self.judge_trust = model.judge_trust
 
@@ -175,13 +200,17 @@ def _place(span: _Range, value: float) -> float:
 def _value(span: _Range, place: float) -> float:
     place = min(max(place, 0.0), 1.0)
     width = span.high - span.low
-    value = span.low * (span.high / span.low) ** place if span.geometric else span.low + width * place
+    value = (
+        span.low * (span.high / span.low) ** place if span.geometric else span.low + width * place
+    )
     return float(f"{min(max(value, span.low), span.high):.{_DIGITS}g}")
 
 
 @dataclass(frozen=True)
 class NetworkLearner:
-    """The weights of `RaterNetworkTrust`, to five digits, behind the numbers of leave-one-out trust in it."""
+    """The weights of `RaterNetworkTrust`, to five digits, behind the numbers of leave-one-out trust
+    in it.
+    """
 
     name: str = "network"
 
@@ -190,7 +219,9 @@ class NetworkLearner:
         return ParameterLearner("leave-one-out")
 
     def start(self) -> Floats:
-        """Return the numbers and weights that leave leave-one-out trust as it is. See `DefenceLearner.start`."""
+        """Return the numbers and weights that leave leave-one-out trust as it is. See
+        `DefenceLearner.start`.
+        """
         return np.concatenate([self._numbers.start(), start_weights()])
 
     def parameters(self, vector: Floats) -> dict[str, float]:
@@ -208,13 +239,17 @@ class NetworkLearner:
 
     def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
         """See `DefenceLearner.models`."""
-        rows, weights = [self.parameters(vector) for vector in vectors], [self.weights(vector) for vector in vectors]
+        rows, weights = (
+            [self.parameters(vector) for vector in vectors],
+            [self.weights(vector) for vector in vectors],
+        )
         model = RaterNetworkTrust(initial=initial, weights=weights[0], **rows[0])
         return TrustSideBySide(model, {**_columns(rows), "weights": np.array(weights, np.float32)})
 
 
 def learner_of(name: str) -> DefenceLearner:
-    """Return what a defence learns, by its name: a trust model, see `ParameterLearner`, or `network`.
+    """Return what a defence learns, by its name: a trust model, see `ParameterLearner`, or
+    `network`.
 
     Raises:
         ValueError: The name is unknown, or the model has no number that can be learned.

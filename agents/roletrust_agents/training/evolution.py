@@ -1,4 +1,5 @@
-"""Evolution of the network of a coalition: diagonal CMA-ES on whole games, many candidates in one batch.
+"""Evolution of the network of a coalition: diagonal CMA-ES on whole games, many candidates in one
+batch.
 
 All candidates of a generation meet the same random numbers, so their scores compare.
 """
@@ -18,11 +19,12 @@ _JUDGED, _LEAST = 3, 3  # generations that judge a start, and the fewest between
 
 
 class Evolution(CoalitionTraining[EvolutionSettings]):
-    """An evolution in progress: separable CMA-ES (Ros and Hansen, 2008) as the package `cma` has it.
+    """An evolution in progress: separable CMA-ES (Ros and Hansen, 2008) as the package `cma` has
+    it.
 
-    What is found depends on the start, and the best start is not the one that is best at first. So several evolve side
-    by side, and the worse half of them is dropped again and again until one is left (successive halving, Jamieson and
-    Talwalkar, 2016). A step is a generation of each.
+    What is found depends on the start, and the best start is not the one that is best at first. So
+    several evolve side by side, and the worse half of them is dropped again and again until one is
+    left (successive halving, Jamieson and Talwalkar, 2016). A step is a generation of each.
 
     The state follows from the seed and the scores so far, so a run continues from these.
 
@@ -76,7 +78,9 @@ class Evolution(CoalitionTraining[EvolutionSettings]):
         starts = 2 ** int(np.log2(min(self.settings.starts, len(self._starts))))
         halvings = starts.bit_length() - 1
         generation = self.settings.step_games * len(self.turn) * self.length
-        share = int(_RACE * self.budget / generation / max(1, halvings))  # generations for each number of starts
+        share = int(
+            _RACE * self.budget / generation / max(1, halvings)
+        )  # generations for each number of starts
         if share // starts < _LEAST:
             return 1, []
         return starts, np.cumsum([share // (starts >> k) for k in range(halvings)]).tolist()
@@ -88,7 +92,9 @@ class Evolution(CoalitionTraining[EvolutionSettings]):
         for k, strategy in enumerate(self._strategies):
             strategy.tell(points[k], (-scores[k]).tolist())
             if strategy.stop():  # it has converged: begin again from there, as wide as at first
-                self._strategies[k] = _strategy(np.array(strategy.mean), self.settings, (self.seed, self.steps, k))
+                self._strategies[k] = _strategy(
+                    np.array(strategy.mean), self.settings, (self.seed, self.steps, k)
+                )
         if self.steps in self._judged_at:
             means = np.mean([step.mean(axis=1) for step in self.scores[-_JUDGED:]], axis=0)
             kept = np.sort(np.argsort(-means, kind="stable")[: len(means) // 2])

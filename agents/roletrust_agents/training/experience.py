@@ -1,4 +1,6 @@
-"""Experience of learners: staggered games, whole games, actions whose spread narrows, and calls after updates."""
+"""Experience of learners: staggered games, whole games, actions whose spread narrows, and calls
+after updates.
+"""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -12,16 +14,22 @@ from roletrust_env.envs.sb3 import AttackVecEnv, Flags, Floats, Step
 
 
 def update_memory(model: Any) -> int:
-    """Return the memory of an update in bytes: twice the data of its rollout, 0 for a learner without rollouts."""
+    """Return the memory of an update in bytes: twice the data of its rollout, 0 for a learner
+    without rollouts.
+    """
     kept = getattr(model, "rollout_buffer", None)
-    return 2 * sum(part.nbytes for part in vars(kept).values() if isinstance(part, np.ndarray)) if kept else 0
+    return (
+        2 * sum(part.nbytes for part in vars(kept).values() if isinstance(part, np.ndarray))
+        if kept
+        else 0
+    )
 
 
 class StaggeredGames(AttackVecEnv):
     """A batch whose games are in different rounds, so that a short rollout covers the whole game.
 
-    The first episode of each game is truncated at a different round, where learners bootstrap. Arguments as for
-    `AttackVecEnv`.
+    The first episode of each game is truncated at a different round, where learners bootstrap.
+    Arguments as for `AttackVecEnv`.
     """
 
     def _restart(self, ended: Flags | None) -> None:
@@ -38,10 +46,11 @@ class StaggeredGames(AttackVecEnv):
 
 
 class WholeGames(AttackVecEnv):
-    """A batch in which the end of a game ends its rewards: learners do not bootstrap, since they observe the clock.
+    """A batch in which the end of a game ends its rewards: learners do not bootstrap, since they
+    observe the clock.
 
-    No game ends at random; rewards are times the weight of the round, see `Scenario.round_weights`. Arguments as for
-    `AttackVecEnv`.
+    No game ends at random; rewards are times the weight of the round, see `Scenario.round_weights`.
+    Arguments as for `AttackVecEnv`.
     """
 
     _whole = True
@@ -49,7 +58,9 @@ class WholeGames(AttackVecEnv):
     def _play(self, actions: Floats) -> Step:
         step = super()._play(actions)
         rewards = step.rewards * self._weights[self._batch.games.round - 1]
-        return Step(rewards, step.terminated | step.truncated, np.zeros_like(step.truncated), step.infos)
+        return Step(
+            rewards, step.terminated | step.truncated, np.zeros_like(step.truncated), step.infos
+        )
 
     @cached_property
     def _weights(self) -> Floats:
@@ -57,7 +68,8 @@ class WholeGames(AttackVecEnv):
 
 
 class Narrowing(BaseCallback):
-    """Callback that limits the spread of a Gaussian policy; the logarithm of the limit falls linearly.
+    """Callback that limits the spread of a Gaussian policy; the logarithm of the limit falls
+    linearly.
 
     Args:
         first: Logarithm of the limit of the standard deviation at the beginning.
@@ -70,7 +82,9 @@ class Narrowing(BaseCallback):
         self._first, self._last, self._steps = first, last, steps
 
     def _on_rollout_start(self) -> None:
-        limit = self._first + (self._last - self._first) * min(1.0, self.num_timesteps / self._steps)
+        limit = self._first + (self._last - self._first) * min(
+            1.0, self.num_timesteps / self._steps
+        )
         policy: Any = self.model.policy
         with torch.no_grad():
             policy.log_std.clamp_(max=limit)

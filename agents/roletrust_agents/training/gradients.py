@@ -1,11 +1,12 @@
-"""Gradients through the game: Adam on the network of a coalition, by back-propagation through whole games.
+"""Gradients through the game: Adam on the network of a coalition, by back-propagation through whole
+games.
 
-The games of a step are on torch, and consumers choose with a temperature, see `SmoothTask`. The slope of an observation
-is left out. A decision changes trust, and this changes the score, but that later decisions then differ is not followed.
-With it the gradients of many rounds explode.
+The games of a step are on torch, and consumers choose with a temperature, see `SmoothTask`. The
+slope of an observation is left out. A decision changes trust, and this changes the score, but that
+later decisions then differ is not followed. With it the gradients of many rounds explode.
 
-What has no slope does not learn: whether an identity is present, and which provider a rater chooses. Where trust jumps,
-the slope is right only between the jumps, and evolution may find more.
+What has no slope does not learn: whether an identity is present, and which provider a rater
+chooses. Where trust jumps, the slope is right only between the jumps, and evolution may find more.
 """
 
 import math
@@ -27,9 +28,9 @@ _LOST = 0.02
 class GradientAscent(AdamTraining[GradientSettings]):
     """Gradient ascent in progress.
 
-    A network that is far below the best one in a validation is given up: the next step goes on from the best one at
-    half the learning rate. Otherwise a network that has lost its slopes, as its units saturate, would stay so. A
-    backward pass counts no rounds.
+    A network that is far below the best one in a validation is given up: the next step goes on from
+        the best one at half the learning rate. Otherwise a network that has lost its slopes, as its
+        units saturate, would stay so. A backward pass counts no rounds.
 
     For the arguments see `CoalitionTraining`. The learning rate is 0 when the budget is played.
 
@@ -53,11 +54,15 @@ class GradientAscent(AdamTraining[GradientSettings]):
                 check_graph(task, self._attacker(self._adam.vector), self.settings.games)
 
     def step(self) -> None:
-        """Play games forward and backward, and take a step of Adam. See `CoalitionTraining.step`."""
+        """Play games forward and backward, and take a step of Adam. See
+        `CoalitionTraining.step`.
+        """
         import torch
 
         settings = self.settings
-        rate = settings.learning_rate * 0.5**self.given_up * 0.5 * (1 + math.cos(math.pi * self.done))
+        rate = (
+            settings.learning_rate * 0.5**self.given_up * 0.5 * (1 + math.cos(math.pi * self.done))
+        )
         self._adam.optimiser.zero_grad()
         with one_thread():
             with flat_roots():
@@ -65,7 +70,8 @@ class GradientAscent(AdamTraining[GradientSettings]):
             if not score.requires_grad:
                 model = type(self.tasks[0].game.model).__name__
                 raise UnsuitableError(
-                    f"nothing that the coalition decides has a slope under {model}, so gradients cannot train it"
+                    f"nothing that the coalition decides has a slope under {model}, so gradients "
+                    "cannot train it"
                 )
             (-score).backward()
             norm = torch.nn.utils.clip_grad_norm_([self._adam.vector], settings.clip)
@@ -77,14 +83,18 @@ class GradientAscent(AdamTraining[GradientSettings]):
         self.steps += 1
 
     def smooth_score(self, vector: Array) -> Array:
-        """Return the mean score in the games of the next step as a function of the weights, with its slope.
+        """Return the mean score in the games of the next step as a function of the weights, with
+        its slope.
 
         Args:
             vector: Weights on torch, shape (n,).
         """
         attacker = self._attacker(vector)
         place, batch = (self.seed, self.steps), (1, self.settings.games)
-        scores = [mean_rewards(self._smooth[k], attacker, place, batch, SEARCHED)[0].mean() for k in self.turn]
+        scores = [
+            mean_rewards(self._smooth[k], attacker, place, batch, SEARCHED)[0].mean()
+            for k in self.turn
+        ]
         return sum(scores) / len(scores)
 
     def _attacker(self, vector: Array) -> CoalitionAttacker:

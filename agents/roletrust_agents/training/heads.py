@@ -1,7 +1,9 @@
-"""Small networks for PPO that the agents of a coalition share: one head for each kind of action, for each provider.
+"""Small networks for PPO that the agents of a coalition share: one head for each kind of action,
+for each provider.
 
-Experience with one rater and one provider then applies to all, and an action depends only on related observations.
-Each output has weights of its own in the first layer, so that agents can act differently.
+Experience with one rater and one provider then applies to all, and an action depends only on
+related observations. Each output has weights of its own in the first layer, so that agents can act
+differently.
 """
 
 from collections.abc import Iterator
@@ -22,13 +24,14 @@ _OWN = 0.5
 
 
 def heads_of(task: AttackTask, inputs: int) -> tuple[Head, ...]:
-    """Return a head for each kind of action: the qualities and the ratings of agents with the same role.
+    """Return a head for each kind of action: the qualities and the ratings of agents with the same
+    role.
 
-    A rating is about a provider, and a quality is about the agent itself. The head of an action observes every
-    compromised agent: first the acting agent, then those of its role. Of each it observes the fields with one number
-    and, of the fields with an entry for each provider, the entry of the provider in question. A quality also observes
-    every rating of the agent. All heads observe all published trust at `"grey_box"`, and the whole state at
-    `"white_box"`.
+    A rating is about a provider, and a quality is about the agent itself. The head of an action
+    observes every compromised agent: first the acting agent, then those of its role. Of each it
+    observes the fields with one number and, of the fields with an entry for each provider, the
+    entry of the provider in question. A quality also observes every rating of the agent. All heads
+    observe all published trust at `"grey_box"`, and the whole state at `"white_box"`.
 
     Args:
         task: Task whose observations and actions the heads connect.
@@ -43,7 +46,9 @@ def heads_of(task: AttackTask, inputs: int) -> tuple[Head, ...]:
 
 
 def _actions(task: AttackTask) -> Iterator[tuple[str, int, bool]]:
-    """Yield for each entry of an action its agent, the index of its provider, and whether it is a rating."""
+    """Yield for each entry of an action its agent, the index of its provider, and whether it is a
+    rating.
+    """
     roster = task.game.roster
     for agent in task.compromised:
         if agent in roster.provider_names:
@@ -74,14 +79,20 @@ def _seen(
             if (owner if owner in order else "") != agent:
                 continue
             by_provider = roster.roles.get(owner) == "SR" or ".rater." in name
-            if len(entries) == 1 or not agent or (agent == order[0] and not rates and not by_provider):
+            if (
+                len(entries) == 1
+                or not agent
+                or (agent == order[0] and not rates and not by_provider)
+            ):
                 yield from entries
             elif by_provider:
                 yield entries[provider]
 
 
 class _Head(nn.Module):
-    """A head in torch, equal to that of `roletrust_agents.learned.network.Network`: (B, K) -> (B, outputs)."""
+    """A head in torch, equal to that of `roletrust_agents.learned.network.Network`: (B, K) -> (B,
+    outputs).
+    """
 
     sees: torch.Tensor
 
@@ -129,7 +140,8 @@ class Heads(nn.Module):
 
 
 class HeadsPolicy(ActorCriticPolicy):
-    """Policy of PPO with heads for the actor, and one network for the critic that observes everything.
+    """Policy of PPO with heads for the actor, and one network for the critic that observes
+    everything.
 
     Args:
         heads: Heads of the actor.
@@ -138,7 +150,9 @@ class HeadsPolicy(ActorCriticPolicy):
         kwargs: Keyword arguments of `ActorCriticPolicy`.
     """
 
-    def __init__(self, *args: Any, heads: tuple[Head, ...], head_hidden: tuple[int, ...], **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, heads: tuple[Head, ...], head_hidden: tuple[int, ...], **kwargs: Any
+    ) -> None:
         self._heads, self.head_hidden = heads, head_hidden
         super().__init__(*args, **kwargs)
 

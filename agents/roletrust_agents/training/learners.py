@@ -16,7 +16,12 @@ from torch import nn
 
 from roletrust_agents.learned.network import Architecture, Floats, Network
 from roletrust_agents.training.heads import HeadsPolicy, heads_of
-from roletrust_agents.training.settings import Algo, LearnerSettings, RecurrentPPOSettings, SACSettings
+from roletrust_agents.training.settings import (
+    Algo,
+    LearnerSettings,
+    RecurrentPPOSettings,
+    SACSettings,
+)
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.randomness import generator
@@ -25,7 +30,9 @@ _NORMALISING_GAMES = 16
 
 
 class Normalised(BaseFeaturesExtractor):
-    """Observations normalised by a mean and a standard deviation that are fixed before training and saved with it."""
+    """Observations normalised by a mean and a standard deviation that are fixed before training and
+    saved with it.
+    """
 
     mean: torch.Tensor
     variance: torch.Tensor
@@ -41,7 +48,9 @@ class Normalised(BaseFeaturesExtractor):
         return scaled.clamp(-10.0, 10.0)
 
 
-def make_model(algo: Algo, settings: LearnerSettings, env: AttackVecEnv, seed: int) -> BaseAlgorithm:
+def make_model(
+    algo: Algo, settings: LearnerSettings, env: AttackVecEnv, seed: int
+) -> BaseAlgorithm:
     """Return an untrained learner."""
     mean, variance = _statistics(env.task, seed)
     shape: dict[str, Any] = {
@@ -66,11 +75,18 @@ def make_model(algo: Algo, settings: LearnerSettings, env: AttackVecEnv, seed: i
             policy_kwargs=shape,
             **common,
         )
-    common |= settings.model_dump(include={"n_steps", "n_epochs", "gae_lambda", "clip_range", "ent_coef"})
+    common |= settings.model_dump(
+        include={"n_steps", "n_epochs", "gae_lambda", "clip_range", "ent_coef"}
+    )
     common["batch_size"] = min(settings.batch_size, settings.n_steps * settings.games)
     shape["log_std_init"] = settings.log_std_init
     if isinstance(settings, RecurrentPPOSettings):
-        return RecurrentPPO("MlpLstmPolicy", env, policy_kwargs={**shape, "lstm_hidden_size": settings.lstm}, **common)
+        return RecurrentPPO(
+            "MlpLstmPolicy",
+            env,
+            policy_kwargs={**shape, "lstm_hidden_size": settings.lstm},
+            **common,
+        )
     if not settings.heads:
         return PPO("MlpPolicy", env, policy_kwargs=shape, **common)
     shape |= {"net_arch": {"pi": [], "vf": shape["net_arch"]}, "head_hidden": settings.heads}
@@ -79,12 +95,16 @@ def make_model(algo: Algo, settings: LearnerSettings, env: AttackVecEnv, seed: i
 
 
 def normalising_rounds(task: AttackTask) -> int:
-    """Return the number of rounds, over all games, that determine the normalisation before training."""
+    """Return the number of rounds, over all games, that determine the normalisation before
+    training.
+    """
     return _NORMALISING_GAMES * min(task.game.scenario.max_cycles, 500)
 
 
 def _statistics(task: AttackTask, seed: int) -> tuple[Floats, Floats]:
-    """Return the mean and the variance of each entry of the observations in games with random actions."""
+    """Return the mean and the variance of each entry of the observations in games with random
+    actions.
+    """
     env, rng = AttackVecEnv(task, _NORMALISING_GAMES, seed=seed), generator(seed)
     rows, shape = [np.asarray(env.reset())], (_NORMALISING_GAMES, task.action_size)
     for _ in range(normalising_rounds(task) // _NORMALISING_GAMES):
@@ -120,17 +140,31 @@ def network_of(model: BaseAlgorithm) -> Network:
         return _network_of_heads(policy)
     lstm = None
     if isinstance(model, SAC):
-        features, hidden, head = policy.actor.features_extractor, policy.actor.latent_pi, policy.actor.mu
+        features, hidden, head = (
+            policy.actor.features_extractor,
+            policy.actor.latent_pi,
+            policy.actor.mu,
+        )
     else:
-        features, hidden, head = policy.features_extractor, policy.mlp_extractor.policy_net, policy.action_net
+        features, hidden, head = (
+            policy.features_extractor,
+            policy.mlp_extractor.policy_net,
+            policy.action_net,
+        )
         lstm = getattr(policy, "lstm_actor", None)
     weights: dict[str, Floats] = {}
     if lstm is not None:
-        weights["lstm.input"], weights["lstm.hidden"] = _array(lstm.weight_ih_l0), _array(lstm.weight_hh_l0)
+        weights["lstm.input"], weights["lstm.hidden"] = (
+            _array(lstm.weight_ih_l0),
+            _array(lstm.weight_hh_l0),
+        )
         weights["lstm.bias"] = _array(lstm.bias_ih_l0 + lstm.bias_hh_l0)
     layers = [layer for layer in hidden if isinstance(layer, nn.Linear)]
     for i, layer in enumerate([*layers, head]):
-        weights[f"layer{i}.weight"], weights[f"layer{i}.bias"] = _array(layer.weight), _array(layer.bias)
+        weights[f"layer{i}.weight"], weights[f"layer{i}.bias"] = (
+            _array(layer.weight),
+            _array(layer.bias),
+        )
     architecture = Architecture(
         inputs=len(features.mean),
         outputs=head.out_features,
@@ -145,7 +179,9 @@ def network_of(model: BaseAlgorithm) -> Network:
 def _network_of_heads(policy: HeadsPolicy) -> Network:
     features: Any = policy.features_extractor
     actor: Any = policy.action_net
-    weights = {name: _array(weight) for name, weight in actor.named_parameters()}  # named as in the architecture
+    weights = {
+        name: _array(weight) for name, weight in actor.named_parameters()
+    }  # named as in the architecture
     outputs = sum(len(head.outputs) for head in actor.cards)
     architecture = Architecture(
         inputs=len(features.mean), outputs=outputs, hidden=policy.head_hidden, heads=actor.cards

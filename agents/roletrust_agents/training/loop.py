@@ -1,4 +1,6 @@
-"""Training of an attacker by a learner of Stable-Baselines3, with checkpoints from which it continues."""
+"""Training of an attacker by a learner of Stable-Baselines3, with checkpoints from which it
+continues.
+"""
 
 import warnings
 from collections.abc import Iterator
@@ -46,7 +48,9 @@ MANY = 1000
 _FEW = 4  # games of a learner that is made to measure its memory
 
 
-def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[CurvePoint]]:
+def train(
+    run: Run, folder: RunFolder, on_report: OnReport
+) -> tuple[SavedAttacker, list[CurvePoint]]:
     """Train from the folder's last checkpoint, or from the beginning, to the end.
 
     Args:
@@ -55,7 +59,8 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
         on_report: Called with the progress after every rollout.
 
     Returns:
-        The attacker with the best score during training, measured again in new games, and the learning curve.
+        The attacker with the best score during training, measured again in new games, and the
+        learning curve.
     """
     task = task_from_card(run.task, run.trust_model, run.scenario)
     settings = learner_settings(run.task.id, run.algo, run.settings)
@@ -65,20 +70,28 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
     with folder.restoring() as last:
         if last is not None:
             watch.take_up(last, model)
-    model.set_random_seed(int(np.random.SeedSequence([run.seed, 0, model.num_timesteps]).generate_state(1)[0]))
+    model.set_random_seed(
+        int(np.random.SeedSequence([run.seed, 0, model.num_timesteps]).generate_state(1)[0])
+    )
     model.set_logger(configure(str(folder.path / "tensorboard"), ["tensorboard"]))
     if model.num_timesteps < run.steps:
         callbacks: list[BaseCallback] = [watch]
         if isinstance(settings, OnPolicySettings) and settings.log_std_last is not None:
             callbacks.append(Narrowing(settings.log_std_init, settings.log_std_last, run.steps))
-        model.learn(run.steps - model.num_timesteps, callback=callbacks, reset_num_timesteps=last is None)
+        model.learn(
+            run.steps - model.num_timesteps, callback=callbacks, reset_num_timesteps=last is None
+        )
     curve = watch.curve
-    rounds = curve[-1].steps + len(curve) * GAMES * run.scenario.max_cycles + normalising_rounds(task)
+    rounds = (
+        curve[-1].steps + len(curve) * GAMES * run.scenario.max_cycles + normalising_rounds(task)
+    )
     return finish(run, task, watch.best(), curve, rounds), curve
 
 
 def check_games(run: Run) -> None:
-    """Refuse a run whose games do not fit into the memory: to play, and to update. See `check_memory`."""
+    """Refuse a run whose games do not fit into the memory: to play, and to update. See
+    `check_memory`.
+    """
     games = run.settings["games"]
     if games > MANY:
         check_memory("--learner games", games, _game_memory(run))
@@ -87,7 +100,9 @@ def check_games(run: Run) -> None:
 def _game_memory(run: Run) -> float:
     """Return the memory of each game of the learner in bytes."""
     task = task_from_card(run.task, run.trust_model, run.scenario)
-    settings = learner_settings(run.task.id, run.algo, run.settings).model_copy(update={"games": _FEW})
+    settings = learner_settings(run.task.id, run.algo, run.settings).model_copy(
+        update={"games": _FEW}
+    )
 
     def played(games: int) -> Iterator[object]:
         env = StaggeredGames(task, games)
@@ -156,9 +171,15 @@ class _Watch(BaseCallback):
             self._best = network
         self.curve.append(point)
         self.logger.record("eval/score", point.score)
-        files = {"parameters.pt": parameters_bytes(self.model), "best.safetensors": weights_bytes(self.best())}
+        files = {
+            "parameters.pt": parameters_bytes(self.model),
+            "best.safetensors": weights_bytes(self.best()),
+        }
         if isinstance(buffer := getattr(self.model, "replay_buffer", None), ReplayBuffer):
-            files |= {f"replay.{name}": np.ascontiguousarray(getattr(buffer, name)).tobytes() for name in _REPLAY}
+            files |= {
+                f"replay.{name}": np.ascontiguousarray(getattr(buffer, name)).tobytes()
+                for name in _REPLAY
+            }
         notes = {"updates": self.model._n_updates, "curve": [list(point) for point in self.curve]}
         if isinstance(buffer, ReplayBuffer):
             notes |= {"position": buffer.pos, "full": buffer.full}

@@ -34,7 +34,13 @@ from roletrust_env import Scenario, __version__
 from roletrust_env.errors import explain, short
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import GameMean, over_games
-from roletrust_env.storage.files import clear_unfinished, prepare_folder, replacing, unfinished_path, write_json
+from roletrust_env.storage.files import (
+    clear_unfinished,
+    prepare_folder,
+    replacing,
+    unfinished_path,
+    write_json,
+)
 from roletrust_env.storage.untrusted import UntrustedModel, parse_json
 
 _KEPT = 2
@@ -86,7 +92,9 @@ class RunFolder:
         try:
             config = parse_json(file.read_bytes())
         except ValueError as error:
-            raise ValueError(f"{file} is broken ({error}); start again with another --out") from None
+            raise ValueError(
+                f"{file} is broken ({error}); start again with another --out"
+            ) from None
         if not isinstance(config, dict):
             raise ValueError(f"{file} holds no run; start again with another --out")
         return config
@@ -104,15 +112,29 @@ class RunFolder:
         config, out = self.config(), self.path
         if config is None:
             if planned is None:
-                several = next(out.parent.glob("seed-*") if out.name.startswith("seed-") else out.glob("seed-*"), None)
-                how = "give the whole command again, with --resume" if several else "name a task to begin one"
+                several = next(
+                    out.parent.glob("seed-*")
+                    if out.name.startswith("seed-")
+                    else out.glob("seed-*"),
+                    None,
+                )
+                how = (
+                    "give the whole command again, with --resume"
+                    if several
+                    else "name a task to begin one"
+                )
                 raise ValueError(f"there is no run in {out} to continue; {how}")
             return planned
         run = Run.read(config.get("run"))
         if not resume:
-            raise ValueError(f"{out} holds a run; continue it with --resume, or choose another --out")
+            raise ValueError(
+                f"{out} holds a run; continue it with --resume, or choose another --out"
+            )
         if planned is not None and planned != run:
-            raise ValueError(f"{out} holds another run, see its config.json; leave the task out to continue that one")
+            raise ValueError(
+                f"{out} holds another run, see its config.json; leave the task out to continue "
+                "that one"
+            )
         return run
 
     def prepare(self) -> None:
@@ -135,7 +157,9 @@ class RunFolder:
         new = unfinished_path(final)
         shutil.rmtree(new, ignore_errors=True)  # of a failed attempt of this process
         new.mkdir()
-        digests = {name: hashlib.sha256(data).hexdigest() for name, data in checkpoint.files.items()}
+        digests = {
+            name: hashlib.sha256(data).hexdigest() for name, data in checkpoint.files.items()
+        }
         about = {"steps": checkpoint.steps, "sha256": digests, "notes": checkpoint.notes}
         for name, data in {**checkpoint.files, "about.json": json.dumps(about).encode()}.items():
             with (new / name).open("wb") as file:
@@ -154,7 +178,8 @@ class RunFolder:
 
     @contextmanager
     def restoring(self) -> Iterator[Checkpoint | None]:
-        """Yield the last checkpoint, from which the run is restored in the context; None if there is none.
+        """Yield the last checkpoint, from which the run is restored in the context; None if there
+        is none.
 
         Raises:
             ValueError: It cannot be. Its checksums are right, so it is of another run.
@@ -169,7 +194,9 @@ class RunFolder:
 
     def _found(self) -> list[Path]:
         """Return the folders of checkpoints, the newest first."""
-        return sorted((path for path in self._checkpoints.glob("[0-9]*") if path.is_dir()), reverse=True)
+        return sorted(
+            (path for path in self._checkpoints.glob("[0-9]*") if path.is_dir()), reverse=True
+        )
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -185,8 +212,15 @@ def _read(path: Path) -> Checkpoint | None:
         files = {name: (path / name).read_bytes() for name in about.sha256}
     except (OSError, ValueError):
         return None
-    same = all(hashlib.sha256(files[name]).hexdigest() == expected for name, expected in about.sha256.items())
-    return Checkpoint(about.steps, files, about.notes) if same and f"{about.steps:012d}" == path.name else None
+    same = all(
+        hashlib.sha256(files[name]).hexdigest() == expected
+        for name, expected in about.sha256.items()
+    )
+    return (
+        Checkpoint(about.steps, files, about.notes)
+        if same and f"{about.steps:012d}" == path.name
+        else None
+    )
 
 
 GAMES = 16
@@ -251,9 +285,15 @@ def score_of(task: AttackTask, network: Network | DeepSet, seed: int) -> GameMea
     return over_games(_play(task, network, games=GAMES, key=(seed, 1)))
 
 
-def _play(task: AttackTask, network: Network | DeepSet | None, *, games: int, key: tuple[int, int]) -> Any:
-    """Return the scores of games; `key` separates training, scores during training and last scores."""
-    return play_task(task, network, games=games, seed=int(np.random.SeedSequence(key).generate_state(1)[0]))
+def _play(
+    task: AttackTask, network: Network | DeepSet | None, *, games: int, key: tuple[int, int]
+) -> Any:
+    """Return the scores of games; `key` separates training, scores during training and last
+    scores.
+    """
+    return play_task(
+        task, network, games=games, seed=int(np.random.SeedSequence(key).generate_state(1)[0])
+    )
 
 
 def finish(
@@ -301,8 +341,12 @@ def finish(
 
 
 def _input_card(run: Run, network: Network) -> InputCard:
-    fields = observation_fields(run.scenario, run.task.compromised, run.task.knowledge, network.architecture.inputs)
-    return InputCard(fields=fields, mean=tuple(network.mean.tolist()), variance=tuple(network.variance.tolist()))
+    fields = observation_fields(
+        run.scenario, run.task.compromised, run.task.knowledge, network.architecture.inputs
+    )
+    return InputCard(
+        fields=fields, mean=tuple(network.mean.tolist()), variance=tuple(network.variance.tolist())
+    )
 
 
 def _plain(value: Any) -> int | float | str:
@@ -311,4 +355,7 @@ def _plain(value: Any) -> int | float | str:
 
 def versions() -> dict[str, str]:
     """Return the versions of the packages that affect training."""
-    return {name: version(name) for name in ("torch", "stable-baselines3", "sb3-contrib", "gymnasium", "numpy")}
+    return {
+        name: version(name)
+        for name in ("torch", "stable-baselines3", "sb3-contrib", "gymnasium", "numpy")
+    }

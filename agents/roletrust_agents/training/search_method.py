@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
 _GAMES = 32
-"""Maximum number of games in a batch: a small budget is better spent on many updates with few games."""
+"""Maximum number of games in a batch: a small budget is better spent on many updates with few
+games."""
 
 
 @dataclass(frozen=True)
 class LearnerSearch:
-    """A learner that observes as a black-box attacker, and plays its final network without exploration.
+    """A learner that observes as a black-box attacker, and plays its final network without
+    exploration.
 
     Attributes:
         algo: Algorithm of the learner.
@@ -41,16 +43,22 @@ class LearnerSearch:
         settings = settings.model_copy(update={"games": min(settings.games, _GAMES)})
         check_games_memory(task, settings.games)
         budget.spend(normalising_rounds(task))
-        model: BaseAlgorithm = make_model(self.algo, settings, StaggeredGames(task, settings.games), seed)
+        model: BaseAlgorithm = make_model(
+            self.algo, settings, StaggeredGames(task, settings.games), seed
+        )
         options: Any = settings
         rollout = settings.games * getattr(options, "n_steps", 1)
         steps = budget.left // rollout * rollout
         if steps < 1:
-            raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small for {self.name}")
+            raise UnsuitableError(
+                f"the budget of {budget.rounds} rounds is too small for {self.name}"
+            )
         model.learn(steps)
         budget.spend(steps)
         return SearchResult(
-            NetworkAttacker(network_of(model), "black_box"), budget.spent, f"{self.name} in {steps} rounds"
+            NetworkAttacker(network_of(model), "black_box"),
+            budget.spent,
+            f"{self.name} in {steps} rounds",
         )
 
 

@@ -10,7 +10,9 @@ from roletrust_agents.learned.deep_set import UNITS
 from roletrust_env.errors import explain, suggest
 from roletrust_env.parameters import plain
 
-Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "gradients", "coalition-ppo"]
+Algo = Literal[
+    "ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "gradients", "coalition-ppo"
+]
 Start = Literal["universal", "alike", "random"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
 Rate = Annotated[float, Field(gt=0, le=1)]
@@ -34,7 +36,9 @@ class _Settings(BaseModel):
 
 
 class OnPolicySettings(_Settings):
-    """Settings that PPO with and without an LSTM share: many games, short rollouts, and a narrow spread of actions."""
+    """Settings that PPO with and without an LSTM share: many games, short rollouts, and a narrow
+    spread of actions.
+    """
 
     n_steps: Natural = 25
     """Number of rounds of each game between two updates."""
@@ -54,7 +58,8 @@ class PPOSettings(OnPolicySettings):
     games: Natural = 256
     batch_size: Natural = 1600
     heads: Annotated[tuple[Natural, ...], Field(max_length=8)] = ()
-    """Number of units in each hidden layer of the actor's heads, see `roletrust_agents.training.heads`."""
+    """Number of units in each hidden layer of the actor's heads, see
+    `roletrust_agents.training.heads`."""
 
 
 class RecurrentPPOSettings(OnPolicySettings):
@@ -69,7 +74,9 @@ class RecurrentPPOSettings(OnPolicySettings):
 
 
 class SACSettings(_Settings):
-    """Settings of soft actor-critic, which learns from fewer rounds and spends more time on each."""
+    """Settings of soft actor-critic, which learns from fewer rounds and spends more time on
+    each.
+    """
 
     steps: Natural = 100_000
     games: Natural = 16
@@ -94,10 +101,11 @@ class CoalitionSettings(BaseModel, ABC):
     wide: bool = True
     """Whether the network also decides on silence, and on the treatment of each rater."""
     start: Start = "universal"
-    """Networks to start from: the universal coalitions, or those of them that serve all raters alike, and random
-    networks; or only the latter."""
+    """Networks to start from: the universal coalitions, or those of them that serve all raters
+    alike, and random networks; or only the latter."""
     candidates: Natural = 64
-    """Number of random networks of which the best is the start, as far as a tenth of the rounds allows."""
+    """Number of random networks of which the best is the start, as far as a tenth of the rounds
+    allows."""
     validation: Natural = 64
     """Number of games that choose the best network."""
     validate_every: Natural = 10
@@ -119,7 +127,8 @@ class EvolutionSettings(CoalitionSettings):
     spread: Annotated[float, Field(gt=0, le=100)] = 0.3
     """Standard deviation of the first generation."""
     starts: Natural = 4
-    """Number of networks that begin; in the first part of the rounds, the worse half is dropped again and again."""
+    """Number of networks that begin; in the first part of the rounds, the worse half is dropped
+    again and again."""
 
     @property
     def step_games(self) -> int:
@@ -173,15 +182,15 @@ class CoalitionPPOSettings(CoalitionSettings):
     """Number of random networks to start from: the policy draws its own."""
     validate_every: Natural = 15
     learning_rate: Rate | None = None
-    """Initial learning rate, which falls linearly to a tenth; None is 0.003 for a universal coalition and 0.01 for a
-    random network, because a good start is easily lost."""
+    """Initial learning rate, which falls linearly to a tenth; None is 0.003 for a universal
+    coalition and 0.01 for a random network, because a good start is easily lost."""
     gamma: Discount = 0.95
     gae_lambda: Discount = 0.95
     n_epochs: Natural = 5
     clip_range: Rate = 0.3
     spread: Annotated[float, Field(gt=0, le=10)] | None = None
-    """Initial standard deviation of the actions, which lie in [-1, 1]; None is 0.2 for a universal coalition and 0.5
-    for a random network."""
+    """Initial standard deviation of the actions, which lie in [-1, 1]; None is 0.2 for a universal
+    coalition and 0.5 for a random network."""
 
     @property
     def step_games(self) -> int:
@@ -201,7 +210,9 @@ class CoalitionPPOSettings(CoalitionSettings):
 
 CoalitionSettingsT = TypeVar("CoalitionSettingsT", bound=CoalitionSettings)
 LearnerSettings = PPOSettings | RecurrentPPOSettings | SACSettings
-Settings = LearnerSettings | EvolutionSettings | StrategySettings | GradientSettings | CoalitionPPOSettings
+Settings = (
+    LearnerSettings | EvolutionSettings | StrategySettings | GradientSettings | CoalitionPPOSettings
+)
 _KINDS: dict[str, type[Settings]] = {
     "ppo": PPOSettings,
     "sac": SACSettings,
@@ -213,9 +224,10 @@ _KINDS: dict[str, type[Settings]] = {
 }
 
 TUNED: dict[tuple[str, str], dict[str, Any]] = {
-    # Many actions at once need shared heads and longer training, with fewer and larger passes over each rollout and a
-    # horizon of about ten rounds. An exact lie is worth most, so the spread must fall. Together with the games that
-    # choose the best network, training plays just under two million rounds, the budget of a ladder.
+    # Many actions at once need shared heads and longer training, with fewer and larger passes over
+    # each rollout and a horizon of about ten rounds. An exact lie is worth most, so the spread must
+    # fall. Together with the games that choose the best network, training plays just under two
+    # million rounds, the budget of a ladder.
     ("RoleTrust/CollusionAttack-v0", "ppo"): {
         "steps": 1_900_000,
         "gamma": 0.9,
@@ -250,7 +262,8 @@ def checked_settings(kind: type[SettingsT], name: str, fields: Mapping[str, Any]
 
 
 def settings_of(kind: type[SettingsT], method: Any) -> SettingsT:
-    """Return the settings of a training from the fields of a search method that have the same names.
+    """Return the settings of a training from the fields of a search method that have the same
+    names.
 
     Args:
         kind: Class of the settings.
@@ -264,7 +277,9 @@ def settings_of(kind: type[SettingsT], method: Any) -> SettingsT:
 
 
 def learner_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> LearnerSettings:
-    """Return the settings of a learner of Stable-Baselines3. Arguments and errors as for `make_settings`."""
+    """Return the settings of a learner of Stable-Baselines3. Arguments and errors as for
+    `make_settings`.
+    """
     settings = make_settings(task_id, algo, changes)
     if isinstance(settings, CoalitionSettings):
         raise ValueError(f"{algo} is no learner of Stable-Baselines3")
@@ -281,4 +296,6 @@ def make_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> Setti
     for name in changes:
         if name not in known:
             raise ValueError(f"--learner: {algo} has no setting {name!r}{suggest(name, known)}")
-    return checked_settings(_KINDS[algo], f"--learner of {algo}", {**TUNED.get((task_id, algo), {}), **changes})
+    return checked_settings(
+        _KINDS[algo], f"--learner of {algo}", {**TUNED.get((task_id, algo), {}), **changes}
+    )

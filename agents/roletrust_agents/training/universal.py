@@ -1,4 +1,6 @@
-"""The universal coalitions of the project: starts of trainings, and a search method that only tries them."""
+"""The universal coalitions of the project: starts of trainings, and a search method that only tries
+them.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,19 +41,23 @@ def universal_coalitions(*, wide: bool = True) -> dict[str, DeepSet]:
     }
 
 
-def starts_of(named: Mapping[str, DeepSet], *, wide: bool, ways: int | None = None) -> dict[str, DeepSet]:
+def starts_of(
+    named: Mapping[str, DeepSet], *, wide: bool, ways: int | None = None
+) -> dict[str, DeepSet]:
     """Return the networks from which a training may start, by name.
 
     Args:
         named: Known networks by name.
-        wide: Whether the training is of a wide network. A network that is not wide can then begin in several ways, see
-            `widened`; otherwise wide ones are left out.
+        wide: Whether the training is of a wide network. A network that is not wide can then begin
+            in several ways, see `widened`; otherwise wide ones are left out.
         ways: Number of these ways, the first of which serves all raters alike; None takes all.
     """
     if not wide:
         return {name: network for name, network in named.items() if not network.architecture.wide}
     return {
-        f"{name}, start {k}": one for name, network in named.items() for k, one in enumerate(widened(network)[:ways])
+        f"{name}, start {k}": one
+        for name, network in named.items()
+        for k, one in enumerate(widened(network)[:ways])
     }
 
 
@@ -59,8 +65,8 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = True
     """Return the weights of the known networks from which a training may start, shape (n,) each.
 
     Args:
-        start: `"universal"` allows the universal coalitions and those of records, `"alike"` leaves out universal ones
-            that treat raters differently, and `"random"` allows none.
+        start: `"universal"` allows the universal coalitions and those of records, `"alike"` leaves
+            out universal ones that treat raters differently, and `"random"` allows none.
         records: Records of attackers, see `read_record`. Those that are no coalitions are left out.
         wide: Whether the training is of a wide network.
 
@@ -70,9 +76,13 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = True
     if start == "random":
         return []
     attackers = enumerate(map(read_record, records))
-    recorded = {f"record {k}": one.network for k, one in attackers if isinstance(one, CoalitionAttacker)}
+    recorded = {
+        f"record {k}": one.network for k, one in attackers if isinstance(one, CoalitionAttacker)
+    }
     ready = universal_coalitions(wide=start == "universal")
-    ways = 1 if any(one.architecture.wide for one in recorded.values()) else None  # the better ways are known
+    ways = (
+        1 if any(one.architecture.wide for one in recorded.values()) else None
+    )  # the better ways are known
     starts = starts_of(ready | recorded, wide=wide, ways=ways).values()
     return [network.flatten().astype(np.float64) for network in starts]
 
@@ -80,9 +90,11 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = True
 @refuse_unknown
 @dataclass(frozen=True)
 class Universal:
-    """The best of the universal coalitions that come with the project, without training on the task.
+    """The best of the universal coalitions that come with the project, without training on the
+    task.
 
-    Each was trained in turn against several trust models. The few games that choose one of them are counted.
+    Each was trained in turn against several trust models. The few games that choose one of them are
+    counted.
 
     Attributes:
         wide: Whether those that treat each rater differently play, too.
@@ -96,11 +108,17 @@ class Universal:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
         ready = universal_coalitions(wide=self.wide)
         best, network = best_universal(make_task(**arguments), ready, budget, seed)
-        return SearchResult(CoalitionAttacker(network), budget.spent, f"{best}, not trained further")
+        return SearchResult(
+            CoalitionAttacker(network), budget.spent, f"{best}, not trained further"
+        )
 
 
 def mean_scores(
-    task: AttackTask, architecture: DeepSetArchitecture, networks: Sequence[Floats], games: int, seed: tuple[int, int]
+    task: AttackTask,
+    architecture: DeepSetArchitecture,
+    networks: Sequence[Floats],
+    games: int,
+    seed: tuple[int, int],
 ) -> Floats:
     """Return the mean score of networks that play the same games, shape (n,).
 
@@ -111,8 +129,12 @@ def mean_scores(
         games: Number of games of each.
         seed: Random seed of the games, and their place beside other games.
     """
-    attacker = CoalitionAttacker(DeepSet.unflatten(architecture, np.stack(networks).astype(np.float32)))
-    scores: Floats = mean_rewards(task, attacker, seed, (len(networks), games), SEARCHED)[0].mean(axis=1)
+    attacker = CoalitionAttacker(
+        DeepSet.unflatten(architecture, np.stack(networks).astype(np.float32))
+    )
+    scores: Floats = mean_rewards(task, attacker, seed, (len(networks), games), SEARCHED)[0].mean(
+        axis=1
+    )
     return scores
 
 
@@ -121,7 +143,9 @@ def choice_rounds(task: AttackTask, ready: Mapping[str, DeepSet]) -> int:
     return len(ready) * _GAMES * task.game.scenario.max_cycles
 
 
-def best_universal(task: AttackTask, ready: Mapping[str, DeepSet], budget: Budget, seed: int) -> tuple[str, DeepSet]:
+def best_universal(
+    task: AttackTask, ready: Mapping[str, DeepSet], budget: Budget, seed: int
+) -> tuple[str, DeepSet]:
     """Return the network that is the best in a few games, and its name.
 
     Args:
@@ -137,11 +161,15 @@ def best_universal(task: AttackTask, ready: Mapping[str, DeepSet], budget: Budge
         raise UnsuitableError("no universal coalition is installed")
     rounds = choice_rounds(task, ready)
     if budget.left < rounds:
-        raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small; give {rounds} or more")
+        raise UnsuitableError(
+            f"the budget of {budget.rounds} rounds is too small; give {rounds} or more"
+        )
     scores = dict[str, float]()
     for architecture in dict.fromkeys(network.architecture for network in ready.values()):
         names = [name for name, network in ready.items() if network.architecture == architecture]
-        played = mean_scores(task, architecture, [ready[one].flatten() for one in names], _GAMES, (seed, _PLACE))
+        played = mean_scores(
+            task, architecture, [ready[one].flatten() for one in names], _GAMES, (seed, _PLACE)
+        )
         scores |= dict(zip(names, played.tolist(), strict=True))
     budget.spend(rounds)
     best = max(ready, key=lambda name: scores[name])

@@ -1,4 +1,6 @@
-"""Scores that a trained attacker is compared with: honest play, the best script, and the optimum where it is known."""
+"""Scores that a trained attacker is compared with: honest play, the best script, and the optimum
+where it is known.
+"""
 
 from contextlib import suppress
 from typing import NamedTuple
@@ -29,21 +31,27 @@ def yardsticks(attacker: SavedAttacker) -> list[Yardstick]:
     """Return the scores to compare with, in the held-out games of the attacker's own score."""
     card, score = attacker.card, attacker.card.score
     script = best_script(attacker.task(), games=score.games, seed=score.seed)
-    known = known_scores(arguments_from_card(card.task, card.trust_model, card.scenario), score.seed)
+    known = known_scores(
+        arguments_from_card(card.task, card.trust_model, card.scenario), score.seed
+    )
     return [Yardstick("honest play", score.honest), *([script] if script else []), *known]
 
 
 def best_script(task: AttackTask, *, games: int, seed: int) -> Yardstick | None:
-    """Return the best of the scripts with default parameters that the compromised agents can play; None without any.
+    """Return the best of the scripts with default parameters that the compromised agents can play;
+    None without any.
 
-    Where raters and providers are compromised, the script of one role goes with the paper's attack of the other.
+    Where raters and providers are compromised, the script of one role goes with the paper's attack
+    of the other.
     """
     found = []
     for name in attackers.names():
         try:
             kind = attackers.factory(name)
             attack = Scripts.of(task, with_paper(task, kind)).default
-        except ValueError:  # another role, no ring, no identities in reserve, a file that is missing
+        except (
+            ValueError
+        ):  # another role, no ring, no identities in reserve, a file that is missing
             continue
         score = play_attacker(task, Scripted(attack), games=games, seed=seed).mean()
         found.append(Yardstick(f"best script ({describe_attack(attack)})", float(score)))
@@ -51,7 +59,8 @@ def best_script(task: AttackTask, *, games: int, seed: int) -> Yardstick | None:
 
 
 def known_scores(arguments: TaskArguments, seed: int) -> list[Yardstick]:
-    """Return the score of the exact optimum of a provider, or of the best known lies of raters; most tasks have none.
+    """Return the score of the exact optimum of a provider, or of the best known lies of raters;
+    most tasks have none.
 
     Args:
         arguments: Arguments of the task.

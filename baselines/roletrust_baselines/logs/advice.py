@@ -1,4 +1,6 @@
-"""Which trust model suits a log: one that forecasts about as well as the best, and keeps much under attack."""
+"""Which trust model suits a log: one that forecasts about as well as the best, and keeps much under
+attack.
+"""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -38,11 +40,16 @@ class Advice(NamedTuple):
     @property
     def words(self) -> str:
         """The recommendation and its reason, in two sentences."""
-        place = "is the best" if self.model == self.best else f"lies in the interval of the best, {self.best}"
+        place = (
+            "is the best"
+            if self.model == self.best
+            else f"lies in the interval of the best, {self.best}"
+        )
         reason = f"Its forecast (r {self.forecast.value:.2f}) {place}"
         if not np.isnan(self.kept):
             reason += (
-                f", and it keeps {self.kept:.2f} of 1 under attack; no model with such a forecast keeps more than "
+                f", and it keeps {self.kept:.2f} of 1 under attack; no model with such a "
+                "forecast keeps more than "
             )
             reason += f"{self.most:.2f}"
         return f"Recommended: {self.model}. {reason}."
@@ -51,8 +58,8 @@ class Advice(NamedTuple):
 def advise(models: Mapping[str, Measures]) -> Advice | None:
     """Return which model suits a log; None without forecasts.
 
-    Of the models with a forecast inside the interval of the best one, and of these the ones that keep about the most
-    under attack, it is the one with the best forecast.
+    Of the models with a forecast inside the interval of the best one, and of these the ones that
+    keep about the most under attack, it is the one with the best forecast.
     """
     found = {name: one[FORECAST].value for name, one in models.items() if FORECAST in one}
     found = {name: value for name, value in found.items() if not np.isnan(value)}

@@ -1,7 +1,7 @@
 """The search for the cheapest attack on a log's ranking.
 
-It plays plans first, and then changes the ratings of the cheapest ones. It sees the ranks, as an attacker would who
-knows the log and the model.
+It plays plans first, and then changes the ratings of the cheapest ones. It sees the ranks, as an
+attacker would who knows the log and the model.
 """
 
 import math
@@ -12,7 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_baselines.logs.ranking import LAST, MOST, ORIGINS, Attempt, Plan, Prices, Ranking, Row, Target
+from roletrust_baselines.logs.ranking import (
+    LAST,
+    MOST,
+    ORIGINS,
+    Attempt,
+    Plan,
+    Prices,
+    Ranking,
+    Row,
+    Target,
+)
 
 _STEPS = 0.6  # share of steps from the best among the plans that are drawn
 _SPENT = 0.5  # share of the drawn plans that cost nearly as much as the best
@@ -67,12 +77,22 @@ class Search:
     """
 
     def __init__(
-        self, ranking: Ranking, target: Target, prices: Prices, seed: tuple[int, ...], tick: Callable[[], None]
+        self,
+        ranking: Ranking,
+        target: Target,
+        prices: Prices,
+        seed: tuple[int, ...],
+        tick: Callable[[], None],
     ) -> None:
         self.target, self.played, self.rows = target, dict[Plan, Attempt](), list[Row]()
         self.best: Attempt | None = None
         self.descended = list[Attempt]()
-        self._ranking, self._prices, self._rng, self._tick = ranking, prices, np.random.default_rng(seed), tick
+        self._ranking, self._prices, self._rng, self._tick = (
+            ranking,
+            prices,
+            np.random.default_rng(seed),
+            tick,
+        )
 
     @property
     def price(self) -> float:
@@ -80,7 +100,8 @@ class Search:
         return self.best.price if self.best else math.inf
 
     def run(self, known: Sequence[Plan], budget: int) -> None:
-        """Play known plans, then steps from the best and drawn plans, until so many attacks were played.
+        """Play known plans, then steps from the best and drawn plans, until so many attacks were
+        played.
 
         The steps are first those to the plans beside the best, and then drawn.
         """
@@ -93,13 +114,16 @@ class Search:
             idle = 0 if len(self.played) > before else idle + 1
 
     def descend(self, budget: int) -> None:
-        """Change the ratings of the cheapest attacks until no change makes them cheaper, or a budget is spent.
+        """Change the ratings of the cheapest attacks until no change makes them cheaper, or a
+        budget is spent.
 
-        An account or a rating is left out. If the attack then fails, other ratings are changed so that it comes nearer
-        to the edge, as long as that helps: in round, in value, or in whom they are about; those that are alike at once,
-        and one by one.
+        An account or a rating is left out. If the attack then fails, other ratings are changed so
+        that it comes nearer to the edge, as long as that helps: in round, in value, or in whom they
+        are about; those that are alike at once, and one by one.
         """
-        cheapest: dict[int, Attempt] = {}  # by number of accounts: few accounts and few ratings exclude each other
+        cheapest: dict[
+            int, Attempt
+        ] = {}  # by number of accounts: few accounts and few ratings exclude each other
         for one in sorted(filter(self._over, self.played.values()), key=_worth):
             cheapest.setdefault(one.accounts, one)
         starts = list(cheapest.values())[:_STARTS]
@@ -113,7 +137,9 @@ class Search:
                 self.best, self.rows = one, best
 
     def _cheaper(self, rows: list[Row], one: Attempt, until: int) -> list[Row] | None:
-        """Return the ratings of a cheaper attack, which was the last to be played; None if none is found."""
+        """Return the ratings of a cheaper attack, which was the last to be played; None if none is
+        found.
+        """
         near: tuple[float, list[Row]] = -math.inf, []
         account = max(row.account for row in rows)
         smaller = [row for row in rows if row.account != account]
@@ -143,23 +169,34 @@ class Search:
         return None
 
     def _changes(self, rows: list[Row]) -> Iterator[tuple[Counter[Row], list[Row]]]:
-        """Yield changes of ratings, each with the ratings that it takes away and those that replace them."""
+        """Yield changes of ratings, each with the ratings that it takes away and those that replace
+        them.
+        """
         groups = _alike(rows)
         order = self._rng.permutation(len(groups)).tolist()
-        for group in [*(groups[at] for at in order if len(groups[at]) > 1), *(groups[at][:1] for at in order)]:
+        for group in [
+            *(groups[at] for at in order if len(groups[at]) > 1),
+            *(groups[at][:1] for at in order),
+        ]:
             for change in self._options(group[0]):
                 yield Counter(group), [row._replace(**change) for row in group]
 
     def _options(self, row: Row) -> list[dict[str, Any]]:
         """Return changes of a rating."""
         down, ranking = self.target.goal == "sink", self._ranking
-        found: list[dict[str, Any]] = [{"round": at} for at in (row.round + 1, row.round - 1) if 0 <= at < LAST]
+        found: list[dict[str, Any]] = [
+            {"round": at} for at in (row.round + 1, row.round - 1) if 0 <= at < LAST
+        ]
         values = (min(1.0, max(0.0, row.value + shift)) for shift in _SHIFTS)
         found += [{"value": value} for value in values if value != row.value]
         if row.agent != self.target.place:
             edge = self._rng.permutation(ranking.rivals(self.target, _DECOYS))[:2].tolist()
             some = self._rng.permutation(ranking.popular[:_DECOYS])[:2].tolist()
-            found += [{"agent": at, "value": float(ranking.trust[at])} for at in [*edge, *some] if at != row.agent]
+            found += [
+                {"agent": at, "value": float(ranking.trust[at])}
+                for at in [*edge, *some]
+                if at != row.agent
+            ]
             found += [{"agent": at, "value": float(down)} for at in edge[:1]]
             found.append({"agent": self.target.place, "value": float(not down)})
         return [change for change in found if change.get("agent", row.agent) != row.account]
@@ -174,7 +211,9 @@ class Search:
         return self._ranking.over_edge(self.target, one.rank)
 
     def _reduce(self, shape: Plan, budget: int) -> None:
-        """Play a plan with the most accounts that cost no more than the best; if it succeeds, with fewer."""
+        """Play a plan with the most accounts that cost no more than the best; if it succeeds, with
+        fewer.
+        """
         low, high = 0, self._affordable(shape)
         if not high or not self._succeeds(replace(shape, accounts=high)):
             return
@@ -186,10 +225,14 @@ class Search:
                 low = middle
 
     def _affordable(self, shape: Plan) -> int:
-        """Return the greatest number of accounts with no higher price than that of the best; 0 if there is none."""
+        """Return the greatest number of accounts with no higher price than that of the best; 0 if
+        there is none.
+        """
         if self.best is None:
             return MOST
-        price = self._ranking.price(self._ranking.rows(self.target, replace(shape, accounts=1)), self._prices)
+        price = self._ranking.price(
+            self._ranking.rows(self.target, replace(shape, accounts=1)), self._prices
+        )
         return MOST if price <= 0 else max(0, min(MOST, math.floor(self.price / price + ROUNDING)))
 
     def _succeeds(self, plan: Plan) -> bool:
@@ -202,19 +245,30 @@ class Search:
         return self._over(self.played[plan])
 
     def _drawn(self) -> Plan:
-        """Return a step from the best plan in one or two of its numbers, or a plan of which all are drawn."""
+        """Return a step from the best plan in one or two of its numbers, or a plan of which all are
+        drawn.
+        """
         names, base = list(_CHOICES), Plan()
         if self.best and self._rng.random() < _STEPS:
-            base, names = self.best.plan, self._rng.choice(names, self._rng.integers(1, 3), replace=False).tolist()
+            base, names = (
+                self.best.plan,
+                self._rng.choice(names, self._rng.integers(1, 3), replace=False).tolist(),
+            )
         plan = _fitting(replace(base, **{name: self._draw(name) for name in names}))
         return self._spent(plan) if self.best and self._rng.random() < _SPENT else plan
 
     def _spent(self, plan: Plan) -> Plan:
-        """Return a plan with as many decoys as a drawn number of accounts can pay for below the best price."""
+        """Return a plan with as many decoys as a drawn number of accounts can pay for below the
+        best price.
+        """
         number = int(self._rng.integers(1, self.best.accounts + 1)) if self.best else 1
         bare = replace(plan, accounts=1, cover=0, age=0)
-        left = self.price / number - self._ranking.price(self._ranking.rows(self.target, bare), self._prices)
-        many = math.ceil(left / self._prices.rating - ROUNDING) - 1 if self._prices.rating else _MANY
+        left = self.price / number - self._ranking.price(
+            self._ranking.rows(self.target, bare), self._prices
+        )
+        many = (
+            math.ceil(left / self._prices.rating - ROUNDING) - 1 if self._prices.rating else _MANY
+        )
         return _fitting(replace(plan, cover=min(max(many, 0), _MANY)))
 
     def _draw(self, name: str) -> Any:
@@ -235,7 +289,9 @@ def _without(rows: Sequence[Row], group: Sequence[Row]) -> list[Row]:
 
 
 def _worth(one: Attempt) -> tuple[float, float]:
-    """Return what the better of two attacks that succeed has less of: the price and, of equals, the margin."""
+    """Return what the better of two attacks that succeed has less of: the price and, of equals, the
+    margin.
+    """
     return round(one.price / ROUNDING) * ROUNDING, -one.margin
 
 
@@ -247,7 +303,11 @@ def _beside(plan: Plan) -> Iterator[Plan]:
         for other in (value + 1, max(0, value - 1)) if counts else dict.fromkeys(choices):
             if other != value:
                 yield _fitting(replace(plan, **{name: other}))
-    for more, fewer in ((1, -1), (-1, 1), (1, 1)):  # what one account gives matters as a product of these
+    for more, fewer in (
+        (1, -1),
+        (-1, 1),
+        (1, 1),
+    ):  # what one account gives matters as a product of these
         yield _fitting(replace(plan, strikes=plan.strikes + more, cover=max(0, plan.cover + fewer)))
 
 
@@ -261,14 +321,24 @@ def _fitting(plan: Plan) -> Plan:
     plan = replace(plan, strikes=strikes, age=age, turns=plan.turns and strikes > 1, accounts=1)
     cover = max(plan.cover, int(plan.origin == "aged"))
     return replace(
-        plan, cover=cover, popular=plan.popular or not cover, choice=plan.choice if plan.origin == "hijacked" else 0
+        plan,
+        cover=cover,
+        popular=plan.popular or not cover,
+        choice=plan.choice if plan.origin == "hijacked" else 0,
     )
 
 
 def search_attacks(
-    ranking: Ranking, targets: Sequence[Target], prices: Prices, budget: int, seed: int, tick: Callable[[], None]
+    ranking: Ranking,
+    targets: Sequence[Target],
+    prices: Prices,
+    budget: int,
+    seed: int,
+    tick: Callable[[], None],
 ) -> list[Search]:
-    """Search for each target: half of the attacks are plans, of which the last are the best for other targets."""
+    """Search for each target: half of the attacks are plans, of which the last are the best for
+    other targets.
+    """
     searches, known = [], list(SIMPLE)
     for target in targets:
         search = Search(ranking, target, prices, (seed, target.place), tick)

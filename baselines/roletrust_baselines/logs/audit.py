@@ -1,8 +1,9 @@
-"""How cheaply a log's ranking is pushed: the cheapest attacks that a search finds, and what hostile accounts move.
+"""How cheaply a log's ranking is pushed: the cheapest attacks that a search finds, and what hostile
+accounts move.
 
-An attack joins the last rounds of the log, beside its ratings, and counts by the ranks at the end. The search sees
-these ranks, as an attacker would who knows the log and the model. So a price is a bound from above on that of the
-cheapest attack: there may be a cheaper one.
+An attack joins the last rounds of the log, beside its ratings, and counts by the ranks at the end.
+The search sees these ranks, as an attacker would who knows the log and the model. So a price is a
+bound from above on that of the cheapest attack: there may be a cheaper one.
 """
 
 import itertools
@@ -78,7 +79,8 @@ class Movement:
         goal: Where they push them.
         origin: Origin of the accounts.
         accounts: Number of accounts for each target.
-        places: Mean number of ranks that the best of the simple plans moves a target, with an interval over targets.
+        places: Mean number of ranks that the best of the simple plans moves a target, with an
+            interval over targets.
         pushed: Share of the targets that cross the edge of the top, with an interval over targets.
     """
 
@@ -96,7 +98,8 @@ class CurvePoint:
     Attributes:
         goal: Where targets are pushed.
         price: Price of the attack on one target.
-        places: Mean of the greatest number of ranks that a target moves, with an interval over targets.
+        places: Mean of the greatest number of ranks that a target moves, with an interval over
+            targets.
         pushed: Share of the targets that cross the edge of the top, with an interval over targets.
     """
 
@@ -113,12 +116,13 @@ class Audit:
     Attributes:
         ranked: Number of ranked agents.
         exposures: Targets, the cheapest to push first.
-        medians: Median price of the cheapest attacks for each goal, with an interval over targets; infinite if for
-            half of the targets none was found.
+        medians: Median price of the cheapest attacks for each goal, with an interval over targets;
+            infinite if for half of the targets none was found.
         movements: What numbers of accounts move.
         curve: What attacks reach by their price.
         agreement: Share of the targets for which the searches from all seeds found the same price.
-        apart: Greatest difference of these prices, as a share of the lower one; NaN without two prices.
+        apart: Greatest difference of these prices, as a share of the lower one; NaN without two
+            prices.
         played: Number of attacks that were played.
     """
 
@@ -137,7 +141,8 @@ class Comparison:
     """What a model comes to beside others, on one log.
 
     Attributes:
-        medians: Median price of the cheapest attacks for each goal, by a short search that is the same for each model.
+        medians: Median price of the cheapest attacks for each goal, by a short search that is the
+            same for each model.
         forecast: How well it forecasts the next ratings, see `next_rating`.
     """
 
@@ -155,7 +160,8 @@ class AuditReport:
         ratings: Number of its ratings.
         every: Length of a round; None if rounds are by number.
         top: Number of agents in the top.
-        rank_by: What agents are ranked by: `low`, the lower end of the interval of trust, or `trust`.
+        rank_by: What agents are ranked by: `low`, the lower end of the interval of trust, or
+            `trust`.
         prices: Prices of an account, of a hijacked account, of a rating, and of a day.
         budget: Number of attacks that a search plays for each target.
         seeds: Seeds of the searches.
@@ -185,7 +191,9 @@ class AuditReport:
     def schema() -> dict[str, Any]:
         """Return the JSON Schema of reports."""
         schema = json.dumps(TypeAdapter(AuditReport).json_schema(mode="serialization"))
-        found: dict[str, Any] = json.loads(schema.replace('"type": "number"', '"type": ["number", "null"]'))
+        found: dict[str, Any] = json.loads(
+            schema.replace('"type": "number"', '"type": ["number", "null"]')
+        )
         return found
 
 
@@ -204,13 +212,15 @@ def audit_model(
     seeds: Sequence[int] = (0, 1),
     advance: Callable[[float], None] = lambda share: None,
 ) -> Audit:
-    """Search for the cheapest attacks on a log's ranking, and play simple ones with given numbers of accounts.
+    """Search for the cheapest attacks on a log's ranking, and play simple ones with given numbers
+    of accounts.
 
     Args:
         ranking: Log with its ranks.
         prices: What accounts and ratings cost.
         targets: Number of ranked agents that are drawn as targets from those below the top.
-        named: Names of the targets, in place of the top, of those that are drawn, and of a newcomer.
+        named: Names of the targets, in place of the top, of those that are drawn, and of a
+            newcomer.
         budget: Number of attacks that a search plays for each target.
         seeds: Random seed of each search; the first one also draws targets and resamples.
         advance: Function that is called with the share of the work that is done.
@@ -227,7 +237,9 @@ def audit_model(
         best = min(searches, key=lambda search: search.price)
         prices_found = tuple(search.price for search in searches)
         sent = ranking.sent(best.rows)
-        exposures.append(Exposure(target.goal, *ranking.named(target), best.best, sent, prices_found))
+        exposures.append(
+            Exposure(target.goal, *ranking.named(target), best.best, sent, prices_found)
+        )
         played = {plan: one for search in searches for plan, one in search.played.items()}
         for plan in (replace(shape, accounts=n) for shape in SIMPLE for n in ACCOUNTS):
             if plan not in played:
@@ -253,9 +265,17 @@ def audit_model(
             for price in _grid([one for one in trials if one.target.goal == goal])
         ],
         agreement=float(
-            np.mean([max(one.prices) - one.price < ROUNDING or one.price == math.inf for one in exposures])
+            np.mean(
+                [
+                    max(one.prices) - one.price < ROUNDING or one.price == math.inf
+                    for one in exposures
+                ]
+            )
         ),
-        apart=max((max(one.prices) / one.price - 1 for one in exposures if 0 < one.price < math.inf), default=math.nan),
+        apart=max(
+            (max(one.prices) / one.price - 1 for one in exposures if 0 < one.price < math.inf),
+            default=math.nan,
+        ),
         played=sum(len(one.played) for one in trials),
     )
 
@@ -268,7 +288,9 @@ class _Trials(NamedTuple):
     played: list[Attempt]
 
     def reach(self, chosen: Callable[[Attempt], bool]) -> tuple[float, bool]:
-        """Return the greatest number of ranks that chosen attacks move the target, and whether one pushes it over."""
+        """Return the greatest number of ranks that chosen attacks move the target, and whether one
+        pushes it over.
+        """
         ranks = [one.rank for one in self.played if chosen(one)]
         sign = 1 if self.target.goal == "sink" else -1
         places = max((sign * (rank - self.target.rank) for rank in ranks), default=0)
@@ -293,7 +315,9 @@ def _grid(trials: Sequence[_Trials]) -> list[float]:
 def _reach(
     trials: Sequence[_Trials], goal: Goal, seed: int, chosen: Callable[[Attempt], bool]
 ) -> tuple[Interval, Interval]:
-    """Return the means over the targets of a goal of what chosen attacks reach, see `_Trials.reach`."""
+    """Return the means over the targets of a goal of what chosen attacks reach, see
+    `_Trials.reach`.
+    """
     found = np.array([one.reach(chosen) for one in trials if one.target.goal == goal], np.float64)
     places, pushed = mean_intervals(found, seed)
     return places, pushed
@@ -310,7 +334,8 @@ def compare_models(
     most: int,
     advance: Callable[[float], None] = lambda share: None,
 ) -> dict[str, Comparison]:
-    """Compare the model of a ranking with the others that forecast best: how cheaply each is pushed by a short search.
+    """Compare the model of a ranking with the others that forecast best: how cheaply each is pushed
+    by a short search.
 
     Args:
         ranking: Log with its ranks.
@@ -319,11 +344,13 @@ def compare_models(
         prices: What accounts and ratings cost.
         targets: See `audit_model`.
         seed: Random seed of targets, search and resamples.
-        most: Number of other models: those whose forecasts have the highest correlation with the ratings.
+        most: Number of other models: those whose forecasts have the highest correlation with the
+            ratings.
         advance: Function that is called with the share of the work that is done.
 
     Returns:
-        The comparison of each model, that of the ranking first; none if a log has no rounds by time, or a single one.
+        The comparison of each model, that of the ranking first; none if a log has no rounds by
+        time, or a single one.
     """
     log, same = ranking.log, ranking.same_agents
     if ranking.every is None or log_rounds(log, ranking.every)[-1] == 0:
@@ -332,12 +359,19 @@ def compare_models(
     found = {}
     for one, model in models.items():
         with suppress(MemoryError):
-            found[one] = next_rating(forecasts(model, log, ranking.every, same_agents=same), log, seed)
-    best = sorted(found.keys() - {name}, key=lambda one: (-np.nan_to_num(found[one]["r"].value, nan=-1.0), one))[:most]
+            found[one] = next_rating(
+                forecasts(model, log, ranking.every, same_agents=same), log, seed
+            )
+    best = sorted(
+        found.keys() - {name},
+        key=lambda one: (-np.nan_to_num(found[one]["r"].value, nan=-1.0), one),
+    )[:most]
     compared = dict[str, Comparison]()
     for at, one in enumerate(chosen := [one for one in (name, *best) if one in found], 1):
         there = ranking if one == name else ranking.of(models[one])
-        searches = search_attacks(there, there.targets(targets, seed), prices, SHORT, seed, lambda: None)
+        searches = search_attacks(
+            there, there.targets(targets, seed), prices, SHORT, seed, lambda: None
+        )
         compared[one] = Comparison(
             _medians([(search.target.goal, search.price) for search in searches], seed), found[one]
         )
@@ -347,7 +381,9 @@ def compare_models(
 
 def _medians(found: Sequence[tuple[Goal, float]], seed: int) -> dict[Goal, Interval]:
     """Return the median of the prices of each goal."""
-    return {goal: _median([price for one, price in found if one == goal], seed) for goal, _ in found}
+    return {
+        goal: _median([price for one, price in found if one == goal], seed) for goal, _ in found
+    }
 
 
 def _median(prices: Sequence[float], seed: int) -> Interval:

@@ -1,4 +1,6 @@
-"""Folders of real ratings: what is in them, whether a file is a known one, and a synthetic log in the same form."""
+"""Folders of real ratings: what is in them, whether a file is a known one, and a synthetic log in
+the same form.
+"""
 
 import gzip
 import hashlib
@@ -12,11 +14,14 @@ from roletrust_env.data.tables import ENDINGS
 from roletrust_env.randomness import generator
 
 KNOWN = {"76bd9d8f1d3ff9a1813d9fc8e6902a0ee4d0a2f8c1003842dbc9ec79149ab60c": "Bitcoin OTC"}
-"""Names of the logs whose numbers the documentation gives, by the SHA-256 of their unpacked contents."""
+"""Names of the logs whose numbers the documentation gives, by the SHA-256 of their unpacked
+contents."""
 
 SOURCES = (
-    "a log is *network.csv or ratings.csv, with rater, ratee, rating and time, such as SNAP's soc-sign-bitcoin-otc "
-    "(https://snap.stanford.edu/data/soc-sign-bitcoin-otc.html); it may be compressed (.gz), or a Parquet file "
+    "a log is *network.csv or ratings.csv, with rater, ratee, rating and time, such as SNAP's "
+    "soc-sign-bitcoin-otc "
+    "(https://snap.stanford.edu/data/soc-sign-bitcoin-otc.html); it may be compressed (.gz), or a "
+    "Parquet file "
     "with the same columns (.parquet)"
 )
 """Form of the files, and where to get one."""
@@ -47,8 +52,14 @@ def find_logs(folder: Path) -> list[Folder]:
         return [_folder(folder)]
     found = list[Folder]()
     for place in [folder, *sorted(path for path in folder.glob("*") if path.is_dir())]:
-        tables = [(path, path.name.removesuffix(end)) for end in ENDINGS for path in place.glob(f"*{end}")]
-        found += [_folder(path) for path, stem in sorted(tables) if stem.endswith("network") or stem == "ratings"]
+        tables = [
+            (path, path.name.removesuffix(end)) for end in ENDINGS for path in place.glob(f"*{end}")
+        ]
+        found += [
+            _folder(path)
+            for path, stem in sorted(tables)
+            if stem.endswith("network") or stem == "ratings"
+        ]
     if not found:
         raise ValueError(f"{folder} has no log; {SOURCES}")
     return found
@@ -67,10 +78,12 @@ def _folder(path: Path) -> Folder:
 
 
 def write_log(path: Path, seed: int = 0, members: int = 120, months: int = 24) -> None:
-    """Write a small synthetic log of members that rate members from -10 to 10, compressed, without header.
+    """Write a small synthetic log of members that rate members from -10 to 10, compressed, without
+    header.
 
-    A tenth of the members cheat. Members join over time, prefer those that have been rated often, and
-    differ in how often they rate; some always say 10, and some say the opposite of what they saw.
+    A tenth of the members cheat. Members join over time, prefer those that have been rated often,
+    and differ in how often they rate; some always say 10, and some say the opposite of what they
+    saw.
 
     Args:
         path: Path of the file, ending in `.csv.gz`.
@@ -79,9 +92,15 @@ def write_log(path: Path, seed: int = 0, members: int = 120, months: int = 24) -
         months: Number of months of 30 days.
     """
     rng = generator(seed)
-    quality = np.where(rng.random(members) < 0.1, rng.uniform(-10, -4, members), rng.uniform(1, 6, members))
+    quality = np.where(
+        rng.random(members) < 0.1, rng.uniform(-10, -4, members), rng.uniform(1, 6, members)
+    )
     habit = rng.choice(["honest", "kind", "contrary"], members, p=[0.8, 0.15, 0.05])
-    joined, pace, seen = rng.integers(0, months, members), rng.exponential(1.5, members), np.ones(members)
+    joined, pace, seen = (
+        rng.integers(0, months, members),
+        rng.exponential(1.5, members),
+        np.ones(members),
+    )
     lines = []
     for time in np.sort(rng.uniform(0, months, members * months)):
         there = np.flatnonzero(joined <= time)

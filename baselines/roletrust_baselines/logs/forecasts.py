@@ -1,7 +1,8 @@
-"""Trust as a forecast on a log of real ratings: of the next rating, and of raters against the others' later view.
+"""Trust as a forecast on a log of real ratings: of the next rating, and of raters against the
+others' later view.
 
-A round's ratings are compared with the trust before it, so no number sees the future but the view of the others, which
-is the truth to be forecast. The length of a round is part of every number.
+A round's ratings are compared with the trust before it, so no number sees the future but the view
+of the others, which is the truth to be forecast. The length of a round is part of every number.
 """
 
 from typing import Any, NamedTuple
@@ -29,8 +30,10 @@ class Forecasts(NamedTuple):
 
     Attributes:
         top: Trust in the ratee before the round, shape (n,).
-        tor: Trust in the rater before the round, shape (n,); None if the model does not rate raters.
-        own: Trust in the rater as a ratee before the round, shape (n,); None if raters are other agents than ratees.
+        tor: Trust in the rater before the round, shape (n,); None if the model does not rate
+            raters.
+        own: Trust in the rater as a ratee before the round, shape (n,); None if raters are other
+            agents than ratees.
         number: Number of the round, shape (n,).
         since: Place in the log of the first of these ratings.
     """
@@ -45,8 +48,9 @@ class Forecasts(NamedTuple):
 def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) -> Forecasts:
     """Return what a model publishes before each round of a log.
 
-    All agents of the log are present from the first round on, unlike in a `TrustStream`. A model that shares trust out
-    among all agents, such as EigenTrust, gives those without a rating other trust than if they joined later.
+    All agents of the log are present from the first round on, unlike in a `TrustStream`. A model
+    that shares trust out among all agents, such as EigenTrust, gives those without a rating other
+    trust than if they joined later.
 
     Raises:
         TooSmallError: The log has a single round.
@@ -55,7 +59,9 @@ def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) ->
     numbers = log_rounds(log, every)
     since = int(np.searchsorted(numbers, 0, side="right"))
     if since == len(numbers):
-        raise TooSmallError(f"with rounds of {every:g} the log has a single round, so there is nothing to forecast")
+        raise TooSmallError(
+            f"with rounds of {every:g} the log has a single round, so there is nothing to forecast"
+        )
     run = make_run(model, log.shape, one_role=not same_agents)
     top, tor, own = np.zeros((3, len(numbers)))
     for number, part in spans(numbers):
@@ -64,16 +70,21 @@ def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) ->
         own[part] = run.provider_trust[log.raters[part]] if same_agents else 0.0
         play_round(run, number, log.raters[part], log.ratees[part], log.values[part])
     raters = tor[since:] if model.rates_raters else None
-    return Forecasts(top[since:], raters, own[since:] if same_agents else None, numbers[since:], since)
+    return Forecasts(
+        top[since:], raters, own[since:] if same_agents else None, numbers[since:], since
+    )
 
 
 def next_rating(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, Interval]:
     """Return how well trust in a ratee forecasts its next ratings.
 
-    - `auc`: negative ratings, below the middle of the scale, against the others, of ratees with earlier ratings.
-    - `auc, newcomers too`: the same with the first ratings of ratees, which the initial trust forecasts.
+    - `auc`: negative ratings, below the middle of the scale, against the others, of ratees with
+      earlier ratings.
+    - `auc, newcomers too`: the same with the first ratings of ratees, which the initial trust
+      forecasts.
     - `r`: Pearson's correlation of trust and rating.
-    - `rmse`: root of the mean squared error of a line from trust to rating, fitted to earlier rounds only.
+    - `rmse`: root of the mean squared error of a line from trust to rating, fitted to earlier
+      rounds only.
 
     Intervals resample ratees.
 
@@ -92,11 +103,15 @@ def next_rating(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, In
     }
 
 
-def rated_before(found: Forecasts, log: RatingLog, scale: tuple[float, float], seed: int = 0) -> dict[str, Interval]:
-    """Return how well trust forecasts ratings of ratees with earlier ones, as in studies of signed networks.
+def rated_before(
+    found: Forecasts, log: RatingLog, scale: tuple[float, float], seed: int = 0
+) -> dict[str, Interval]:
+    """Return how well trust forecasts ratings of ratees with earlier ones, as in studies of signed
+    networks.
 
     - `r`: Pearson's correlation of trust and rating, as Kumar et al. (2016) report it.
-    - `rmse`: root of the mean squared error on the scale of the log, of a line that is fitted to earlier rounds only.
+    - `rmse`: root of the mean squared error on the scale of the log, of a line that is fitted to
+      earlier rounds only.
     - `r, past mean` and `rmse, past mean`: the same of the mean of all ratings of earlier rounds.
 
     Intervals resample ratees.
@@ -124,9 +139,14 @@ def rated_before(found: Forecasts, log: RatingLog, scale: tuple[float, float], s
 
 
 def past_mean(found: Forecasts, log: RatingLog) -> Floats:
-    """Return the mean of the ratings of each ratee in earlier rounds, shape (n,); NaN where there is none."""
+    """Return the mean of the ratings of each ratee in earlier rounds, shape (n,); NaN where there
+    is none.
+    """
     ratees = log.ratees[found.since :]
-    total, count = (earlier(found, ratees, log.ratees, weights) for weights in (log.values, np.ones(len(log.values))))
+    total, count = (
+        earlier(found, ratees, log.ratees, weights)
+        for weights in (log.values, np.ones(len(log.values)))
+    )
     return ratio(total, count)
 
 
@@ -142,7 +162,10 @@ def earlier(found: Forecasts, asked: Ints, agents: Ints, weights: Floats) -> Flo
     Returns:
         Shape (n,).
     """
-    total, sums = np.bincount(agents[: found.since], weights[: found.since], agents.max() + 1), np.zeros(len(asked))
+    total, sums = (
+        np.bincount(agents[: found.since], weights[: found.since], agents.max() + 1),
+        np.zeros(len(asked)),
+    )
     agents, weights = agents[found.since :], weights[found.since :]
     for _, part in spans(found.number):
         sums[part] = total[asked[part]]
@@ -157,7 +180,9 @@ def _error(found: Forecasts, values: Floats, groups: Ints, seed: int) -> Interva
 
 
 def _from_past(found: Forecasts, values: Floats) -> Floats:
-    """Return the rating that a line fitted to earlier rounds gives; the middle of the scale in the first."""
+    """Return the rating that a line fitted to earlier rounds gives; the middle of the scale in the
+    first.
+    """
     line = np.full(len(values), 0.5)
     for _, part in spans(found.number):
         x, y = found.top[: part.start], values[: part.start]
@@ -168,13 +193,15 @@ def _from_past(found: Forecasts, values: Floats) -> Floats:
 
 
 def rater_forward(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, Interval]:
-    """Return how well trust in a rater forecasts that its next ratings are against the view of the others.
+    """Return how well trust in a rater forecasts that its next ratings are against the view of the
+    others.
 
-    The view is the mean of all ratings of the ratee by others in the whole log, where at least two others rated it. A
-    rating is against it if one is below the middle of the scale and the other is not. The values are the AUC, within
-    strata of equal activity, of
+    The view is the mean of all ratings of the ratee by others in the whole log, where at least two
+    others rated it. A rating is against it if one is below the middle of the scale and the other is
+    not. The values are the AUC, within strata of equal activity, of
 
-    - `ratings`: the number of earlier ratings by the rater, since activity alone is a forecast, too.
+    - `ratings`: the number of earlier ratings by the rater, since activity alone is a forecast,
+      too.
     - `kindness`: the share of them that is not below the middle. Where most
       views are kind, kind raters are seldom against them.
     - `trust`: ToR, if the model rates raters.
@@ -194,13 +221,20 @@ def rater_forward(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, 
     others = count[log.ratees] - own_count
     view = (total[log.ratees] - own) / np.maximum(others, 1)
     against = ((log.values < 0.5) != (view < 0.5)).astype(np.float64)[found.since :]
-    ratings, kind = (earlier(found, raters, log.raters, w) for w in (one, (log.values >= 0.5).astype(np.float64)))
+    ratings, kind = (
+        earlier(found, raters, log.raters, w) for w in (one, (log.values >= 0.5).astype(np.float64))
+    )
     scores = {"ratings": ratings, "kindness": kind / np.maximum(ratings, 1)}
     if found.tor is not None:
         scores["trust"] = found.tor
         if found.own is not None:
             provided = earlier(found, raters, log.ratees, one)
-            scores["ToA"] = agent_trust(found.tor, found.own, rated=ratings, provided=provided, initial=0.5)
+            scores["ToA"] = agent_trust(
+                found.tor, found.own, rated=ratings, provided=provided, initial=0.5
+            )
     judged = (others[found.since :] >= _OTHERS) & (ratings > 0)
     strata, groups = np.digitize(ratings, _ACTIVITY)[judged], raters[judged]
-    return {name: interval(auc(score[judged], against[judged], strata), groups, seed) for name, score in scores.items()}
+    return {
+        name: interval(auc(score[judged], against[judged], strata), groups, seed)
+        for name, score in scores.items()
+    }

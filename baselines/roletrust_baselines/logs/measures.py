@@ -16,7 +16,8 @@ from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
 
 Row = tuple[str, str, float, str, str, str, float, float, float]
-"""Log, its SHA-256, length of a round, protocol, model, measure, value, and the ends of its interval."""
+"""Log, its SHA-256, length of a round, protocol, model, measure, value, and the ends of its
+interval."""
 
 Found = dict[tuple[str, str], Interval]
 """Measures by protocol and name."""
@@ -38,7 +39,9 @@ class Protocols(NamedTuple):
     seed: int
 
     def measure(self, model: Any, log: RatingLog) -> tuple[Found, dict[str, str]]:
-        """Return the measures of a model on a log, and the reasons why some could not be played, by what they are."""
+        """Return the measures of a model on a log, and the reasons why some could not be played, by
+        what they are.
+        """
         found, missing = Found(), {}
         for what, play in (("forecasts", self._forecasts), ("attacks", self._attacks)):
             try:
@@ -73,12 +76,21 @@ def recommendations(rows: list[Row]) -> list[str]:
 
 
 def summaries(rows: list[Row]) -> dict[str, list[tuple[str, str, str]]]:
-    """Return the models of each log, the best forecast first, with their forecast and what they keep under attack."""
+    """Return the models of each log, the best forecast first, with their forecast and what they
+    keep under attack.
+    """
     return {
         log: [
-            (name, interval_text(one.get(FORECAST, _UNDEFINED)), interval_text(kept(one) or _UNDEFINED))
+            (
+                name,
+                interval_text(one.get(FORECAST, _UNDEFINED)),
+                interval_text(kept(one) or _UNDEFINED),
+            )
             for name, one in sorted(
-                models.items(), key=lambda item: -np.nan_to_num(item[1].get(FORECAST, _UNDEFINED).value, nan=-np.inf)
+                models.items(),
+                key=lambda item: (
+                    -np.nan_to_num(item[1].get(FORECAST, _UNDEFINED).value, nan=-np.inf)
+                ),
             )
         ]
         for log, models in _by_log(rows).items()
@@ -94,19 +106,30 @@ def _by_log(rows: list[Row]) -> dict[str, dict[str, Found]]:
 
 
 def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Return a table for each log and protocol: its title, its headings, and a line for each model."""
+    """Return a table for each log and protocol: its title, its headings, and a line for each
+    model.
+    """
     tables = []
     for log, protocol in dict.fromkeys((row[0], row[3]) for row in rows):
-        values = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
+        values = {
+            (row[4], row[5]): Interval(*row[6:])
+            for row in rows
+            if (row[0], row[3]) == (log, protocol)
+        }
         measures = list(dict.fromkeys(what for _, what in values))
         names = dict.fromkeys(name for name, _ in values)
-        lines = [[name, *(interval_text(values.get((name, what), _UNDEFINED)) for what in measures)] for name in names]
+        lines = [
+            [name, *(interval_text(values.get((name, what), _UNDEFINED)) for what in measures)]
+            for name in names
+        ]
         tables.append((f"{log}: {protocol}", ["model", *measures], lines))
     return tables
 
 
 def interval_text(value: Interval) -> str:
-    """Return a value with the ends of its interval, such as `0.500 (0.400, 0.600)`; a dash if it is undefined."""
+    """Return a value with the ends of its interval, such as `0.500 (0.400, 0.600)`; a dash if it is
+    undefined.
+    """
     if math.isnan(value.value):
         return "-"
     if math.isnan(value.low):  # a single user or task has no interval
@@ -114,7 +137,9 @@ def interval_text(value: Interval) -> str:
     return f"{value.value:.3f} ({value.low:.3f}, {value.high:.3f})"
 
 
-def markdown(tables: list[tuple[str, list[str], list[list[str]]]], advice: list[str], left_out: list[str]) -> str:
+def markdown(
+    tables: list[tuple[str, list[str], list[list[str]]]], advice: list[str], left_out: list[str]
+) -> str:
     """Return the recommendations and the tables as Markdown."""
     parts = ["# Trust models on real ratings", *advice]
     for title, headings, lines in tables:

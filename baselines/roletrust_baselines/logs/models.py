@@ -1,7 +1,8 @@
-"""Models of neighbouring fields, for logs of real ratings: signed networks, analysis of variance and machine learning.
+"""Models of neighbouring fields, for logs of real ratings: signed networks, analysis of variance
+and machine learning.
 
-They judge from the mean of all ratings of each pair so far, and are not in the registry, so that suites that play all
-models stay as they are.
+They judge from the mean of all ratings of each pair so far, and are not in the registry, so that
+suites that play all models stay as they are.
 """
 
 from abc import ABC, abstractmethod
@@ -15,7 +16,16 @@ from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.parameters import Amount, Share, checked_dataclass
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.model import Published, registry
-from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    TINY,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Ratings,
+    weighted_mean,
+)
 
 STEPS = 60
 """Maximum number of iterations. NumPy stops when only rounding moves."""
@@ -41,7 +51,8 @@ class PairMeansState(NamedTuple):
 
 @checked_dataclass
 class ByPairMeans(Published, ABC):
-    """Base of trust models that are defined by equations between raters and providers, over the means of the pairs.
+    """Base of trust models that are defined by equations between raters and providers, over the
+    means of the pairs.
 
     Attributes:
         initial: Trust of an agent without ratings, in [0, 1].
@@ -53,7 +64,9 @@ class ByPairMeans(Published, ABC):
     def start(self, like: Array) -> PairMeansState:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
-        return PairMeansState(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial, nothing, nothing)
+        return PairMeansState(
+            nothing[:, 0, ...] + self.initial, nothing[0] + self.initial, nothing, nothing
+        )
 
     def update(self, state: PairMeansState, ratings: Ratings) -> PairMeansState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
@@ -61,14 +74,20 @@ class ByPairMeans(Published, ABC):
         sums = state.sums + ratings.write(none, ratings.values)
         counts = state.counts + ratings.write(none, 1.0)
         rated = xp.where(counts > 0, none + 1, none)
-        of_raters, of_providers = self._solved(pairs, sums / xp.where(counts > 0, counts, 1.0), rated)
+        of_raters, of_providers = self._solved(
+            pairs, sums / xp.where(counts > 0, counts, 1.0), rated
+        )
         given, received = pairs.reduce(rated, RATER), pairs.reduce(rated, PROVIDER)
         tor = xp.where(given > 0, xp.clip(self._rater_score(of_raters), 0.0, 1.0), self.initial)
-        top = xp.where(received > 0, xp.clip(self._provider_score(of_providers), 0.0, 1.0), self.initial)
+        top = xp.where(
+            received > 0, xp.clip(self._provider_score(of_providers), 0.0, 1.0), self.initial
+        )
         return PairMeansState(tor, top, sums, counts)
 
     def _solved(self, pairs: Ratings, means: Array, rated: Array) -> tuple[Array, Array]:
-        """Return the solution of the equations: a number for each rater and one for each provider."""
+        """Return the solution of the equations: a number for each rater and one for each
+        provider.
+        """
         xp = namespace(means)
         of_raters, of_providers = self._first(pairs, rated)
         for _ in range(STEPS):
@@ -86,28 +105,35 @@ class ByPairMeans(Published, ABC):
     def _step(
         self, pairs: Ratings, means: Array, rated: Array, of_raters: Array, of_providers: Array
     ) -> tuple[Array, Array]:
-        """Return the numbers of raters and of providers after one more iteration; `rated` is 1 for known pairs."""
+        """Return the numbers of raters and of providers after one more iteration; `rated` is 1 for
+        known pairs.
+        """
 
     def _rater_score(self, of_raters: Array) -> Array:
         """Return the trust in raters that follows from their numbers: 1 without a bias."""
         return 1 - abs(of_raters)
 
     def _provider_score(self, of_providers: Array) -> Array:
-        """Return the trust in providers that follows from their numbers, of a scale from -1 to 1."""
+        """Return the trust in providers that follows from their numbers, of a scale from -1 to
+        1.
+        """
         return (of_providers + 1) / 2
 
 
 @checked_dataclass
 class FairnessGoodness(ByPairMeans):
-    """Fairness and goodness: a rater is fair as far as its ratings agree with the goodness that fair raters find.
+    """Fairness and goodness: a rater is fair as far as its ratings agree with the goodness that
+    fair raters find.
 
-    Kumar, Spezzano, Subrahmanian and Faloutsos, "Edge Weight Prediction in Weighted Signed Networks" (2016):
+    Kumar, Spezzano, Subrahmanian and Faloutsos, "Edge Weight Prediction in Weighted Signed
+    Networks" (2016):
 
         g[j] = mean over the raters i of j of f[i] w[i, j]
         f[i] = 1 - mean over the providers j that i rated of |w[i, j] - g[j]| / 2
 
-    with w = 2 x - 1, where x is the mean of all ratings that i gave j so far; in the paper a pair has one rating. The
-    iteration starts from f = 1, and its error halves in each step. Published are f and (g + 1) / 2.
+    with w = 2 x - 1, where x is the mean of all ratings that i gave j so far; in the paper a pair
+    has one rating. The iteration starts from f = 1, and its error halves in each step. Published
+    are f and (g + 1) / 2.
     """
 
     source = "Kumar et al. (2016)"
@@ -132,16 +158,17 @@ class FairnessGoodness(ByPairMeans):
 class BiasDeserve(ByPairMeans):
     """Bias and deserve: a rating in the direction of its rater's bias counts less.
 
-    Mishra and Bhattacharya, "Finding the Bias and Prestige of Nodes in Networks Based on Trust Scores" (2011):
+    Mishra and Bhattacharya, "Finding the Bias and Prestige of Nodes in Networks Based on Trust
+    Scores" (2011):
 
         bias[i]    = mean over the providers j that i rated of (w[i, j] - deserve[j]) / 2
         deserve[j] = mean over the raters i of j of w[i, j] (1 - x[i, j])
         x[i, j]    = |bias[i]| if bias[i] w[i, j] > 0, else 0
 
-    with w = 2 m - 1, where m is the mean of all ratings that i gave j so far. The iteration starts from a bias of 0.
-    Published are 1 minus the size of the bias, which is this project's choice, and (deserve + 1) / 2. Later comparisons
-    write x in two ways: as here, or with the product of bias and w in place of the size of the bias, which is the same
-    where w is -1, 0 or 1.
+    with w = 2 m - 1, where m is the mean of all ratings that i gave j so far. The iteration starts
+    from a bias of 0. Published are 1 minus the size of the bias, which is this project's choice,
+    and (deserve + 1) / 2. Later comparisons write x in two ways: as here, or with the product of
+    bias and w in place of the size of the bias, which is the same where w is -1, 0 or 1.
     """
 
     source = "Mishra and Bhattacharya (2011)"
@@ -159,18 +186,19 @@ class BiasDeserve(ByPairMeans):
 
 @checked_dataclass
 class Rev2(ByPairMeans):
-    """REV2: a rating is reliable if its rater is fair and it is near to the goodness of the provider.
+    """REV2: a rating is reliable if its rater is fair and it is near to the goodness of the
+    provider.
 
-    Kumar, Hooi, Makhija, Kumar, Faloutsos and Subrahmanian, "REV2: Fraudulent User Prediction in Rating Platforms"
-    (2018), without the terms of behaviour, which need texts and times:
+    Kumar, Hooi, Makhija, Kumar, Faloutsos and Subrahmanian, "REV2: Fraudulent User Prediction in
+    Rating Platforms" (2018), without the terms of behaviour, which need texts and times:
 
-        G[j]    = (beta mean of G + sum over the raters i of j of R[i, j] w[i, j]) / (beta + number of raters of j)
-        R[i, j] = (F[i] + 1 - |w[i, j] - G[j]| / 2) / 2
-        F[i]    = (alpha mean of F + sum over the providers j that i rated of R[i, j]) / (alpha + number of these)
+        G[j]    = (beta mean of G + sum over the raters i of j of R[i, j] w[i, j]) / (beta + number
+        of raters of j) R[i, j] = (F[i] + 1 - |w[i, j] - G[j]| / 2) / 2 F[i]    = (alpha mean of F +
+        sum over the providers j that i rated of R[i, j]) / (alpha + number of these)
 
-    with w = 2 x - 1, where x is the mean of all ratings that i gave j so far; in the paper a pair has one rating. Means
-    are over agents with ratings; the authors' code takes medians and names means as the alternative. The iteration
-    starts from F = G = 1. Published are F and (G + 1) / 2.
+    with w = 2 x - 1, where x is the mean of all ratings that i gave j so far; in the paper a pair
+    has one rating. Means are over agents with ratings; the authors' code takes medians and names
+    means as the alternative. The iteration starts from F = G = 1. Published are F and (G + 1) / 2.
 
     Attributes:
         alpha: Number of ratings by which a rater is drawn to the mean fairness.
@@ -193,7 +221,9 @@ class Rev2(ByPairMeans):
         given, received = pairs.reduce(rated, RATER), pairs.reduce(rated, PROVIDER)
         reliable = (fair + 1 - abs(weight - pairs.gather(of_providers, PROVIDER)) / 2) / 2
         votes = pairs.reduce(rated * reliable * weight, PROVIDER)
-        goodness = (self.beta * _mean(of_providers, received) + votes) / (self.beta + received + TINY)
+        goodness = (self.beta * _mean(of_providers, received) + votes) / (
+            self.beta + received + TINY
+        )
         reliable = (fair + 1 - abs(weight - pairs.gather(goodness, PROVIDER)) / 2) / 2
         fairness = self.alpha * _mean(of_raters, given) + pairs.reduce(rated * reliable, RATER)
         return fairness / (self.alpha + given + TINY), goodness
@@ -210,14 +240,16 @@ def _mean(values: Array, ratings: Array) -> Array:
 
 @checked_dataclass
 class TwoWayMean(ByPairMeans):
-    """Two-way mean: each rating is the provider's level plus the rater's generosity, and both are means of the rest.
+    """Two-way mean: each rating is the provider's level plus the rater's generosity, and both are
+    means of the rest.
 
-        level[j]      = mean over the raters i of j of x[i, j] - generosity[i]
-        generosity[i] = sum over the providers j that i rated of (x[i, j] - level[j]) / (their number + 1)
+        level[j]      = mean over the raters i of j of x[i, j] - generosity[i] generosity[i] = sum
+        over the providers j that i rated of (x[i, j] - level[j]) / (their number + 1)
 
-    where x is the mean of all ratings that i gave j so far. The 1 in the denominator stands for one rating without
-    generosity, so that the level of a provider with a single rater is defined. Published are the level, clipped to
-    [0, 1], and 1 minus the size of the generosity. It is the additive model of the analysis of variance.
+    where x is the mean of all ratings that i gave j so far. The 1 in the denominator stands for one
+    rating without generosity, so that the level of a provider with a single rater is defined.
+    Published are the level, clipped to [0, 1], and 1 minus the size of the generosity. It is the
+    additive model of the analysis of variance.
     """
 
     source = "Koren et al. (2009)"
@@ -235,13 +267,15 @@ class TwoWayMean(ByPairMeans):
 
 @checked_dataclass
 class ByRatingVectors(ByPairMeans):
-    """Base of trust models that seek a robust centre of the raters' vectors. A missing rating agrees with the centre.
+    """Base of trust models that seek a robust centre of the raters' vectors. A missing rating
+    agrees with the centre.
 
         d[i] = root of the sum over the providers j that i rated of (x[i, j] - c[j])^2
         T[j] = c[j]
         R[i] = 1 - d[i] / root of the number of providers that i rated
 
-    where x[i, j] is the mean of all ratings that i gave j so far. The trust in raters is this project's choice.
+    where x[i, j] is the mean of all ratings that i gave j so far. The trust in raters is this
+    project's choice.
     """
 
     def _first(self, pairs: Ratings, rated: Array) -> tuple[Array, Array]:
@@ -254,7 +288,9 @@ class ByRatingVectors(ByPairMeans):
     ) -> tuple[Array, Array]:
         apart = rated * (means - pairs.gather(of_providers, PROVIDER))
         distance = pairs.reduce(apart * apart, RATER) ** 0.5
-        centre = of_providers + self._moved(pairs, apart, rated, pairs.gather(self._weight(distance), RATER))
+        centre = of_providers + self._moved(
+            pairs, apart, rated, pairs.gather(self._weight(distance), RATER)
+        )
         apart = means - pairs.gather(centre, PROVIDER)
         return weighted_mean(pairs, apart * apart, rated, RATER) ** 0.5, centre
 
@@ -264,23 +300,29 @@ class ByRatingVectors(ByPairMeans):
 
     @abstractmethod
     def _moved(self, pairs: Ratings, apart: Array, rated: Array, weights: Array) -> Array:
-        """Return how far the centre moves, shape (P, ...), from the gaps between ratings and centre."""
+        """Return how far the centre moves, shape (P, ...), from the gaps between ratings and
+        centre.
+        """
 
     def _provider_score(self, of_providers: Array) -> Array:
         return of_providers
 
 
-_NEAREST = 1e-4  # distances below this count as this; Weiszfeld's weights are otherwise without limit
+_NEAREST = (
+    1e-4  # distances below this count as this; Weiszfeld's weights are otherwise without limit
+)
 
 
 @checked_dataclass
 class GeometricMedian(ByRatingVectors):
-    """Geometric median: the centre has the least sum of distances to the vectors of ratings of the raters.
+    """Geometric median: the centre has the least sum of distances to the vectors of ratings of the
+    raters.
 
-    Pillutla, Kakade and Harchaoui, "Robust Aggregation for Federated Learning" (2022), by the smoothed algorithm of
-    Weiszfeld, for vectors with missing entries:
+    Pillutla, Kakade and Harchaoui, "Robust Aggregation for Federated Learning" (2022), by the
+    smoothed algorithm of Weiszfeld, for vectors with missing entries:
 
-        c[j] <- sum over the raters i of j of x[i, j] / max(d[i], 1e-4) / sum over them of 1 / max(d[i], 1e-4)
+        c[j] <- sum over the raters i of j of x[i, j] / max(d[i], 1e-4) / sum over them of 1 /
+        max(d[i], 1e-4)
 
     with d, x and both trusts as in `ByRatingVectors`. At most 60 iterations start from 1/2.
     """
@@ -296,15 +338,16 @@ class GeometricMedian(ByRatingVectors):
 
 @checked_dataclass
 class CentredClipping(ByRatingVectors):
-    """Centred clipping: each rater pulls the centre with its gap to it, cut to the length of a radius.
+    """Centred clipping: each rater pulls the centre with its gap to it, cut to the length of a
+    radius.
 
-    Karimireddy, He and Jaggi, "Learning from History for Byzantine Robust Optimization" (2021), for vectors with
-    missing entries:
+    Karimireddy, He and Jaggi, "Learning from History for Byzantine Robust Optimization" (2021), for
+    vectors with missing entries:
 
         c[j] <- c[j] + mean over the raters i of j of (x[i, j] - c[j]) min(1, radius / d[i])
 
-    with d, x and both trusts as in `ByRatingVectors`. At most 60 iterations start from 1/2; the paper takes one or a
-    few from the result of the round before.
+    with d, x and both trusts as in `ByRatingVectors`. At most 60 iterations start from 1/2; the
+    paper takes one or a few from the result of the round before.
 
     Attributes:
         radius: Greatest length of a pull, above 0, where a single rating has a gap of at most 1.
@@ -337,7 +380,8 @@ class AllTimeMeanState(NamedTuple):
 
 @checked_dataclass
 class AllTimeMean(Published):
-    """All-time mean: a provider's average rating so far, in which all ratings count alike and none is forgotten.
+    """All-time mean: a provider's average rating so far, in which all ratings count alike and none
+    is forgotten.
 
         T[j] = sum of all ratings of j / their number
 
@@ -374,15 +418,19 @@ LOG_MODELS: dict[str, Any] = {
     "geometric-median": GeometricMedian,
     "centred-clipping": CentredClipping,
 }
-"""Classes by name. Elsewhere they are written `roletrust_baselines.logs.models:FairnessGoodness`."""
+"""Classes by name. Elsewhere they are written
+`roletrust_baselines.logs.models:FairnessGoodness`."""
 
 
 def make_log_model(name: str) -> Any:
-    """Return a trust model by its name: one of `LOG_MODELS` with its default values, or else see `parse_named`.
+    """Return a trust model by its name: one of `LOG_MODELS` with its default values, or else see
+    `parse_named`.
 
     Raises:
         ValueError: There is no such model.
     """
     if ":" not in name and name not in registry and name not in LOG_MODELS:
-        raise ValueError(f"unknown trust model {name!r}{suggest(name, [*registry.names(), *LOG_MODELS])}")
+        raise ValueError(
+            f"unknown trust model {name!r}{suggest(name, [*registry.names(), *LOG_MODELS])}"
+        )
     return LOG_MODELS[name]() if name in LOG_MODELS else parse_named(registry, name)

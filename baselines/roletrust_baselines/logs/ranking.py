@@ -1,4 +1,6 @@
-"""Attacks on the ranking of a log: what hostile accounts send, what it costs, and the ranks after it."""
+"""Attacks on the ranking of a log: what hostile accounts send, what it costs, and the ranks after
+it.
+"""
 
 import json
 import math
@@ -24,10 +26,12 @@ from roletrust_env.trust.edges import pair_ends, pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
 
 Goal = Literal["sink", "lift", "enter"]
-"""Push an agent out of the top, push a ranked agent into it, or push one into it that nobody has rated."""
+"""Push an agent out of the top, push a ranked agent into it, or push one into it that nobody has
+rated."""
 
 Origin = Literal["new", "aged", "hijacked"]
-"""Accounts that join for the attack; that have rated as others do for some rounds; that are those of active raters."""
+"""Accounts that join for the attack; that have rated as others do for some rounds; that are those
+of active raters."""
 
 GOALS: tuple[Goal, ...] = ("sink", "lift", "enter")
 ORIGINS: tuple[Origin, ...] = ("new", "aged", "hijacked")
@@ -38,7 +42,8 @@ MOST = ACCOUNTS[-1]
 """Greatest number of accounts of an attack."""
 
 LAST = 12
-"""Number of the last rounds of a log, in which attacks are. Where the age of an account counts, fewer are dearer."""
+"""Number of the last rounds of a log, in which attacks are. Where the age of an account counts,
+fewer are dearer."""
 
 _DAY = 86_400.0  # seconds
 
@@ -60,7 +65,9 @@ class Prices(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A hostile rating: the number of its round among the last ones, from 0, and as places account and agent."""
+    """A hostile rating: the number of its round among the last ones, from 0, and as places account
+    and agent.
+    """
 
     round: int
     account: int
@@ -80,11 +87,14 @@ class Plan:
         quiet: Number of rounds after the last strike.
         age: Number of rounds before the first strike in which they rate others only.
         mildness: Distance of their rating of the target from the worst or best, at most 0.5.
-        cover: Number of others that each rates by their trust, in turn in the rounds of age, or in the first strike.
+        cover: Number of others that each rates by their trust, in turn in the rounds of age, or in
+            the first strike.
         popular: Whether these others are those with the most ratings. Otherwise they are drawn.
-        rivals: Number of agents at the edge of the top that each pushes the other way when it strikes.
+        rivals: Number of agents at the edge of the top that each pushes the other way when it
+            strikes.
         ring: Number of other accounts to which each gives the best rating in the first round.
-        choice: Which active raters are hijacked: 0 those with the most ratings, 1 the fewest, 2 those of the target.
+        choice: Which active raters are hijacked: 0 those with the most ratings, 1 the fewest, 2
+            those of the target.
     """
 
     origin: Origin = "new"
@@ -129,7 +139,8 @@ class Attempt:
         days: The same in days, if times are in seconds; NaN without times.
         price: Price of its accounts and ratings.
         rank: Rank of the target after it, 1 for the most trusted.
-        margin: How far what the target is ranked by is beyond that of the edge, which makes equal attacks comparable.
+        margin: How far what the target is ranked by is beyond that of the edge, which makes equal
+            attacks comparable.
     """
 
     plan: Plan
@@ -144,7 +155,9 @@ class Attempt:
 
 
 class Sent(NamedTuple):
-    """A hostile rating: its round, 1 for the last of the log, its account, whom it is about, and its value."""
+    """A hostile rating: its round, 1 for the last of the log, its account, whom it is about, and
+    its value.
+    """
 
     round: int
     account: str
@@ -153,7 +166,9 @@ class Sent(NamedTuple):
 
 
 class Target(NamedTuple):
-    """An agent that is pushed: where, its place among the providers, and its rank without an attack."""
+    """An agent that is pushed: where, its place among the providers, and its rank without an
+    attack.
+    """
 
     goal: Goal
     place: int
@@ -164,7 +179,8 @@ _LINE = TypeAdapter(tuple[str, PositiveInt, FiniteFloat])
 
 
 class Journal:
-    """Outcomes of attacks, kept in a file, so that a search that is interrupted goes on where it was.
+    """Outcomes of attacks, kept in a file, so that a search that is interrupted goes on where it
+    was.
 
     Attributes:
         path: File.
@@ -190,8 +206,9 @@ class Journal:
 class Ranking:
     """The ranks at the end of a log, without and with an attack.
 
-    Agents with ratings rank as in `roletrust_env.data.evidence`: by the lower end of the interval of their trust, or by
-    trust; of equals, those with the higher trust, and with more ratings, come first.
+    Agents with ratings rank as in `roletrust_env.data.evidence`: by the lower end of the interval
+    of their trust, or by trust; of equals, those with the higher trust, and with more ratings, come
+    first.
 
     Attributes:
         model: Trust model.
@@ -238,7 +255,9 @@ class Ranking:
         self.model, self.log, self.same_agents = model, log, truth_value("same_agents", same_agents)
         self._count, numbers = count, numbers_of(log, every, count)
         facts = *log[:3], numbers, np.array([top, self.same_agents, rank_by == "low"])
-        self._digest = sha256(b"".join(np.asarray(one).tobytes() for one in facts) + repr(model).encode())
+        self._digest = sha256(
+            b"".join(np.asarray(one).tobytes() for one in facts) + repr(model).encode()
+        )
         self._end = Ending(model, log, numbers, LAST, same_agents=self.same_agents, more=1 + MOST)
         self.newcomer = log.shape[1]
         self._fresh = log.shape[0] + 1 + np.arange(MOST)
@@ -255,7 +274,8 @@ class Ranking:
         self.order: Ints = order[self._total[order] > 0]
         if len(self.order) <= top:
             raise TooSmallError(
-                f"only {len(self.order)} agents have ratings; the top (--top) must be fewer, and is {top}"
+                f"only {len(self.order)} agents have ratings; the top (--top) must be fewer, and "
+                f"is {top}"
             )
 
     def of(self, model: Any) -> "Ranking":
@@ -264,10 +284,14 @@ class Ranking:
         return Ranking(model, self.log, self.every, count=self._count, **settings)
 
     def _columns(self, rows: Sequence[Row]) -> list[Floats]:
-        """Return what providers rank by, each from low to high: lower end or trust, trust, number of ratings."""
+        """Return what providers rank by, each from low to high: lower end or trust, trust, number
+        of ratings.
+        """
         number, who, whom, values = _apart(rows)
         sent = [number == at for at in range(LAST)]
-        trust = self._end.trust([HostileRatings(who[there], whom[there], values[there]) for there in sent])
+        trust = self._end.trust(
+            [HostileRatings(who[there], whom[there], values[there]) for there in sent]
+        )
         keys, more = np.unique(pair_keys(whom, who), return_counts=True)
         at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
         total, raters, rated = self._total.copy(), self._raters.copy(), pair_ends(keys)[0]
@@ -290,12 +314,19 @@ class Ranking:
         drawn = np.sort(generator(seed).permutation(len(self.order) - self.top)[:many]) + self.top
         chosen = [*range(self.top), *drawn.tolist()]
         if named:
-            places = dict.fromkeys(find_agent(self.log, name, ("ratee",))["ratee"] for name in named)
+            places = dict.fromkeys(
+                find_agent(self.log, name, ("ratee",))["ratee"] for name in named
+            )
             chosen = sorted(int(np.flatnonzero(self.order == place)[0]) for place in places)
-        found = [Target("sink" if at < self.top else "lift", int(self.order[at]), at + 1) for at in chosen]
+        found = [
+            Target("sink" if at < self.top else "lift", int(self.order[at]), at + 1)
+            for at in chosen
+        ]
         return found if named else [*found, Target("enter", self.newcomer, len(self.order) + 1)]
 
-    def play(self, target: Target, plan: Plan, prices: Prices, rows: Sequence[Row] | None = None) -> Attempt:
+    def play(
+        self, target: Target, plan: Plan, prices: Prices, rows: Sequence[Row] | None = None
+    ) -> Attempt:
         """Play an attack.
 
         Args:
@@ -320,7 +351,9 @@ class Ranking:
         )
 
     def _outcome(self, place: int, rows: Sequence[Row]) -> tuple[int, float]:
-        """Return the rank of a provider after an attack, and how far it is above the edge of the others' top."""
+        """Return the rank of a provider after an attack, and how far it is above the edge of the
+        others' top.
+        """
         digest = self._digest.copy()
         digest.update(repr((place, rows)).encode())
         key = digest.hexdigest()
@@ -357,12 +390,19 @@ class Ranking:
         """Return the price of ratings and of their accounts."""
         accounts = {row.account for row in rows}
         new = sum(account >= self._fresh[0] for account in accounts)
-        bought = new * prices.account + (len(accounts) - new) * prices.hijacked + len(rows) * prices.rating
+        bought = (
+            new * prices.account
+            + (len(accounts) - new) * prices.hijacked
+            + len(rows) * prices.rating
+        )
         return float(bought) + (self._days(self._length(rows)) * prices.day if prices.day else 0.0)
 
     def sent(self, rows: Sequence[Row]) -> list[Sent]:
         """Return ratings with the names of their agents."""
-        (raters, providers), fresh = (self.log.rater_names, self.log.ratee_names), int(self._fresh[0])
+        (raters, providers), fresh = (
+            (self.log.rater_names, self.log.ratee_names),
+            int(self._fresh[0]),
+        )
         return [
             Sent(
                 LAST - number,
@@ -402,16 +442,26 @@ class Ranking:
             if self.same_agents:
                 others = (accounts[k + 1 :] + accounts[:k])[: plan.ring]
                 rows += [Row(begin, account, other, 1.0) for other in others]
-            some = known[: plan.cover] if plan.popular else rng.choice(known, min(plan.cover, len(known)), False)
+            some = (
+                known[: plan.cover]
+                if plan.popular
+                else rng.choice(known, min(plan.cover, len(known)), False)
+            )
             rounds = max(1, first - begin)
             for n, other in enumerate(some.tolist()):
                 rows.append(Row(begin + n % rounds, account, other, float(self.trust[other])))
         return sorted(row for row in rows if row.account != row.agent or not self.same_agents)
 
     def rivals(self, target: Target, many: int) -> list[int]:
-        """Return the places of agents at the edge of the top, so many on the side to which a target is pushed."""
+        """Return the places of agents at the edge of the top, so many on the side to which a target
+        is pushed.
+        """
         down = target.goal == "sink"
-        edge = self.order[self.top : self.top + many] if down else self.order[max(0, self.top - many) : self.top]
+        edge = (
+            self.order[self.top : self.top + many]
+            if down
+            else self.order[max(0, self.top - many) : self.top]
+        )
         return [at for at in edge.tolist() if at != target.place]
 
     def _accounts(self, target: Target, plan: Plan) -> Ints:
@@ -430,7 +480,9 @@ class Ranking:
 def _apart(rows: Sequence[Row]) -> tuple[Ints, Ints, Ints, Floats]:
     """Return ratings as columns."""
     number, who, whom, values = zip(*rows, strict=True) if rows else ((), (), (), ())
-    return *(np.array(column, np.int64) for column in (number, who, whom)), np.array(values, np.float64)  # type: ignore[return-value]
+    return *(np.array(column, np.int64) for column in (number, who, whom)), np.array(
+        values, np.float64
+    )  # type: ignore[return-value]
 
 
 def _provider(names: Sequence[str], place: int, fresh: int) -> str:

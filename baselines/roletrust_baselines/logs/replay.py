@@ -1,4 +1,6 @@
-"""A log of real ratings with a few hostile accounts at its end: how far do they move their targets?"""
+"""A log of real ratings with a few hostile accounts at its end: how far do they move their
+targets?
+"""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -55,7 +57,8 @@ _MOST = max(attack.accounts for attack in ATTACKS)
 
 
 class Shift(NamedTuple):
-    """Mean percentile of the targets among all rated providers, 1 for the most trusted, without and with the attack.
+    """Mean percentile of the targets among all rated providers, 1 for the most trusted, without and
+    with the attack.
 
     Attributes:
         before: Mean percentile in the log as it is, with an interval that resamples targets.
@@ -86,7 +89,8 @@ def _joined(parts: Sequence[HostileRatings]) -> HostileRatings:
 
 
 class Ending:
-    """A log that was played up to its last rounds, and that can be ended with and without hostile ratings.
+    """A log that was played up to its last rounds, and that can be ended with and without hostile
+    ratings.
 
     In a log with fewer rounds, hostile ratings that come earlier are in its first one.
 
@@ -96,7 +100,9 @@ class Ending:
         past: Number of ratings before the last rounds.
     """
 
-    def __init__(self, model: Any, log: RatingLog, numbers: Ints, last: int, *, same_agents: bool, more: int) -> None:
+    def __init__(
+        self, model: Any, log: RatingLog, numbers: Ints, last: int, *, same_agents: bool, more: int
+    ) -> None:
         """Play the log, and remember the beginning of each of its last rounds.
 
         Args:
@@ -131,13 +137,20 @@ class Ending:
         return HostileRatings(self.log.raters[part], self.log.ratees[part], self.log.values[part])
 
     def _messages(self, rounds: Sequence[tuple[int, HostileRatings]], since: int) -> list[str]:
-        """Return the messages of rounds of a game with an outside model, and of those without ratings between them."""
+        """Return the messages of rounds of a game with an outside model, and of those without
+        ratings between them.
+        """
         lines = list[str]()
         for number, sent in rounds:
             while since + len(lines) <= number:
                 lines.append(round_tail(since + len(lines), self._room, []))
-            raters, providers, values, _ = merge_repeats(*sent, pair_keys(sent.raters, sent.providers))
-            listed = [list(one) for one in zip(raters.tolist(), providers.tolist(), values.tolist(), strict=True)]
+            raters, providers, values, _ = merge_repeats(
+                *sent, pair_keys(sent.raters, sent.providers)
+            )
+            listed = [
+                list(one)
+                for one in zip(raters.tolist(), providers.tolist(), values.tolist(), strict=True)
+            ]
             lines.append(round_tail(since + len(lines), self._room, listed))
         return lines
 
@@ -145,8 +158,9 @@ class Ending:
         """Return the trust of all providers at the end of the log.
 
         Args:
-            rounds: Ratings of the hostile accounts in each of the last rounds, beside those of the log. A rating of
-                an account by itself does not count if raters and ratees are the same agents.
+            rounds: Ratings of the hostile accounts in each of the last rounds, beside those of the
+                log. A rating of an account by itself does not count if raters and ratees are the
+                same agents.
         """
         missing = self._last - len(self._rest)
         rounds = [_joined(rounds[: missing + 1]), *rounds[missing + 1 :]]
@@ -157,7 +171,9 @@ class Ending:
             false = HostileRatings(*(column[others] for column in extra))
             ended.append((number, _joined([self._of_log(part), false])))
         if isinstance(self._model, OutsideModel):
-            return self._model.replay(self._room, self._lines, self._messages(ended, len(self._lines)))
+            return self._model.replay(
+                self._room, self._lines, self._messages(ended, len(self._lines))
+            )
         run = deepcopy(self._begun[first])
         for number, sent in ended[first:]:
             play_round(run, number, *sent)
@@ -189,19 +205,26 @@ class Replay(Ending):
         """
         numbers = log_rounds(log, every)
         if (many := len(np.unique(numbers))) <= ROUNDS:
-            raise TooSmallError(f"the log has {many} rounds with ratings; an attack needs more than {ROUNDS}")
+            raise TooSmallError(
+                f"the log has {many} rounds with ratings; an attack needs more than {ROUNDS}"
+            )
         super().__init__(model, log, numbers, ROUNDS, same_agents=same_agents, more=TARGETS + _MOST)
         self.best = _best(log, self.past)
         self.active = np.flatnonzero(np.bincount(log.raters[: self.past]) >= ACTIVE)
         if len(self.best) < TARGETS or len(self.active) < _MOST:
             raise TooSmallError(
-                f"an attack needs {TARGETS} providers and {_MOST} raters with {ACTIVE} ratings in the log"
+                f"an attack needs {TARGETS} providers and {_MOST} raters with {ACTIVE} ratings in "
+                "the log"
             )
-        self.newcomers, self.fresh = log.shape[1] + np.arange(TARGETS), log.shape[0] + TARGETS + np.arange(_MOST)
+        self.newcomers, self.fresh = (
+            log.shape[1] + np.arange(TARGETS),
+            log.shape[0] + TARGETS + np.arange(_MOST),
+        )
         self._rated = np.union1d(np.unique(log.ratees), self.newcomers)
 
     def percentiles(self, targets: Ints, accounts: Ints, rating: float) -> Floats:
-        """Return the percentiles of targets among all rated providers and newcomers at the end of the log.
+        """Return the percentiles of targets among all rated providers and newcomers at the end of
+        the log.
 
         Args:
             targets: Places of the targets.
@@ -210,15 +233,20 @@ class Replay(Ending):
         """
         who, whom = (grid.reshape(-1) for grid in np.meshgrid(accounts, targets))
         sent = HostileRatings(who, whom, np.full(len(who), rating))
-        return ranks(self.trust([sent] * ROUNDS)[self._rated])[np.searchsorted(self._rated, targets)]
+        return ranks(self.trust([sent] * ROUNDS)[self._rated])[
+            np.searchsorted(self._rated, targets)
+        ]
 
 
-def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: int = 0) -> dict[Attack, Shift]:
+def replay_attacks(
+    replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: int = 0
+) -> dict[Attack, Shift]:
     """End a log with each attack, and without any.
 
-    In each of the last 6 rounds every hostile account rates all 20 targets, beside the ratings of the log. The best
-    providers are those with the highest Beta reputation from the ratings before the attack. Newcomers are providers
-    that nobody has rated. Hijacked accounts are drawn five times from raters with at least 5 ratings.
+    In each of the last 6 rounds every hostile account rates all 20 targets, beside the ratings of
+    the log. The best providers are those with the highest Beta reputation from the ratings before
+    the attack. Newcomers are providers that nobody has rated. Hijacked accounts are drawn five
+    times from raters with at least 5 ratings.
 
     Args:
         replay: Log that was played up to the attack.
@@ -227,7 +255,10 @@ def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: in
     """
     found, rng, nobody = {}, generator(seed), np.zeros(0, np.int64)
     aims = {"sink": (replay.best, 0.0), "lift": (replay.newcomers, 1.0)}
-    honest = {goal: replay.percentiles(targets, nobody, rating) for goal, (targets, rating) in aims.items()}
+    honest = {
+        goal: replay.percentiles(targets, nobody, rating)
+        for goal, (targets, rating) in aims.items()
+    }
     for goal, count, origin in attacks:
         targets, rating = aims[goal]
         teams = [replay.fresh[:count]]
@@ -240,8 +271,12 @@ def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: in
 
 
 def _best(log: RatingLog, past: int) -> Ints:
-    """Return the providers with the highest Beta reputation from so many ratings, the best first."""
-    successes, count = (np.bincount(log.ratees[:past], w, log.shape[1]) for w in (log.values[:past], np.ones(past)))
+    """Return the providers with the highest Beta reputation from so many ratings, the best
+    first.
+    """
+    successes, count = (
+        np.bincount(log.ratees[:past], w, log.shape[1]) for w in (log.values[:past], np.ones(past))
+    )
     order = np.argsort(-reputation(successes, count - successes), kind="stable")
     chosen: Ints = order[count[order] > 0][:TARGETS]
     return chosen

@@ -12,13 +12,18 @@ RESAMPLES = 400
 """Number of resamples of an interval."""
 
 
-def interval(measure: Callable[[Floats], float], groups: Ints, seed: int = 0, resamples: int = RESAMPLES) -> Interval:
-    """Return a measure, and its 95% interval from a bootstrap that draws whole groups with replacement.
+def interval(
+    measure: Callable[[Floats], float], groups: Ints, seed: int = 0, resamples: int = RESAMPLES
+) -> Interval:
+    """Return a measure, and its 95% interval from a bootstrap that draws whole groups with
+    replacement.
 
-    The ratings of a user are not independent, so that an interval over single ratings would be too narrow.
+    The ratings of a user are not independent, so that an interval over single ratings would be too
+    narrow.
 
     Args:
-        measure: Function from weights of the values, shape (n,), to the measure; NaN where it is undefined.
+        measure: Function from weights of the values, shape (n,), to the measure; NaN where it is
+            undefined.
         groups: Number of the group of each value, such as its user or task, shape (n,), at least 0.
         seed: Random seed of the resamples.
         resamples: Number of resamples.
@@ -36,20 +41,26 @@ def interval(measure: Callable[[Floats], float], groups: Ints, seed: int = 0, re
 
 
 def mean_intervals(table: Floats, seed: int = 0, resamples: int = RESAMPLES) -> list[Interval]:
-    """Return the mean of each column over the rows, which are the groups, with its 95% interval. See `interval`."""
+    """Return the mean of each column over the rows, which are the groups, with its 95% interval.
+    See `interval`.
+    """
     many = len(table)
     means = table.mean(axis=0)
     if many < 2:
         return [Interval(value, np.nan, np.nan) for value in means.tolist()]
     draws = generator(seed).integers(0, many, (resamples, many))
     low, high = np.percentile(table[draws].mean(axis=1), [2.5, 97.5], axis=0)
-    return [Interval(*ends) for ends in zip(means.tolist(), low.tolist(), high.tolist(), strict=True)]
+    return [
+        Interval(*ends) for ends in zip(means.tolist(), low.tolist(), high.tolist(), strict=True)
+    ]
 
 
 def auc(score: Floats, bad: Floats, strata: Ints) -> Callable[[Floats], float]:
-    """Return a function from weights to the area under the ROC curve: the bad have lower scores than the others.
+    """Return a function from weights to the area under the ROC curve: the bad have lower scores
+    than the others.
 
-        auc = sum over strata of the pairs (bad, other) with score[bad] < score[other], ties half / number of pairs
+        auc = sum over strata of the pairs (bad, other) with score[bad] < score[other], ties half /
+        number of pairs
 
     Args:
         score: Score of each value, shape (n,).
@@ -57,7 +68,9 @@ def auc(score: Floats, bad: Floats, strata: Ints) -> Callable[[Floats], float]:
         strata: Stratum of each value, shape (n,), whole; only values of one stratum are compared.
     """
     _, rank = np.unique_inverse(score)
-    _, cell = np.unique_inverse(strata * (int(rank.max(initial=0)) + 1) + rank)  # strata in turn, scores ascending
+    _, cell = np.unique_inverse(
+        strata * (int(rank.max(initial=0)) + 1) + rank
+    )  # strata in turn, scores ascending
     size = int(cell.max(initial=-1)) + 1
     stratum = np.zeros(size, np.int64)
     stratum[cell] = np.unique_inverse(strata)[1]
@@ -69,13 +82,19 @@ def auc(score: Floats, bad: Floats, strata: Ints) -> Callable[[Floats], float]:
         before = np.cumsum(low) - low
         below = before - before[first]
         pairs = np.bincount(stratum, low) * np.bincount(stratum, high)
-        return float((high * (below + low / 2)).sum() / pairs.sum()) if pairs.sum() > 0 else float("nan")
+        return (
+            float((high * (below + low / 2)).sum() / pairs.sum())
+            if pairs.sum() > 0
+            else float("nan")
+        )
 
     return area
 
 
 def correlation(one: Floats, other: Floats) -> Callable[[Floats], float]:
-    """Return a function from weights to Pearson's correlation of two arrays of shape (n,); NaN if undefined."""
+    """Return a function from weights to Pearson's correlation of two arrays of shape (n,); NaN if
+    undefined.
+    """
 
     def pearson(weights: Floats) -> float:
         if not weights.any():
@@ -93,6 +112,8 @@ def mean(values: Floats) -> Callable[[Floats], float]:
 
 
 def ranks(values: Floats) -> Floats:
-    """Return the share of values below each value, ties half, shape (n,): a percentile in (0, 1)."""
+    """Return the share of values below each value, ties half, shape (n,): a percentile in (0,
+    1).
+    """
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     return ((np.cumsum(counts) - counts / 2) / len(values))[place]

@@ -1,1 +1,3 @@
-"""Panels of judges that vote on items, and agents that judge one another: weights, verdicts and bought judges."""
+"""Panels of judges that vote on items, and agents that judge one another: weights, verdicts and
+bought judges.
+"""

@@ -1,4 +1,6 @@
-"""Bought judges: an attacker that knows all votes and the truth chooses which judges to buy and how they vote."""
+"""Bought judges: an attacker that knows all votes and the truth chooses which judges to buy and how
+they vote.
+"""
 
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
@@ -21,18 +23,22 @@ _ELSEWHERE: tuple[Elsewhere, ...] = ("own", "truth", "majority")
 class Bribe(NamedTuple):
     """How bought judges vote on the items on which they voted.
 
-    The lead of an item is that of the truth over the wrong answer with most votes, as a share of the votes of judges
-    that are not bought: from -1 to 1. These may have equal weights, or those of one who knows how accurate they are.
-    Where the lead is in a window, bought judges lie, and all vote for that wrong answer. Elsewhere they may earn trust,
-    and on the first items, too.
+    The lead of an item is that of the truth over the wrong answer with most votes, as a share of
+    the votes of judges that are not bought: from -1 to 1. These may have equal weights, or those of
+    one who knows how accurate they are. Where the lead is in a window, bought judges lie, and all
+    vote for that wrong answer. Elsewhere they may earn trust, and on the first items, too.
 
     Attributes:
-        choice: Judges that are bought: the most or the least accurate, those that agree most with one another, or any.
+        choice: Judges that are bought: the most or the least accurate, those that agree most with
+            one another, or any.
         low: Least lead at which they lie.
         high: Greatest lead at which they lie.
-        elsewhere: What they vote on other items: as they did before, the truth, or the favourite of the others.
-        known: Share of the log-odds of accuracy in the weights of the others' votes, in [0, 1]; the rest is equal.
-        honest: Share of the items, the first ones in the order of the votes, on which they do not lie, in [0, 1].
+        elsewhere: What they vote on other items: as they did before, the truth, or the favourite of
+            the others.
+        known: Share of the log-odds of accuracy in the weights of the others' votes, in [0, 1]; the
+            rest is equal.
+        honest: Share of the items, the first ones in the order of the votes, on which they do not
+            lie, in [0, 1].
     """
 
     choice: Choice = "best"
@@ -52,7 +58,9 @@ class Bribe(NamedTuple):
 
 
 def _changed(bribe: Bribe | None, rng: np.random.Generator) -> Bribe:
-    """Return a bribe at random, or one that differs from another in one choice or in its numbers."""
+    """Return a bribe at random, or one that differs from another in one choice or in its
+    numbers.
+    """
     one, other, known, honest = rng.uniform((-1, -1, 0, 0), 1).tolist()
     low, high = sorted((one if rng.random() < 0.5 else -1.0, other))
     known, honest = (value if rng.random() < 0.5 else 0.0 for value in (known, honest))
@@ -72,7 +80,9 @@ def chosen(votes: Votes, bought: int, choice: Choice, seed: int = 0) -> Ints:
     accuracy = np.nan_to_num(votes.accuracy, nan=0.5)
     if choice == "random":
         return generator(seed).permutation(len(accuracy))[:bought]
-    if choice == "kindred":  # the judge that others agree with most, and those that agree most with it
+    if (
+        choice == "kindred"
+    ):  # the judge that others agree with most, and those that agree most with it
         judges, items, answers = votes.shape
         grid = np.zeros((judges, items * answers))
         grid[votes.judges[:, None], votes.answers_to(votes.items)] = votes.shares
@@ -114,18 +124,20 @@ def find_bribe(
     seed: int = 0,
     starts: Sequence[Bribe] = (),
 ) -> Bribe:
-    """Return the bribe under which a method is right in the fewest items, of those that a search tries.
+    """Return the bribe under which a method is right in the fewest items, of those that a search
+    tries.
 
-    The search begins with plain lies by each choice of judges and with given bribes, goes on with as many at random as
-    make half of the budget, and then changes the best.
+    The search begins with plain lies by each choice of judges and with given bribes, goes on with
+    as many at random as make half of the budget, and then changes the best.
 
     Args:
         scope: Items.
         method: Method.
         bought: Number of judges that are bought.
-        labelled: Sets of labels, see `draws`. They are others than those with which the bribe is measured, since the
-            attacker does not know which items have one.
-        budget: Number of bribes that are tried, of which plain lies are the first; these are tried in any case.
+        labelled: Sets of labels, see `draws`. They are others than those with which the bribe is
+            measured, since the attacker does not know which items have one.
+        budget: Number of bribes that are tried, of which plain lies are the first; these are tried
+            in any case.
         seed: Random seed.
         starts: Bribes that are tried in addition.
     """
@@ -133,7 +145,11 @@ def find_bribe(
     judges = {choice: chosen(scope.votes, bought, choice, seed) for choice in _CHOICES}
     given = [*(Bribe(choice) for choice in _CHOICES), *dict.fromkeys(starts)]
     for at in range(max(budget - len(_CHOICES), 0) + len(given)):
-        bribe = given[at] if at < len(given) else _changed(found if 2 * (at - len(given)) > budget else None, rng)
+        bribe = (
+            given[at]
+            if at < len(given)
+            else _changed(found if 2 * (at - len(given)) > budget else None, rng)
+        )
         each, _ = hits(scope, bribed(scope.votes, judges[bribe.choice], bribe), method, labelled)
         if each.mean() < least:
             least, found = float(each.mean()), bribe

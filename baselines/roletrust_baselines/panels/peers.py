@@ -24,7 +24,11 @@ from roletrust_env.trust.algorithms import agent_trust
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.run import GridRun, make_run
 
-_FIRST, _SECOND, _TIE = ("first", "1", "a", "model_a", "left"), ("second", "2", "b", "model_b", "right"), ("tie", "0.5")
+_FIRST, _SECOND, _TIE = (
+    ("first", "1", "a", "model_a", "left"),
+    ("second", "2", "b", "model_b", "right"),
+    ("tie", "0.5"),
+)
 PEOPLE = "human"
 """Name of the judge whose votes are the truth."""
 
@@ -82,8 +86,8 @@ def read_comparisons(
 ) -> tuple[Comparisons, Comparisons | None]:
     """Read comparisons: a table with a row for each vote. See `read_votes` for the forms.
 
-    A vote is `first`, `second` or `tie`, also `1` and `2`, `A` and `B`, `model_a` and `model_b`, or the name of an
-    author of the pair.
+    A vote is `first`, `second` or `tie`, also `1` and `2`, `A` and `B`, `model_a` and `model_b`, or
+    the name of an author of the pair.
 
     Args:
         path: Path of the file.
@@ -100,20 +104,26 @@ def read_comparisons(
         Votes of agents, and votes of people on pairs of these agents; None without.
 
     Raises:
-        ValueError: The file is no such table, a vote is not allowed, an agent is compared with itself, or all votes
-            are by people.
+        ValueError: The file is no such table, a vote is not allowed, an agent is compared with
+            itself, or all votes are by people.
         OSError: The file cannot be read.
     """
     wanted = {"judge": judge, "item": item, "first": first, "second": second, "vote": vote}
     table = read_codes(path, wanted, dialect, tell)
-    names = list(dict.fromkeys(itertools.chain(*(table[role].names for role in ("judge", "first", "second")))))
+    names = list(
+        dict.fromkeys(
+            itertools.chain(*(table[role].names for role in ("judge", "first", "second")))
+        )
+    )
     place = {name: at for at, name in enumerate(names)}
     who, one, other = (
         np.array([place[name] for name in table[role].names])[table[role].places]
         for role in ("judge", "first", "second")
     )
     if (same := np.flatnonzero(one == other)).size:
-        raise ValueError(f"{path}, vote {same[0] + 1}: {names[one[same[0]]]!r} is compared with itself")
+        raise ValueError(
+            f"{path}, vote {same[0] + 1}: {names[one[same[0]]]!r} is compared with itself"
+        )
     voted = table["vote"].places >= 0
     values = np.full(len(voted), np.nan)
     for at, name in enumerate(table["vote"].names):
@@ -122,23 +132,35 @@ def read_comparisons(
         if word in _FIRST or word in _SECOND or word.startswith(_TIE):
             values[rows] = 1.0 if word in _FIRST else 0.0 if word in _SECOND else 0.5
         elif name in place:
-            values[rows] = np.where(one == place[name], 1.0, np.where(other == place[name], 0.0, np.nan))[rows]
+            values[rows] = np.where(
+                one == place[name], 1.0, np.where(other == place[name], 0.0, np.nan)
+            )[rows]
     if (wrong := np.flatnonzero(voted & np.isnan(values))).size:
         shown = table["vote"].names[table["vote"].places[wrong[0]]]
         raise ValueError(
-            f"{path}, vote {wrong[0] + 1} is {shown!r}; it must be first, second, tie, or one of the two names"
+            f"{path}, vote {wrong[0] + 1} is {shown!r}; it must be first, second, tie, or one of "
+            "the two names"
         )
     by_people = voted & np.array([fnmatchcase(name, people) for name in names])[who]
     ours = voted & ~by_people
     if not ours.any():
         raise ValueError(f"{path} has no votes but those of {people!r}")
     order = np.argsort(table["item"].places[ours], kind="stable")
-    agents, here = np.unique(np.concatenate([who[ours], one[ours], other[ours]])), np.full(len(names), -1)
+    agents, here = (
+        np.unique(np.concatenate([who[ours], one[ours], other[ours]])),
+        np.full(len(names), -1),
+    )
     here[agents] = np.arange(len(agents))
     by_people &= np.isin(one, agents) & np.isin(other, agents)  # people may have seen others, too
 
     def votes(rows: Any) -> Comparisons:
-        columns = here[who[rows]], table["item"].places[rows], here[one[rows]], here[other[rows]], values[rows]
+        columns = (
+            here[who[rows]],
+            table["item"].places[rows],
+            here[one[rows]],
+            here[other[rows]],
+            values[rows],
+        )
         return Comparisons(*columns, [names[at] for at in agents.tolist()], table["item"].names)
 
     return votes(np.flatnonzero(ours)[order]), votes(by_people) if by_people.any() else None
@@ -175,10 +197,12 @@ class PeerMethod(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class PeersByTrust:
-    """The standing by a trust model: the winner of a pair is rated 1, the other 0; a round for each item, in turn.
+    """The standing by a trust model: the winner of a pair is rated 1, the other 0; a round for each
+    item, in turn.
 
-    Judges do not rate themselves. The owner is one more agent with its own votes in the first round: models with a
-    trust for each judge say what it trusts. With one trust for all it would be one agent among many, and is left out.
+    Judges do not rate themselves. The owner is one more agent with its own votes in the first
+    round: models with a trust for each judge say what it trusts. With one trust for all it would be
+    one agent among many, and is left out.
     """
 
     model: Any
@@ -198,12 +222,18 @@ class PeersByTrust:
         for rows in _rounds(votes.items):
             run.play(*_ratings(votes.at(rows)))
         raters, rated, _ = _ratings(votes)
-        score, tor = run.provider_trust[:many], run.rater_trust[:many] if self.model.rates_raters else None
+        score, tor = (
+            run.provider_trust[:many],
+            run.rater_trust[:many] if self.model.rates_raters else None,
+        )
         if owner and isinstance(run, GridRun):
             score = self.model.judge_trust(run.state)[many][:many]
         if tor is None:
             return Standing(score)
-        counts = {"rated": np.bincount(raters, minlength=many), "provided": np.bincount(rated, minlength=many)}
+        counts = {
+            "rated": np.bincount(raters, minlength=many),
+            "provided": np.bincount(rated, minlength=many),
+        }
         return Standing(score, tor, agent_trust(tor, score, initial=0.5, **counts))
 
 
@@ -241,7 +271,11 @@ class BradleyTerry:
         many = len(votes.agents)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            method = aggregation.NoisyBradleyTerry() if self.reliable else aggregation.BradleyTerry(n_iter=100)
+            method = (
+                aggregation.NoisyBradleyTerry()
+                if self.reliable
+                else aggregation.BradleyTerry(n_iter=100)
+            )
             score = method.fit_predict(pd.DataFrame(table)).reindex(range(many)).to_numpy()
         tor = (
             method.skills_.reindex(range(many)).to_numpy()
@@ -270,9 +304,11 @@ def against_people(
 ) -> dict[str, Interval]:
     """Return how well the standing of agents agrees with people.
 
-    - `agreement`: share of people's votes, ties apart, that are for the agent with the higher score; equal scores are
-      half. A vote counts with its mean over the sets of own votes that it is not in. Intervals resample items.
-    - `spearman`: rank correlation of scores with people's win rates, without own votes. Intervals resample agents.
+    - `agreement`: share of people's votes, ties apart, that are for the agent with the higher
+      score; equal scores are half. A vote counts with its mean over the sets of own votes that it
+      is not in. Intervals resample items.
+    - `spearman`: rank correlation of scores with people's win rates, without own votes. Intervals
+      resample agents.
 
     Args:
         votes: Votes of agents.
@@ -298,8 +334,12 @@ def against_people(
     return found
 
 
-def promoted(votes: Comparisons, judges: Ints, target: int, rival: int | None = None) -> Comparisons:
-    """Return the votes once judges are bought to vote for a target, and against a rival where there is one."""
+def promoted(
+    votes: Comparisons, judges: Ints, target: int, rival: int | None = None
+) -> Comparisons:
+    """Return the votes once judges are bought to vote for a target, and against a rival where there
+    is one.
+    """
     values, bought = votes.values.copy(), np.isin(votes.judges, judges)
     for agent, value in ((rival, 0.0), (target, 1.0)):
         if agent is not None:
@@ -309,12 +349,18 @@ def promoted(votes: Comparisons, judges: Ints, target: int, rival: int | None = 
 
 
 def judges_to_win(
-    votes: Comparisons, method: PeerMethod, target: int, own: Comparisons | None = None, most: int = 20, seed: int = 0
+    votes: Comparisons,
+    method: PeerMethod,
+    target: int,
+    own: Comparisons | None = None,
+    most: int = 20,
+    seed: int = 0,
 ) -> int | None:
-    """Return the least number of bought judges with which a target is first, by a search; None if all do not suffice.
+    """Return the least number of bought judges with which a target is first, by a search; None if
+    all do not suffice.
 
-    Bought judges vote for the target, and also against the winner of now or not. For each number all sets of judges are
-    tried, but at most so many, drawn at random.
+    Bought judges vote for the target, and also against the winner of now or not. For each number
+    all sets of judges are tried, but at most so many, drawn at random.
     """
     judges = np.unique(votes.judges)
     authors = votes.authors
@@ -326,7 +372,10 @@ def judges_to_win(
         for bought in _sets(judges, number, most, rng):
             for rival in (None, leader):
                 score = method(promoted(votes, bought, target, rival), own).score
-                if score[target] > np.delete(score[authors], np.flatnonzero(authors == target)).max() + TIE:
+                if (
+                    score[target]
+                    > np.delete(score[authors], np.flatnonzero(authors == target)).max() + TIE
+                ):
                     return number
     return None
 
@@ -342,7 +391,8 @@ def _sets(judges: Ints, number: int, most: int, rng: np.random.Generator) -> Ite
 
 
 def make_peer_method(name: str) -> PeerMethod:
-    """Return a method by its name: `win-rate`, `bradley-terry`, `reliable-bradley-terry` or a trust model.
+    """Return a method by its name: `win-rate`, `bradley-terry`, `reliable-bradley-terry` or a trust
+    model.
 
     Raises:
         ValueError: There is no such method, or a library is missing.

@@ -55,7 +55,8 @@ class PeerRow(NamedTuple):
     Attributes:
         method: Method.
         own: Number of own votes.
-        measure: What is measured, see `against_people`; or `to win`: how many bought judges put an agent first.
+        measure: What is measured, see `against_people`; or `to win`: how many bought judges put an
+            agent first.
         agent: The agent, where the measure is of one.
         value: Value; NaN where all judges do not suffice.
         low: Lower end of its 95% interval; NaN without.
@@ -89,7 +90,10 @@ class Plan(NamedTuple):
     seed: int = 0
 
 
-_SEARCHED, _CHOSEN = 3, 10  # sets of labels with which bribes are searched, and with which the worst of them is chosen
+_SEARCHED, _CHOSEN = (
+    3,
+    10,
+)  # sets of labels with which bribes are searched, and with which the worst of them is chosen
 
 
 def trial(
@@ -99,10 +103,11 @@ def trial(
     advance: Callable[[str], None] = lambda what: None,
     leave_out: Callable[[str], None] = lambda reason: None,
 ) -> Iterator[Row]:
-    """Yield the numbers of a trial on votes with a known truth, method by method. What does not fit is left out.
+    """Yield the numbers of a trial on votes with a known truth, method by method. What does not fit
+    is left out.
 
-    Attacks are on all items, without labels and with the median of the numbers of labels. Bribes are searched
-    against each method, and each method meets all of them.
+    Attacks are on all items, without labels and with the median of the numbers of labels. Bribes
+    are searched against each method, and each method meets all of them.
 
     Args:
         votes: Votes and truth.
@@ -136,13 +141,19 @@ def _measured(scope: Scope, name: str, method: Method, plan: Plan) -> Iterator[R
             yield Row(scope.scored, scope.labelled, name, labels, 0, measure, *value)
 
 
-def _attacked(scope: Scope, methods: Mapping[str, Method], plan: Plan, advance: Callable[[str], None]) -> Iterator[Row]:
-    """Yield the accuracy of methods under bought judges. Each meets the worst of the bribes found against any."""
+def _attacked(
+    scope: Scope, methods: Mapping[str, Method], plan: Plan, advance: Callable[[str], None]
+) -> Iterator[Row]:
+    """Yield the accuracy of methods under bought judges. Each meets the worst of the bribes found
+    against any.
+    """
     middle = sorted(plan.labels)[len(plan.labels) // 2]
     numbers = [number for number in plan.bought if number < scope.votes.shape[0]]
 
     def cells(name: str, many: int) -> Iterator[tuple[int, list[Ints]]]:
-        """Yield numbers of labels, and sets of them that stand for those that the attacker does not know."""
+        """Yield numbers of labels, and sets of them that stand for those that the attacker does not
+        know.
+        """
         for labels in dict.fromkeys((0, middle)) if methods[name].takes_labels else (0,):
             if seen := draws(scope, labels, many, plan.seed + 1):
                 yield labels, seen
@@ -160,10 +171,24 @@ def _attacked(scope: Scope, methods: Mapping[str, Method], plan: Plan, advance: 
         for labels, seen in cells(name, _CHOSEN):
             labelled = draws(scope, labels, plan.draws, plan.seed)
             for bought in (0, *numbers):
-                bribe = find_bribe(scope, method, bought, seen, 0, plan.seed, bribes) if bought else Bribe()
-                votes = bribed(scope.votes, chosen(scope.votes, bought, bribe.choice, plan.seed), bribe)
+                bribe = (
+                    find_bribe(scope, method, bought, seen, 0, plan.seed, bribes)
+                    if bought
+                    else Bribe()
+                )
+                votes = bribed(
+                    scope.votes, chosen(scope.votes, bought, bribe.choice, plan.seed), bribe
+                )
                 value = accuracy(scope, votes, method, labelled, plan.seed)
-                yield Row(*scope[:2], name, labels, bought, "attacked", *value, str(bribe) if bought else "")
+                yield Row(
+                    *scope[:2],
+                    name,
+                    labels,
+                    bought,
+                    "attacked",
+                    *value,
+                    str(bribe) if bought else "",
+                )
 
 
 def trial_steps(votes: Votes, plan: Plan) -> int:
@@ -172,12 +197,19 @@ def trial_steps(votes: Votes, plan: Plan) -> int:
 
 
 def accuracy_tables(rows: Sequence[Row]) -> Tables:
-    """Return tables by title: headings, and a line for each method, from the best to the worst with most labels."""
+    """Return tables by title: headings, and a line for each method, from the best to the worst with
+    most labels.
+    """
     tables = {}
     for scored, labelled in dict.fromkeys((row.scored, row.labelled) for row in rows):
-        here = [row for row in rows if (row.scored, row.labelled, row.measure) == (scored, labelled, "accuracy")]
-        title = f"Right on {scored} items, by the number of own labels" + f", of {labelled} items" * (
-            scored != labelled
+        here = [
+            row
+            for row in rows
+            if (row.scored, row.labelled, row.measure) == (scored, labelled, "accuracy")
+        ]
+        title = (
+            f"Right on {scored} items, by the number of own labels"
+            + f", of {labelled} items" * (scored != labelled)
         )
         tables[title] = _table(here, lambda row: row.labels, lambda row: row.method)
     if attacked := [row for row in rows if row.measure == "attacked"]:
@@ -207,13 +239,17 @@ def markdown(words: str, tables: Tables) -> str:
 
 
 def headline(rows: Sequence[Row]) -> str:
-    """Return the sentence that is worth most: what the best method makes of few labels, beside the majority."""
+    """Return the sentence that is worth most: what the best method makes of few labels, beside the
+    majority.
+    """
     whole = [row for row in rows if row.scored == ALL and row.measure == "accuracy"]
     few = next((n for n in sorted({row.labels for row in whole}) if n), 0)
     best = max((row for row in whole if row.labels == few), key=lambda row: row.value)
     plain = [row for row in whole if row.method == "majority" != best.method][:1]
     beside = "".join(f", the majority in {_interval(row)}" for row in plain)
-    return f"With {few} own labels, {best.method} is right in {_interval(best)} of the items{beside}."
+    return (
+        f"With {few} own labels, {best.method} is right in {_interval(best)} of the items{beside}."
+    )
 
 
 def _interval(row: Row | PeerRow) -> str:
@@ -221,51 +257,71 @@ def _interval(row: Row | PeerRow) -> str:
 
 
 def judged(votes: Votes, method: Method) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
-    """Return lines of all judges, the most trusted first, and of all items, with all known truths as labels.
+    """Return lines of all judges, the most trusted first, and of all items, with all known truths
+    as labels.
 
     Returns:
-        Name of the judge, trust, number of items, share that is right; name of the item, verdict, its share of the
-        support, truth. In a tie the verdict is empty, and so it is without votes.
+        Name of the judge, trust, number of items, share that is right; name of the item, verdict,
+        its share of the support, truth. In a tie the verdict is empty, and so it is without votes.
     """
     labelled = np.flatnonzero(votes.truth >= 0)
     support, trust = method(votes, labelled)
     count = np.bincount(votes.judges, minlength=votes.shape[0])
     trusted = np.full(len(count), np.nan) if trust is None else trust
     order = np.lexsort((-count, -np.nan_to_num(trusted))).tolist()
-    judges = [(votes.judge_names[at], float(trusted[at]), int(count[at]), float(votes.accuracy[at])) for at in order]
+    judges = [
+        (votes.judge_names[at], float(trusted[at]), int(count[at]), float(votes.accuracy[at]))
+        for at in order
+    ]
     share = support - support.min(axis=1, keepdims=True).clip(max=0)
     share /= np.maximum(share.sum(axis=1, keepdims=True), TIE)
     answers = [*votes.answer_names, ""]  # the last is no answer
     tie = leaders(support).sum(axis=1) > 1
-    verdicts = np.where(tie | (np.bincount(votes.items, minlength=len(tie)) == 0), -1, support.argmax(axis=1))
+    verdicts = np.where(
+        tie | (np.bincount(votes.items, minlength=len(tie)) == 0), -1, support.argmax(axis=1)
+    )
     columns = votes.item_names, verdicts.tolist(), share.max(axis=1).tolist(), votes.truth.tolist()
-    return judges, [(name, answers[at], most, answers[true]) for name, at, most, true in zip(*columns, strict=True)]
+    return judges, [
+        (name, answers[at], most, answers[true])
+        for name, at, most, true in zip(*columns, strict=True)
+    ]
 
 
 def cells(line: Sequence[Any]) -> list[str]:
     """Return a line as texts; a dash where there is no number."""
-    return [one if isinstance(one, str) else f"{one:,}" if isinstance(one, int) else _number(one) for one in line]
+    return [
+        one if isinstance(one, str) else f"{one:,}" if isinstance(one, int) else _number(one)
+        for one in line
+    ]
 
 
 def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.3f}"
 
 
-# --- agents that judge one another --------------------------------------------------------------------
+# --- agents that judge one another
+# --------------------------------------------------------------------
 
 AGENT = ("agent", "ToP", "ToR", "ToA", "wins", "wins, people")
 """Headings of the lines of `standings`."""
 
 
-def standings(votes: Comparisons, method: PeerMethod, people: Comparisons | None) -> list[tuple[Any, ...]]:
-    """Return a line for each agent, see `AGENT`: those with answers, the best first, then other judges with a ToR."""
+def standings(
+    votes: Comparisons, method: PeerMethod, people: Comparisons | None
+) -> list[tuple[Any, ...]]:
+    """Return a line for each agent, see `AGENT`: those with answers, the best first, then other
+    judges with a ToR.
+    """
     standing, empty = method(votes), np.full(len(votes.agents), np.nan)
     score = np.where(np.isin(np.arange(len(empty)), votes.authors), standing.score, np.nan)
     tor = empty if standing.tor is None else standing.tor
     columns = (score, tor, standing.toa, votes.win_rate, people and people.win_rate)
     order = np.lexsort((np.where(np.isnan(score), -tor, 0), -score))  # NaN is last
     order = order[~np.isnan(score[order]) | ~np.isnan(tor[order])].tolist()
-    return [(votes.agents[at], *(float((empty if one is None else one)[at]) for one in columns)) for at in order]
+    return [
+        (votes.agents[at], *(float((empty if one is None else one)[at]) for one in columns))
+        for at in order
+    ]
 
 
 def peer_trial(
@@ -275,7 +331,8 @@ def peer_trial(
     plan: Plan,
     advance: Callable[[str], None] = lambda what: None,
 ) -> Iterator[PeerRow]:
-    """Yield how well methods agree with people, by the number of own votes, and how many bought judges win.
+    """Yield how well methods agree with people, by the number of own votes, and how many bought
+    judges win.
 
     Args:
         votes: Votes of agents.
@@ -287,7 +344,9 @@ def peer_trial(
     rng = generator(plan.seed)
     many = len(people.judges)
     sets = {
-        n: [rng.choice(many, n, replace=False) for _ in range(plan.draws if n else 1)] for n in plan.labels if n < many
+        n: [rng.choice(many, n, replace=False) for _ in range(plan.draws if n else 1)]
+        for n in plan.labels
+        if n < many
     }
     for name, method in methods.items():
         advance(name)
@@ -295,17 +354,30 @@ def peer_trial(
         for number, own in sets.items():
             if method.takes_own or not found:
                 found = against_people(votes, people, method, own, plan.seed)
-            yield from (PeerRow(name, number, measure, "", *value) for measure, value in found.items())
+            yield from (
+                PeerRow(name, number, measure, "", *value) for measure, value in found.items()
+            )
         for agent in votes.authors.tolist() if plan.budget else ():
             least = judges_to_win(votes, method, agent, None, plan.budget, plan.seed)
-            yield PeerRow(name, 0, "to win", votes.agents[agent], math.nan if least is None else least)
+            yield PeerRow(
+                name, 0, "to win", votes.agents[agent], math.nan if least is None else least
+            )
 
 
 def peer_tables(rows: Sequence[PeerRow]) -> Tables:
-    """Return tables by title: agreement with people by the number of own votes, and the numbers of bought judges."""
-    agreement, bought = (_grid([row for row in rows if row.measure == one]) for one in ("agreement", "to win"))
-    titles = "Agreement with people, by the number of own votes", "Judges that must be bought to put an agent first"
-    return {title: table for title, table in zip(titles, (agreement, bought), strict=True) if table[1]}
+    """Return tables by title: agreement with people by the number of own votes, and the numbers of
+    bought judges.
+    """
+    agreement, bought = (
+        _grid([row for row in rows if row.measure == one]) for one in ("agreement", "to win")
+    )
+    titles = (
+        "Agreement with people, by the number of own votes",
+        "Judges that must be bought to put an agent first",
+    )
+    return {
+        title: table for title, table in zip(titles, (agreement, bought), strict=True) if table[1]
+    }
 
 
 def _grid(rows: Sequence[PeerRow]) -> tuple[list[str], list[list[str]]]:
@@ -313,6 +385,10 @@ def _grid(rows: Sequence[PeerRow]) -> tuple[list[str], list[list[str]]]:
     across = list(dict.fromkeys(row.agent or f"{row.own}" for row in rows))
     lines: dict[str, list[str]] = {}
     for row in rows:
-        word = ("none" if math.isnan(row.value) else f"{row.value:.0f}") if row.agent else _interval(row)
+        word = (
+            ("none" if math.isnan(row.value) else f"{row.value:.0f}")
+            if row.agent
+            else _interval(row)
+        )
         lines.setdefault(row.method, []).append(word)
     return ["method", *across], [[name, *line] for name, line in lines.items()]

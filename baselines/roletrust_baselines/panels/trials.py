@@ -22,7 +22,8 @@ class Scope(NamedTuple):
 
     Attributes:
         scored: Kind of the items that are judged.
-        labelled: Kind of the items that may be labelled; where it is another one, no judged item is.
+        labelled: Kind of the items that may be labelled; where it is another one, no judged item
+            is.
         votes: Votes on both.
         judged: Whether each item is judged, shape (I,).
         pool: Places of the items that may be labelled.
@@ -36,7 +37,9 @@ class Scope(NamedTuple):
 
 
 def scopes(votes: Votes) -> list[Scope]:
-    """Return all items, and where there are kinds each with labels from itself and with labels from the others."""
+    """Return all items, and where there are kinds each with labels from itself and with labels from
+    the others.
+    """
     known = votes.truth >= 0
     found = [Scope(ALL, ALL, votes, known, np.flatnonzero(known))]
     if len(votes.kind_names) < 2:
@@ -51,7 +54,9 @@ def scopes(votes: Votes) -> list[Scope]:
 
 
 def draws(scope: Scope, labels: int, many: int, seed: int) -> list[Ints]:
-    """Return items to label, drawn many times; once without labels, and never if nothing would be left to judge."""
+    """Return items to label, drawn many times; once without labels, and never if nothing would be
+    left to judge.
+    """
     if labels == 0:
         return [np.zeros(0, np.int64)]
     if labels >= len(scope.pool):
@@ -60,8 +65,11 @@ def draws(scope: Scope, labels: int, many: int, seed: int) -> list[Ints]:
     return [np.sort(rng.choice(scope.pool, labels, replace=False)) for _ in range(many)]
 
 
-def hits(scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints]) -> tuple[Floats, list[Floats]]:
-    """Return how right the verdict is on each judged item, shape (n,), and the trust in the judges, each time.
+def hits(
+    scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints]
+) -> tuple[Floats, list[Floats]]:
+    """Return how right the verdict is on each judged item, shape (n,), and the trust in the judges,
+    each time.
 
     An item counts with its mean over the sets of labels in which it has none.
 
@@ -83,7 +91,9 @@ def hits(scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints]) -
     return total[count > 0] / count[count > 0], trust
 
 
-def accuracy(scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints], seed: int = 0) -> Interval:
+def accuracy(
+    scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints], seed: int = 0
+) -> Interval:
     """Return the share of the judged items without a label in which a verdict is right, see `hits`.
 
     The interval resamples items.
@@ -98,12 +108,15 @@ def accuracy(scope: Scope, votes: Votes, method: Method, labelled: Sequence[Ints
     return _share(hits(scope, votes, method, labelled)[0], seed)
 
 
-def judge(scope: Scope, method: Method, labelled: Sequence[Ints], seed: int = 0) -> dict[str, Interval]:
+def judge(
+    scope: Scope, method: Method, labelled: Sequence[Ints], seed: int = 0
+) -> dict[str, Interval]:
     """Return how well a method does, over several sets of labels.
 
     - `accuracy`: see `accuracy`.
-    - `spearman`: rank correlation of trust in the judges with their true accuracy on the judged items without a label,
-      the mean over the sets of labels. Intervals resample judges. Missing without trust in judges.
+    - `spearman`: rank correlation of trust in the judges with their true accuracy on the judged
+      items without a label, the mean over the sets of labels. Intervals resample judges. Missing
+      without trust in judges.
 
     Args:
         scope: Items.
@@ -131,9 +144,14 @@ def _share(each: Floats, seed: int) -> Interval:
 
 
 def _mean_spearman(pairs: Sequence[tuple[Floats, Floats]]) -> Callable[[Floats], float]:
-    """Return a function from weights to the mean rank correlation of several pairs; the second may have NaN."""
+    """Return a function from weights to the mean rank correlation of several pairs; the second may
+    have NaN.
+    """
     there = [~np.isnan(other) for _, other in pairs]
-    each = [correlation(ranks(one[n]), ranks(other[n])) for (one, other), n in zip(pairs, there, strict=True)]
+    each = [
+        correlation(ranks(one[n]), ranks(other[n]))
+        for (one, other), n in zip(pairs, there, strict=True)
+    ]
 
     def of(weights: Floats) -> float:
         found = [one(weights[n]) for one, n in zip(each, there, strict=True)]

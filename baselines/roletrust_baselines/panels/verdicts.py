@@ -1,7 +1,9 @@
-"""Verdicts of a panel: by a vote that trust weights, by the view of one who has labels, and by methods of crowd work.
+"""Verdicts of a panel: by a vote that trust weights, by the view of one who has labels, and by
+methods of crowd work.
 
-An answer to an item is a provider, and a judge is a rater that rates it by the share of its votes for it. Who has own
-labels is one more rater, the owner: it rates the answers to its items 1 if true and 0 if not.
+An answer to an item is a provider, and a judge is a rater that rates it by the share of its votes
+for it. Who has own labels is one more rater, the owner: it rates the answers to its items 1 if true
+and 0 if not.
 """
 
 import dataclasses
@@ -27,7 +29,8 @@ class Verdict(NamedTuple):
     """What is made of the votes.
 
     Attributes:
-        support: Support of each answer to each item, shape (I, A); the answer with most is the verdict, see `leaders`.
+        support: Support of each answer to each item, shape (I, A); the answer with most is the
+            verdict, see `leaders`.
         trust: Trust in the judges, shape (J,); None without.
     """
 
@@ -56,12 +59,14 @@ class Method(Protocol):
 
 
 def log_odds(chance: Floats, answers: int = 2) -> Floats:
-    """Return the logarithm of the odds of a right answer over each wrong one, which are equally likely.
+    """Return the logarithm of the odds of a right answer over each wrong one, which are equally
+    likely.
 
         log(p (A - 1) / (1 - p))
 
     Args:
-        chance: Chance p to be right; NaN is that of a guess, 1 / A, and none is nearer to 0 or 1 than 0.001.
+        chance: Chance p to be right; NaN is that of a guess, 1 / A, and none is nearer to 0 or 1
+            than 0.001.
         answers: Number A of answers.
     """
     answers = max(answers, 2)
@@ -71,13 +76,17 @@ def log_odds(chance: Floats, answers: int = 2) -> Floats:
 
 
 def leaders(support: Floats) -> npt.NDArray[np.bool_]:
-    """Return whether each answer has the most support for its item, shape (I, A); in a tie several have."""
+    """Return whether each answer has the most support for its item, shape (I, A); in a tie several
+    have.
+    """
     best: npt.NDArray[np.bool_] = support >= support.max(axis=1, keepdims=True) - TIE
     return best
 
 
 def right(votes: Votes, support: Floats) -> Floats:
-    """Return how right a verdict is on each item, shape (I,): 1, 0 or in a tie a share; NaN if the truth is unknown."""
+    """Return how right a verdict is on each item, shape (I,): 1, 0 or in a tie a share; NaN if the
+    truth is unknown.
+    """
     best = leaders(support)
     known = votes.truth >= 0
     hit = best[np.arange(len(best)), votes.truth] / best.sum(axis=1)
@@ -88,10 +97,10 @@ def right(votes: Votes, support: Floats) -> Floats:
 class ByTrust:
     """The verdict by a trust model, after all votes as one round.
 
-    - With one trust for all, the vote weighted by trust in the judges, ToR. Labels would be the votes of one more judge
-      among many, and are left out.
-    - With a trust for each judge, the trust that the owner of the labels has in the answers, and its credence in the
-      judges, where the model has one.
+    - With one trust for all, the vote weighted by trust in the judges, ToR. Labels would be the
+      votes of one more judge among many, and are left out.
+    - With a trust for each judge, the trust that the owner of the labels has in the answers, and
+      its credence in the judges, where the model has one.
     """
 
     model: Any
@@ -140,9 +149,9 @@ class LabelsOnly:
 
         weight = log(p (A - 1) / (1 - p)),   p = (right + 1) / (labelled + A)
 
-    With A answers it is the best vote of independent judges if p is the chance to be right and wrong answers are
-    equally likely (Nitzan and Paroush, 1982, for two). A judge that is right less often than a guess counts against its
-    vote. Without labels nothing is said.
+    With A answers it is the best vote of independent judges if p is the chance to be right and
+    wrong answers are equally likely (Nitzan and Paroush, 1982, for two). A judge that is right less
+    often than a guess counts against its vote. Without labels nothing is said.
     """
 
     takes_labels = True
@@ -155,12 +164,18 @@ class LabelsOnly:
         return Verdict(votes.tally(log_odds(chance, answers)), chance)
 
 
-# --- methods of crowd-kit -----------------------------------------------------------------------------
+# --- methods of crowd-kit
+# -----------------------------------------------------------------------------
 
 
 def _expected_accuracy(method: Any) -> Any:
-    """Return the probability that a judge is right, by its confusion matrix and the shares of the truths."""
-    by_label = {truth: method.errors_[truth].unstack("label", fill_value=0.0) for truth in method.priors_.index}
+    """Return the probability that a judge is right, by its confusion matrix and the shares of the
+    truths.
+    """
+    by_label = {
+        truth: method.errors_[truth].unstack("label", fill_value=0.0)
+        for truth in method.priors_.index
+    }
     return sum(answers[truth] * method.priors_[truth] for truth, answers in by_label.items())
 
 
@@ -177,13 +192,14 @@ CROWD_METHODS = tuple(_TRUST)
 
 @dataclasses.dataclass(frozen=True)
 class ByCrowdMethod:
-    """The verdict by a method of crowd-kit (Ustalov et al., 2024), with the settings of the library.
+    """The verdict by a method of crowd-kit (Ustalov et al., 2024), with the settings of the
+    library.
 
-    - `dawid-skene`: a confusion matrix for each judge (Dawid and Skene, 1979). Trust is the expected accuracy. Labels
-      are known truths.
+    - `dawid-skene`: a confusion matrix for each judge (Dawid and Skene, 1979). Trust is the
+      expected accuracy. Labels are known truths.
     - `one-coin-dawid-skene`: an accuracy for each judge (Zhang et al., 2016), which is the trust.
-    - `glad`: an ability of each judge and a difficulty of each item (Whitehill et al., 2009). Trust is the accuracy at
-      an item of difficulty 1.
+    - `glad`: an ability of each judge and a difficulty of each item (Whitehill et al., 2009). Trust
+      is the accuracy at an item of difficulty 1.
     - `mace`: a probability of each judge not to guess (Hovy et al., 2013), which is the trust.
 
     An opinion counts as the answer with the largest share in it; of equal ones, the first.
@@ -231,14 +247,16 @@ class ByCrowdMethod:
         return Verdict(chance.to_numpy(), np.nan_to_num(np.asarray(each, np.float64)))
 
 
-# --- by name ------------------------------------------------------------------------------------------
+# --- by name
+# ------------------------------------------------------------------------------------------
 
 SIMPLE: dict[str, Method] = {"majority": Majority(), "labels-only": LabelsOnly()}
 """Methods without a model."""
 
 
 def make_method(name: str) -> Method:
-    """Return a method by its name: one of `SIMPLE` or `CROWD_METHODS`, or a trust model, see `make_log_model`.
+    """Return a method by its name: one of `SIMPLE` or `CROWD_METHODS`, or a trust model, see
+    `make_log_model`.
 
     Raises:
         ValueError: There is no such method, or a library is missing.
@@ -250,4 +268,9 @@ def make_method(name: str) -> Method:
 
 def all_methods() -> list[str]:
     """Return the names of all methods that are installed. GLAD and MACE take most of the time."""
-    return [*SIMPLE, *(CROWD_METHODS if find_spec("crowdkit") else ()), *trust_models(), *LOG_MODELS]
+    return [
+        *SIMPLE,
+        *(CROWD_METHODS if find_spec("crowdkit") else ()),
+        *trust_models(),
+        *LOG_MODELS,
+    ]

@@ -1,4 +1,6 @@
-"""Votes of judges on items, such as answers to questions, from a table; and the truth of some items."""
+"""Votes of judges on items, such as answers to questions, from a table; and the truth of some
+items.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -37,8 +39,8 @@ class Codes(NamedTuple):
 class Votes(NamedTuple):
     """What judges say about items. An item has the same possible answers as all others.
 
-    A judge that votes on an item several times, such as with the answers in another order, has one opinion about it:
-    the share of each answer among its votes.
+    A judge that votes on an item several times, such as with the answers in another order, has one
+    opinion about it: the share of each answer among its votes.
 
     Attributes:
         judges: Place of the judge of each opinion, shape (E,).
@@ -69,30 +71,41 @@ class Votes(NamedTuple):
 
     @property
     def accuracy(self) -> Floats:
-        """The share of each judge's opinions that is true, shape (J,); NaN for a judge without a known item."""
+        """The share of each judge's opinions that is true, shape (J,); NaN for a judge without a
+        known item.
+        """
         return ratio(*self.graded(self.truth >= 0))
 
     def graded(self, chosen: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """Return the sum of each judge's true shares on chosen items, and their number, shape (J,) each.
+        """Return the sum of each judge's true shares on chosen items, and their number, shape (J,)
+        each.
 
         Args:
             chosen: Whether each item is chosen, shape (I,); their truth is known.
         """
         kept = chosen[self.items]
         true = self.shares[kept, self.truth[self.items[kept]]]
-        both = (np.bincount(self.judges[kept], w, self.shape[0]) for w in (true, np.ones(len(true))))
+        both = (
+            np.bincount(self.judges[kept], w, self.shape[0]) for w in (true, np.ones(len(true)))
+        )
         total, count = (one.astype(np.float64) for one in both)
         return total, count
 
     def answers_to(self, items: Ints) -> Ints:
-        """Return the places of the answers to items among all answers to all items, shape (n, A)."""
+        """Return the places of the answers to items among all answers to all items, shape (n,
+        A).
+        """
         many = len(self.answer_names)
         return items[:, None] * many + np.arange(many)
 
     def tally(self, weights: Floats) -> Floats:
-        """Return the weight of the votes for each answer to each item, shape (I, A), by the weights of judges (J,)."""
+        """Return the weight of the votes for each answer to each item, shape (I, A), by the weights
+        of judges (J,).
+        """
         cast, (_, *shape) = weights[self.judges, None] * self.shares, self.shape
-        total = np.bincount(self.answers_to(self.items).ravel(), cast.ravel(), math.prod(shape)).astype(np.float64)
+        total = np.bincount(
+            self.answers_to(self.items).ravel(), cast.ravel(), math.prod(shape)
+        ).astype(np.float64)
         return total.reshape(shape)
 
     def only(self, chosen: npt.NDArray[np.bool_]) -> "Votes":
@@ -104,7 +117,9 @@ class Votes(NamedTuple):
             shares=self.shares[kept],
             truth=self.truth[chosen],
             kinds=self.kinds[chosen],
-            item_names=[name for name, there in zip(self.item_names, chosen.tolist(), strict=True) if there],
+            item_names=[
+                name for name, there in zip(self.item_names, chosen.tolist(), strict=True) if there
+            ],
         )
 
 
@@ -121,22 +136,24 @@ def read_votes(
 ) -> Votes:
     """Read votes: a table with a row for each vote, of any form that `read_ratings` reads.
 
-    Columns are names, or numbers from 1; those with the names of their roles are also found by common ones, such as
-    `annotator` for the judge. A row without a vote (blank, `NA`, `None`) is an abstention, and left out.
+    Columns are names, or numbers from 1; those with the names of their roles are also found by
+    common ones, such as `annotator` for the judge. A row without a vote (blank, `NA`, `None`) is an
+    abstention, and left out.
 
     Args:
         path: Path of the file.
         judge: Columns that name a judge, such as a model and its prompt.
         item: Column of the item.
         vote: Column of the vote, which may be any text or whole number.
-        truth: Column of the true answer; or a file with the columns `item` and `truth`. None if no truth is known.
+        truth: Column of the true answer; or a file with the columns `item` and `truth`. None if no
+            truth is known.
         kind: Column of the kind of the item, such as its subset; None without.
         dialect: Parts of the dialect that are known.
         tell: Function that is called with a line for the user.
 
     Raises:
-        ValueError: The file is no such table, has no votes or too many answers, an item has two truths, or no truth is
-            among the answers. Or pyarrow is missing.
+        ValueError: The file is no such table, has no votes or too many answers, an item has two
+            truths, or no truth is among the answers. Or pyarrow is missing.
         OSError: The file cannot be read.
     """
     judges_by = {f"judge {n + 1}" if n else "judge": name for n, name in enumerate(judge)}
@@ -145,11 +162,15 @@ def read_votes(
     table = read_codes(path, wanted, dialect, tell)
     voted = table["vote"].places >= 0
     if not voted.any():
-        raise ValueError(f"{path} has no votes: all {len(voted):,} rows are abstentions; --vote names their column")
+        raise ValueError(
+            f"{path} has no votes: all {len(voted):,} rows are abstentions; --vote names their "
+            "column"
+        )
     items, answers = table["item"], table["vote"]
     if max(int(voted.sum()), len(items.names)) * len(answers.names) * 8 > MEMORY:
         raise ValueError(
-            f"{path} has {len(answers.names):,} different answers, too many for {voted.sum():,} votes;"
+            f"{path} has {len(answers.names):,} different answers, too many for {voted.sum():,} "
+            "votes;"
             " --vote names the column of the vote"
         )
     judges = _together([table[role] for role in judges_by])
@@ -158,7 +179,9 @@ def read_votes(
     if kind:
         kinds = Codes(table["kind"].names, _of_items(path, items, table["kind"], "kind"))
     if truth is not None:
-        where, gold = (path, table) if isinstance(truth, str) else (truth, _read_gold(truth, dialect))
+        where, gold = (
+            (path, table) if isinstance(truth, str) else (truth, _read_gold(truth, dialect))
+        )
         among = {name: place for place, name in enumerate(answers.names)}
         answer = np.array([*(among.get(name, -1) for name in gold["truth"].names), -1])
         said = _of_items(where, gold["item"], gold["truth"], "truth")
@@ -166,9 +189,14 @@ def read_votes(
         true = np.array([known.get(name, -1) for name in items.names])
         if (true < 0).all():
             among_them = ", ".join(answers.names[:8])
-            raise ValueError(f"{truth} has the truth of no item in {path}; the answers are {among_them}")
+            raise ValueError(
+                f"{truth} has the truth of no item in {path}; the answers are {among_them}"
+            )
         if lost := int((said >= 0).sum() - (true >= 0).sum()):
-            tell(f"Truths left out, as nobody voted on the item or nobody gave the true answer: {lost:,}.")
+            tell(
+                "Truths left out, as nobody voted on the item or nobody gave the true answer: "
+                f"{lost:,}."
+            )
     pairs, which = np.unique_inverse(judges.places[voted] * size + items.places[voted])
     counts = np.zeros((len(pairs), len(answers.names)))
     np.add.at(counts, (which, answers.places[voted]), 1.0)
@@ -181,7 +209,8 @@ def _read_gold(path: Path, dialect: Dialect) -> dict[str, Codes]:
     """Return the columns of a file of truths.
 
     Raises:
-        ValueError: The file is no such table. The options that name the columns of votes are no help here.
+        ValueError: The file is no such table. The options that name the columns of votes are no
+            help here.
         OSError: The file cannot be read.
     """
     try:
@@ -192,7 +221,10 @@ def _read_gold(path: Path, dialect: Dialect) -> dict[str, Codes]:
 
 
 def read_codes(
-    path: Path, wanted: Mapping[str, str], dialect: Dialect, tell: Callable[[str], None] = lambda line: None
+    path: Path,
+    wanted: Mapping[str, str],
+    dialect: Dialect,
+    tell: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Codes]:
     """Return the names in the wanted columns of a table; a vote and a truth may be missing.
 
@@ -207,7 +239,11 @@ def read_codes(
     columns = {role: NameColumns() for role in wanted}
     for block in table.blocks():
         for (role, name), column in zip(wanted.items(), block, strict=True):
-            rows = np.flatnonzero(~is_missing(column, value=True)) if role in _MAY_MISS else np.arange(len(column))
+            rows = (
+                np.flatnonzero(~is_missing(column, value=True))
+                if role in _MAY_MISS
+                else np.arange(len(column))
+            )
             row = _row(table, read + rows)
             if len(rows):
                 columns[role].add(named(column.take(arrow.array(rows)), f"column {name!r}", row))
@@ -224,7 +260,9 @@ def read_codes(
         found[role] = Codes(names, every)
     absent = int((found["vote"].places < 0).sum()) if "vote" in found else 0
     counts = {"abstentions": absent, JOINED: all_joined}
-    tell(f"Read as {', '.join([*table.found, *(f'{what}: {n:,}' for what, n in counts.items() if n)])}.")
+    tell(
+        f"Read as {', '.join([*table.found, *(f'{what}: {n:,}' for what, n in counts.items() if n)])}."  # noqa: E501
+    )
     return found
 
 
@@ -253,8 +291,13 @@ def _of_items(path: Path, items: Codes, what: Codes, role: str) -> Ints:
     pairs = np.unique(np.stack([items.places[told], what.places[told]]), axis=1)
     if (twice := np.flatnonzero(np.diff(pairs[0]) == 0)).size:
         at = int(twice[0])
-        name, (one, other) = items.names[pairs[0, at]], (what.names[pairs[1, at + n]] for n in (0, 1))
-        raise ValueError(f"{path}: the {role} of {name!r} is {one!r} and {other!r}; an item has one")
+        name, (one, other) = (
+            items.names[pairs[0, at]],
+            (what.names[pairs[1, at + n]] for n in (0, 1)),
+        )
+        raise ValueError(
+            f"{path}: the {role} of {name!r} is {one!r} and {other!r}; an item has one"
+        )
     of = np.full(len(items.names), -1, np.int64)
     of[pairs[0]] = pairs[1]
     return of
@@ -272,12 +315,22 @@ def write_votes(path: Path, seed: int = 0, items: int = 200, judges: int = 30) -
         judges: Number of judges.
     """
     rng = generator(seed)
-    truth, hard, skill = rng.integers(0, 2, items), rng.random(items) < 1 / 3, rng.uniform(0.55, 0.95, judges)
+    truth, hard, skill = (
+        rng.integers(0, 2, items),
+        rng.random(items) < 1 / 3,
+        rng.uniform(0.55, 0.95, judges),
+    )
     able = rng.random(judges) < 0.25
     chance = np.where(hard[:, None] & ~able, 1 - skill, skill)
     votes = np.where(rng.random((items, judges)) < chance, truth[:, None], 1 - truth[:, None])
     lines = [
-        (f"item {n}", "hard" if hard[n] else "easy", f"judge {k}", ("no", "yes")[votes[n, k]], ("no", "yes")[true])
+        (
+            f"item {n}",
+            "hard" if hard[n] else "easy",
+            f"judge {k}",
+            ("no", "yes")[votes[n, k]],
+            ("no", "yes")[true],
+        )
         for n, true in enumerate(truth.tolist())
         for k in range(judges)
     ]

@@ -1,4 +1,6 @@
-"""The extension of Sphinx: it writes the pages of the catalogue, prepares docstrings and formulas, adds the report."""
+"""The extension of Sphinx: it writes the pages of the catalogue, prepares docstrings and formulas,
+adds the report.
+"""
 
 import os
 import re
@@ -28,9 +30,11 @@ _LONG = 8
 _READ = ("tutorials", "how", "guide", "reference", "api", "metrics")
 """Pages and folders of pages without results."""
 _GROUPS = 6
-"""Number of groups into which the pages are dealt out, about as many as Sphinx makes for two processes."""
+"""Number of groups into which the pages are dealt out, about as many as Sphinx makes for two
+processes."""
 _NO_REPORT = (
-    "The report of the leaderboard is missing: make benchmark writes it, and roletrust-results.tar.gz of a release, "
+    "The report of the leaderboard is missing: make benchmark writes it, and "
+    "roletrust-results.tar.gz of a release, "
     "unpacked in the checkout, has it."
 )
 
@@ -39,10 +43,14 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Register all parts of the extension; Sphinx calls this."""
     app.add_directive("mermaid", Arrows)
     app.add_html_math_renderer(
-        "mathml", inline_renderers=(docstrings.inline, None), block_renderers=(docstrings.block, None)
+        "mathml",
+        inline_renderers=(docstrings.inline, None),
+        block_renderers=(docstrings.block, None),
     )
     render.coalesce_streams = whole_streams
-    app.connect("config-inited", _begin, priority=700)  # before Sphinx checks that the static folders exist
+    app.connect(
+        "config-inited", _begin, priority=700
+    )  # before Sphinx checks that the static folders exist
     app.connect("env-before-read-docs", _deal_out)
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # before napoleon
     app.connect("autodoc-process-signature", docstrings.as_written)
@@ -54,23 +62,33 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 
 class Arrows(SphinxDirective):
-    """Show a flowchart of Mermaid, which would have to be fetched, as a table of its arrows by their start."""
+    """Show a flowchart of Mermaid, which would have to be fetched, as a table of its arrows by
+    their start.
+    """
 
     has_content = True
 
     def run(self) -> list[nodes.Node]:
         """Return the table. See `docutils.parsers.rst.Directive.run`."""
         found: dict[str, list[str]] = {}
-        for start, end in re.findall(r"^ *(\S+) --> (\S+)$", "\n".join(self.content), flags=re.MULTILINE):
+        for start, end in re.findall(
+            r"^ *(\S+) --> (\S+)$", "\n".join(self.content), flags=re.MULTILINE
+        ):
             found.setdefault(start, []).append(end)
-        rows = [f"| `{start}` | {', '.join(f'`{end}`' for end in ends)} |" for start, ends in found.items()]
-        return self.parse_text_to_nodes("\n".join(["| folder | imports from |", "| --- | --- |", *rows]))
+        rows = [
+            f"| `{start}` | {', '.join(f'`{end}`' for end in ends)} |"
+            for start, ends in found.items()
+        ]
+        return self.parse_text_to_nodes(
+            "\n".join(["| folder | imports from |", "| --- | --- |", *rows])
+        )
 
 
 def whole_streams(outputs: Sequence[NotebookNode]) -> list[NotebookNode]:
     """Return the outputs of a cell with each stream in one piece.
 
-    Programs print in pieces that end anywhere; the function of MyST-NB breaks the line after each piece.
+    Programs print in pieces that end anywhere; the function of MyST-NB breaks the line after each
+    piece.
     """
     found: list[NotebookNode] = []
     streams: dict[str, NotebookNode] = {}
@@ -86,7 +104,9 @@ def whole_streams(outputs: Sequence[NotebookNode]) -> list[NotebookNode]:
 
 
 def fold_tables(app: Sphinx, page: nodes.document, name: str) -> None:
-    """Fold the long tables of pages of results: a reader wants the picture and the sentences first."""
+    """Fold the long tables of pages of results: a reader wants the picture and the sentences
+    first.
+    """
     if name.partition("/")[0] in _READ:
         return
     for table in list(page.findall(nodes.table)):
@@ -94,22 +114,30 @@ def fold_tables(app: Sphinx, page: nodes.document, name: str) -> None:
         if rows > _LONG:
             columns = ", ".join(entry.astext() for entry in next(table.findall(nodes.row)))
             about = escape(shorten(f"Table of {rows} rows: {columns}", 90, placeholder=" ..."))
-            box = table.parent if isinstance(table.parent, nodes.container) else table  # of the theme
+            box = (
+                table.parent if isinstance(table.parent, nodes.container) else table
+            )  # of the theme
             at = box.parent.index(box)
             box.parent.insert(at + 1, nodes.raw("", "</details>", format="html"))
-            box.parent.insert(at, nodes.raw("", f"<details><summary>{about}</summary>", format="html"))
+            box.parent.insert(
+                at, nodes.raw("", f"<details><summary>{about}</summary>", format="html")
+            )
 
 
 def _begin(app: Sphinx, config: Config) -> None:
-    # Tutorials call `roletrust` of the environment that builds the site, also if it is not activated.
-    os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    # Tutorials call `roletrust` of the environment that builds the site, also if it is not
+    # activated.
+    os.environ["PATH"] = os.pathsep.join(
+        [str(Path(sys.executable).parent), os.environ.get("PATH", "")]
+    )
     os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # wide tables without colours
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # two tutorials run at once
     write_pages(Path(app.srcdir) / "reference")
 
 
 def _deal_out(app: Sphinx, env: BuildEnvironment, docnames: list[str]) -> None:
-    # Tutorials take minutes, and a process reads pages that follow each other: in this order, each process has some.
+    # Tutorials take minutes, and a process reads pages that follow each other: in this order, each
+    # process has some.
     docnames[:] = [name for first in range(_GROUPS) for name in docnames[first::_GROUPS]]
 
 
@@ -120,6 +148,7 @@ def _add_report(app: Sphinx, error: Exception | None) -> None:
         shutil.copytree(Path(app.srcdir) / folder, app.outdir / folder, dirs_exist_ok=True)
         return
     (app.outdir / folder).mkdir(parents=True, exist_ok=True)
-    head = '<!doctype html><title>No report</title><link rel="icon" href="data:,">'  # no browser asks for an icon
+    # no browser asks for an icon
+    head = '<!doctype html><title>No report</title><link rel="icon" href="data:,">'
     (app.outdir / folder / "report.html").write_text(f"{head}<p>{_NO_REPORT}", "utf-8")
     logging.getLogger(__name__).info(_NO_REPORT)

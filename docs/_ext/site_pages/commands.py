@@ -62,7 +62,9 @@ def _read(command: Any, words: tuple[str, ...]) -> Command:
     given: dict[bool, list[Given]] = {True: [], False: []}
     for parameter in command.params:
         name, what = parameter.get_help_record(context)
-        given[isinstance(parameter, TyperArgument)].append(Given(name, _escaped(what.replace("\\[", "["))))
+        given[isinstance(parameter, TyperArgument)].append(
+            Given(name, _escaped(what.replace("\\[", "[")))
+        )
     return Command(
         words,
         " ".join(command.collect_usage_pieces(context)),
@@ -70,7 +72,10 @@ def _read(command: Any, words: tuple[str, ...]) -> Command:
         "\n\n".join(_typed(block) for block in after.split("\n\n") if block.strip()),
         given[True],
         given[False],
-        [_read(one.loaded, (*words, name)) for name, one in getattr(command, "commands", {}).items()],
+        [
+            _read(one.loaded, (*words, name))
+            for name, one in getattr(command, "commands", {}).items()
+        ],
     )
 
 
@@ -86,7 +91,12 @@ def markdown(markup: str) -> str:
     for span in sorted(text.spans):
         mark = _MARKS[str(span.style)]
         inside = text.plain[span.start : span.end]
-        parts += [_escaped(text.plain[at : span.start]), mark, inside if mark == "`" else _escaped(inside), mark]
+        parts += [
+            _escaped(text.plain[at : span.start]),
+            mark,
+            inside if mark == "`" else _escaped(inside),
+            mark,
+        ]
         at = span.end
     return "".join([*parts, _escaped(text.plain[at:])])
 
@@ -94,10 +104,15 @@ def markdown(markup: str) -> str:
 def _typed(markup: str) -> str:
     """Return examples as typed; a backslash ends a line that goes on."""
     text = Text.from_markup(markup.strip())
-    return "\n".join(text.plain[span.start : span.end].replace("\n", " \\\n  ") for span in sorted(text.spans))
+    return "\n".join(
+        text.plain[span.start : span.end].replace("\n", " \\\n  ") for span in sorted(text.spans)
+    )
 
 
 def _escaped(text: str) -> str:
     """Escape a plain text for Markdown, except between backticks."""
     pieces = re.split(r"(`[^`]*`)", text)
-    return "".join(piece if k % 2 else re.sub(r"([\\*_<\[|$])", r"\\\1", piece) for k, piece in enumerate(pieces))
+    return "".join(
+        piece if k % 2 else re.sub(r"([\\*_<\[|$])", r"\\\1", piece)
+        for k, piece in enumerate(pieces)
+    )

@@ -26,17 +26,21 @@ from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as models
 
 MARKDOWN = "## "
-"""First characters of a heading in a docstring in Markdown, as in Gymnasium; such a docstring is a page of its own."""
+"""First characters of a heading in a docstring in Markdown, as in Gymnasium; such a docstring is a
+page of its own."""
 
 
 def readable(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """Mark formulas, which stand indented after an empty line, and show the attributes of data as parameters.
+    """Mark formulas, which stand indented after an empty line, and show the attributes of data as
+    parameters.
 
-    The formula of a trust model or an attack is typeset. It stands where the docstring has it as plain text, else
-    after the first paragraph. Their parameters stand in the table of their page.
+    The formula of a trust model or an attack is typeset. It stands where the docstring has it as
+    plain text, else after the first paragraph. Their parameters stand in the table of their page.
     """
     if any(kind.factory(of) is thing for kind in (models, attackers) for of in kind.names()):
-        lines[:] = re.sub(r"^(?:Args|Attributes):\n(?: .*\n|\n)*", "", "\n".join([*lines, ""]), flags=re.M).splitlines()
+        lines[:] = re.sub(
+            r"^(?:Args|Attributes):\n(?: .*\n|\n)*", "", "\n".join([*lines, ""]), flags=re.M
+        ).splitlines()
     page = next((at for at, line in enumerate(lines) if line.startswith(MARKDOWN)), len(lines))
     made_of_them = is_dataclass(thing) or hasattr(thing, "_fields")
     lines[:] = [
@@ -66,9 +70,17 @@ def _with_formulas(lines: list[str], latex: list[str]) -> list[str]:
 
 
 def as_written(
-    app: Sphinx, what: str, name: str, thing: Any, options: Any, signature: str | None, returns: str | None
+    app: Sphinx,
+    what: str,
+    name: str,
+    thing: Any,
+    options: Any,
+    signature: str | None,
+    returns: str | None,
 ) -> tuple[str, str] | None:
-    """Return signatures that are short: types as the source has them, for classes names and defaults only."""
+    """Return signatures that are short: types as the source has them, for classes names and
+    defaults only.
+    """
     if what in ("function", "method"):
         node = _definition(thing)
         if node is None:
@@ -107,7 +119,9 @@ def skipped(app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: 
 def found_by_its_last_names(
     app: Sphinx, env: BuildEnvironment, node: pending_xref, text: nodes.TextElement
 ) -> nodes.reference | None:
-    """Return the link of a name such as `Policy.quality`: the only object whose full name ends with it."""
+    """Return the link of a name such as `Policy.quality`: the only object whose full name ends with
+    it.
+    """
     if node.get("refdomain") != "py":
         return None
     found = env.domains.python_domain.find_obj(env, None, None, node["reftarget"], None, 1)  # type: ignore[arg-type]
@@ -120,12 +134,15 @@ def found_by_its_last_names(
 
 @cache
 def formulas() -> dict[str, dict[str, str]]:
-    """Return the LaTeX of each trust model and each attack, by `models`, `attacks` or `neighbours` and by name."""
+    """Return the LaTeX of each trust model and each attack, by `models`, `attacks` or `neighbours`
+    and by name.
+    """
     return tomllib.loads(Path(__file__).with_name("formulas.toml").read_text(encoding="utf-8"))
 
 
 def formula_of(thing: object) -> list[str]:
-    r"""Return the rows of LaTeX of a class that is registered or of a neighbouring field, none without a formula.
+    r"""Return the rows of LaTeX of a class that is registered or of a neighbouring field, none
+    without a formula.
 
     Example:
         >>> from roletrust_baselines import Pessimistic
@@ -145,7 +162,9 @@ def formula_of(thing: object) -> list[str]:
 
 
 def typeset(rows: list[str]) -> list[str]:
-    """Return the lines of a math directive of reStructuredText, one aligned row for each formula."""
+    """Return the lines of a math directive of reStructuredText, one aligned row for each
+    formula.
+    """
     return [
         ".. math::",
         "",
@@ -157,7 +176,9 @@ def typeset(rows: list[str]) -> list[str]:
 
 
 def inline(translator: Any, node: nodes.math) -> None:
-    """Write a formula within a text as MathML, which browsers show without a script or a font from elsewhere."""
+    """Write a formula within a text as MathML, which browsers show without a script or a font from
+    elsewhere.
+    """
     translator.body.append(convert(node.astext()))
     raise nodes.SkipNode
 

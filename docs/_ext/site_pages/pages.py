@@ -1,4 +1,6 @@
-"""The pages that registries and commands write: Markdown from templates, in a folder that Sphinx reads."""
+"""The pages that registries and commands write: Markdown from templates, in a folder that Sphinx
+reads.
+"""
 
 import inspect
 import re
@@ -47,7 +49,8 @@ _CHANNELS = {
 
 
 def write_pages(folder: Path) -> None:
-    """Write all pages and pictures. A page without changes is left alone, a page of a former name is removed.
+    """Write all pages and pictures. A page without changes is left alone, a page of a former name
+    is removed.
 
     Args:
         folder: Folder of the pages, with nothing else in it; its parent has the bibliography.
@@ -83,14 +86,23 @@ def _environments(drawn: Drawn) -> Pages:
     pages["environments/attack-tasks.md"] = _page(
         "environment.md", identity="Attack tasks", environment=common, film=None
     )
-    return {**pages, "environments/index.md": _page("environments.md", environments=found, films=drawn.films)}
+    return {
+        **pages,
+        "environments/index.md": _page("environments.md", environments=found, films=drawn.films),
+    }
 
 
 def _models(entries: Mapping[str, Entry], drawn: Drawn, bibliography: Path) -> Pages:
     families: dict[str, list[str]] = {}
     for name, entry in entries.items():
         families.setdefault(entry["family"], []).append(name)
-    shared = {"entries": entries, "pictures": drawn.models, "games": GAMES, "scenario": SCENARIO, "rounds": ROUNDS}
+    shared = {
+        "entries": entries,
+        "pictures": drawn.models,
+        "games": GAMES,
+        "scenario": SCENARIO,
+        "rounds": ROUNDS,
+    }
     pages = {
         f"models/{name}.md": _page(
             "model.md",
@@ -103,7 +115,9 @@ def _models(entries: Mapping[str, Entry], drawn: Drawn, bibliography: Path) -> P
         for name, entry in entries.items()
     }
     cards = {name: next(one for one in drawn.models[name] if one.title == CARD) for name in entries}
-    index = _page("models.md", families=families, about_families=_FAMILIES, attack=CARD, cards=cards, **shared)
+    index = _page(
+        "models.md", families=families, about_families=_FAMILIES, attack=CARD, cards=cards, **shared
+    )
     return {**pages, "models/index.md": index}
 
 
@@ -131,7 +145,11 @@ def _group(channels: set[str]) -> str:
     """Return the first kind of attack that has all of the action channels."""
     if not channels:
         return "Learned"
-    return next(title for title, some in _CHANNELS.items() if channels <= some or channels & some == {"presence"})
+    return next(
+        title
+        for title, some in _CHANNELS.items()
+        if channels <= some or channels & some == {"presence"}
+    )
 
 
 def _scenarios(entries: Mapping[str, Entry]) -> Pages:
@@ -165,7 +183,9 @@ def _cell(text: object) -> str:
 
 
 def _meaning(text: str) -> str:
-    """Return what a docstring says of a parameter, without its range, which has a column of its own."""
+    """Return what a docstring says of a parameter, without its range, which has a column of its
+    own.
+    """
     return re.sub(r",? in [\[(][^\])]+[\])]", "", text)
 
 
@@ -212,14 +232,22 @@ class Described(NamedTuple):
 def described() -> dict[str, Described]:
     """Return the facts of every environment by its id."""
     game = parallel_env()
-    spaces = {f"Action space of {agent}": repr(game.action_space(agent)) for agent in ("sp_0", "sr_0")}
-    spaces |= {f"Observation space of {agent}": repr(game.observation_space(agent)) for agent in ("sp_0", "sr_0")}
+    spaces = {
+        f"Action space of {agent}": repr(game.action_space(agent)) for agent in ("sp_0", "sr_0")
+    }
+    spaces |= {
+        f"Observation space of {agent}": repr(game.observation_space(agent))
+        for agent in ("sp_0", "sr_0")
+    }
     made = {
         "All at once": "roletrust_env.parallel_env()",
         "Agent by agent": "roletrust_env.env()",
         "By name": f'pettingzoo.make("parallel", "{_GAME}")',
     }
-    return {_GAME: _described(RoleTrustParallelEnv, {**made, **spaces}), **{name: _task(name) for name in TASKS}}
+    return {
+        _GAME: _described(RoleTrustParallelEnv, {**made, **spaces}),
+        **{name: _task(name) for name in TASKS},
+    }
 
 
 def attack_tasks() -> Described:

@@ -1,6 +1,7 @@
 """The pictures of all pages, drawn again only when the source that draws them changes.
 
-They show trust models under the same attacks, attacks on the same trust model, and a game of each environment.
+They show trust models under the same attacks, attacks on the same trust model, and a game of each
+environment.
 """
 
 import hashlib
@@ -23,7 +24,16 @@ from roletrust_experiments.playing.games import attacks_in_words
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.style import ATTACKED, INK
 from roletrust_experiments.plots.video import write_video
-from studies.models import ATTACKS, ROUNDS, SCENARIO, WORDS, Panel, draw_panel, legend_keys, play_panel
+from studies.models import (
+    ATTACKS,
+    ROUNDS,
+    SCENARIO,
+    WORDS,
+    Panel,
+    draw_panel,
+    legend_keys,
+    play_panel,
+)
 
 MODEL = "role-trust"
 """Trust model that every attack is shown on: the paper's."""
@@ -36,7 +46,9 @@ GAMES = 8
 
 _RATERS, _PROVIDERS = {"sr_[0-3]": "4 of 10 raters"}, {"sp_[01]": "2 of 10 providers"}
 _RESERVE = 3
-_STRANGER = 'agents=[{role="SR", count=10, noise=0.005}, {role="SP", count=10}, {role="SP", reserve=3}]'
+_STRANGER = (
+    'agents=[{role="SR", count=10, noise=0.005}, {role="SP", count=10}, {role="SP", reserve=3}]'
+)
 """The agents of the crowd, and a provider with further identities."""
 
 STAGED: Mapping[str, tuple[str, tuple[str, ...]]] = {
@@ -44,9 +56,13 @@ STAGED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "RoleTrust/ProviderAttack-v0": ("paper-3x3", ("sp_2=on-off:period=5,duty=0.4,start=20",)),
     "RoleTrust/RaterAttack-v0": ("paper-3x3", ("sr_2=bad-mouthing:level=0.5,start=20",)),
     "RoleTrust/DualAttack-v0": ("peers", ("srsp_5=collusion:start=20",)),
-    "RoleTrust/CollusionAttack-v0": ("crowd-10x10", ("sr_[89]=collusion:start=20", "sp_9=collusion:start=20")),
+    "RoleTrust/CollusionAttack-v0": (
+        "crowd-10x10",
+        ("sr_[89]=collusion:start=20", "sp_9=collusion:start=20"),
+    ),
 }
-"""The filmed game of each environment by its id: scenario and attackers, with a script in place of the learner."""
+"""The filmed game of each environment by its id: scenario and attackers, with a script in place of
+the learner."""
 
 _FILM_ROUNDS = 80
 _REPOSITORY = Path(__file__).parents[3]
@@ -90,7 +106,9 @@ class Shown(NamedTuple):
     @property
     def command(self) -> str:
         """The command that plays these games."""
-        options = [("--set", text) for text in self.settings] + [("--attack", text) for text in self.texts]
+        options = [("--set", text) for text in self.settings] + [
+            ("--attack", text) for text in self.texts
+        ]
         lines = (f"{name} {shlex.quote(text)}" for name, text in options)
         return " \\\n    ".join([f"roletrust play {self.preset} --games {GAMES}", *lines])
 
@@ -176,7 +194,9 @@ def model_pictures(folder: Path, names: Iterable[str]) -> dict[str, list[Picture
         for title, policies in attacks.items():
             file = f"{name}-{list(ATTACKS).index(title)}.svg"
             words = _draw(folder / file, JointPolicy(Game(rules, name), policies), title)
-            found[name].append(Picture(file, title, f"Trust over time in {name}, {title}: {words}."))
+            found[name].append(
+                Picture(file, title, f"Trust over time in {name}, {title}: {words}.")
+            )
     return found
 
 
@@ -185,27 +205,46 @@ def attack_pictures(folder: Path, entries: Mapping[str, Entry]) -> dict[str, Pic
     found = {}
     for name, entry in entries.items():
         shown, file = how_shown(name, entry), f"{name}.svg"
-        joint_policy = JointPolicy(Game(shown.scenario, MODEL), parse_attacks(shown.texts, shown.scenario))
+        joint_policy = JointPolicy(
+            Game(shown.scenario, MODEL), parse_attacks(shown.texts, shown.scenario)
+        )
         words = _draw(folder / file, joint_policy, name)
-        found[name] = Picture(file, shown.who, f"Trust over time in {MODEL} under {name} by {shown.who}: {words}.")
+        found[name] = Picture(
+            file, shown.who, f"Trust over time in {MODEL} under {name} by {shown.who}: {words}."
+        )
     return found
 
 
 def how_shown(name: str, entry: Entry) -> Shown:
-    """Return the game that shows an attack: raters, providers, both as a ring, or a provider with identities attack."""
+    """Return the game that shows an attack: raters, providers, both as a ring, or a provider with
+    identities attack.
+    """
     rounds = f"max_cycles={ROUNDS}"
     parameters, channels = entry["parameters"], set(entry["channels"] or ())
     if entry["channels"] is None:  # only the file of a trained attacker says what it does
-        return Shown("paper-3x3", (rounds,), (f"sp_2={name}:path=provider-3x3",), "1 of 3 providers")
+        return Shown(
+            "paper-3x3", (rounds,), (f"sp_2={name}:path=provider-3x3",), "1 of 3 providers"
+        )
     if "presence" in channels:
         texts = (f"sp_10={name}:reserve={_RESERVE}",)
-        return Shown(SCENARIO, (rounds, _STRANGER), texts, f"a provider with {_RESERVE} more identities")
+        return Shown(
+            SCENARIO, (rounds, _STRANGER), texts, f"a provider with {_RESERVE} more identities"
+        )
     who = {
         **(_RATERS if channels & {"ratings", "silence"} else {}),
         **(_PROVIDERS if channels & {"quality", "treatment"} else {}),
     }
-    window = f":start={ROUNDS // 4},stop={3 * ROUNDS // 4}" if {"start", "stop"} <= set(parameters) else ""
-    return Shown(SCENARIO, (rounds,), tuple(f"{agents}={name}{window}" for agents in who), ", ".join(who.values()))
+    window = (
+        f":start={ROUNDS // 4},stop={3 * ROUNDS // 4}"
+        if {"start", "stop"} <= set(parameters)
+        else ""
+    )
+    return Shown(
+        SCENARIO,
+        (rounds,),
+        tuple(f"{agents}={name}{window}" for agents in who),
+        ", ".join(who.values()),
+    )
 
 
 def _draw(path: Path, joint_policy: JointPolicy, title: str) -> str:
@@ -224,20 +263,29 @@ def _panel_figure(panel: Panel, title: str) -> Figure:
     axes.set_xlabel("time (s)", color=INK, fontsize=9)
     axes.set_ylabel("trust", color=INK, fontsize=9)
     keys = [*legend_keys([panel]), Patch(facecolor=ATTACKED, label="during the attack")]
-    figure.legend(handles=keys, loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK)
+    figure.legend(
+        handles=keys, loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK
+    )
     return figure
 
 
 def _in_words(panel: Panel) -> str:
     """Return the description of a panel for readers who cannot see it."""
-    start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
+    start, stop = (
+        int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked
+    )
     told = []
     for (trust, whose), values in panel.lines.items():
         before, meanwhile = values[max(start - 1, 0)], values[start:stop]
-        there = meanwhile[~np.isnan(meanwhile)]  # none in a round in which all such agents have left
+        there = meanwhile[
+            ~np.isnan(meanwhile)
+        ]  # none in a round in which all such agents have left
         during = f"{there.min():.2f} to {there.max():.2f} in it" if len(there) else "absent in it"
         told.append(f"{trust} of {WORDS[trust, whose]} {before:.2f} before, {during}")
-    return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
+    return (
+        f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; "
+        f"{', '.join(told)}"
+    )
 
 
 def films(folder: Path) -> dict[str, Film]:

@@ -19,7 +19,10 @@ class Camera(Node):
     def __init__(self, name, picture, key=None):
         super().__init__("cam", namespace=f"/{name}")
         self._topic, self._key = f"/{name}/image_raw/compressed", key and read_key(key)
-        self._jpeg, self._pictures = Path(picture).read_bytes(), self.create_publisher(CompressedImage, self._topic, 10)
+        self._jpeg, self._pictures = (
+            Path(picture).read_bytes(),
+            self.create_publisher(CompressedImage, self._topic, 10),
+        )
 
         self.wait()
 

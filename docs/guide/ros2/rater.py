@@ -14,17 +14,24 @@ DEADLINE_S = 0.2  # after the first picture of a round; the manager waits 0.35 s
 
 
 class Rater(Node):
-    """Rates each round when its pictures have arrived or are too late, and logs what the manager refuses."""
+    """Rates each round when its pictures have arrived or are too late, and logs what the manager
+    refuses.
+    """
 
     def __init__(self, name, cameras, key=None):
         super().__init__("assess", namespace=f"/{name}")
         self._name, self._cameras, self._key = name, cameras.split(","), key and read_key(key)
-        self._rounds, self._last = {}, (0, 0)  # open rounds by their stamps, and the last one that was rated
+        self._rounds, self._last = (
+            {},
+            (0, 0),
+        )  # open rounds by their stamps, and the last one that was rated
         self._ratings = self.create_publisher(Ratings, "ratings", 10)
         self.create_timer(DEADLINE_S / 4, self.rate)
         for camera in self._cameras:
             topic = f"/{camera}/image_raw/compressed"
-            self.create_subscription(CompressedImage, topic, lambda image, camera=camera: self.look(camera, image), 10)
+            self.create_subscription(
+                CompressedImage, topic, lambda image, camera=camera: self.look(camera, image), 10
+            )
         self.create_subscription(DiagnosticArray, "/diagnostics", self.hear, 10)
 
     def look(self, camera, image):
@@ -39,7 +46,9 @@ class Rater(Node):
         """Rate the newest round that has all pictures or is due; older ones are over by then."""
         for stamp, (began, seen) in sorted(self._rounds.items(), reverse=True):
             if len(seen) == len(self._cameras) or time.monotonic() > began + DEADLINE_S:
-                ratings = Ratings(rater=self._name, providers=list(seen), values=list(seen.values()))
+                ratings = Ratings(
+                    rater=self._name, providers=list(seen), values=list(seen.values())
+                )
                 ratings.header.stamp.sec, ratings.header.stamp.nanosec = stamp
                 if self._key:
                     sign_ratings(ratings, self._key)

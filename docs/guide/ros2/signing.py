@@ -1,6 +1,7 @@
 """Signatures for nodes in plain rclpy; needs the package cryptography.
 
-A signature of ratings covers the message in CDR with zeros as padding; the padding of rclpy itself has arbitrary bytes.
+A signature of ratings covers the message in CDR with zeros as padding; the padding of rclpy itself
+has arbitrary bytes.
 """
 
 import struct

@@ -11,14 +11,28 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_baselines.logs.audit import SHORT, AuditReport, Comparison, attack_count, audit_model, compare_models
+from roletrust_baselines.logs.audit import (
+    SHORT,
+    AuditReport,
+    Comparison,
+    attack_count,
+    audit_model,
+    compare_models,
+)
 from roletrust_baselines.logs.models import make_log_model
 from roletrust_baselines.logs.ranking import ACCOUNTS, GOALS, Journal, Plan, Prices, Ranking
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_json, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.outside import OutsideModel
-from roletrust_experiments.commands.console import console, number_table, progress_bar, shown, stage, tell
+from roletrust_experiments.commands.console import (
+    console,
+    number_table,
+    progress_bar,
+    shown,
+    stage,
+    tell,
+)
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
 from roletrust_experiments.plots.figure_files import write_figure
@@ -31,53 +45,80 @@ _SHOWN = 3  # most exposed agents of each goal
 
 @with_options(LogOptions)
 def audit(
-    ratings: Annotated[Path, typer.Argument(help="File of ratings with times, as for `roletrust rate`.")],
+    ratings: Annotated[
+        Path, typer.Argument(help="File of ratings with times, as for `roletrust rate`.")
+    ],
     reading: LogOptions,
     model: Annotated[
-        str, typer.Option("--model", "--scorer", metavar=NAMED, help=f"Trust model, or exec:COMMAND or a URL. {OWN}")
+        str,
+        typer.Option(
+            "--model",
+            "--scorer",
+            metavar=NAMED,
+            help=f"Trust model, or exec:COMMAND or a URL. {OWN}",
+        ),
     ] = "leave-one-out",
     other: Annotated[
         list[str] | None,
         typer.Option(
-            metavar=NAMED, help="Model to compare; repeat for more. If left out, the three that forecast best."
+            metavar=NAMED,
+            help="Model to compare; repeat for more. If left out, the three that forecast best.",
         ),
     ] = None,
     alone: Annotated[bool, typer.Option("--alone", help="Compare with no other model.")] = False,
     count: Annotated[
-        int | None, typer.Option(min=1, help="Number of ratings of a round, for a log without times.")
+        int | None,
+        typer.Option(min=1, help="Number of ratings of a round, for a log without times."),
     ] = None,
     rank_by: Annotated[
-        Literal["low", "trust"], typer.Option(help="Rank by the lower end of the interval of trust, or by trust.")
+        Literal["low", "trust"],
+        typer.Option(help="Rank by the lower end of the interval of trust, or by trust."),
     ] = "low",
     top: Annotated[int, typer.Option(min=1, help="Number of agents in the top.")] = 10,
     target: Annotated[
-        list[str] | None, typer.Option(metavar="AGENT", help="Agent to push, in place of all others; repeat for more.")
+        list[str] | None,
+        typer.Option(
+            metavar="AGENT", help="Agent to push, in place of all others; repeat for more."
+        ),
     ] = None,
-    targets: Annotated[int, typer.Option(min=1, help="Number of targets that are drawn below the top.")] = 10,
-    budget: Annotated[int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")] = 120,
+    targets: Annotated[
+        int, typer.Option(min=1, help="Number of targets that are drawn below the top.")
+    ] = 10,
+    budget: Annotated[
+        int, typer.Option(min=1, help="Number of attacks that a search plays for each target.")
+    ] = 120,
     price_account: Annotated[float, typer.Option(min=0, help="Price of a new account.")] = 1.0,
-    price_hijacked: Annotated[float, typer.Option(min=0, help="Price of an active rater's account.")] = 10.0,
+    price_hijacked: Annotated[
+        float, typer.Option(min=0, help="Price of an active rater's account.")
+    ] = 10.0,
     price_rating: Annotated[float, typer.Option(min=0, help="Price of a rating.")] = 0.1,
-    price_day: Annotated[float, typer.Option(min=0, help="Price of a day from the first rating to the end.")] = 0.0,
+    price_day: Annotated[
+        float, typer.Option(min=0, help="Price of a day from the first rating to the end.")
+    ] = 0.0,
     fail_below: Annotated[
         float | None, typer.Option(help="Exit with code 1 if the median price of a goal is lower.")
     ] = None,
     seed: Seed = 0,
     out: Out = Path("results/audit"),
 ) -> None:
-    """Find [bold]how cheaply the ranking of a log is pushed[/]: by which accounts and ratings, and at what price.
+    """Find [bold]how cheaply the ranking of a log is pushed[/]: by which accounts and ratings, and
+    at what price.
 
-    Hostile accounts join the last twelve rounds of the log, beside its ratings: new ones, aged ones, which first rate
-    others, and hijacked ones of active raters. A search looks for the cheapest attack that pushes a target out of
-    the top, or into it: each agent of the top, agents that are drawn below it, and one that nobody has rated. It knows
-    the log and sees the ranks, and there may be a cheaper attack. A second search from the next seed shows its chance.
+    Hostile accounts join the last twelve rounds of the log, beside its ratings: new ones, aged
+        ones, which first rate others, and hijacked ones of active raters. A search looks for the
+        cheapest attack that pushes a target out of
+    the top, or into it: each agent of the top, agents that are drawn below it, and one that nobody
+        has rated. It knows the log and sees the ranks, and there may be a cheaper attack. A second
+        search from the next seed shows its chance.
 
-    Prices may be in any currency; by default a new account is the unit. A goal fails (--fail-below) by the median price
-    of its targets, since the last of the top and the first below it are always cheap.
+    Prices may be in any currency; by default a new account is the unit. A goal fails (--fail-below)
+    by the median price of its targets, since the last of the top and the first below it are always
+    cheap.
 
-    Written: [green]audit.html[/], the page with the curve of effect against price, which [green]audit.png[/] has;
-    [green]audit.json[/], all numbers and every rating of the cheapest attacks; [green]audit.schema.json[/], its JSON
-    Schema. Columns and dialect of the file are found as by `roletrust rate`, with the same options.
+    Written: [green]audit.html[/], the page with the curve of effect against price, which
+        [green]audit.png[/] has; [green]audit.json[/], all numbers and every rating of the cheapest
+        attacks; [green]audit.schema.json[/], its JSON Schema. Columns and dialect of the file are
+        found as by `roletrust rate`, with the same options.
 
     [bold]Examples[/]
 
@@ -87,40 +128,62 @@ def audit(
     [dim]# would another model resist more?[/]
     [cyan]roletrust audit log.csv.gz --other mean --other role-trust[/]
 
-    [dim]# in CI, a scorer of your own: accounts cost 2, ratings 5, and no goal may cost less than 100[/]
-    [cyan]roletrust audit log.csv --scorer exec:./my-score --price-account 2 --price-rating 5 --fail-below 100[/]
+    [dim]# in CI, a scorer of your own: accounts cost 2, ratings 5, and no goal may cost less than
+    100[/] [cyan]roletrust audit log.csv --scorer exec:./my-score --price-account 2 --price-rating 5
+    --fail-below 100[/]
     """
     if count is not None and (reading.every is not None or price_day):
-        raise ValueError("--count is not for --every and --price-day: it makes rounds by number, not by time")
+        raise ValueError(
+            "--count is not for --every and --price-day: it makes rounds by number, not by time"
+        )
     if not all(
-        abs(price) <= _DEAR for price in (price_account, price_hijacked, price_rating, price_day, fail_below or 0)
+        abs(price) <= _DEAR
+        for price in (price_account, price_hijacked, price_rating, price_day, fail_below or 0)
     ):
         raise ValueError(f"prices and --fail-below must be numbers up to {_DEAR:g}")
     if alone and other:
         raise ValueError("--alone compares with no model, and --other with some")
-    prices, chosen = Prices(price_account, price_hijacked, price_rating, price_day), make_log_model(model)
+    prices, chosen = (
+        Prices(price_account, price_hijacked, price_rating, price_day),
+        make_log_model(model),
+    )
     others = {name: make_log_model(name) for name in other or ()}
     prepare_folder(out)
     every = None if count else MONTH if reading.every is None else reading.every
     journal = Journal(out / "audit.journal") if isinstance(chosen, OutsideModel) else None
     if journal and journal.known:
-        tell(f"{len(journal.known):,} attacks are known from an interrupted audit, see {journal.path}")
+        tell(
+            f"{len(journal.known):,} attacks are known from an interrupted audit, see "
+            f"{journal.path}"
+        )
     with progress_bar(counted=False) as progress:
         stage(progress, f"Reading {ratings.name}")
         try:
             log = replace(reading, every=every).read(ratings)
         except ValueError as error:
             without = "no column 'time'" in str(error)
-            raise ValueError(f"{error}; without times, --count makes rounds by number" if without else error) from None
+            raise ValueError(
+                f"{error}; without times, --count makes rounds by number" if without else error
+            ) from None
         settings: Any = {"same_agents": bool(reading.same_agents), "top": top, "rank_by": rank_by}
         ranking = Ranking(chosen, log, every, count=count, journal=journal, **settings)
         if journal and not journal.known:
             begun = perf_counter()
             ranking.play(ranking.targets(targets, seed, target or ())[0], Plan(), prices)
-            _estimate(model, perf_counter() - begun, attack_count(len(target or ()) or top + targets + 1, budget, 2))
+            _estimate(
+                model,
+                perf_counter() - begun,
+                attack_count(len(target or ()) or top + targets + 1, budget, 2),
+            )
         advance, seeds = stage(progress, f"Attacking {model}", 1), (seed, seed + 1)
         found = audit_model(
-            ranking, prices, targets=targets, named=target or (), budget=budget, seeds=seeds, advance=advance
+            ranking,
+            prices,
+            targets=targets,
+            named=target or (),
+            budget=budget,
+            seeds=seeds,
+            advance=advance,
         )
         compared, step = dict[str, Comparison](), stage(progress, "Comparing with other models", 1)
         if not alone:
@@ -129,7 +192,9 @@ def audit(
                 ranking, model, models, prices, targets=targets, seed=seed, most=most, advance=step
             )
     many = len(log.values)
-    report = AuditReport(ratings.name, many, every, top, rank_by, prices, budget, seeds, model, found, compared)
+    report = AuditReport(
+        ratings.name, many, every, top, rank_by, prices, budget, seeds, model, found, compared
+    )
     write_text(out / "audit.json", report.json().decode() + "\n")
     write_json(out / "audit.schema.json", report.schema())
     write_figure(out / "audit.png", audit_figure(report), colours=256)
@@ -139,38 +204,61 @@ def audit(
     for table in _tables(report):
         console.print(table)
     far = f", and prices at most {found.apart:.0%} apart" if found.apart > 0 else ""
-    told = f"{found.played:,} attacks; both searches found the same price for {found.agreement:.0%} of the targets{far}"
+    told = (
+        f"{found.played:,} attacks; both searches found the same price for "
+        f"{found.agreement:.0%} of the targets{far}"
+    )
     tell(f"{told}. Written to {out}: audit.html, audit.png, audit.json, audit.schema.json")
     low = min(one.value for one in found.medians.values())
     if fail_below is not None and low < fail_below:
-        console.print(f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True)
+        console.print(
+            f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True
+        )
         raise typer.Exit(1)
 
 
 def _estimate(model: str, seconds: float, attacks: int) -> None:
     """Say how long an audit of a model outside may take."""
-    length = f"{seconds * attacks / 60:,.0f} minutes" if seconds * attacks > 120 else f"{seconds * attacks:,.0f} s"
-    told = f"{model} takes {seconds:.2g} s for an attack; up to {attacks:,} attacks take about {length}"
+    length = (
+        f"{seconds * attacks / 60:,.0f} minutes"
+        if seconds * attacks > 120
+        else f"{seconds * attacks:,.0f} s"
+    )
+    told = (
+        f"{model} takes {seconds:.2g} s for an attack; up to {attacks:,} attacks take about "
+        f"{length}"
+    )
     tell(f"{told}. --budget and --targets make them fewer.")
 
 
 def _quick_models() -> dict[str, Any]:
-    """Return the central models that update what a round touches alone: an attack takes them little time."""
+    """Return the central models that update what a round touches alone: an attack takes them little
+    time.
+    """
     models = {name: make_trust_model(name) for name in trust_models()}
     traits = {name: Traits.of(one) for name, one in models.items()}
-    return {name: models[name] for name, one in traits.items() if one.family == "central" and (one.local or one.nearby)}
+    return {
+        name: models[name]
+        for name, one in traits.items()
+        if one.family == "central" and (one.local or one.nearby)
+    }
 
 
 def _tables(report: AuditReport) -> list[Table]:
     """Return what is found about a model, and models beside each other, as tables of 80 columns."""
     model, found = report.model, report.audit
-    title = f"Cheapest attacks found on {escape(model)}, top {report.top} of {found.ranked:,} agents"
+    title = (
+        f"Cheapest attacks found on {escape(model)}, top {report.top} of {found.ranked:,} agents"
+    )
     account, rating = report.prices.account, report.prices.rating
     caption = (
-        f"price: {account:g} for a new account, {rating:g} for a rating; rank, ratings: of the target; accounts, sent, "
+        f"price: {account:g} for a new account, {rating:g} for a rating; rank, ratings: of the "
+        "target; accounts, sent, "
         "days: accounts and ratings of the attack, and the days that it takes"
     )
-    cheap = number_table(title, caption, "rank", "ratings", "price", "accounts", "sent", "days", name="target")
+    cheap = number_table(
+        title, caption, "rank", "ratings", "price", "accounts", "sent", "days", name="target"
+    )
     for goal, median in found.medians.items():
         whole = [one for one in found.exposures if one.goal == goal]
         of = f", median of {len(whole)}" if len(whole) > 1 else ""
@@ -179,8 +267,12 @@ def _tables(report: AuditReport) -> list[Table]:
             best = one.cheapest
             cells = (f"{best.accounts}", f"{best.ratings}", _days(best.days)) if best else ()
             agent = shown(one.agent) or "nobody has rated"
-            cheap.add_row(f"  {agent}", f"{one.rank:,}", f"{one.ratings:,}", _amount(one.price), *cells)
-    moved = number_table("Mean number of ranks that accounts move a target", "", *map(str, ACCOUNTS), name="accounts")
+            cheap.add_row(
+                f"  {agent}", f"{one.rank:,}", f"{one.ratings:,}", _amount(one.price), *cells
+            )
+    moved = number_table(
+        "Mean number of ranks that accounts move a target", "", *map(str, ACCOUNTS), name="accounts"
+    )
     for goal, origin in dict.fromkeys((one.goal, one.origin) for one in found.movements):
         line = [one.places for one in found.movements if (one.goal, one.origin) == (goal, origin)]
         moved.add_row(f"{WORDS[goal]}, {origin}", *(_cell(one, "{:,.0f}".format) for one in line))

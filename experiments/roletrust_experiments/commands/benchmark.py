@@ -1,4 +1,6 @@
-"""`roletrust benchmark`: how robust trust models are, by the worst of all attacks; and which learner attacks best."""
+"""`roletrust benchmark`: how robust trust models are, by the worst of all attacks; and which
+learner attacks best.
+"""
 
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
@@ -33,7 +35,14 @@ from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import ALLOW_CODE, console, errors, number_table, progress_bar, tell
+from roletrust_experiments.commands.console import (
+    ALLOW_CODE,
+    console,
+    errors,
+    number_table,
+    progress_bar,
+    tell,
+)
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import (
     leaderboard_markdown,
@@ -44,57 +53,83 @@ from roletrust_experiments.commands.leaderboard import (
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Workers
 from roletrust_experiments.plots.figure_files import write_figure
 
-_INSTEAD = " instead of those of the suite; repeat for more; `all` means all, of learners all of the suite."
+_INSTEAD = (
+    " instead of those of the suite; repeat for more; `all` means all, of learners all of "
+    "the suite."
+)
 
 
 def benchmark(
     suite: Annotated[
         str,
         typer.Option(
-            help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file."
+            help=(
+                "Suite to play: quick, standard, full, learners, learners-quick, or the path of a "
+                ".toml file."
+            )
         ),
     ] = "quick",
     model: Annotated[
         list[str] | None,
-        typer.Option(metavar=NAMED, help=f"Trust model{_INSTEAD} {OWN} A program is exec:COMMAND, a service its URL."),
+        typer.Option(
+            metavar=NAMED,
+            help=f"Trust model{_INSTEAD} {OWN} A program is exec:COMMAND, a service its URL.",
+        ),
     ] = None,
-    attack: Annotated[list[str] | None, typer.Option(metavar=NAMED, help=f"Scripted attack{_INSTEAD} {OWN}")] = None,
+    attack: Annotated[
+        list[str] | None, typer.Option(metavar=NAMED, help=f"Scripted attack{_INSTEAD} {OWN}")
+    ] = None,
     known: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE.json", help="Further attacks, by `roletrust submit --attacks`; repeat for more."),
+        typer.Option(
+            metavar="FILE.json",
+            help="Further attacks, by `roletrust submit --attacks`; repeat for more.",
+        ),
     ] = None,
     learner: Annotated[
-        list[str] | None, typer.Option(metavar=NAMED, help=f"Learner{_INSTEAD} Only in a suite for learners. {OWN}")
+        list[str] | None,
+        typer.Option(metavar=NAMED, help=f"Learner{_INSTEAD} Only in a suite for learners. {OWN}"),
     ] = None,
     workers: Workers = None,
     ray: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Ray cluster to play on: 10.0.0.1:6379, or auto for one on this machine."),
+        typer.Option(
+            metavar="ADDRESS",
+            help="Ray cluster to play on: 10.0.0.1:6379, or auto for one on this machine.",
+        ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
-    worlds: Annotated[int | None, typer.Option(min=0, help="Seed of other worlds, if the suite draws some.")] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show the worlds and estimate the time.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Start again, and overwrite the results in --out.")] = False,
+    worlds: Annotated[
+        int | None, typer.Option(min=0, help="Seed of other worlds, if the suite draws some.")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only show the worlds and estimate the time.")
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Start again, and overwrite the results in --out.")
+    ] = False,
     out: Out = Path("results/benchmark"),
 ) -> None:
     r"""Attack [bold]every trust model with every attack[/], and rank the models by the worst case.
 
-    A suite combines trust models, scenarios, tracks (the roles of the compromised agents), shares of compromised
-    agents, ways to attack and seeds; each combination is a cell. The ways to attack are scripted attacks, searches over
-    their parameters, coalitions that learn, and known attacks.
-    [bold]Utility[/] is the quality that consumers get from the most trusted provider, as a share of the best quality.
-    [bold]Skill[/] is 1 for the best choice and 0 for a blind one. A condition is a scenario with a track and a share;
-    its [bold]worst case[/] is the attack with the lowest score, chosen in some games and measured in others. Models are
-    ranked by the mean worst case over all conditions.
+    A suite combines trust models, scenarios, tracks (the roles of the compromised agents), shares
+    of compromised agents, ways to attack and seeds; each combination is a cell. The ways to attack
+    are scripted attacks, searches over their parameters, coalitions that learn, and known attacks.
+    [bold]Utility[/] is the quality that consumers get from the most trusted provider, as a share of
+    the best quality. [bold]Skill[/] is 1 for the best choice and 0 for a blind one. A condition is
+    a scenario with a track and a share; its [bold]worst case[/] is the attack with the lowest
+    score, chosen in some games and measured in others. Models are ranked by the mean worst case
+    over all conditions.
 
-    A suite for [bold]learners[/] combines tasks, learners, budgets of rounds and seeds. The share of a learner on a
-    task is 0 for honest play. It is 1 for the optimum, for a proven bound, or for the best attack found where neither
-    is known. Learners are measured in games that they have not seen. Written: [green]learners.csv learners.md
-    learners.png[/].
+    A suite for [bold]learners[/] combines tasks, learners, budgets of rounds and seeds. The share
+    of a learner on a task is 0 for honest play. It is 1 for the optimum, for a proven bound, or for
+    the best attack found where neither is known. Learners are measured in games that they have not
+    seen. Written: [green]learners.csv learners.md learners.png[/].
 
-    The result of each cell is saved in [green]results.sqlite[/] as soon as it is complete, so that an interrupted
-    command continues when it is given again. Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust
-    report` makes a page of the results. If a cell fails, the others count, and the exit code is 1.
+    The result of each cell is saved in [green]results.sqlite[/] as soon as it is complete, so that
+    an interrupted command continues when it is given again. Written at the end:
+    [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes a page of the results. If a
+    cell fails, the others count, and the exit code is 1.
 
     [bold]Examples[/]
 
@@ -107,8 +142,8 @@ def benchmark(
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
 
-    [dim]# your own learner beside PPO, in one or two minutes[/]
-    [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner --learner PPO[/]
+    [dim]# your own learner beside PPO, in one or two minutes[/] [cyan]roletrust benchmark --suite
+    learners-quick --learner mypackage.mine:MyLearner --learner PPO[/]
     """
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     if ray is not None:
@@ -116,11 +151,16 @@ def benchmark(
     asked = _asked(load_suite(suite, worlds), model, attack, learner, allow_code)
     if known:
         if isinstance(asked, LearnersSuite):
-            raise ValueError(f"--known is not for the suite {asked.name}, which is one for {asked.kind}")
+            raise ValueError(
+                f"--known is not for the suite {asked.name}, which is one for {asked.kind}"
+            )
         attacks = [one for file in known for one in read_known_attacks(file)]
         check_records(attacks)
         if lacking := sum(one.condition not in asked.conditions for one in attacks):
-            console.print(f"[yellow]{lacking} known attacks are for conditions that {escape(asked.name)} lacks.[/]")
+            console.print(
+                f"[yellow]{lacking} known attacks are for conditions that {escape(asked.name)} "
+                "lacks.[/]"
+            )
         asked = with_known(asked, attacks)
     if dry_run:
         _show_cost(asked, workers)
@@ -134,7 +174,10 @@ def benchmark(
         try:
             stored = _play(asked, pool, force, out)
         except KeyboardInterrupt:
-            tell("Stopped. Finished cells are saved; repeat the command without --force.", where=errors)
+            tell(
+                "Stopped. Finished cells are saved; repeat the command without --force.",
+                where=errors,
+            )
             raise typer.Exit(130) from None
     if isinstance(asked, LearnersSuite):
         _show_learners(asked, stored, out)
@@ -156,7 +199,8 @@ def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCel
             done, number = total - len(remaining), total
             if done:
                 progress.console.print(f"[dim]{done:,} of {number:,} cells are there already.[/]")
-            # A log goes by the number of cells, as the trials that tell their costs may take a minute.
+            # A log goes by the number of cells, as the trials that tell their costs may take a
+            # minute.
             alike = {cell.key: 1.0 for cell in remaining}
             costs = alike if progress.disable else cell_costs(suite, remaining)
             progress.reset(job, total=sum(costs.values()))
@@ -177,7 +221,8 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
     leaderboard = Leaderboard.of(suite, cells)
     leaderboard.to_csv(out / "leaderboard.csv")
     write_text(
-        out / "leaderboard.md", leaderboard_markdown(leaderboard, reproduction_command(suite, out / "results.sqlite"))
+        out / "leaderboard.md",
+        leaderboard_markdown(leaderboard, reproduction_command(suite, out / "results.sqlite")),
     )
     console.print(leaderboard_table(leaderboard))
     for line in leaderboard.caveats:
@@ -194,22 +239,31 @@ def _asked(
     learner: Sequence[str] | None,
     allow_code: bool,
 ) -> AnySuite:
-    """Return the suite with the models, attacks or learners of the options, once all of them can be made.
+    """Return the suite with the models, attacks or learners of the options, once all of them can be
+    made.
 
     Raises:
-        ValueError: A name is unknown, what it names cannot be made or is not for such a suite, or a file names what is
-            not installed.
+        ValueError: A name is unknown, what it names cannot be made or is not for such a suite, or a
+            file names what is not installed.
     """
-    wrong = {"--model": model, "--attack": attack} if isinstance(suite, LearnersSuite) else {"--learner": learner}
+    wrong = (
+        {"--model": model, "--attack": attack}
+        if isinstance(suite, LearnersSuite)
+        else {"--learner": learner}
+    )
     for flag, names in wrong.items():
         if names:
-            raise ValueError(f"{flag} is not for the suite {suite.name}, which is one for {suite.kind}")
+            raise ValueError(
+                f"{flag} is not for the suite {suite.name}, which is one for {suite.kind}"
+            )
     if isinstance(suite, LearnersSuite):
         return _asked_learners(suite, learner, allow_code)
     if not allow_code:
         check_installed_names(suite)
     everything = suite.model_copy(update={"models": "all", "attacks": "all"})
-    return with_names(suite, _expanded(model, everything.model_names), _expanded(attack, everything.attack_names))
+    return with_names(
+        suite, _expanded(model, everything.model_names), _expanded(attack, everything.attack_names)
+    )
 
 
 def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[str]:
@@ -217,9 +271,16 @@ def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[st
 
 
 def _show_cost(suite: AnySuite, workers: int | None) -> None:
-    """Print the number of rounds, and the time of a suite for trust models; that of a learner is unknown."""
+    """Print the number of rounds, and the time of a suite for trust models; that of a learner is
+    unknown.
+    """
     if isinstance(suite, LearnersSuite):
-        table = number_table(f"{suite.name}, at the most", "rounds of each learner, over all games", "trials", "rounds")
+        table = number_table(
+            f"{suite.name}, at the most",
+            "rounds of each learner, over all games",
+            "trials",
+            "rounds",
+        )
         cycles = [task.arguments()["scenario"].max_cycles for task in suite.tasks.values()]
         trials, tests = len(cycles) * len(suite.seeds), len(suite.budgets) * suite.games
         rounds = trials * sum(suite.budgets) + tests * sum(cycles) * len(suite.seeds)
@@ -229,17 +290,24 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
         return
     for one in suite.worlds.items():
         name, *values = WorldRow.of(*one)
-        world = ", ".join(f"{field} {value}" for field, value in zip(WorldRow._fields[1:], values, strict=True))
+        world = ", ".join(
+            f"{field} {value}" for field, value in zip(WorldRow._fields[1:], values, strict=True)
+        )
         console.print(f"{escape(name)}: [dim]{escape(world)}[/]", soft_wrap=True)
     found = estimate_cost(suite, suite.cells())
-    caption = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
+    caption = (
+        "rounds: at the most; time: of one core, estimated from a short trial, too long on a "
+        "busy machine"
+    )
     table = number_table(f"{suite.name}, estimated", caption, "cells", "rounds", "time")
     for name, cost in found.items():
         table.add_row(name, f"{cost.cells:,}", f"{cost.env_steps:,}", in_time(cost.seconds))
     total = sum(cost.seconds for cost in found.values())
     number = workers or cores()
     console.print(table)
-    console.print(f"In all about {in_time(total)} of one core, {in_time(total / number)} on {number}.")
+    console.print(
+        f"In all about {in_time(total)} of one core, {in_time(total / number)} on {number}."
+    )
 
 
 # --- suites of learners ---
@@ -247,7 +315,9 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
 _INTERVALS = "interquartile mean of the runs, with its 95% interval by stratified bootstrap"
 
 
-def _asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code: bool) -> LearnersSuite:
+def _asked_learners(
+    suite: LearnersSuite, named: Sequence[str] | None, allow_code: bool
+) -> LearnersSuite:
     """Return the suite with the learners of the options, see `_asked`."""
     if not allow_code:
         check_installed(registry, [name for name in suite.learners if not is_search(name)])
@@ -259,7 +329,9 @@ def _asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_cod
 
 
 def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path) -> None:
-    """Write the picture of a run and its shares with each budget, and print those with the largest one."""
+    """Write the picture of a run and its shares with each budget, and print those with the largest
+    one.
+    """
     from roletrust_experiments.plots.learners import learners_figure
 
     scales, found = learner_results(suite, stored)
@@ -268,18 +340,25 @@ def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path
     names, largest = ranking(found), suite.budgets[-1]
     share_of = {(one.budget, one.learner, one.task): one.share for one in found}
     rows = {
-        (budget, name): [_words(share_of.get((budget, name, task))) for task in (ALL_TASKS, *scales)]
+        (budget, name): [
+            _words(share_of.get((budget, name, task))) for task in (ALL_TASKS, *scales)
+        ]
         for budget in suite.budgets
         for name in names
     }
     tops = [f"{task}: {scale.description}, {scale.top_score:.3f}" for task, scale in scales.items()]
-    caption = f"Share by the rounds of play: 0 is honest play; {_INTERVALS}. Share 1 is, on {'; '.join(tops)}."
+    caption = (
+        f"Share by the rounds of play: 0 is honest play; {_INTERVALS}. Share 1 is, on "
+        f"{'; '.join(tops)}."
+    )
     lines = [[f"{budget:,}", f"`{name}`", *shares] for (budget, name), shares in rows.items()]
     table = markdown_table(["rounds", "learner", ALL_TASKS, *scales], lines, names=2)
     command = reproduction_command(suite, out / "results.sqlite")
     write_text(out / "learners.md", f"{table}\n\n{caption} Made by `{command}`.\n")
     caption = f"share with {largest:,} rounds: 0 is honest play; {_INTERVALS}"
-    shown = number_table(f"Learners, suite {suite.name}", caption, *map(escape, (ALL_TASKS, *scales)))
+    shown = number_table(
+        f"Learners, suite {suite.name}", caption, *map(escape, (ALL_TASKS, *scales))
+    )
     for name in names:
         shown.add_row(*map(escape, (name, *rows[largest, name])))
     console.print(shown)

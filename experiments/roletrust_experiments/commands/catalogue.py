@@ -1,6 +1,8 @@
-"""Catalogue of scenarios, trust models, attackers and learners with their parameters, for people and scripts.
+"""Catalogue of scenarios, trust models, attackers and learners with their parameters, for people
+and scripts.
 
-A plug-in that cannot be loaded or read gets an entry with the reason, and does not affect the others.
+A plug-in that cannot be loaded or read gets an entry with the reason, and does not affect the
+others.
 """
 
 import inspect
@@ -23,7 +25,8 @@ from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
 
 Entry = dict[str, Any]
-"""A scenario, trust model, attacker or learner as plain data; only its `error` if it cannot be loaded or read."""
+"""A scenario, trust model, attacker or learner as plain data; only its `error` if it cannot be
+loaded or read."""
 
 _BUILT_IN = {
     "PPO": "Proximal policy optimization of Stable-Baselines3",
@@ -31,7 +34,7 @@ _BUILT_IN = {
     "SAC": "Soft actor-critic of Stable-Baselines3",
     "coalition PPO": "PPO on the network of a coalition, with noise that is held over an episode",
     "evolution": "Evolution of the network of a coalition, which treats all providers alike",
-    "evolution strategy": "The same with a slope that is estimated from pairs of candidates: better with few rounds",
+    "evolution strategy": "The same with a slope that is estimated from pairs of candidates: better with few rounds",  # noqa: E501
     "gradients": "Gradients through the game for the network of a coalition",
     "universal": "Coalitions that come with the project, trained against other trust models",
     "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",
@@ -53,18 +56,22 @@ def all_models() -> dict[str, Entry]:
     def entry(name: str) -> Entry:
         factory = models.factory(name)
         traits = Traits.of(factory if isinstance(factory, type) else models.make(name))
-        facts = {key: getattr(traits, key) for key in ("family", "source", "cost", "differentiable", "rates_raters")}
+        facts = {
+            key: getattr(traits, key)
+            for key in ("family", "source", "cost", "differentiable", "rates_raters")
+        }
         return {"description": summary(factory), **facts, "parameters": _parameters(factory)}
 
     return _entries(models.names(), entry)
 
 
 def all_attackers() -> dict[str, Entry]:
-    """Return every attacker by name: its description, action channels, parameters, and their search ranges.
+    """Return every attacker by name: its description, action channels, parameters, and their search
+    ranges.
 
-    A search range is a pair of a low and a high end, a list of options, the honest providers ("victims"), or None for
-    no search. The entry `given` of a parameter says that commands set it from the game. Channels are None if they
-    depend on the parameters.
+    A search range is a pair of a low and a high end, a list of options, the honest providers
+    ("victims"), or None for no search. The entry `given` of a parameter says that commands set it
+    from the game. Channels are None if they depend on the parameters.
     """
 
     def entry(name: str) -> Entry:
@@ -84,20 +91,24 @@ def all_attackers() -> dict[str, Entry]:
 def all_learners() -> dict[str, Entry]:
     """Return every learner by name: its description and its parameters.
 
-    The search methods come first. They are not loaded, because the libraries that they need are large.
+    The search methods come first. They are not loaded, because the libraries that they need are
+    large.
     """
 
     def entry(name: str) -> Entry:
         factory = learners.factory(name)
         return {"description": summary(factory), "parameters": _parameters(factory)}
 
-    described = {name: _BUILT_IN.get(name, text) for name, text in search_methods.describe().items()}
+    described = {
+        name: _BUILT_IN.get(name, text) for name, text in search_methods.describe().items()
+    }
     searches = {name: {"description": described[name], "parameters": {}} for name in search_names()}
     return {**searches, **_entries(learners.names(), entry)}
 
 
 def all_trained(folder: Path | None = None) -> dict[str, Entry]:
-    """Return the trained attackers of a folder by name: their tasks, their trainings and their scores.
+    """Return the trained attackers of a folder by name: their tasks, their trainings and their
+    scores.
 
     Args:
         folder: Folder of the attackers; None is that of those that come with the project.
@@ -107,11 +118,20 @@ def all_trained(folder: Path | None = None) -> dict[str, Entry]:
     def entry(name: str) -> Entry:
         card = load_attacker((folder or ZOO) / name).card
         task, rules, training = card.task, card.scenario, card.training
-        price = f", stealth {task.stealth.weight:g} beyond {task.stealth.tolerance:g}" if task.stealth.weight else ""
-        played = f"{task.id}: {', '.join(task.compromised)} in {rules.name}, {rules.max_cycles} rounds"
+        price = (
+            f", stealth {task.stealth.weight:g} beyond {task.stealth.tolerance:g}"
+            if task.stealth.weight
+            else ""
+        )
+        played = (
+            f"{task.id}: {', '.join(task.compromised)} in {rules.name}, {rules.max_cycles} rounds"
+        )
         learned = f"by {training.algorithm}, {training.rounds:,} rounds, seed {training.seed}"
         words = f"{played}, {task.objective}{price}, {task.knowledge}; {learned}"
-        return {"description": words, **card.model_dump(mode="json", include={"task", "training", "score"})}
+        return {
+            "description": words,
+            **card.model_dump(mode="json", include={"task", "training", "score"}),
+        }
 
     return _entries(zoo(folder or ZOO), entry)
 
@@ -150,8 +170,8 @@ def _entries(names: Iterable[str], entry: Callable[[str], Entry]) -> dict[str, E
 def _parameters(factory: Callable[..., Any]) -> dict[str, Entry]:
     """Return the parameters of a factory, in the order of its signature.
 
-    Each has its `default` as plain data, None also for a `required` parameter, the `allowed` values in words, and its
-    `meaning` from the docstring; both are empty if they are not declared.
+    Each has its `default` as plain data, None also for a `required` parameter, the `allowed` values
+    in words, and its `meaning` from the docstring; both are empty if they are not declared.
     """
     meanings = _meanings(factory)
     try:
@@ -171,22 +191,36 @@ def _parameters(factory: Callable[..., Any]) -> dict[str, Entry]:
 
 
 def _meanings(factory: Callable[..., Any]) -> dict[str, str]:
-    """Return what the docstrings of a factory and its bases say of each parameter, those of the factory first."""
+    """Return what the docstrings of a factory and its bases say of each parameter, those of the
+    factory first.
+    """
     found: dict[str, str] = {}
     for one in inspect.getmro(factory) if isinstance(factory, type) else (factory,):
-        section = re.search(r"^(?:Args|Attributes):\n((?: .*\n|\n)*)", f"{inspect.getdoc(one) or ''}\n", re.MULTILINE)
-        for name, text in re.findall(r"^    (\w+): (.*(?:\n     .*)*)", section[1] if section else "", re.MULTILINE):
+        section = re.search(
+            r"^(?:Args|Attributes):\n((?: .*\n|\n)*)",
+            f"{inspect.getdoc(one) or ''}\n",
+            re.MULTILINE,
+        )
+        for name, text in re.findall(
+            r"^    (\w+): (.*(?:\n     .*)*)", section[1] if section else "", re.MULTILINE
+        ):
             found.setdefault(name, " ".join(text.split()))
     return found
 
 
 def _as_data(value: Any) -> Any:
-    """Return a default for JSON: a policy as on the command line, and other objects as their repr."""
+    """Return a default for JSON: a policy as on the command line, and other objects as their
+    repr.
+    """
     if isinstance(value, Policy):
         return as_spec(value)
     if isinstance(value, list | tuple):
         return [_as_data(item) for item in value]
-    plain = value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and isfinite(value))
+    plain = (
+        value is None
+        or isinstance(value, bool | int | str)
+        or (isinstance(value, float) and isfinite(value))
+    )
     return value if plain else repr(value)
 
 

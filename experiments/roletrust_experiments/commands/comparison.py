@@ -6,22 +6,43 @@ from pathlib import Path
 from rich.markup import escape
 
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.measures import Protocols, Row, markdown, measure_tables, recommendations, summaries
+from roletrust_baselines.logs.measures import (
+    Protocols,
+    Row,
+    markdown,
+    measure_tables,
+    recommendations,
+    summaries,
+)
 from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from roletrust_experiments.commands.console import console, number_table, progress_bar, shown, tell, tell_left_out
+from roletrust_experiments.commands.console import (
+    console,
+    number_table,
+    progress_bar,
+    shown,
+    tell,
+    tell_left_out,
+)
 from roletrust_experiments.commands.log_options import MONTH, LogOptions
 
 _CAPTION = (
-    "forecast: r of trust with the next ratings of agents that have earlier ones; kept: of 1, under the worst of the "
+    "forecast: r of trust with the next ratings of agents that have earlier ones; kept: of 1, "
+    "under the worst of the "
     "attacks by hostile accounts; both with 95% intervals"
 )
 HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
 
 
 def compare(
-    folder: Path, reading: LogOptions, names: list[str] | None, *, synthetic: bool, seed: int, out: Path
+    folder: Path,
+    reading: LogOptions,
+    names: list[str] | None,
+    *,
+    synthetic: bool,
+    seed: int,
+    out: Path,
 ) -> None:
     """Measure trust models on a log or on the logs in a folder, and write and print the tables.
 
@@ -39,7 +60,9 @@ def compare(
     every, scale = MONTH if reading.every is None else reading.every, reading.scale or (-10.0, 10.0)
     both = reading.same_agents is not False
     reading = replace(reading, every=every, scale=scale, same_agents=both, repeats=True)
-    central = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
+    central = [
+        name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"
+    ]
     models = {name: make_log_model(name) for name in names or [*central, *LOG_MODELS]}
     if synthetic:
         prepare_folder(folder)
@@ -67,7 +90,9 @@ def compare(
                     rows.append((log.name, log.sha256, every, protocol, name, what, *value))
                 if rows:  # what is measured is kept
                     write_csv(out / "comparison.csv", HEADER, rows)
-    left_out = list(dict.fromkeys(left_out))  # what a log is too small for is the same for all models
+    left_out = list(
+        dict.fromkeys(left_out)
+    )  # what a log is too small for is the same for all models
     if not rows:
         raise ValueError(f"nothing could be measured; {'; '.join(left_out)}")
     for name, lines in summaries(rows).items():

@@ -13,7 +13,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-ALLOW_CODE = "Accept files that name classes that are not installed, as package.module:Class. This runs their code."
+ALLOW_CODE = (
+    "Accept files that name classes that are not installed, as package.module:Class. This "
+    "runs their code."
+)
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
 
 _PERIOD = 10.0  # seconds
@@ -25,7 +28,9 @@ errors = Console(stderr=True, highlight=False)
 
 
 class _ProgressLog(progress.Progress):
-    """Progress as lines, where no bar can move: at most one in `_PERIOD` seconds, so short commands print none."""
+    """Progress as lines, where no bar can move: at most one in `_PERIOD` seconds, so short commands
+    print none.
+    """
 
     def __init__(self, *columns: progress.ProgressColumn, **options: Any) -> None:
         super().__init__(*columns, **options, disable=True)
@@ -36,7 +41,9 @@ class _ProgressLog(progress.Progress):
         super().update(task_id, **fields)
         if monotonic() >= self._due:
             self._due = monotonic() + _PERIOD
-            self.console.print(*(part(self._tasks[task_id]) for part in self._parts), soft_wrap=True)
+            self.console.print(
+                *(part(self._tasks[task_id]) for part in self._parts), soft_wrap=True
+            )
 
     def advance(self, task_id: progress.TaskID, advance: float = 1) -> None:
         """See `Progress.advance`."""
@@ -44,23 +51,37 @@ class _ProgressLog(progress.Progress):
 
 
 def progress_bar(where: Console = console, *, counted: bool = True) -> progress.Progress:
-    """Return a progress bar that disappears when it is done; in a file, a pipe or a notebook, lines in its place.
+    """Return a progress bar that disappears when it is done; in a file, a pipe or a notebook, lines
+    in its place.
 
-    There a bar would be printed again and again, although all of these may ask for colours through `FORCE_COLOR`.
+    There a bar would be printed again and again, although all of these may ask for colours through
+    `FORCE_COLOR`.
 
     Args:
         where: Console that shows it.
-        counted: Whether it shows how many steps are done. Else steps may differ in length, and come seldom.
+        counted: Whether it shows how many steps are done. Else steps may differ in length, and come
+            seldom.
     """
     ends = (progress.MofNCompleteColumn(), progress.TimeRemainingColumn())[not counted :]
     bar = where.file.isatty()
-    kind, share = (progress.Progress, progress.BarColumn()) if bar else (_ProgressLog, progress.TaskProgressColumn())
-    words, period = progress.TextColumn("{task.description}", markup=False), 30.0 if counted else math.inf
+    kind, share = (
+        (progress.Progress, progress.BarColumn())
+        if bar
+        else (_ProgressLog, progress.TaskProgressColumn())
+    )
+    words, period = (
+        progress.TextColumn("{task.description}", markup=False),
+        30.0 if counted else math.inf,
+    )
     return kind(words, share, *ends, console=where, transient=True, speed_estimate_period=period)
 
 
-def stage(bar: progress.Progress, description: str, total: float | None = None) -> Callable[..., None]:
-    """Show a stage of the work in place of those before it, and return a function of what is done, and of how many."""
+def stage(
+    bar: progress.Progress, description: str, total: float | None = None
+) -> Callable[..., None]:
+    """Show a stage of the work in place of those before it, and return a function of what is done,
+    and of how many.
+    """
     for earlier in bar.task_ids:
         bar.remove_task(earlier)
     task = bar.add_task(description, total=total)
@@ -76,7 +97,9 @@ def tracked(bar: progress.Progress, description: str, items: Sequence[Item]) -> 
 
 
 def print_json(data: Mapping[str, Any]) -> None:
-    """Print plain data for scripts: neither wrapped nor coloured, in ASCII, which every terminal can show."""
+    """Print plain data for scripts: neither wrapped nor coloured, in ASCII, which every terminal
+    can show.
+    """
     print(json.dumps(data, indent=2, allow_nan=False))
 
 
@@ -95,7 +118,9 @@ def plain_table(title: str, caption: str = "") -> Table:
 
 
 def number_table(title: str, caption: str, *headings: str, name: str = "") -> Table:
-    """Return a table of numbers with names of rows under the heading `name`. No number is wrapped."""
+    """Return a table of numbers with names of rows under the heading `name`. No number is
+    wrapped.
+    """
     table = plain_table(title, caption)
     table.add_column(name, overflow="fold")
     for heading in headings:
@@ -104,7 +129,9 @@ def number_table(title: str, caption: str, *headings: str, name: str = "") -> Ta
 
 
 def shown(text: str) -> str:
-    """Return a text of others, such as a name in a log, for a console: without markup and orders to the terminal."""
+    """Return a text of others, such as a name in a log, for a console: without markup and orders to
+    the terminal.
+    """
     return escape(re.sub("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", "\ufffd", text))
 
 
@@ -119,7 +146,8 @@ def tell_left_out(reason: str) -> None:
 
 
 def short(text: str) -> str:
-    """Return numbers without the zero before their point and without spaces around ±, for tables of 80 columns.
+    """Return numbers without the zero before their point and without spaces around ±, for tables of
+    80 columns.
 
     Example:
         >>> short("0.25 (-0.5, 10.5)"), short("0.25 ± 0.5")

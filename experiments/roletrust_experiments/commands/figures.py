@@ -14,38 +14,54 @@ from roletrust_env.storage.provenance import describe_policies, provenance
 from roletrust_experiments.commands.console import console, plain_table, progress_bar, tell
 from roletrust_experiments.commands.options import Out
 from roletrust_experiments.paper import claims
-from roletrust_experiments.paper.figures import BAD_MOUTHING, ON_OFF, loop_length_s, loop_note, papers
+from roletrust_experiments.paper.figures import (
+    BAD_MOUTHING,
+    ON_OFF,
+    loop_length_s,
+    loop_note,
+    papers,
+)
 from roletrust_experiments.playing.games import track_curves
 
 
 def figures(
     out: Out = Path("results/figures"),
     service: Annotated[
-        Literal["hog", "synthetic"], typer.Option(help="Service: people detection in camera frames, or plain numbers.")
+        Literal["hog", "synthetic"],
+        typer.Option(help="Service: people detection in camera frames, or plain numbers."),
     ] = "hog",
     frames: Annotated[
         str | None,
-        typer.Option(metavar="PATH_OR_NUMBER", help="Video, image folder or camera number in place of the scene."),
+        typer.Option(
+            metavar="PATH_OR_NUMBER",
+            help="Video, image folder or camera number in place of the scene.",
+        ),
     ] = None,
     loop: Annotated[
-        bool, typer.Option("--loop", help="Repeat --frames from the start if they end before the run.")
+        bool,
+        typer.Option("--loop", help="Repeat --frames from the start if they end before the run."),
     ] = False,
     seed: Annotated[
         int,
-        typer.Option(min=0, help="Random seed; the same seed gives the same results. The scene does not depend on it."),
+        typer.Option(
+            min=0,
+            help="Random seed; the same seed gives the same results. The scene does not depend on it.",  # noqa: E501
+        ),
     ] = 0,
 ) -> None:
-    """Reproduce [bold]Figures 3 and 4[/] of the paper, and compare the measurements with its claims.
+    """Reproduce [bold]Figures 3 and 4[/] of the paper, and compare the measurements with its
+    claims.
 
-    Three raters rate three cameras every half second. The figures differ in the attacker only. In Figure 3, provider 3
-    alternates between bad and good service (on-off, 50-90 s). In Figure 4, rater 3 rates 0.5 whatever it sees
-    (bad-mouthing, 20-45 s).
+    Three raters rate three cameras every half second. The figures differ in the attacker only. In
+    Figure 3, provider 3 alternates between bad and good service (on-off, 50-90 s). In Figure 4,
+    rater 3 rates 0.5 whatever it sees (bad-mouthing, 20-45 s).
 
-    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/]. The state after round r, counted
-    from 0, is at time (r + 1) x 0.5 s.
+    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/]. The state after
+        round r, counted from 0, is at time (r + 1) x 0.5 s.
 
-    With --frames, all three cameras see the same picture: 120 s of video, or 240 images, one for each round; fewer with
-    --loop. Rows whose bounds only hold for the rendered scene say n/a. If no person is clear, there is no table.
+    With --frames, all three cameras see the same picture: 120 s of video, or 240 images, one for
+    each round; fewer with --loop. Rows whose bounds only hold for the rendered scene say n/a. If no
+    person is clear, there is no table.
 
     [bold]Examples[/]
 
@@ -91,18 +107,26 @@ def figures(
         probability = float(np.mean(probabilities[: len(calm)], where=calm))
         # Repeated frames have a length; the paper's levels apply if the person is clearly visible.
         visible = claims.in_clear_view(found)
-        seen = {"loop_length_s": loop_length_s(game), "probability": probability, "in_clear_view": visible}
+        seen = {
+            "loop_length_s": loop_length_s(game),
+            "probability": probability,
+            "in_clear_view": visible,
+        }
         found = claims.for_given_frames(found)
     written: list[str] = []
     note = loop_note(game)
     for paper, curves in zip(played, rounds, strict=True):
-        written += write_paper(out, f"figure{paper.number}", paper, {"": curves}, game.scenario, note)
+        written += write_paper(
+            out, f"figure{paper.number}", paper, {"": curves}, game.scenario, note
+        )
     written.append("results.json")
     results = {
         "command": "roletrust figures",
         "service": game.scenario.service,
         **provenance(game, seed),
-        "attackers": {f"figure {paper.number}": describe_policies(paper.policies) for paper in played},
+        "attackers": {
+            f"figure {paper.number}": describe_policies(paper.policies) for paper in played
+        },
         "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
         **({"footage": seen} if seen else {}),
         "claims": [claim._asdict() for claim in found],
@@ -112,21 +136,35 @@ def figures(
     if seen is None or seen["in_clear_view"]:
         seen_through = "OpenCV's HOG people detector" if service == "hog" else "a synthetic service"
         console.print(claims_table(f"Su and Saint-Jore (2023), seen through {seen_through}", found))
-        calm_s = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF))
-        steady_s = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, BAD_MOUTHING))
+        calm_s = claims.spans(
+            rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
+        )
+        steady_s = claims.spans(
+            rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, BAD_MOUTHING)
+        )
         after = f"{claims.SETTLE_S:g} s after any other event"
         console.print(f"[dim]calm: before the attack, {after} (Figure 3: {calm_s})[/]")
-        console.print(f"[dim]steady: mean over the rounds of the attack, {after} (Figure 4: {steady_s})[/]")
-        console.print("[dim]least dip: of the three ToP, the smallest fall while the target moves fast[/]")
+        console.print(
+            f"[dim]steady: mean over the rounds of the attack, {after} (Figure 4: {steady_s})[/]"
+        )
+        console.print(
+            "[dim]least dip: of the three ToP, the smallest fall while the target moves fast[/]"
+        )
         if any(claim.ok is None for claim in found):
             console.print(
-                "[dim]n/a: the bound holds for the rendered scene; in these frames the detector still recognises the "
+                "[dim]n/a: the bound holds for the rendered scene; in these frames the detector "
+                "still recognises the "
                 "person when the picture is blurred[/]"
             )
     else:
-        who = "saw nobody in these frames" if seen["probability"] < 0.5 else "did not see a person in every frame"
+        who = (
+            "saw nobody in these frames"
+            if seen["probability"] < 0.5
+            else "did not see a person in every frame"
+        )
         tell(
-            f"OpenCV's people detector {who}: the mean probability of a person was {seen['probability']:.2f} before "
+            f"OpenCV's people detector {who}: the mean probability of a person was "
+            f"{seen['probability']:.2f} before "
             "the attack. The paper's levels assume a person in clear view, so they do not apply."
         )
     if note:
@@ -138,11 +176,21 @@ def claims_table(title: str, found: Sequence[claims.Claim]) -> Table:
     """Return the table of the paper's claims: the claim, the criterion and the measured value."""
     table = plain_table(title)
     for heading in ("fig", "what", "the paper", "needed", "measured", ""):
-        table.add_column(heading, justify="right" if heading == "measured" else "left", overflow="fold")
+        table.add_column(
+            heading, justify="right" if heading == "measured" else "left", overflow="fold"
+        )
     for claim, following in zip(found, [*found[1:], None], strict=True):
-        verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[claim.ok]
+        verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[
+            claim.ok
+        ]
         ends = following is not None and following.figure != claim.figure
         table.add_row(
-            str(claim.figure), claim.what, claim.paper, claim.needed, claim.measured, verdict, end_section=ends
+            str(claim.figure),
+            claim.what,
+            claim.paper,
+            claim.needed,
+            claim.measured,
+            verdict,
+            end_section=ends,
         )
     return table

@@ -1,4 +1,6 @@
-"""Groups of commands that are imported when they are called, and that report bad input in one line."""
+"""Groups of commands that are imported when they are called, and that report bad input in one
+line.
+"""
 
 import ast
 import os
@@ -58,10 +60,14 @@ class LateCommand(TyperCommand):
             _plain_flags(command.get_params(context))
         about, examples, rest = cleandoc(command.help or "").partition(EXAMPLES)
         paragraphs = [" ".join(paragraph.split("\n")) for paragraph in about.split("\n\n")]
-        command.help = "\n\n".join(paragraphs) + examples + rest  # typer breaks lines where the docstring does
+        command.help = (
+            "\n\n".join(paragraphs) + examples + rest
+        )  # typer breaks lines where the docstring does
         return command
 
-    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
+    ) -> Any:
         """Return the context of the command itself, which is imported now.
 
         Raises:
@@ -83,16 +89,23 @@ class LateCommand(TyperCommand):
         assert spec.origin is not None
         for node in ast.parse(Path(spec.origin).read_bytes()).body:
             if isinstance(node, ast.FunctionDef) and node.name == self._attribute:
-                self.short_help = " ".join((ast.get_docstring(node) or "").partition("\n\n")[0].split())
+                self.short_help = " ".join(
+                    (ast.get_docstring(node) or "").partition("\n\n")[0].split()
+                )
 
 
 class CommandGroup(TyperGroup):
-    """A group of late commands that reports bad input, unwritable files and an interrupt in one message."""
+    """A group of late commands that reports bad input, unwritable files and an interrupt in one
+    message.
+    """
 
     places: ClassVar[Mapping[str, str]] = {}
 
     def __init__(self, **attributes: Any) -> None:
-        super().__init__(**attributes | {"commands": {name: LateCommand(name, at) for name, at in self.places.items()}})
+        super().__init__(
+            **attributes
+            | {"commands": {name: LateCommand(name, at) for name, at in self.places.items()}}
+        )
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
@@ -128,8 +141,11 @@ class CommandGroup(TyperGroup):
         super().format_help(ctx, formatter)
 
 
-def command_group(places: Mapping[str, str], **options: Any) -> Callable[[Callable[..., None]], typer.Typer]:
-    """Return a decorator that makes a function a group of commands; its docstring is the help of the group.
+def command_group(
+    places: Mapping[str, str], **options: Any
+) -> Callable[[Callable[..., None]], typer.Typer]:
+    """Return a decorator that makes a function a group of commands; its docstring is the help of
+    the group.
 
     Args:
         places: Where each command is, as `module:function` by name; a place may be another group.

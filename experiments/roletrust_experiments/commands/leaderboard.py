@@ -1,4 +1,6 @@
-"""Results of a benchmark of trust models as the commands read them, and the leaderboard as they show it."""
+"""Results of a benchmark of trust models as the commands read them, and the leaderboard as they
+show it.
+"""
 
 import shlex
 from pathlib import Path
@@ -32,18 +34,26 @@ def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
     """Return the leaderboard for a terminal of 80 columns; the file has further columns."""
     title = escape(f"Leaderboard, suite {leaderboard.suite.name}")
-    caption = "\n".join(f"{name}: {meaning}" for name, meaning in leaderboard.explain(("tier", *_SHOWN)).items())
+    caption = "\n".join(
+        f"{name}: {meaning}" for name, meaning in leaderboard.explain(("tier", *_SHOWN)).items()
+    )
     table = number_table(title, caption, *_SHOWN, name="tier, rank, model")
     table.add_column("worst attack", overflow="fold")
     for row in leaderboard.rows:
         texts = row_texts(row, "±")
         numbers = (short(texts[name]) for name in _SHOWN)
-        table.add_row(f"{texts['tier']} {row.rank:2} {escape(row.model)}", *numbers, escape(row.worst_attack or "-"))
+        table.add_row(
+            f"{texts['tier']} {row.rank:2} {escape(row.model)}",
+            *numbers,
+            escape(row.worst_attack or "-"),
+        )
     return table
 
 
 def replay_command(leaderboard: Leaderboard, results: Path) -> str | None:
-    """Return the command that shows the worst attack on the first model of a suite, None if there was none."""
+    """Return the command that shows the worst attack on the first model of a suite, None if there
+    was none.
+    """
     suite, attacked = leaderboard.suite, {row.model for row in leaderboard.rows if row.worst_attack}
     model = next((name for name in suite.model_names if name in attacked), None)
     if model is None:
@@ -58,7 +68,9 @@ def report_command(suite: AnySuite, out: Path) -> str:
 
 
 def _allow_code(suite: AnySuite) -> list[str]:
-    """Return the option that a command on results needs if a suite names models or attacks that are not installed."""
+    """Return the option that a command on results needs if a suite names models or attacks that are
+    not installed.
+    """
     if isinstance(suite, Suite):
         try:
             check_installed_names(suite)

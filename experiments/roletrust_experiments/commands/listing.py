@@ -1,4 +1,6 @@
-"""`roletrust list`: the available scenarios, trust models, attackers, learners and trained attackers."""
+"""`roletrust list`: the available scenarios, trust models, attackers, learners and trained
+attackers.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
@@ -46,25 +48,37 @@ class Kind(StrEnum):
 
 
 def list_command(
-    kind: Annotated[Kind | None, typer.Argument(help="Kind of things to list; all kinds if left out.")] = None,
-    names: Annotated[list[str] | None, typer.Argument(help="Names of trained attackers; all if left out.")] = None,
+    kind: Annotated[
+        Kind | None, typer.Argument(help="Kind of things to list; all kinds if left out.")
+    ] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Names of trained attackers; all if left out.")
+    ] = None,
     folder: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of trained attackers; the project's own if left out.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of trained attackers; the project's own if left out."
+        ),
     ] = None,
     games: Annotated[
         int | None,
-        typer.Option(min=2, help="Number of games in which saved scores are tested; with exit code 1 if one fails."),
+        typer.Option(
+            min=2,
+            help="Number of games in which saved scores are tested; with exit code 1 if one fails.",
+        ),
     ] = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON document with all details, and nothing else.")
+        bool,
+        typer.Option("--json", help="Print one JSON document with all details, and nothing else."),
     ] = False,
 ) -> None:
-    """List the [bold]scenarios, trust models, attackers and learners[/], including those of other packages.
+    """List the [bold]scenarios, trust models, attackers and learners[/], including those of other
+    packages.
 
-    Without a kind it shows the names. For trust models, the list shows parameters and limitations. For attackers, it
-    shows parameters and the ranges in which searches look for their best values. The [bold]zoo[/] are trained
-    attackers: their tasks, and their scores, the mean reward per round with its 95% confidence interval, beside that of
-    honest play.
+    Without a kind it shows the names. For trust models, the list shows parameters and limitations.
+    For attackers, it shows parameters and the ranges in which searches look for their best values.
+    The [bold]zoo[/] are trained attackers: their tasks, and their scores, the mean reward per round
+    with its 95% confidence interval, beside that of honest play.
 
     [bold]Examples[/]
 
@@ -74,15 +88,17 @@ def list_command(
     [dim]# the attackers, with their parameters and the ranges of searches[/]
     [cyan]roletrust list attackers[/]
 
-    [dim]# the trained attackers that come with the project, and your own, with their scores measured again[/]
-    [cyan]roletrust list zoo[/]
-    [cyan]roletrust list zoo --folder results/train --games 256[/]
+    [dim]# the trained attackers that come with the project, and your own, with their scores
+    measured again[/] [cyan]roletrust list zoo[/] [cyan]roletrust list zoo --folder results/train
+    --games 256[/]
 
-    [dim]# for scripts: the models with useful gradients[/]
-    [cyan]roletrust list models --json | jq '.models | map_values(select(.differentiable)) | keys'[/]
+    [dim]# for scripts: the models with useful gradients[/] [cyan]roletrust list models --json | jq
+    '.models | map_values(select(.differentiable)) | keys'[/]
     """
     if kind is not Kind.ZOO and (names or folder or games):
-        raise ValueError("names, --folder and --games are for trained attackers: roletrust list zoo")
+        raise ValueError(
+            "names, --folder and --games are for trained attackers: roletrust list zoo"
+        )
     asked = [one for one in Kind if kind in (None, one) and one is not Kind.ZOO]
     found: dict[Kind, dict[str, Entry]] = {one: _KINDS[one][0]() for one in asked}
     if kind is Kind.ZOO:
@@ -108,7 +124,9 @@ def _trained(folder: Path | None, names: Sequence[str]) -> dict[str, Entry]:
     """
     known = all_trained(folder)
     if not known:
-        raise ValueError(f"there is no attacker in {folder}; one is a .json and a .safetensors file of one name")
+        raise ValueError(
+            f"there is no attacker in {folder}; one is a .json and a .safetensors file of one name"
+        )
     for name in names:
         if name not in known:
             raise ValueError(f"there is no trained attacker {name!r}{suggest(name, known)}")
@@ -126,7 +144,11 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
     from roletrust_agents.learned.saved import ZOO, load_attacker
     from roletrust_env.evaluation.measurement import task_memory
 
-    attackers = {name: load_attacker((folder or ZOO) / name) for name, one in entries.items() if "error" not in one}
+    attackers = {
+        name: load_attacker((folder or ZOO) / name)
+        for name, one in entries.items()
+        if "error" not in one
+    }
     for attacker in attackers.values():
         mind = attacker_for(attacker.network, attacker.card.task.knowledge)
         check_memory("--games", games, task_memory(attacker.task(), mind))
@@ -136,7 +158,11 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
             measured = estimate(play_task(attacker.task(), attacker.network, games=games, seed=0))
             # Two equal means seldom have separate intervals; rounding differs between machines.
             holds = abs(measured.mean - saved["mean"]) <= measured.half + saved["half_95"] + 1e-4
-            entries[name]["measured"] = {"mean": float(measured.mean), "half_95": float(measured.half), "holds": holds}
+            entries[name]["measured"] = {
+                "mean": float(measured.mean),
+                "half_95": float(measured.half),
+                "holds": holds,
+            }
     return all(one.get("measured", {}).get("holds", False) for one in entries.values())
 
 
@@ -149,7 +175,9 @@ def _print_names(found: Mapping[Kind, dict[str, Entry]]) -> None:
             if "error" in entry:
                 tell_left_out(f"{name}: {entry['error']}")
     if Kind.ZOO not in found:
-        console.print("[dim]Trained attackers need safetensors: pip install 'roletrust-env\\[train]'[/]")
+        console.print(
+            "[dim]Trained attackers need safetensors: pip install 'roletrust-env\\[train]'[/]"
+        )
     console.print("[dim]What they are: roletrust list models, and so for each kind.[/]")
 
 
@@ -158,7 +186,8 @@ def _print(entries: Mapping[str, Entry], kind: Kind) -> None:
     console.print(_table(entries, kind))
     if kind not in (Kind.SCENARIOS, Kind.ZOO):
         console.print(
-            "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"
+            "[dim]Your own: package.module:Class in place of a name, or an entry point "
+            "(docs/guide/extend.md).[/]"
         )
 
 
@@ -188,7 +217,10 @@ def _scenario(entry: Entry) -> tuple[str, ...]:
 def _model(entry: Entry) -> tuple[str, ...]:
     origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
     lacks = [f"unfit: {'; '.join(unfit(entry))}"] if unfit(entry) else []
-    lines = [f"{_given(key, one)}  [dim]{escape(one['allowed'])}[/]" for key, one in entry["parameters"].items()]
+    lines = [
+        f"{_given(key, one)}  [dim]{escape(one['allowed'])}[/]"
+        for key, one in entry["parameters"].items()
+    ]
     return _described(entry, origin, *lacks), "\n".join(lines)
 
 
@@ -201,7 +233,9 @@ def _attacker(entry: Entry) -> tuple[str, ...]:
 
 
 def _learner(entry: Entry) -> tuple[str, ...]:
-    return _described(entry), "\n".join(_given(key, one) for key, one in entry["parameters"].items())
+    return _described(entry), "\n".join(
+        _given(key, one) for key, one in entry["parameters"].items()
+    )
 
 
 def _trained_attacker(entry: Entry) -> tuple[str, ...]:
@@ -225,11 +259,29 @@ def _given(name: str, parameter: Mapping[str, Any]) -> str:
 
 
 _NUMBERS = ("rounds", "honest", "score", "measured")
-_KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], str, tuple[str, ...], Callable[[Entry], tuple[str, ...]]]] = {
+_KINDS: dict[
+    Kind,
+    tuple[Callable[[], dict[str, Entry]], str, tuple[str, ...], Callable[[Entry], tuple[str, ...]]],
+] = {
     Kind.SCENARIOS: (all_scenarios, "Scenarios", ("description", "agents", "rounds"), _scenario),
-    Kind.MODELS: (all_models, "Trust models", ("description", "parameters = defaults, allowed values"), _model),
-    Kind.ATTACKERS: (all_attackers, "Attackers", ("description", "parameters = defaults, where searched"), _attacker),
+    Kind.MODELS: (
+        all_models,
+        "Trust models",
+        ("description", "parameters = defaults, allowed values"),
+        _model,
+    ),
+    Kind.ATTACKERS: (
+        all_attackers,
+        "Attackers",
+        ("description", "parameters = defaults, where searched"),
+        _attacker,
+    ),
     Kind.LEARNERS: (all_learners, "Learners", ("description", "parameters = defaults"), _learner),
-    Kind.ZOO: (all_trained, "Trained attackers", ("description", "score", "honest"), _trained_attacker),
+    Kind.ZOO: (
+        all_trained,
+        "Trained attackers",
+        ("description", "score", "honest"),
+        _trained_attacker,
+    ),
 }
 """Of each kind its entries, the title and the columns of its table, and the row of an entry."""

@@ -15,18 +15,31 @@ OWN = "NAME may be your own class, package.module:Class, whose module is then im
 
 SettingsOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="FIELD=VALUE", help="Field of the scenario to change; repeat for more."),
+    typer.Option(
+        "--set", metavar="FIELD=VALUE", help="Field of the scenario to change; repeat for more."
+    ),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Random seed; the same seed gives the same results.")]
-Workers = Annotated[int | None, typer.Option(min=1, help="Number of processes; by default one for each core.")]
-Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; it is created if it is missing.")]
+Seed = Annotated[
+    int, typer.Option(min=0, help="Random seed; the same seed gives the same results.")
+]
+Workers = Annotated[
+    int | None, typer.Option(min=1, help="Number of processes; by default one for each core.")
+]
+Out = Annotated[
+    Path,
+    typer.Option(metavar="DIR", help="Folder for the results; it is created if it is missing."),
+]
 
 
 def with_options(group: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a decorator by which the fields of a dataclass are options, in place of the parameter of this type."""
+    """Return a decorator by which the fields of a dataclass are options, in place of the parameter
+    of this type.
+    """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        options, parameters = (list(inspect.signature(one).parameters.values()) for one in (group, command))
+        options, parameters = (
+            list(inspect.signature(one).parameters.values()) for one in (group, command)
+        )
         (at,) = (place for place, one in enumerate(parameters) if one.annotation is group)
         (grouped,) = parameters[at : at + 1]
         parameters[at : at + 1] = options
@@ -45,8 +58,14 @@ def with_options(group: type) -> Callable[[Callable[..., None]], Callable[..., N
 
 def given_options(context: typer.Context) -> list[str]:
     """Return the options that stand on the command line, such as `--out`."""
-    sources = {one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params}
-    return [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+    sources = {
+        one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params
+    }
+    return [
+        name
+        for name, source in sources.items()
+        if source is not None and source.name == "COMMANDLINE"
+    ]
 
 
 def task_names() -> dict[str, str]:

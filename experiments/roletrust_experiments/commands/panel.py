@@ -1,4 +1,6 @@
-"""`roletrust panel`: which judges to trust, from their votes on items or on one another's answers."""
+"""`roletrust panel`: which judges to trust, from their votes on items or on one another's
+answers.
+"""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -7,7 +9,13 @@ from typing import Annotated, Any
 
 import typer
 
-from roletrust_baselines.panels.peers import PEOPLE, Comparisons, all_peer_methods, make_peer_method, read_comparisons
+from roletrust_baselines.panels.peers import (
+    PEOPLE,
+    Comparisons,
+    all_peer_methods,
+    make_peer_method,
+    read_comparisons,
+)
 from roletrust_baselines.panels.report import (
     AGENT,
     PeerRow,
@@ -48,73 +56,111 @@ _METHOD = "first-hand"
 
 
 def panel(
-    votes: Annotated[Path, typer.Argument(help="File of votes: CSV, JSON lines or Parquet, as for `roletrust rate`.")],
+    votes: Annotated[
+        Path,
+        typer.Argument(help="File of votes: CSV, JSON lines or Parquet, as for `roletrust rate`."),
+    ],
     judge: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN", help="Column of the judge; repeat for several together.")
+        list[str] | None,
+        typer.Option(metavar="COLUMN", help="Column of the judge; repeat for several together."),
     ] = None,
     item: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the item.")] = "item",
     vote: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the vote.")] = "vote",
     truth: Annotated[
-        str | None, typer.Option(metavar="COLUMN|FILE", help="Column of the truth, or file of item and truth.")
+        str | None,
+        typer.Option(metavar="COLUMN|FILE", help="Column of the truth, or file of item and truth."),
     ] = None,
-    kind: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of the kind of item.")] = None,
+    kind: Annotated[
+        str | None, typer.Option(metavar="COLUMN", help="Column of the kind of item.")
+    ] = None,
     peers: Annotated[
-        bool, typer.Option("--peers", help="Agents compare answers of agents: columns first and second.")
+        bool,
+        typer.Option("--peers", help="Agents compare answers of agents: columns first and second."),
     ] = False,
     people: Annotated[
-        str, typer.Option(help="With --peers, judge with votes of people, or a pattern such as 'expert_*'.")
+        str,
+        typer.Option(
+            help="With --peers, judge with votes of people, or a pattern such as 'expert_*'."
+        ),
     ] = PEOPLE,
     method: Annotated[
-        list[str] | None, typer.Option(metavar=NAMED, help=f"Method or trust model; repeat for more. {OWN}")
+        list[str] | None,
+        typer.Option(metavar=NAMED, help=f"Method or trust model; repeat for more. {OWN}"),
     ] = None,
-    measure: Annotated[bool, typer.Option("--measure", help="Measure all methods, against the truth.")] = False,
-    labels: Annotated[list[int] | None, typer.Option(min=0, help="Number of own labels; repeat for more.")] = None,
-    draws: Annotated[int, typer.Option(min=1, help="Number of sets of labels that are drawn.")] = 20,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="Measure all methods, against the truth.")
+    ] = False,
+    labels: Annotated[
+        list[int] | None, typer.Option(min=0, help="Number of own labels; repeat for more.")
+    ] = None,
+    draws: Annotated[
+        int, typer.Option(min=1, help="Number of sets of labels that are drawn.")
+    ] = 20,
     bribes: Annotated[
-        int, typer.Option(min=0, help="Number of bribes that a search tries for each number of bought judges.")
+        int,
+        typer.Option(
+            min=0, help="Number of bribes that a search tries for each number of bought judges."
+        ),
     ] = 0,
     separator: Annotated[str | None, typer.Option(help="Separator of the file.")] = None,
     encoding: Annotated[str | None, typer.Option(help="Encoding of the file.")] = None,
-    synthetic: Annotated[bool, typer.Option("--synthetic", help="First write a synthetic file of votes.")] = False,
+    synthetic: Annotated[
+        bool, typer.Option("--synthetic", help="First write a synthetic file of votes.")
+    ] = False,
     seed: Seed = 0,
     out: Out = Path("results/panel"),
 ) -> None:
-    """Say [bold]which judges to trust[/], from a file of their votes, and what the panel says of each item.
+    """Say [bold]which judges to trust[/], from a file of their votes, and what the panel says of
+    each item.
 
-    Judges are annotators, reviewers or language models. A row is a vote: a judge, an item and any answer; several votes
-    of a judge on an item are one opinion. Items with a known truth are labels of your own (--truth): they enter a trust
-    model as the experience of one more judge, you, and the verdict on the other items is what it trusts.
+    Judges are annotators, reviewers or language models. A row is a vote: a judge, an item and any
+    answer; several votes of a judge on an item are one opinion. Items with a known truth are labels
+    of your own (--truth): they enter a trust model as the experience of one more judge, you, and
+    the verdict on the other items is what it trusts.
 
-    Written: [green]judges.csv[/], the trust in each judge; [green]verdicts.csv[/], the verdict on each item, empty
-    in a tie.
+    Written: [green]judges.csv[/], the trust in each judge; [green]verdicts.csv[/], the verdict on
+        each item, empty in a tie.
 
-    With --measure, the truth is hidden, and methods get few labels of it, drawn many times: how often is each right,
-    with how many labels, and with labels of another kind of item (--kind)? With --bribes, some judges are bought: a
-    search finds which, and when they lie. Written: [green]measures.csv[/], [green]panel.md[/], [green]panel.png[/].
+    With --measure, the truth is hidden, and methods get few labels of it, drawn many times: how
+    often is each right, with how many labels, and with labels of another kind of item (--kind)?
+    With --bribes, some judges are bought: a search finds which, and when they lie. Written:
+    [green]measures.csv[/], [green]panel.md[/], [green]panel.png[/].
 
-    With --peers, agents judge one another's answers, so they are raters and providers: ToR, ToP and ToA, and with
-    --measure the ranking against votes of people, and how many judges must be bought to put each agent first.
+    With --peers, agents judge one another's answers, so they are raters and providers: ToR, ToP and
+    ToA, and with --measure the ranking against votes of people, and how many judges must be bought
+    to put each agent first.
 
     [bold]Examples[/]
 
     [dim]# 20 of your own labels in labels.csv (item, truth)[/]
     [cyan]roletrust panel votes.csv --truth labels.csv[/]
 
-    [dim]# a judge is a model and a prompt; which method, and how many labels?[/]
-    [cyan]roletrust panel votes.csv --judge model --judge prompt --truth truth --kind subset --measure[/]
+    [dim]# a judge is a model and a prompt; which method, and how many labels?[/] [cyan]roletrust
+    panel votes.csv --judge model --judge prompt --truth truth --kind subset --measure[/]
 
-    [dim]# what do bought judges do?[/]
-    [cyan]roletrust panel votes.csv --truth truth --measure --bribes 100 --method majority --method first-hand[/]
+    [dim]# what do bought judges do?[/] [cyan]roletrust panel votes.csv --truth truth --measure
+    --bribes 100 --method majority --method first-hand[/]
     """
-    plan = Plan(tuple(sorted(set(labels))) if labels else Plan().labels, draws, budget=bribes, seed=seed)
+    plan = Plan(
+        tuple(sorted(set(labels))) if labels else Plan().labels, draws, budget=bribes, seed=seed
+    )
     dialect, measured = Dialect(separator, encoding), measure or bribes > 0
     for wrong, words in (
         (peers and len(judge or ()) > 1, "with --peers a judge is one column (--judge)"),
-        (peers and (truth or kind or synthetic), "--truth, --kind and --synthetic are not for --peers"),
+        (
+            peers and (truth or kind or synthetic),
+            "--truth, --kind and --synthetic are not for --peers",
+        ),
         (not measured and len(method or ()) > 1, "several methods need --measure"),
         (not measured and labels, "--labels needs --measure; your own labels are --truth FILE"),
-        (synthetic and votes.exists(), f"{votes} is there already; leave out --synthetic, or name a new file"),
-        (synthetic and votes.suffix != ".csv", f"{votes} must end in .csv, as --synthetic writes CSV"),
+        (
+            synthetic and votes.exists(),
+            f"{votes} is there already; leave out --synthetic, or name a new file",
+        ),
+        (
+            synthetic and votes.suffix != ".csv",
+            f"{votes} must end in .csv, as --synthetic writes CSV",
+        ),
     ):
         if wrong:
             raise ValueError(words)
@@ -124,11 +170,14 @@ def panel(
         write_votes(votes, seed)
     if peers:
         (one,) = judge or ("judge",)
-        comparisons, crowd = read_comparisons(votes, one, item, vote=vote, people=people, dialect=dialect, tell=tell)
+        comparisons, crowd = read_comparisons(
+            votes, one, item, vote=vote, people=people, dialect=dialect, tell=tell
+        )
         if measured:
             if crowd is None or (crowd.values == 0.5).all():
                 raise ValueError(
-                    f"--measure needs votes of people ({people!r}, --people) on these agents, not only ties"
+                    f"--measure needs votes of people ({people!r}, --people) on these agents, not "
+                    "only ties"
                 )
             plan = _fitting(plan, len(crowd.values), "votes of people")
         prepare_folder(out)
@@ -136,7 +185,9 @@ def panel(
         _peers(comparisons, crowd if measured else None, names, plan, out)
         return
     gold = Path(truth) if truth and Path(truth).is_file() else truth
-    ballot = read_votes(votes, judge or ["judge"], item, vote, gold, kind, dialect=dialect, tell=tell)
+    ballot = read_votes(
+        votes, judge or ["judge"], item, vote, gold, kind, dialect=dialect, tell=tell
+    )
     if measured and (ballot.truth < 0).all():
         raise ValueError("there is no truth to measure against (--truth COLUMN or FILE)")
     if measured:
@@ -164,17 +215,28 @@ def _fitting(plan: Plan, known: int, what: str) -> Plan:
 
 
 def _verdicts(votes: Votes, name: str, out: Path) -> None:
-    """Write the trust in the judges and the verdicts, with all labels, and print the best and the worst judges."""
+    """Write the trust in the judges and the verdicts, with all labels, and print the best and the
+    worst judges.
+    """
     judges, verdicts = judged(votes, make_method(name))
     write_csv(out / "judges.csv", ("judge", "trust", "items", "right"), judges)
     write_csv(out / "verdicts.csv", ("item", "verdict", "support", "truth"), verdicts)
     long = len(judges) > 2 * _FEW
     ends = [*judges[:_FEW], *judges[-_FEW:]] if long else judges
-    title = f"Judges by {name}, with {int((votes.truth >= 0).sum()):,} labels" + f": first and last {_FEW}" * long
+    title = (
+        f"Judges by {name}, with {int((votes.truth >= 0).sum()):,} labels"
+        + f": first and last {_FEW}" * long
+    )
     _print(title, ["judge", "trust", "items", "right on labels"], [cells(line) for line in ends])
     if (votes.truth < 0).all():
-        console.print("Without labels, trust is agreement with the majority. --truth FILE (item, truth) adds yours.")
-    tell(f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, verdicts.csv")
+        console.print(
+            "Without labels, trust is agreement with the majority. --truth FILE (item, truth) adds "
+            "yours."
+        )
+    tell(
+        f"{votes.shape[0]:,} judges, {votes.shape[1]:,} items. Written to {out}: judges.csv, "
+        "verdicts.csv"
+    )
 
 
 def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None:
@@ -192,14 +254,20 @@ def _measured(votes: Votes, names: Sequence[str], plan: Plan, out: Path) -> None
     write_csv(out / "measures.csv", Row._fields, rows)
     tables, words = accuracy_tables(rows), headline(rows)
     for title, (headings, lines) in tables.items():
-        _print(title + f": first {_BEST} of {len(lines)}" * (len(lines) > _BEST), headings, lines[:_BEST])
+        _print(
+            title + f": first {_BEST} of {len(lines)}" * (len(lines) > _BEST),
+            headings,
+            lines[:_BEST],
+        )
     tell(words)
     write_text(out / "panel.md", markdown(words, tables))
     write_figure(out / "panel.png", panel_figure(rows), colours=256)
     tell(f"Written to {out}: measures.csv, panel.md, panel.png")
 
 
-def _peers(votes: Comparisons, people: Comparisons | None, names: Sequence[str], plan: Plan, out: Path) -> None:
+def _peers(
+    votes: Comparisons, people: Comparisons | None, names: Sequence[str], plan: Plan, out: Path
+) -> None:
     """Write and print the standing of agents, and where people voted, its measures against them."""
     methods = {name: make_peer_method(name) for name in dict.fromkeys(names)}
     name = next(iter(methods))
@@ -207,7 +275,9 @@ def _peers(votes: Comparisons, people: Comparisons | None, names: Sequence[str],
     write_csv(out / "agents.csv", AGENT, lines)
     _print(f"Agents that judge one another, by {name}", AGENT, [cells(line) for line in lines])
     if people is not None:
-        rows = _progress(lambda advance: peer_trial(votes, people, methods, plan, advance), len(methods))
+        rows = _progress(
+            lambda advance: peer_trial(votes, people, methods, plan, advance), len(methods)
+        )
         write_csv(out / "measures.csv", PeerRow._fields, rows)
         tables = peer_tables(rows)
         for title, (headings, body) in tables.items():
@@ -220,7 +290,9 @@ def _progress(play: Callable[[Callable[[str], None]], Iterable[Any]], total: int
     """Return the rows of a trial, with a bar."""
     with progress_bar(counted=False) as progress:
         task = progress.add_task("", total=total)
-        return list(play(lambda name: progress.update(task, description=f"Measuring {name}", advance=1)))
+        return list(
+            play(lambda name: progress.update(task, description=f"Measuring {name}", advance=1))
+        )
 
 
 def _print(title: str, headings: Sequence[str], lines: Iterable[Sequence[str]]) -> None:

@@ -15,13 +15,25 @@ from rich.table import Table
 
 from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env.evaluation.resources import in_time
-from roletrust_env.evaluation.specs import parse_attacks, parse_settings, parse_trust_model, with_settings
+from roletrust_env.evaluation.specs import (
+    parse_attacks,
+    parse_settings,
+    parse_trust_model,
+    with_settings,
+)
 from roletrust_env.memory import check_memory
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
 from roletrust_env.storage.untrusted import parse_json
-from roletrust_experiments.commands.console import console, errors, number_table, print_json, progress_bar, tell
+from roletrust_experiments.commands.console import (
+    console,
+    errors,
+    number_table,
+    print_json,
+    progress_bar,
+    tell,
+)
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, Seed, SettingsOption
 from roletrust_experiments.playing.games import (
@@ -48,39 +60,58 @@ def play(
         str, typer.Argument(help="Name of a scenario, or path of a .toml or .yaml file.")
     ] = "paper-3x3",
     model: Annotated[
-        list[str], typer.Option(metavar=NAMED, help="Trust model; repeat to compare several under one attack. " + OWN)
+        list[str],
+        typer.Option(
+            metavar=NAMED, help="Trust model; repeat to compare several under one attack. " + OWN
+        ),
     ] = ["role-trust"],  # noqa: B006 (typer copies it)
     attack: Annotated[
         list[str] | None,
-        typer.Option(metavar=f"AGENT={NAMED}", help=f"Attack; repeat for more. AGENT may be like 'sr_*'. {OWN}"),
+        typer.Option(
+            metavar=f"AGENT={NAMED}",
+            help=f"Attack; repeat for more. AGENT may be like 'sr_*'. {OWN}",
+        ),
     ] = None,
     settings: SettingsOption = None,
     games: Annotated[int, typer.Option(min=1, help="Number of games, played as one batch.")] = 1,
     seed: Seed = 0,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the results; a new one in results/play if left out.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder for the results; a new one in results/play if left out."
+        ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite results of another configuration.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite results of another configuration.")
+    ] = False,
     video: Annotated[
-        bool, typer.Option("--video", help="Also save a video of one game, play.mp4, and its last round, play.png.")
+        bool,
+        typer.Option(
+            "--video", help="Also save a video of one game, play.mp4, and its last round, play.png."
+        ),
     ] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print results.json and nothing else, and write files only with --out.")
+        bool,
+        typer.Option(
+            "--json", help="Print results.json and nothing else, and write files only with --out."
+        ),
     ] = False,
 ) -> None:
     r"""Play [bold]any scenario[/] with any attackers and trust models, and save the results.
 
-    Written: [green]curves.png curves.csv results.json[/], and with --video [green]play.mp4 play.png[/].
-    With several games every mean comes with its 95% confidence interval.
+    Written: [green]curves.png curves.csv results.json[/], and with --video [green]play.mp4
+        play.png[/]. With several games every mean comes with its 95% confidence interval.
 
-    Trust and reward are means over the agents of a group that are present; [bold]at end[/]: agents present in the last
-    round / all agents. With an attack, the same games are played again with all agents honest. [bold]Damage[/]: mean
-    trust of the honest agents there, minus that under the attack; an agent that has left counts with its last trust.
-    [bold]AUC[/]: probability that an attacker has less trust than an honest agent of its role, by mean trust during the
-    attack (left) and by final trust. [bold]False alarms[/]: share of rounds and honest agents in which trust is below
-    0.5. [bold]Utility[/]: quality of the most trusted provider, as a share of the best quality in the round; a provider
-    that serves nobody in a round delivers nothing. [bold]Recovery[/]: rounds after the attack until the mean trust of
-    the honest agents is within 0.05 of that without the attack.
+    Trust and reward are means over the agents of a group that are present; [bold]at end[/]: agents
+    present in the last round / all agents. With an attack, the same games are played again with all
+    agents honest. [bold]Damage[/]: mean trust of the honest agents there, minus that under the
+    attack; an agent that has left counts with its last trust. [bold]AUC[/]: probability that an
+    attacker has less trust than an honest agent of its role, by mean trust during the attack (left)
+    and by final trust. [bold]False alarms[/]: share of rounds and honest agents in which trust is
+    below 0.5. [bold]Utility[/]: quality of the most trusted provider, as a share of the best
+    quality in the round; a provider that serves nobody in a round delivers nothing.
+    [bold]Recovery[/]: rounds after the attack until the mean trust of the honest agents is within
+    0.05 of that without the attack.
 
     Values are written as in TOML: 3, 0.5, true, \[0, 1], {kind = "choice"}.
 
@@ -101,9 +132,10 @@ def play(
     [dim]# for scripts: the damage under each model[/]
     [cyan]roletrust play --attack sr_1=bad-mouthing --json | jq '.measured | map_values(.damage)'[/]
 
-    [dim]# a seller that leaves when it is distrusted and returns as a newcomer, up to three times[/]
-    [cyan]roletrust play --set 'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]'
-    --attack sp_5=whitewashing:reserve=3[/]
+    [dim]# a seller that leaves when it is distrusted and returns as a newcomer, up to three
+    times[/] [cyan]roletrust play --set
+    'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]' --attack
+    sp_5=whitewashing:reserve=3[/]
 
     [dim]# your own scenario, with some fields changed[/]
     [cyan]roletrust play mine.toml --set lam=0.7 --set 'admission={threshold=0.3}'[/]
@@ -114,7 +146,8 @@ def play(
         raise ValueError("--model names the same model twice")
     attackers = parse_attacks(attack or [], rules)
     joint_policies = {
-        text: JointPolicy(Game(rules, parse_trust_model(text, rules, given)), attackers) for text in model
+        text: JointPolicy(Game(rules, parse_trust_model(text, rules, given)), attackers)
+        for text in model
     }  # all are checked before the first is played
     title = f"{rules.name}, {', '.join(model)}, {attacks_in_words(attackers)}"
     usual_out = Path("results/play") / _slug(title)
@@ -130,7 +163,9 @@ def play(
         "games": games,
         **{key: value for key, value in provenance(one.game, seed).items() if key != "trust_model"},
         "attackers": describe_policies(attackers),
-        "trust_models": {text: describe(joint_policy.game.model) for text, joint_policy in joint_policies.items()},
+        "trust_models": {
+            text: describe(joint_policy.game.model) for text, joint_policy in joint_policies.items()
+        },
     }
     if out is not None:
         if not force:
@@ -165,16 +200,35 @@ def play(
         tell(f"Written to {out}: {', '.join(written)}", where=aside)
     if not as_json and not video:
         rater = next(name for name in one.game.roster.names if "SR" in one.game.roster.role(name))
-        words = {"--attack": attack or [f"{rater}=bad-mouthing"], "--model": model, "--set": settings or []}
-        words |= {"--games": [f"{games}"], "--seed": [f"{seed}"], "--out": [f"{out}"]}  # it may hold no other games
-        usual = {"--model": ["role-trust"], "--games": ["1"], "--seed": ["0"], "--out": [f"{usual_out}"]}
+        words = {
+            "--attack": attack or [f"{rater}=bad-mouthing"],
+            "--model": model,
+            "--set": settings or [],
+        }
+        words |= {
+            "--games": [f"{games}"],
+            "--seed": [f"{seed}"],
+            "--out": [f"{out}"],
+        }  # it may hold no other games
+        usual = {
+            "--model": ["role-trust"],
+            "--games": ["1"],
+            "--seed": ["0"],
+            "--out": [f"{usual_out}"],
+        }
         options = [
-            word for name, texts in words.items() if texts != usual.get(name) for text in texts for word in (name, text)
+            word
+            for name, texts in words.items()
+            if texts != usual.get(name)
+            for text in texts
+            for word in (name, text)
         ]
         tell(f"Next: {shlex.join(['roletrust', 'play', scenario, *options, '--video'])}")
 
 
-def _check_memory(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int) -> None:
+def _check_memory(
+    joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int
+) -> None:
     """Refuse more games or rounds than the memory can hold."""
     rules = joint_policies[0].game.scenario
     if games == 1 or isinstance(
@@ -250,7 +304,9 @@ def _as_data(played: Sequence[Played]) -> dict[str, Any]:
 
 
 def _as_table(title: str, played: Sequence[Played], games: int) -> Table:
-    """Return a table of the results of each group of agents under each model, and of the effects of the attack."""
+    """Return a table of the results of each group of agents under each model, and of the effects of
+    the attack.
+    """
     headings = (name.replace(" ", "\n") for name in MEASURES)
     table = number_table(escape(title), "", "at end", *headings, name="agents")
     table.padding = (0, 1, 0, 0)  # it fits into 80 columns
@@ -267,7 +323,9 @@ def _as_table(title: str, played: Sequence[Played], games: int) -> Table:
         for name, estimate in one.metrics.items():
             if name.startswith(AUC_MEANWHILE):
                 role = name.removeprefix(AUC_MEANWHILE)
-                table.add_row(f"AUC{role}", "", _shown(estimate), "", _shown(one.metrics[AUC_FINALLY + role]))
+                table.add_row(
+                    f"AUC{role}", "", _shown(estimate), "", _shown(one.metrics[AUC_FINALLY + role])
+                )
             elif not name.startswith(AUC_FINALLY) and not np.isnan(estimate.mean):
                 table.add_row(name, "", _shown(estimate))
         table.add_section()
@@ -280,19 +338,31 @@ def _notes(played: Sequence[Played], games: int, attackers: Mapping[str, Policy]
     since = measured_since(attackers, rules.max_cycles)
     start = f"round {since} ({(since + 1) * rules.period_s:g} s)"
     when = "when the attack has begun" if attackers else "after the first rounds"
-    many = f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game"
+    many = (
+        f"mean of {games} games ± half the 95% confidence interval, rounded up"
+        if games > 1
+        else "one game"
+    )
     lines = [
         f"{many}; lowest trust: the least mean trust of the group from {start} on, {when}; "
         "what all numbers are: roletrust play --help"
     ]
     if unrated := [one.model for one in played if not one.game.model.rates_raters]:
-        lines.append(f"no trust in raters: {', '.join(unrated)}: false alarms and recovery are of providers only")
-    measured = [(one.model, name, estimate) for one in played for name, estimate in one.metrics.items()]
+        lines.append(
+            f"no trust in raters: {', '.join(unrated)}: false alarms and recovery are of providers "
+            "only"
+        )
+    measured = [
+        (one.model, name, estimate) for one in played for name, estimate in one.metrics.items()
+    ]
     undefined: dict[str, list[str]] = {}
     for model, name, estimate in measured:
         if estimate.why:
             undefined.setdefault(f"{name}: undefined: {estimate.why}", []).append(model)
-    lines += [f"{why} ({', '.join(models)})" if len(played) > 1 else why for why, models in undefined.items()]
+    lines += [
+        f"{why} ({', '.join(models)})" if len(played) > 1 else why
+        for why, models in undefined.items()
+    ]
     return lines
 
 
@@ -301,9 +371,13 @@ def _verdict(played: Played) -> str:
     *_, harm = played.damage.values()
     under, without = played.metrics["utility"], played.metrics[UTILITY_WITHOUT]
     loss = Estimate(without.mean - under.mean, np.nan)
-    costs = f"the attack costs honest agents {_shown(harm)} of trust, and consumers {_shown(loss)} of utility"
+    costs = (
+        f"the attack costs honest agents {_shown(harm)} of trust, and consumers {_shown(loss)} "
+        "of utility"
+    )
     apart = [
-        f"with probability {_shown(auc)} an attacker ends with less trust than an honest {name.rpartition(' ')[2]}"
+        f"with probability {_shown(auc)} an attacker ends with less trust than an honest "
+        f"{name.rpartition(' ')[2]}"
         for name, auc in played.metrics.items()
         if name.startswith(AUC_FINALLY) and not np.isnan(auc.mean)
     ]
@@ -314,7 +388,11 @@ def _shown(estimate: Estimate) -> str:
     if np.isnan(estimate.mean):
         return "undefined" if estimate.why else "nobody present"
     half = estimate.half
-    return f"{estimate.mean:.3f}" if np.isnan(half) else f"{estimate.mean:.3f}±{math.ceil(half * 1000) / 1000:.3f}"
+    return (
+        f"{estimate.mean:.3f}"
+        if np.isnan(half)
+        else f"{estimate.mean:.3f}±{math.ceil(half * 1000) / 1000:.3f}"
+    )
 
 
 def _plain(estimate: Estimate) -> dict[str, float | str | None]:

@@ -28,75 +28,117 @@ from roletrust_env.storage.tables import write_table
 from roletrust_experiments.commands.console import console, progress_bar, stage, tell
 from roletrust_experiments.commands.log_options import LogOptions
 from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, with_options
-from roletrust_experiments.commands.rate_tables import explanation_table, ranking_table, suspects_table
+from roletrust_experiments.commands.rate_tables import (
+    explanation_table,
+    ranking_table,
+    suspects_table,
+)
 
 _apart = attrgetter("n_late", "n_ahead", "n_repeated")  # ratings of a stream
 _ROLES: tuple[Role, ...] = get_args(Role)
 _MODEL = "leave-one-out"
-_REASON = "the nearest to the next ratings of the real log of docs/real.md; the paper's is --model role-trust"
+_REASON = (
+    "the nearest to the next ratings of the real log of docs/real.md; the paper's is --model "
+    "role-trust"
+)
 _BY_TIME, _WHOLE = "rounds go by time there", "a whole log, without --state and --lead"
 _evidence, _state, _comparison = (
-    partial(typer.Option, rich_help_panel=panel) for panel in ("Evidence", "State", "Comparison of models")
+    partial(typer.Option, rich_help_panel=panel)
+    for panel in ("Evidence", "State", "Comparison of models")
 )
 
 
 @with_options(LogOptions)
 def rate(
-    ratings: Annotated[Path, typer.Argument(help="File of ratings, see above; with --compare, also a folder of logs.")],
+    ratings: Annotated[
+        Path,
+        typer.Argument(help="File of ratings, see above; with --compare, also a folder of logs."),
+    ],
     reading: LogOptions,
     model: Annotated[
         list[str] | None,
-        typer.Option(metavar=NAMED, help=f"Trust model, {_MODEL} if left out; with --compare, repeat for more. {OWN}"),
+        typer.Option(
+            metavar=NAMED,
+            help=f"Trust model, {_MODEL} if left out; with --compare, repeat for more. {OWN}",
+        ),
     ] = None,
     trusted: Annotated[
         list[str] | None,
-        typer.Option(metavar="AGENT", help="Rater that is trusted beforehand, by models with seeds; repeat for more."),
+        typer.Option(
+            metavar="AGENT",
+            help="Rater that is trusted beforehand, by models with seeds; repeat for more.",
+        ),
     ] = None,
-    count: Annotated[int | None, typer.Option(min=1, help="Number of ratings of a round, in place of --every.")] = None,
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Number of ratings of a round, in place of --every.")
+    ] = None,
     rank_by: Annotated[
-        Literal["low", "trust"], _evidence(help="Rank by the lower end of the interval of trust, or by trust.")
+        Literal["low", "trust"],
+        _evidence(help="Rank by the lower end of the interval of trust, or by trust."),
     ] = "low",
-    top: Annotated[int, _evidence(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
-    explain: Annotated[str | None, _evidence(metavar="AGENT", help="Show what makes the trust in an agent.")] = None,
-    suspects: Annotated[bool, _evidence("--suspects", help="Look for raters that act together.")] = False,
-    state: Annotated[Path | None, _state(help="File of earlier ratings, which takes new; with --every.")] = None,
+    top: Annotated[
+        int, _evidence(min=0, help="Number of the most and of the least trusted agents to print.")
+    ] = 5,
+    explain: Annotated[
+        str | None, _evidence(metavar="AGENT", help="Show what makes the trust in an agent.")
+    ] = None,
+    suspects: Annotated[
+        bool, _evidence("--suspects", help="Look for raters that act together.")
+    ] = False,
+    state: Annotated[
+        Path | None, _state(help="File of earlier ratings, which takes new; with --every.")
+    ] = None,
     late: Annotated[
         Literal["drop", "count"],
-        _state(help="Leave out ratings of rounds that have ended, or count them in the running one."),
+        _state(
+            help="Leave out ratings of rounds that have ended, or count them in the running one."
+        ),
     ] = "drop",
-    lead: Annotated[float | None, _state(help="Longest time without a rating; later ones are left out.")] = None,
-    compare: Annotated[bool, _comparison("--compare", help="Measure trust models on logs, see above.")] = False,
-    synthetic: Annotated[bool, _comparison("--synthetic", help="First write synthetic logs.")] = False,
+    lead: Annotated[
+        float | None, _state(help="Longest time without a rating; later ones are left out.")
+    ] = None,
+    compare: Annotated[
+        bool, _comparison("--compare", help="Measure trust models on logs, see above.")
+    ] = False,
+    synthetic: Annotated[
+        bool, _comparison("--synthetic", help="First write synthetic logs.")
+    ] = False,
     seed: Seed = 0,
     out: Out = Path("results/rate"),
 ) -> None:
     """Compute [bold]the trust of raters and ratees from a log of ratings[/], a file that you bring.
 
-    It is CSV in any dialect, JSON lines (.jsonl) or Parquet, also in gzip (.gz). Separator, encoding, header, columns
-    with common names and the unit of times are found, and a line says which; an option overrides each.
+    It is CSV in any dialect, JSON lines (.jsonl) or Parquet, also in gzip (.gz). Separator,
+    encoding, header, columns with common names and the unit of times are found, and a line says
+    which; an option overrides each.
 
-    Ratings count round by round: by time (--every), by number (--count), or all in one round. Several ratings of one
-    agent by another in a round count as one, their mean. Rows may be in any order of time.
+    Ratings count round by round: by time (--every), by number (--count), or all in one round.
+        Several ratings of one agent by another in a round count as one, their mean. Rows may be in
+        any order of time.
 
-    Written: [green]ratees.csv raters.csv[/], with trust and evidence: a 95% interval, the number of ratings, of other
-    agents in them, and of effectively independent ones, the last rating, the window of the log, model and version.
-    First are those with the highest lower end of the interval. With --out trust.parquet both roles are one table.
+    Written: [green]ratees.csv raters.csv[/], with trust and evidence: a 95% interval, the number of
+        ratings, of other agents in them, and of effectively independent ones, the last rating, the
+        window of the log, model and version. First are those with the highest lower end of the
+        interval. With --out trust.parquet both roles are one table.
 
-    --explain shows the most important raters of an agent, and its trust without the ratings of each; of a rater, its
-    ratings that agree and differ most with the trust in those that it rates, and its trust without each. --suspects
-    shows groups of raters that rate the same ratees alike far beyond chance, and how far ranks move without each of
-    them, beside shuffled logs, in which nobody acts together: [green]suspects.csv[/].
+    --explain shows the most important raters of an agent, and its trust without the ratings of
+    each; of a rater, its ratings that agree and differ most with the trust in those that it rates,
+    and its trust without each. --suspects shows groups of raters that rate the same ratees alike
+    far beyond chance, and how far ranks move without each of them, beside shuffled logs, in which
+    nobody acts together: [green]suspects.csv[/].
 
-    With --state, rounds go on where an earlier run with this file has ended, and all agents so far are written, with
-    the evidence of all ratings so far. Ratings of the running round are taken once, however often they come, unless
-    --repeats is given. Those of rounds that have ended are late, also if they came before: by default they are left
-    out, so a log may be the whole one or its new part; with --late count it must be its new part.
+    With --state, rounds go on where an earlier run with this file has ended, and all agents so far
+    are written, with the evidence of all ratings so far. Ratings of the running round are taken
+    once, however often they come, unless --repeats is given. Those of rounds that have ended are
+    late, also if they came before: by default they are left out, so a log may be the whole one or
+    its new part; with --late count it must be its new part.
 
-    With --compare, trust models are measured on a file, or on the logs in a folder and in the folders in it, files
-    *network.csv or ratings.csv: forecasts, and a few hostile accounts in a replay; one model is recommended. Rounds are
-    of 30 days (--every). By default all central models are measured, and those of neighbouring fields: all-time-mean,
-    two-way-mean, fairness-goodness, bias-deserve, rev2, geometric-median and centred-clipping. What does not fit is
-    left out, and a line says so. Written then: [green]comparison.csv comparison.md[/].
+    With --compare, trust models are measured on a file, or on the logs in a folder and in the
+    folders in it, files *network.csv or ratings.csv: forecasts, and a few hostile accounts in a
+    replay; one model is recommended. Rounds are of 30 days (--every). By default all central models
+    are measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness,
+    bias-deserve, rev2, geometric-median and centred-clipping. What does not fit is left out, and a
+    line says so. Written then: [green]comparison.csv comparison.md[/].
 
     [bold]Examples[/]
 
@@ -106,16 +148,26 @@ def rate(
     [dim]# members rate members, with rounds of 30 days[/]
     [cyan]roletrust rate log.csv.gz --same-agents --scale -10 10 --every 2592000[/]
 
-    [dim]# two models on a synthetic log, with rounds of a week[/]
-    [cyan]roletrust rate results/log --compare --synthetic --model role-trust --model beta --every 604800[/]
+    [dim]# two models on a synthetic log, with rounds of a week[/] [cyan]roletrust rate results/log
+    --compare --synthetic --model role-trust --model beta --every 604800[/]
     """
-    every, state_or_lead, single = reading.every, not (state is None and lead is None), out.suffix == ".parquet"
+    every, state_or_lead, single = (
+        reading.every,
+        not (state is None and lead is None),
+        out.suffix == ".parquet",
+    )
     tables = [out] if single else [out / f"{name}s.csv" for name in (*_ROLES, "suspect")]
     own = {path.resolve() for path in (ratings, state) if path}
     for wrong, words in (
-        (own.intersection(path.resolve() for path in tables), f"--out {out} would replace the log or the state"),
+        (
+            own.intersection(path.resolve() for path in tables),
+            f"--out {out} would replace the log or the state",
+        ),
         (single and out.is_dir(), f"--out {out} is a folder; a table needs another name"),
-        (compare and (state_or_lead or count), f"--count, --state and --lead are not for --compare: {_BY_TIME}"),
+        (
+            compare and (state_or_lead or count),
+            f"--count, --state and --lead are not for --compare: {_BY_TIME}",
+        ),
         (
             compare and (explain is not None or suspects or rank_by == "trust" or late == "count"),
             "--explain, --suspects, --rank-by and --late are not for --compare: it ranks no agents",
@@ -123,9 +175,18 @@ def rate(
         (compare and single, "--compare writes several tables; --out is a folder for them"),
         (not compare and synthetic, "--synthetic needs --compare"),
         (not compare and len(model or ()) > 1, "several models need --compare"),
-        (trusted and (compare or state), "--trusted is of one model on a whole log, without --compare and --state"),
-        (state and every is None, "--state needs --every: the time of a rating says whether it is new"),
-        ((explain is not None or suspects) and state_or_lead, f"--explain and --suspects need {_WHOLE}"),
+        (
+            trusted and (compare or state),
+            "--trusted is of one model on a whole log, without --compare and --state",
+        ),
+        (
+            state and every is None,
+            "--state needs --every: the time of a rating says whether it is new",
+        ),
+        (
+            (explain is not None or suspects) and state_or_lead,
+            f"--explain and --suspects need {_WHOLE}",
+        ),
     ):
         if wrong:
             raise ValueError(words)
@@ -137,31 +198,51 @@ def rate(
     name = model[0] if model else _MODEL
     chosen: Any = make_log_model(name)
     if trusted and not hasattr(chosen, "seeds"):
-        raise ValueError(f"{name} has no seeds, as --trusted needs; merit-rank and personalized-pagerank have")
+        raise ValueError(
+            f"{name} has no seeds, as --trusted needs; merit-rank and personalized-pagerank have"
+        )
     check_rounds(every, count)
     check_lateness(late, lead, every)
     folder = out.parent if single else out
     prepare_folder(folder)
-    rounds: Any = {"every": every, "count": count, "same_agents": bool(reading.same_agents), "late": late, "lead": lead}
+    rounds: Any = {
+        "every": every,
+        "count": count,
+        "same_agents": bool(reading.same_agents),
+        "late": late,
+        "lead": lead,
+    }
     with progress_bar() as progress:
         log = reading.read(ratings, stage(progress, f"Reading {ratings.name}"))
         if trusted:
-            chosen = replace(chosen, seeds=tuple(find_agent(log, one, ("rater",))["rater"] for one in trusted))
+            chosen = replace(
+                chosen, seeds=tuple(find_agent(log, one, ("rater",))["rater"] for one in trusted)
+            )
         roles = {} if explain is None else find_agent(log, explain)
         advance = stage(progress, "Playing rounds")
         pairs = None if state else log.pairs()
         if state_or_lead:
             run: Any = _stream(chosen, log, state, reading, rounds)
-            trusts = [np.array(list(one().values())) for one in (run.provider_trust, run.rater_trust)]
+            trusts = [
+                np.array(list(one().values())) for one in (run.provider_trust, run.rater_trust)
+            ]
         else:
             run = played(chosen, log, numbers_of(log, every, count), pairs=pairs, advance=advance)
             trusts = [run.provider_trust, run.rater_trust]
-        origin = {**window(run.window if state else log.times), "model": name, "version": version("roletrust-env")}
+        origin = {
+            **window(run.window if state else log.times),
+            "model": name,
+            "version": version("roletrust-env"),
+        }
 
         def ranked(role: Role, trust: Any) -> Evidence:
-            return (evidence(log, role, trust, pairs) if pairs else run.evidence(role)).ranked(rank_by)
+            return (evidence(log, role, trust, pairs) if pairs else run.evidence(role)).ranked(
+                rank_by
+            )
 
-        with ThreadPoolExecutor() as pool:  # pyarrow and NumPy sort and write two tables beside each other
+        with (
+            ThreadPoolExecutor() as pool
+        ):  # pyarrow and NumPy sort and write two tables beside each other
             found = dict(zip(_ROLES, pool.map(ranked, _ROLES, trusts), strict=True))
             written = _write(out, found, origin, progress, pool)
         for role, one in found.items():
@@ -174,27 +255,49 @@ def rate(
         for role, agent in roles.items():
             if role == "ratee" or chosen.rates_raters:
                 advance = stage(progress, f"Explaining trust in the {role} {explain}")
-                reasons = explained(chosen, log, numbers_of(log, every, count), role, agent, advance=advance)
+                reasons = explained(
+                    chosen, log, numbers_of(log, every, count), role, agent, advance=advance
+                )
                 console.print(explanation_table(reasons, log, reading.ends))
         if suspects:
             advance = stage(progress, "Looking for suspects")
-            groups = find_suspects(chosen, log, numbers_of(log, every, count), seed=seed, advance=advance)
+            groups = find_suspects(
+                chosen, log, numbers_of(log, every, count), seed=seed, advance=advance
+            )
             console.print(suspects_table(groups, log))
-            rows = [(n, log.rater_names[at], *one[2:]) for n, one in enumerate(groups.groups, 1) for at in one.raters]
+            rows = [
+                (n, log.rater_names[at], *one[2:])
+                for n, one in enumerate(groups.groups, 1)
+                for at in one.raters
+            ]
             written += ", suspects.csv"
-            write_csv(folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows)
+            write_csv(
+                folder / "suspects.csv", ("group", "rater", "shift", "apart", "shuffled", "p"), rows
+            )
     tell(f"Model {name}{f', {_REASON}' if model is None else ''}.")
-    tell(f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to {written}")
+    tell(
+        f"{len(log.values):,} ratings in {run.rounds:,} round{'s' * (run.rounds != 1)}. Written to "
+        f"{written}"
+    )
     if explain is None and not suspects and not state_or_lead:
-        tell("--explain AGENT shows what makes the trust in an agent; --suspects, which raters act together.")
+        tell(
+            "--explain AGENT shows what makes the trust in an agent; --suspects, which raters act "
+            "together."
+        )
 
 
-def _stream(model: Any, log: RatingLog, state: Path | None, reading: LogOptions, rounds: dict[str, Any]) -> TrustStream:
-    """Return a stream that has played a log, after the earlier ratings of a state, and print which were left out."""
+def _stream(
+    model: Any, log: RatingLog, state: Path | None, reading: LogOptions, rounds: dict[str, Any]
+) -> TrustStream:
+    """Return a stream that has played a log, after the earlier ratings of a state, and print which
+    were left out.
+    """
     if state is None:
         agents: Any = tuple(np.arange(size) for size in log.shape)
         people: Any = log.raters, log.ratees
-        opened: AbstractContextManager[TrustStream] = nullcontext(TrustStream(model, agents=agents, **rounds))
+        opened: AbstractContextManager[TrustStream] = nullcontext(
+            TrustStream(model, agents=agents, **rounds)
+        )
     else:
         names = (np.array(list(names), object) for names in (log.rater_names, log.ratee_names))
         people = next(names)[log.raters], next(names)[log.ratees]
@@ -206,15 +309,24 @@ def _stream(model: Any, log: RatingLog, state: Path | None, reading: LogOptions,
         stream.update(people[0], people[1], log.values, log.times, log.rests)
     stream.finish()
     if any(apart := [after - had for after, had in zip(_apart(stream), before, strict=True)]):
-        words = "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the lead, {:,} repeated"
+        words = (
+            "{:,} ratings of rounds that had ended (--late {}), {:,} ahead by more than the "
+            "lead, {:,} repeated"
+        )
         tell(words.format(apart[0], rounds["late"], *apart[1:]))
     return stream
 
 
 def _write(
-    out: Path, found: dict[Role, Evidence], origin: dict[str, str], progress: Progress, pool: ThreadPoolExecutor
+    out: Path,
+    found: dict[Role, Evidence],
+    origin: dict[str, str],
+    progress: Progress,
+    pool: ThreadPoolExecutor,
 ) -> str:
-    """Write the tables of both roles, in one file if it is a Parquet file, and return what was written."""
+    """Write the tables of both roles, in one file if it is a Parquet file, and return what was
+    written.
+    """
     tables = {out / f"{role}s.csv": one.table(role, origin) for role, one in found.items()}
     names = ", ".join(path.name for path in tables)
     if single := out.suffix == ".parquet":

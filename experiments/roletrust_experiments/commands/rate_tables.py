@@ -1,4 +1,6 @@
-"""Tables of `roletrust rate` for a terminal of 80 columns: a ranking, an explanation, and suspects."""
+"""Tables of `roletrust rate` for a terminal of 80 columns: a ranking, an explanation, and
+suspects.
+"""
 
 from rich.table import Table
 
@@ -15,10 +17,14 @@ def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
     """Return the agents at both ends of a ranking as a table of 80 columns."""
     size, others = len(ranked.names), "raters" if role == "ratee" else "ratees"
     title = f"Trust in {size:,} {role}s, ranked by {'its lower end' if rank == 'low' else 'trust'}"
-    table = number_table(title, "", "rank", "trust", "interval", "ratings", others, "indep.", "last")
+    table = number_table(
+        title, "", "rank", "trust", "interval", "ratings", others, "indep.", "last"
+    )
     ends = list(dict.fromkeys([*range(min(top, size)), *range(max(0, size - top), size)]))
     part = ranked.at(ends)
-    for place, row in zip(ends, zip(*part._replace(last=as_dates(part.last)), strict=True), strict=True):
+    for place, row in zip(
+        ends, zip(*part._replace(last=as_dates(part.last)), strict=True), strict=True
+    ):
         agent, trust, low, high, ratings, number, independent, last = row
         interval = "-" if low != low else f"{low:.2f} {high:.2f}"  # NaN
         when = "-" if last != last else f"{last!s:.10}"
@@ -33,11 +39,16 @@ def explanation_table(found: Explanation, log: RatingLog, scale: tuple[float, fl
     """Return what makes the trust in an agent, with ratings on their scale."""
     rated, (worst, best) = found.role == "ratee", scale
     names, other = (log.rater_names, "rater") if rated else (log.ratee_names, "ratee")
-    title = f"Trust in the {found.role} {shown(found.name)}: {found.trust:.4f}, rank {found.rank:,} by trust"
+    title = (
+        f"Trust in the {found.role} {shown(found.name)}: {found.trust:.4f}, rank "
+        f"{found.rank:,} by trust"
+    )
     whose = "its ratings of the agent" if rated else "the agent's ratings of it"
     many = f"{len(found.reasons)} of {found.n_others:,} {other}s with {found.n_ratings:,} ratings."
     caption = f"{many} Others: their mean rating. Without: trust after the log without {whose}."
-    table = number_table(title, caption, "ratings", "others", "trust in it", "without", "change", "rank", name=other)
+    table = number_table(
+        title, caption, "ratings", "others", "trust in it", "without", "change", "rank", name=other
+    )
     for agent, trust, ratings, others, without, rank in found.reasons:
         values = [f"{worst + value * (best - worst):g}" for value in ratings[-_SHOWN:].tolist()]
         last = ", ".join(["..."] * (len(ratings) > _SHOWN) + values)
@@ -50,13 +61,22 @@ def explanation_table(found: Explanation, log: RatingLog, scale: tuple[float, fl
 def suspects_table(found: Search, log: RatingLog) -> Table:
     """Return the groups of raters that rate alike, and what they do to ranks."""
     caption = (
-        f"In {found.shuffles} shuffled logs: {found.false_groups} groups. Shift: of percentiles of their ratees. "
-        "Apart: from ratings of others. With p = 1/n, the n-th log did as much; above 0.05, it may be an honest club."
+        f"In {found.shuffles} shuffled logs: {found.false_groups} groups. Shift: of percentiles of "
+        "their ratees. "
+        "Apart: from ratings of others. With p = 1/n, the n-th log did as much; above 0.05, it may "
+        "be an honest club."
     )
     title = f"Raters that rate alike beyond chance: {len(found.groups)} groups"
     table = number_table(title, caption, "raters", "ratees", "shift", "shuffled", "apart", "p")
     for raters, ratees, shift, apart, chance, p in found.groups:
-        names = [*(log.rater_names[place] for place in raters[:_SHOWN].tolist()), *["..."] * (len(raters) > _SHOWN)]
-        cells = (f"{number:.3f}" if number == number else "-" for number in (shift, chance, apart))  # NaN
-        table.add_row(shown(", ".join(names)), f"{len(raters):,}", f"{len(ratees):,}", *cells, f"{p:.2f}")
+        names = [
+            *(log.rater_names[place] for place in raters[:_SHOWN].tolist()),
+            *["..."] * (len(raters) > _SHOWN),
+        ]
+        cells = (
+            f"{number:.3f}" if number == number else "-" for number in (shift, chance, apart)
+        )  # NaN
+        table.add_row(
+            shown(", ".join(names)), f"{len(raters):,}", f"{len(ratees):,}", *cells, f"{p:.2f}"
+        )
     return table

@@ -15,7 +15,13 @@ from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least
 from roletrust_env.errors import suggest
 from roletrust_env.metrics.confidence import estimate
 from roletrust_env.storage.files import prepare_folder
-from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar, tell
+from roletrust_experiments.commands.console import (
+    ALLOW_CODE,
+    console,
+    number_table,
+    progress_bar,
+    tell,
+)
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import read_run
 from roletrust_experiments.commands.options import NAMED, Out
@@ -24,45 +30,52 @@ from roletrust_experiments.plots.figure_files import write_figure
 
 
 def replay(
-    results: Annotated[Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.")] = Path(
-        "results/benchmark/results.sqlite"
-    ),
+    results: Annotated[
+        Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.")
+    ] = Path("results/benchmark/results.sqlite"),
     model: Annotated[
         str | None,
-        typer.Option(metavar=NAMED, help="Trust model whose worst case is played, the best one if left out."),
+        typer.Option(
+            metavar=NAMED, help="Trust model whose worst case is played, the best one if left out."
+        ),
     ] = None,
     cell: Annotated[
         str | None,
         typer.Option(
             metavar="KEY",
-            help="Cell whose worst attack is played: model, scenario, track, share, method and seed, joined by |.",
+            help="Cell whose worst attack is played: model, scenario, track, share, method and seed, joined by |.",  # noqa: E501
         ),
     ] = None,
     attack: Annotated[
-        str | None, typer.Option(metavar=NAMED, help="Attack of this cell, in place of the worst one.")
+        str | None,
+        typer.Option(metavar=NAMED, help="Attack of this cell, in place of the worst one."),
     ] = None,
     video: Annotated[
-        bool, typer.Option("--video", help="Also save a video of the game with the least utility, game.mp4.")
+        bool,
+        typer.Option(
+            "--video", help="Also save a video of the game with the least utility, game.mp4."
+        ),
     ] = False,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/replay"),
 ) -> None:
     """Play [bold]an attack of a benchmark[/] again, and show what it does.
 
-    The games are those that measured the attack, and the same ones with everybody honest. What a search has found is
-    in the file, except for networks of Stable-Baselines3 and for plans: there the search runs again, with its seed and
-    budget, and takes as long as in the benchmark.
+    The games are those that measured the attack, and the same ones with everybody honest. What a
+    search has found is in the file, except for networks of Stable-Baselines3 and for plans: there
+    the search runs again, with its seed and budget, and takes as long as in the benchmark.
 
-    Written: [green]replay.png[/], the utility of consumers and the trust of both sides, round by round; and with
-    --video [green]game.mp4[/] and its last round, [green]game.png[/]. In the video, the attacker's agents are marked.
+    Written: [green]replay.png[/], the utility of consumers and the trust of both sides, round by
+        round; and with --video [green]game.mp4[/] and its last round, [green]game.png[/]. In the
+        video, the attacker's agents are marked.
 
     [bold]Examples[/]
 
     [dim]# the worst that happened to a trust model, with a video[/]
     [cyan]roletrust replay results/quick/results.sqlite --model role-trust --video[/]
 
-    [dim]# one attack in one condition[/]
-    [cyan]roletrust replay results/quick/results.sqlite --cell 'beta|market|raters|0.3|scripted|0' --attack rank-lies[/]
+    [dim]# one attack in one condition[/] [cyan]roletrust replay results/quick/results.sqlite --cell
+    'beta|market|raters|0.3|scripted|0' --attack rank-lies[/]
     """
     require("a replay", "train", "scipy", "cma")  # as the benchmark whose suite it reads
     if video:
@@ -80,14 +93,21 @@ def replay(
     condition = f"{place.model}, {place.scenario}, {place.track} {place.share:.0%}"
     title = f"{condition}: {row.attack}"
     table = number_table(escape(title), escape(row.words), "attack", "everybody honest")
-    table.add_row("utility of consumers", *(f"{one.mean:.3f}±{one.half:.3f}" for one in (utility, honest)))
-    table.add_row("rounds in which the most trusted provider is the attacker's", f"{found.believed.mean():.0%}", "")
+    table.add_row(
+        "utility of consumers", *(f"{one.mean:.3f}±{one.half:.3f}" for one in (utility, honest))
+    )
+    table.add_row(
+        "rounds in which the most trusted provider is the attacker's",
+        f"{found.believed.mean():.0%}",
+        "",
+    )
     for side in found.sides:
         table.add_row(f"trust in {side.label}", f"{np.nanmean(side.trust):.3f}", "")
     console.print(table)
     if abs(utility.mean - stored) > 1e-6:
         tell(
-            f"The file has a utility of {stored:.3f}: another processor or other software computes other numbers, and "
+            f"The file has a utility of {stored:.3f}: another processor or other software computes "
+            "other numbers, and "
             "may find another attack where the file has no record of the attacker.",
             "yellow",
         )
@@ -100,7 +120,9 @@ def replay(
 
         worst, task = int(np.argmin(found.score)), found.found.task
         with progress_bar() as progress:
-            write_video_of_states(out / "game.mp4", task.game, found.states(worst), task.identities, progress)
+            write_video_of_states(
+                out / "game.mp4", task.game, found.states(worst), task.identities, progress
+            )
         written += ["game.mp4", "game.png"]
     tell(f"Written to {out}: {', '.join(written)}")
 
@@ -129,7 +151,9 @@ def _choose(
         attacked = [one for one in cases if suite.tracks[one.condition.track].roles]
         worst = min(attacked, key=lambda one: one.mean)
         seeds = sorted({cell.seed for cell, _ in played.values()})
-        seed = next(seed for seed, one in zip(seeds, worst.choices, strict=True) if one is worst.common)
+        seed = next(
+            seed for seed, one in zip(seeds, worst.choices, strict=True) if one is worst.common
+        )
         key, attack = Cell(model, *worst.condition, worst.common.method, seed).key, worst.attack
     if key not in played:
         raise ValueError(f"{path} has no played cell {key!r}{suggest(key, played)}")

@@ -15,28 +15,40 @@ from roletrust_experiments.commands.options import Out
 def report(
     results: Annotated[
         list[Path] | None,
-        typer.Argument(help="Results of benchmarks, one of trust models and one of learners at the most."),
+        typer.Argument(
+            help="Results of benchmarks, one of trust models and one of learners at the most."
+        ),
     ] = None,
     pages: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Folder with the pages of the trust models, to which it then links.")
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Folder with the pages of the trust models, to which it then links.",
+        ),
     ] = "",
     logs: Annotated[
         Path | None,
-        typer.Option(metavar="comparison.csv", help="Results of `roletrust rate --compare`, which add a column."),
+        typer.Option(
+            metavar="comparison.csv",
+            help="Results of `roletrust rate --compare`, which add a column.",
+        ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/report"),
 ) -> None:
-    """Write [bold]the results of a benchmark[/] as one page that opens in any browser, without a network.
+    """Write [bold]the results of a benchmark[/] as one page that opens in any browser, without a
+    network.
 
-    The page has the leaderboard, which can be sorted and filtered; the utility of each model under each attack, also
-    round by round; the share of liars that breaks a model; damage against detectability; the learners and their
-    progress; and the limits of these numbers. A run may be incomplete: the page shows the cells that have been played.
+    The page has the leaderboard, which can be sorted and filtered; the utility of each model under
+    each attack, also round by round; the share of liars that breaks a model; damage against
+    detectability; the learners and their progress; and the limits of these numbers. A run may be
+    incomplete: the page shows the cells that have been played.
 
-    Written: [green]report.html[/], the page; a [green].csv[/] with the numbers of each figure, and a [green].png[/]
-    and a [green].pdf[/] of it; [green]leaderboard.md[/], the leaderboard in Markdown; [green]games.csv.gz[/], the
-    utility of every game; and [green]conditions.csv[/], how well each condition tells models apart. Of the tables,
-    [green]worst_cases.csv[/] has a row for each model and condition.
+    Written: [green]report.html[/], the page; a [green].csv[/] with the numbers of each figure, and
+        a [green].png[/] and a [green].pdf[/] of it; [green]leaderboard.md[/], the leaderboard in
+        Markdown; [green]games.csv.gz[/], the utility of every game; and [green]conditions.csv[/],
+        how well each condition tells models apart. Of the tables, [green]worst_cases.csv[/] has a
+        row for each model and condition.
 
     [bold]Examples[/]
 
@@ -48,7 +60,9 @@ def report(
     [cyan]roletrust benchmark --suite learners-quick --out results/learners[/]
     [cyan]roletrust report results/quick/results.sqlite results/learners/results.sqlite[/]
     """
-    require("the report", "train", "scipy", "cma", "jinja2")  # to read a suite of the benchmark, and for the page
+    require(
+        "the report", "train", "scipy", "cma", "jinja2"
+    )  # to read a suite of the benchmark, and for the page
     from roletrust_env.benchmarking.conditions import ConditionRow
     from roletrust_env.benchmarking.real_logs import read_replays
     from roletrust_env.errors import check_unicode
@@ -64,13 +78,23 @@ def report(
     content = read(paths, allow_code=allow_code, real=read_replays(logs) if logs else None)
     prepare_folder(out)
     for name, table in content.tables.items():
-        write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
+        write_csv(
+            out / f"{name}.csv",
+            table.header,
+            [[_flat(value) for value in row] for row in table.rows],
+        )
     drawn = write_figures(out, content, ".png", ".pdf")
     pictures = {name: (out / f"{name}.png").read_bytes() for name in drawn}
     code = ["--allow-code"] if allow_code else []
     linked = [*(["--pages", pages] if pages else []), *(["--logs", str(logs)] if logs else [])]
-    command = shlex.join(["roletrust", "report", *map(str, paths), *code, *linked, "--out", str(out)])
-    replayed = shlex.join(["roletrust", "replay", str(found.path), *code]) if (found := content.robustness) else ""
+    command = shlex.join(
+        ["roletrust", "report", *map(str, paths), *code, *linked, "--out", str(out)]
+    )
+    replayed = (
+        shlex.join(["roletrust", "replay", str(found.path), *code])
+        if (found := content.robustness)
+        else ""
+    )
     write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/"), replayed))
     written = "report.html"
     if found:

@@ -24,43 +24,74 @@ def serve(
     model: Annotated[str, typer.Argument(metavar=NAMED, help="Trust model. " + OWN)],
     port: Annotated[
         int | None,
-        typer.Option(min=0, max=65535, help="Port, 0 for any; standard input if left out, with --store 8000."),
+        typer.Option(
+            min=0, max=65535, help="Port, 0 for any; standard input if left out, with --store 8000."
+        ),
     ] = None,
     host: Annotated[
-        str, typer.Option(help="Address of the service; others than this machine reach it at 0.0.0.0 only.")
+        str,
+        typer.Option(
+            help="Address of the service; others than this machine reach it at 0.0.0.0 only."
+        ),
     ] = "127.0.0.1",
     store: Annotated[
-        str | None, _manager(metavar="FILE|URL", help="Be a manager: its journal, a file of SQLite or postgresql://...")
+        str | None,
+        _manager(
+            metavar="FILE|URL",
+            help="Be a manager: its journal, a file of SQLite or postgresql://...",
+        ),
     ] = None,
     name: Annotated[
-        str | None, _manager(help="Name of the manager, to which tokens are addressed; a new store makes one up.")
+        str | None,
+        _manager(
+            help="Name of the manager, to which tokens are addressed; a new store makes one up."
+        ),
     ] = None,
     every: Annotated[float, _manager(min=1, help="Length of a round, seconds.")] = 60.0,
-    scale: Annotated[tuple[float, float], _manager(help="Worst and best rating.", metavar="WORST BEST")] = (0.0, 1.0),
+    scale: Annotated[
+        tuple[float, float], _manager(help="Worst and best rating.", metavar="WORST BEST")
+    ] = (0.0, 1.0),
     same_agents: Annotated[
-        bool, _manager("--same-agents/--two-roles", help="Whether rater and provider of one name are one agent.")
+        bool,
+        _manager(
+            "--same-agents/--two-roles",
+            help="Whether rater and provider of one name are one agent.",
+        ),
     ] = True,
-    work: Annotated[int, _manager(min=0, max=64, help="Zero bits of a newcomer's proof of work.")] = 16,
-    quota: Annotated[int, _manager(min=1, help="Number of ratings that an agent may send in a round.")] = 1000,
-    newcomers: Annotated[int, _manager(min=0, help="Number of agents that may register in a round.")] = 100,
-    tolerance: Annotated[float, _manager(min=0, help="Seconds between signing and the manager's clock.")] = 60.0,
-    rounds: Annotated[bool, _manager("--rounds", help="Answer the protocol of rounds, too, at /rounds.")] = False,
+    work: Annotated[
+        int, _manager(min=0, max=64, help="Zero bits of a newcomer's proof of work.")
+    ] = 16,
+    quota: Annotated[
+        int, _manager(min=1, help="Number of ratings that an agent may send in a round.")
+    ] = 1000,
+    newcomers: Annotated[
+        int, _manager(min=0, help="Number of agents that may register in a round.")
+    ] = 100,
+    tolerance: Annotated[
+        float, _manager(min=0, help="Seconds between signing and the manager's clock.")
+    ] = 60.0,
+    rounds: Annotated[
+        bool, _manager("--rounds", help="Answer the protocol of rounds, too, at /rounds.")
+    ] = False,
 ) -> None:
-    r"""Answer [bold]ratings with trust[/], for programs in any language; with --store, [bold]for agents[/].
+    r"""Answer [bold]ratings with trust[/], for programs in any language; with --store, [bold]for
+    agents[/].
 
-    The protocol is that of models outside: a line of JSON with the ratings of a round, and a line with the trust after
-    it. So a system in another language can use a trust model of this package, and a model of another package can be
-    measured in a process of its own, where it sees ratings and nothing else.
+    The protocol is that of models outside: a line of JSON with the ratings of a round, and a line
+        with the trust after it. So a system in another language can use a trust model of this
+        package, and a model of another package can be measured in a process of its own, where it
+        sees ratings and nothing else.
 
-    With --store it is a trust manager: agents register, report signed ratings, and ask whom to trust. What it has
-    acknowledged is in the store, and another model or length of a round is another start. /openapi.json has its HTTP.
+    With --store it is a trust manager: agents register, report signed ratings, and ask whom to
+    trust. What it has acknowledged is in the store, and another model or length of a round is
+    another start. /openapi.json has its HTTP.
 
     [bold]Examples[/]
 
-    [dim]# a game of two raters and one provider[/]
-    [cyan]roletrust serve role-trust --port 8080[/]
-    [cyan]curl localhost:8080 -d '{"game": 1, "round": 0, "raters": 2, "providers": 1, "ratings": \[]}'[/]
-    [cyan]curl localhost:8080 -d '{"game": 1, "round": 1, "raters": 2, "providers": 1, "ratings": \[\[0, 0, 0.9]]}'[/]
+    [dim]# a game of two raters and one provider[/] [cyan]roletrust serve role-trust --port 8080[/]
+    [cyan]curl localhost:8080 -d '{"game": 1, "round": 0, "raters": 2, "providers": 1, "ratings":
+    \[]}'[/] [cyan]curl localhost:8080 -d '{"game": 1, "round": 1, "raters": 2, "providers": 1,
+    "ratings": \[\[0, 0, 0.9]]}'[/]
 
     [dim]# a model in a process of its own[/]
     [cyan]roletrust benchmark --model 'exec:roletrust serve mypackage.mymodel:MyModel'[/]
@@ -72,7 +103,11 @@ def serve(
         settings = (every, scale, same_agents, work, quota, newcomers, tolerance)
         _manage(model, store, name, settings, host, 8000 if port is None else port, rounds=rounds)
         return
-    of_manager = {one.opts[0] for one in context.command.params if getattr(one, "rich_help_panel", None) == _PANEL}
+    of_manager = {
+        one.opts[0]
+        for one in context.command.params
+        if getattr(one, "rich_help_panel", None) == _PANEL
+    }
     if wrong := [name for name in given_options(context) if name in of_manager]:
         raise ValueError(f"{', '.join(wrong)}: only a trust manager has that; --store makes one")
     service = TrustService(make_log_model(model))
@@ -90,10 +125,26 @@ def serve(
 
 
 def _manage(
-    model: str, store: str, name: str | None, settings: tuple[Any, ...], host: str, port: int, *, rounds: bool
+    model: str,
+    store: str,
+    name: str | None,
+    settings: tuple[Any, ...],
+    host: str,
+    port: int,
+    *,
+    rounds: bool,
 ) -> None:
     """Be a trust manager, until a signal ends it."""
-    require("roletrust serve --store", "serve", "fastapi", "uvicorn", "sqlalchemy", "jwt", "cryptography", "pyarrow")
+    require(
+        "roletrust serve --store",
+        "serve",
+        "fastapi",
+        "uvicorn",
+        "sqlalchemy",
+        "jwt",
+        "cryptography",
+        "pyarrow",
+    )
     import uvicorn
 
     from roletrust_env.live.validation import RefusalReason
@@ -113,7 +164,9 @@ def _manage(
             gc.freeze()  # else each full collection looks at all modules, and all requests wait
             config = uvicorn.Config(
                 app,
-                http=limited_protocol(lambda: manager.validator.refuse("", RefusalReason.TOO_LARGE)),
+                http=limited_protocol(
+                    lambda: manager.validator.refuse("", RefusalReason.TOO_LARGE)
+                ),
                 log_level="error",  # strangers must not fill the log
                 access_log=False,
                 timeout_graceful_shutdown=_END_S,

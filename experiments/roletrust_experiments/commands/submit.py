@@ -1,4 +1,6 @@
-"""`roletrust submit` and `roletrust verify`: a benchmark's numbers as one file, and whether they are true."""
+"""`roletrust submit` and `roletrust verify`: a benchmark's numbers as one file, and whether they
+are true.
+"""
 
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +16,12 @@ from rich.table import Table
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.schema import AnyCell
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.submission import CellClaim, Submission, make_entries, make_submission
+from roletrust_env.benchmarking.submission import (
+    CellClaim,
+    Submission,
+    make_entries,
+    make_submission,
+)
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.verification import (
     LONGEST_S,
@@ -30,46 +37,63 @@ from roletrust_env.benchmarking.verification import (
     sample_claims,
 )
 from roletrust_env.storage.files import write_json
-from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar, tell
+from roletrust_experiments.commands.console import (
+    ALLOW_CODE,
+    console,
+    number_table,
+    progress_bar,
+    tell,
+)
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import read_run
 from roletrust_experiments.commands.options import NAMED, Workers
 
 
 def submit(
-    results: Annotated[Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.")],
+    results: Annotated[
+        Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.")
+    ],
     out: Annotated[Path, typer.Option(help="File to write.", metavar="FILE.json")],
     model: Annotated[
         list[str] | None,
-        typer.Option(metavar=NAMED, help="Trust model of the run to submit; repeat for more; all if left out."),
+        typer.Option(
+            metavar=NAMED,
+            help="Trust model of the run to submit; repeat for more; all if left out.",
+        ),
     ] = None,
     attacks: Annotated[
-        bool, typer.Option("--attacks", help="Write the worst attacks instead, for `roletrust benchmark --known`.")
+        bool,
+        typer.Option(
+            "--attacks", help="Write the worst attacks instead, for `roletrust benchmark --known`."
+        ),
     ] = False,
     finder: Annotated[
-        str, typer.Option(help="Name of the finder of the attacks, for tables; only with --attacks.")
+        str,
+        typer.Option(help="Name of the finder of the attacks, for tables; only with --attacks."),
     ] = "",
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
     """Write [bold]the benchmark results of your trust model[/] to one file that others can check.
 
-    The file holds the scores with their intervals, the whole suite, the versions of the software, hashes of the source
-    of each trust model and attack, and the means of each attack in each cell, which `roletrust verify` measures again.
-    The run must be complete, without failed cells: otherwise a model could avoid an attack by failing under it.
+    The file holds the scores with their intervals, the whole suite, the versions of the software,
+    hashes of the source of each trust model and attack, and the means of each attack in each cell,
+    which `roletrust verify` measures again. The run must be complete, without failed cells:
+    otherwise a model could avoid an attack by failing under it.
 
-    With --attacks, the file holds attacks instead: the worst one on each trust model in each condition. Each is a
-    scripted attack with its parameters, or the network of a coalition, so that anybody can play it without a search and
-    without your code.
+    With --attacks, the file holds attacks instead: the worst one on each trust model in each
+    condition. Each is a scripted attack with its parameters, or the network of a coalition, so that
+    anybody can play it without a search and without your code.
 
     [bold]Examples[/]
 
-    [dim]# submit a model of your own[/]
-    [cyan]roletrust benchmark --suite standard --model mypackage.mymodel:MyModel --out results/mine[/]
-    [cyan]roletrust submit results/mine/results.sqlite --model mypackage.mymodel:MyModel --out mymodel.json[/]
+    [dim]# submit a model of your own[/] [cyan]roletrust benchmark --suite standard --model
+    mypackage.mymodel:MyModel --out results/mine[/] [cyan]roletrust submit
+    results/mine/results.sqlite --model mypackage.mymodel:MyModel --out mymodel.json[/]
 
     [dim]# submit attacks, here a script of yours and what searches find, against one trust model[/]
-    [cyan]roletrust benchmark --suite standard --attack rank-lies:bend=2 --model beta --out results/lies[/]
-    [cyan]roletrust submit results/lies/results.sqlite --attacks --finder "A. Author" --out lies.json[/]
+    [cyan]roletrust benchmark --suite standard --attack rank-lies:bend=2 --model beta --out
+    results/lies[/] [cyan]roletrust submit results/lies/results.sqlite --attacks --finder "A.
+    Author" --out lies.json[/]
     """
     require("a submission", "train", "scipy", "cma")  # as the benchmark whose suite it reads
     if finder and not attacks:
@@ -87,7 +111,9 @@ def submit(
     with Store(results) as store:
         found = make_submission(store, model or (), allow_code=allow_code)
     write_json(out, found.model_dump(mode="json"))
-    table = number_table(f"Submission, suite {escape(str(found.suite['name']))}", "± half the 95% interval", "worst")
+    table = number_table(
+        f"Submission, suite {escape(str(found.suite['name']))}", "± half the 95% interval", "worst"
+    )
     for name, standing in found.standings.items():
         table.add_row(escape(name), standing.worst.text)
     console.print(table)
@@ -98,13 +124,21 @@ def verify(
     file: Annotated[Path, typer.Argument(help="Submission that `roletrust submit` has written.")],
     number: Annotated[
         int | None,
-        typer.Option("--cells", min=0, help="Number of cells to play again, drawn at random; all if left out."),
+        typer.Option(
+            "--cells",
+            min=0,
+            help="Number of cells to play again, drawn at random; all if left out.",
+        ),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Random seed of the choice of cells; one of chance if left out.")
+        int | None,
+        typer.Option(min=0, help="Random seed of the choice of cells; one of chance if left out."),
     ] = None,
     fresh: Annotated[
-        bool, typer.Option(help="Play cells with a new seed, too: a model may know the games of a public one.")
+        bool,
+        typer.Option(
+            help="Play cells with a new seed, too: a model may know the games of a public one."
+        ),
     ] = True,
     own_suite: Annotated[
         bool, typer.Option("--own-suite", help="Accept a suite that is not one of this package.")
@@ -114,15 +148,17 @@ def verify(
 ) -> None:
     """Check [bold]a submission[/]: its hashes, the consistency of its numbers, and its cells.
 
-    If what needs no game is true, all cells are played again, or a sample of them. On the same software and processor,
-    each must give the same numbers to the last bit. Elsewhere, the attackers in the file play instead of new searches;
-    then each mean must lie within its interval, and utilities must not be too high on the whole. The same cells are
-    also searched and played with a new seed, and the claims must not be much higher than these results.
+    If what needs no game is true, all cells are played again, or a sample of them. On the same
+    software and processor, each must give the same numbers to the last bit. Elsewhere, the
+    attackers in the file play instead of new searches; then each mean must lie within its interval,
+    and utilities must not be too high on the whole. The same cells are also searched and played
+    with a new seed, and the claims must not be much higher than these results.
 
-    Trust models of other packages run in processes of their own, which get ratings and nothing else of a game. Some
-    games are played again alone, and trust in them must be the same. The suite has to be one of this package,
-    recognised by its hash. The file may only name what is installed, unless --allow-code is given. The exit code is 1
-    if a check fails, and 2 if the file cannot be read.
+    Trust models of other packages run in processes of their own, which get ratings and nothing else
+    of a game. Some games are played again alone, and trust in them must be the same. The suite has
+    to be one of this package, recognised by its hash. The file may only name what is installed,
+    unless --allow-code is given. The exit code is 1 if a check fails, and 2 if the file cannot be
+    read.
 
     [bold]Examples[/]
 
@@ -146,15 +182,25 @@ def verify(
     if claims is None:
         console.print("No cell was played again: what is not ok above needs no game.")
     else:
-        console.print(f"{len(claims)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
+        console.print(
+            f"{len(claims)} of {len(found.cells):,} cells played again; --seed {seed} chooses the "
+            "same ones"
+        )
         if len(claims) < len(found.cells):
-            console.print("[yellow]An entry is ranked only once all its cells have been played: leave out --cells.[/]")
+            console.print(
+                "[yellow]An entry is ranked only once all its cells have been played: leave out "
+                "--cells.[/]"
+            )
     if not all(check.ok for check in checks):
         raise typer.Exit(1)
 
 
 def _check_games(
-    found: Submission, suite: Suite, claims: Sequence[CellClaim], fresh: int | None, workers: int | None
+    found: Submission,
+    suite: Suite,
+    claims: Sequence[CellClaim],
+    fresh: int | None,
+    workers: int | None,
 ) -> list[Check]:
     """Play the claims again, and return the verdict on each.
 
@@ -162,7 +208,8 @@ def _check_games(
         found: Submission.
         suite: Suite of the submission.
         claims: Cells to play.
-        fresh: Random seed of the choice of new games, which the claims are played in, too; None for none.
+        fresh: Random seed of the choice of new games, which the claims are played in, too; None for
+            none.
         workers: Number of processes.
     """
     checks, asked, replayed, same = [], [], [], is_same_platform(found)
@@ -175,7 +222,9 @@ def _check_games(
     if replayed:
         checks += check_bias(asked, [again.result for again in replayed])
     if fresh is not None and claims:
-        above = max(suite.seeds) + 1 + Random(fresh).getrandbits(31)  # seeds that are none of the suite
+        above = (
+            max(suite.seeds) + 1 + Random(fresh).getrandbits(31)
+        )  # seeds that are none of the suite
         done = list(_played(suite, claims, workers, above))
         checks += check_fresh([claim for claim, _ in done], [again.result for _, again in done])
     if len(replayed) == len(found.cells) and not any(again.result.failed for again in replayed):
@@ -185,7 +234,9 @@ def _check_games(
 
 def _table(file: Path, checks: Sequence[Check]) -> Table:
     """Return the verdict on each claim of a file."""
-    table = Table(title=f"Is {escape(str(file))} true?", title_justify="left", box=None, pad_edge=False)
+    table = Table(
+        title=f"Is {escape(str(file))} true?", title_justify="left", box=None, pad_edge=False
+    )
     for heading in ("", "what", "found"):
         table.add_column(heading, overflow="fold")
     for check in checks:
@@ -201,7 +252,8 @@ def _played(
     above: int = 0,
     records: Mapping[AnyCell, str] | None = None,
 ) -> Iterator[tuple[CellClaim, StoredCell]]:
-    """Iterate over claims, each with the result of its cell here, played with its seed and `above` added to that.
+    """Iterate over claims, each with the result of its cell here, played with its seed and `above`
+    added to that.
 
     Attackers with a record play in place of a search.
     """

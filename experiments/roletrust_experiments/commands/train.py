@@ -1,4 +1,6 @@
-"""`roletrust train`: train an attacker, in a folder that holds all that an interrupted run needs to continue."""
+"""`roletrust train`: train an attacker, in a folder that holds all that an interrupted run needs to
+continue.
+"""
 
 import shlex
 from pathlib import Path
@@ -9,7 +11,12 @@ import typer
 from roletrust_env import Scenario, make_scenario, scenarios
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model, value_text
+from roletrust_env.evaluation.specs import (
+    parse_parameters,
+    parse_settings,
+    read_trust_model,
+    value_text,
+)
 from roletrust_env.game.attack_task import Consumers, Knowledge, Objective
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.provenance import provenance
@@ -40,58 +47,90 @@ _ALGORITHMS = ("PPO", "SAC", "recurrent-PPO", *_COALITIONS)
 
 def train(
     context: typer.Context,
-    task: Annotated[str | None, typer.Argument(help=f"Attack task: {', '.join(task_names())}.")] = None,
+    task: Annotated[
+        str | None, typer.Argument(help=f"Attack task: {', '.join(task_names())}.")
+    ] = None,
     learner: Annotated[
-        str, typer.Option(metavar=NAMED, help=f"Learner, also with settings (gamma=0.9): {', '.join(_ALGORITHMS)}.")
+        str,
+        typer.Option(
+            metavar=NAMED,
+            help=f"Learner, also with settings (gamma=0.9): {', '.join(_ALGORITHMS)}.",
+        ),
     ] = "PPO",
     steps: Annotated[
         int | None,
-        typer.Option(min=1, help="Minimum number of rounds to train for, over all games; the tuned one if left out."),
+        typer.Option(
+            min=1,
+            help="Minimum number of rounds to train for, over all games; the tuned one if left out.",  # noqa: E501
+        ),
     ] = None,
     seed: Seed = 0,
     runs: Annotated[
-        int, typer.Option(min=1, help="Number of runs, with this seed and the seeds after it, in folders seed-...")
+        int,
+        typer.Option(
+            min=1, help="Number of runs, with this seed and the seeds after it, in folders seed-..."
+        ),
     ] = 1,
     out: Out = Path("results/train"),
     scenario: Annotated[
         str | None,
-        typer.Option(help="Scenario to play instead of the task's own: a name, or the path of a .toml or .yaml file."),
+        typer.Option(
+            help=(
+                "Scenario to play instead of the task's own: a name, or the path of a .toml or "
+                ".yaml file."
+            )
+        ),
     ] = None,
     settings: SettingsOption = None,
     model: Annotated[
         list[str] | None,
-        typer.Option(metavar=NAMED, help="Trust model, role-trust if left out; coalitions train against several."),
+        typer.Option(
+            metavar=NAMED,
+            help="Trust model, role-trust if left out; coalitions train against several.",
+        ),
     ] = None,
     compromised: Annotated[
         list[str] | None,
-        typer.Option(metavar="AGENT", help="Agent of the attacker; repeat for more; the task's own if left out."),
+        typer.Option(
+            metavar="AGENT",
+            help="Agent of the attacker; repeat for more; the task's own if left out.",
+        ),
     ] = None,
     objective: Annotated[
         Objective | None, typer.Option(help="Aim of the attacker; the task's own if left out.")
     ] = None,
     accomplice: Annotated[
         list[str] | None,
-        typer.Option(metavar="AGENT", help="Provider that the objective promote is about; repeat for more."),
+        typer.Option(
+            metavar="AGENT", help="Provider that the objective promote is about; repeat for more."
+        ),
     ] = None,
     stealth_weight: Annotated[
         float, typer.Option(min=0, help="Price of a trust gap that gives the attacker away.")
     ] = 0.0,
-    stealth_tolerance: Annotated[float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")] = 0.1,
-    knowledge: Annotated[Knowledge, typer.Option(help="Threat model: what the attacker observes.")] = "black_box",
+    stealth_tolerance: Annotated[
+        float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")
+    ] = 0.1,
+    knowledge: Annotated[
+        Knowledge, typer.Option(help="Threat model: what the attacker observes.")
+    ] = "black_box",
     consumers: Annotated[
-        Consumers, typer.Option(help="Consumers: the public by published trust, or raters by their own.")
+        Consumers,
+        typer.Option(help="Consumers: the public by published trust, or raters by their own."),
     ] = "public",
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the run in --out from its last checkpoint.")
     ] = False,
 ) -> None:
-    r"""Train [bold]an attacker[/] by reinforcement learning, evolution or gradients, and save it to play it anywhere.
+    r"""Train [bold]an attacker[/] by reinforcement learning, evolution or gradients, and save it to
+    play it anywhere.
 
-    Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and, except
-    by learners of coalitions, a log for TensorBoard. The score is the mean reward per round in held-out games. An
-    interrupted run continues with [cyan]--resume --out DIR[/]; to continue several runs, give the whole command again
-    with [cyan]--resume[/]. On the same machine, the same seed gives the same result to the last bit if the run is not
-    interrupted.
+    Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/],
+        checkpoints, and, except by learners of coalitions, a log for TensorBoard. The score is the
+        mean reward per round in held-out games. An interrupted run continues with [cyan]--resume
+        --out DIR[/]; to continue several runs, give the whole command again with [cyan]--resume[/].
+        On the same machine, the same seed gives the same result to the last bit if the run is not
+        interrupted.
 
     [bold]Examples[/]
 
@@ -110,8 +149,8 @@ def train(
     [dim]# a coalition that learns by evolution, against two trust models in turn[/]
     [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
 
-    [dim]# one by an evolution strategy, which needs fewer rounds[/]
-    [cyan]roletrust train CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
+    [dim]# one by an evolution strategy, which needs fewer rounds[/] [cyan]roletrust train
+    CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
 
     [dim]# five seeds, for one rung of a ladder[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
@@ -119,7 +158,15 @@ def train(
     [dim]# play the trained attacker[/]
     [cyan]roletrust play --attack sr_2=learned:path=results/rater[/]
     """
-    require("training", "train", "torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard")
+    require(
+        "training",
+        "train",
+        "torch",
+        "stable_baselines3",
+        "sb3_contrib",
+        "safetensors",
+        "tensorboard",
+    )
     import torch
 
     from roletrust_agents.learned.cards import Price, TaskCard
@@ -129,12 +176,15 @@ def train(
     torch.set_num_threads(1)  # networks of this size gain little from two
     run = None
     if task is None and not resume:
-        raise ValueError(f"name a task: {', '.join(task_names())}; or give --resume to continue the run in --out")
+        raise ValueError(
+            f"name a task: {', '.join(task_names())}; or give --resume to continue the run in --out"
+        )
     if task is None:
         allowed = ("--out", "--resume", "--runs")  # a run that is continued has its own options
         if wrong := [name for name in given_options(context) if name not in allowed]:
             raise ValueError(
-                f"{', '.join(wrong)}: a run that is continued keeps its options; name a task to begin another"
+                f"{', '.join(wrong)}: a run that is continued keeps its options; name a task to "
+                "begin another"
             )
     if task is not None:
         task_id = find_task(task)
@@ -149,7 +199,10 @@ def train(
             rules = rules.change(**fields)
         models = [_model_card(one, rules) for one in model or ["role-trust"]]
         if len(models) > 1 and not _is_coalition(algo):
-            many, several = f"--model is given {len(models)} times", "train against several trust models"
+            many, several = (
+                f"--model is given {len(models)} times",
+                "train against several trust models",
+            )
             raise ValueError(f"{many}; only {', '.join(_COALITIONS)} {several}")
         run = Run(
             algo=algo,
@@ -171,12 +224,21 @@ def train(
         )
     planned = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
     folders = [RunFolder(out / f"seed-{seed + k}" if runs > 1 else out) for k in range(runs)]
-    for one, folder in [(folder.run(plan, resume), folder) for plan, folder in zip(planned, folders, strict=True)]:
+    for one, folder in [
+        (folder.run(plan, resume), folder) for plan, folder in zip(planned, folders, strict=True)
+    ]:
         try:
             _train(one, folder)
         except KeyboardInterrupt:
-            again = shlex.join(["--resume", "--out", str(out)]) if runs == 1 else "the same command and --resume"
-            tell(f"Stopped. The training so far is kept; continue with: roletrust train {again}", where=errors)
+            again = (
+                shlex.join(["--resume", "--out", str(out)])
+                if runs == 1
+                else "the same command and --resume"
+            )
+            tell(
+                f"Stopped. The training so far is kept; continue with: roletrust train {again}",
+                where=errors,
+            )
             raise typer.Exit(130) from None
 
 
@@ -195,10 +257,16 @@ def _train(run: "Run", folder: "RunFolder") -> None:
 
     learner = coalition_loop if _is_coalition(run.algo) else loop
     learner.check_games(run)
-    game = task_from_card(run.task, run.trust_model, run.scenario).game  # raises before anything is written
+    game = task_from_card(
+        run.task, run.trust_model, run.scenario
+    ).game  # raises before anything is written
     folder.prepare()
     if folder.config() is None:
-        about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}
+        about = {
+            "command": "roletrust train",
+            "run": run.model_dump(mode="json"),
+            "learner_packages": versions(),
+        }
         folder.begin({**about, **provenance(game, run.seed)})
     name = run.task.id.removeprefix("RoleTrust/").removesuffix("-v0")
     title = f"{name}, {run.algo}, seed {run.seed}"
@@ -222,9 +290,15 @@ def _train(run: "Run", folder: "RunFolder") -> None:
     )
     tell(f"In the same games: {others}")
     tell(f"Written to {folder.path}: attacker.json, attacker.safetensors, curve.csv, curve.png")
-    if len(run.task.compromised) == 1 and run.task.knowledge == "black_box" and run.scenario.name in scenarios():
+    if (
+        len(run.task.compromised) == 1
+        and run.task.knowledge == "black_box"
+        and run.scenario.name in scenarios()
+    ):
         attack = f"{run.task.compromised[0]}=learned:path={value_text(str(folder.path))}"
-        tell(f"Next: {shlex.join(['roletrust', 'play', run.scenario.name, '--attack', attack, '--video'])}")
+        tell(
+            f"Next: {shlex.join(['roletrust', 'play', run.scenario.name, '--attack', attack, '--video'])}"  # noqa: E501
+        )
 
 
 def _model_card(text: str, rules: Scenario) -> "ModelCard":
@@ -233,7 +307,8 @@ def _model_card(text: str, rules: Scenario) -> "ModelCard":
     registry, name, parameters = read_trust_model(text, rules)
     if registry is not trust_models:
         raise ValueError(
-            f"--model {text}: a saved attacker refers to its trust model by name, so that no code runs to find it; "
+            f"--model {text}: a saved attacker refers to its trust model by name, so that no code "
+            "runs to find it; "
             f"declare the model as an entry point in the group {trust_models.group!r}"
         )
     return ModelCard(name=name, parameters=parameters)

@@ -10,7 +10,8 @@ from roletrust_env.evaluation.curves import Curves
 from roletrust_env.world.scenario import Scenario
 
 SETTLE_S = 5.0
-"""Seconds until trust has settled after a start, a perturbation or the start of an attack: 10 rounds, 2 ** -10."""
+"""Seconds until trust has settled after a start, a perturbation or the start of an attack: 10
+rounds, 2 ** -10."""
 
 _VISIBLE = 0.1  # depth from which a dip can be seen in the figure
 
@@ -50,13 +51,25 @@ class Claim(NamedTuple):
 
 def check_on_off(curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
     """Return the claims on Figure 3, with an attack by provider 3."""
-    on = _some((curves.time_s > attack.start_s) & (curves.time_s <= attack.stop_s), "under the attack")
+    on = _some(
+        (curves.time_s > attack.start_s) & (curves.time_s <= attack.stop_s), "under the attack"
+    )
     top = curves.top[on, :, 0]
     victim, others = float(top[:, 2].min()), [float(top[:, j].min()) for j in (0, 1)]
     return [
         *_before(3, curves, scenario, attack),
-        Claim(3, "attack: min ToP_3", "down to 0", "< 0.1", _words([victim]), [victim], victim < 0.1),
-        Claim(3, "attack: min ToP_1,2", "a small dip", "> 0.6", _words(others), others, min(others) > 0.6),
+        Claim(
+            3, "attack: min ToP_3", "down to 0", "< 0.1", _words([victim]), [victim], victim < 0.1
+        ),
+        Claim(
+            3,
+            "attack: min ToP_1,2",
+            "a small dip",
+            "> 0.6",
+            _words(others),
+            others,
+            min(others) > 0.6,
+        ),
     ]
 
 
@@ -70,7 +83,9 @@ def check_bad_mouthing(curves: Curves, scenario: Scenario, attack: Window) -> li
     return [
         *_before(4, curves, scenario, attack),
         Claim(4, "steady: ToR_3", "down to 0.4", "0.42 ± 0.06", _words([liar]), [liar], near_liar),
-        Claim(4, "steady: ToR_1,2", "down to 0.6", "0.59 ± 0.06", _words(honest), honest, near_honest),
+        Claim(
+            4, "steady: ToR_1,2", "down to 0.6", "0.59 ± 0.06", _words(honest), honest, near_honest
+        ),
         Claim(4, "steady: max ToP", "below 0.5", "< 0.5", _words([max(top)]), top, max(top) < 0.5),
     ]
 
@@ -83,12 +98,15 @@ def in_clear_view(found: Sequence[Claim]) -> bool:
 def for_given_frames(found: Sequence[Claim]) -> list[Claim]:
     """Return the claims that apply to given frames. They are calibrated to the rendered scene.
 
-    No level applies without a person in clear view. The fast target blurs the frames; if the detector still recognises
-    the person, there is no dip.
+    No level applies without a person in clear view. The fast target blurs the frames; if the
+    detector still recognises the person, there is no dip.
     """
     if not in_clear_view(found):
         return [claim._replace(ok=None) for claim in found]
-    return [claim._replace(ok=claim.ok or None) if claim.what.startswith(_DIP) else claim for claim in found]
+    return [
+        claim._replace(ok=claim.ok or None) if claim.what.startswith(_DIP) else claim
+        for claim in found
+    ]
 
 
 def calm_before(time_s: npt.NDArray[np.float64], scenario: Scenario, attack: Window) -> Mask:
@@ -98,7 +116,11 @@ def calm_before(time_s: npt.NDArray[np.float64], scenario: Scenario, attack: Win
 
 def steady_under(time_s: npt.NDArray[np.float64], scenario: Scenario, attack: Window) -> Mask:
     """Return the moments of the attack with no other event in the last `SETTLE_S` seconds."""
-    return (time_s >= attack.start_s + SETTLE_S) & (time_s <= attack.stop_s) & ~_perturbed(time_s, scenario)
+    return (
+        (time_s >= attack.start_s + SETTLE_S)
+        & (time_s <= attack.stop_s)
+        & ~_perturbed(time_s, scenario)
+    )
 
 
 def spans(time_s: npt.NDArray[np.float64], mask: Mask) -> str:
@@ -108,20 +130,28 @@ def spans(time_s: npt.NDArray[np.float64], mask: Mask) -> str:
 
 
 def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
-    """Return the claims of both figures: high trust at first, and a dip of every camera for the fast target."""
+    """Return the claims of both figures: high trust at first, and a dip of every camera for the
+    fast target.
+    """
     calm = _some(calm_before(curves.time_s, scenario, attack), "calmly before the attack")
     low = float(min(curves.tor[calm].min(), curves.top[calm].min()))
     claims = [Claim(figure, _CALM, "-", "> 0.9", _words([low]), [low], low > 0.9)]
     for blow in scenario.perturbations:
         start, stop = blow.start * scenario.period_s, blow.stop * scenario.period_s
-        before = _some((curves.time_s > start - 2) & (curves.time_s <= start), f"just before {start:g} s")
-        during = _some((curves.time_s > start) & (curves.time_s <= stop), f"from {start:g} to {stop:g} s")
+        before = _some(
+            (curves.time_s > start - 2) & (curves.time_s <= start), f"just before {start:g} s"
+        )
+        during = _some(
+            (curves.time_s > start) & (curves.time_s <= stop), f"from {start:g} to {stop:g} s"
+        )
         high, low_each = curves.top[before, :, 0].mean(axis=0), curves.top[during, :, 0].min(axis=0)
         least = int((high - low_each).argmin())
         level, dip = float(high[least]), float(low_each[least])
         words, needed = f"{level:.2f} to {dip:.2f}", f"≥ {_VISIBLE} deep"
         seen = level - dip >= _VISIBLE
-        claims.append(Claim(figure, f"{_DIP}, {start:g} s", "they dip", needed, words, [level, dip], seen))
+        claims.append(
+            Claim(figure, f"{_DIP}, {start:g} s", "they dip", needed, words, [level, dip], seen)
+        )
     return claims
 
 

@@ -51,7 +51,16 @@ def papers(period_s: float) -> tuple[Paper, Paper]:
     titles = "Figure 3: on-off attack by provider 3", "Figure 4: bad-mouthing attack by rater 3"
     return (
         Paper(3, titles[0], "ToP_3", labels[0], ON_OFF, on_off, (), claims.check_on_off),
-        Paper(4, titles[1], "ToR_3", labels[1], BAD_MOUTHING, liar, (0.6, 0.4), claims.check_bad_mouthing),
+        Paper(
+            4,
+            titles[1],
+            "ToR_3",
+            labels[1],
+            BAD_MOUTHING,
+            liar,
+            (0.6, 0.4),
+            claims.check_bad_mouthing,
+        ),
     )
 
 
@@ -68,5 +77,7 @@ def loop_note(game: Game) -> str | None:
     """Return a caption on repeated footage; None if the footage was not repeated."""
     length = loop_length_s(game)
     return (
-        None if length is None else f"the frames of {Path(str(game.scenario.frames)).name}, {length:.3g} s, are looped"
+        None
+        if length is None
+        else f"the frames of {Path(str(game.scenario.frames)).name}, {length:.3g} s, are looped"
     )

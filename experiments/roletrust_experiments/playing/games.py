@@ -1,4 +1,6 @@
-"""Games of one scenario under several trust models: their cost, their results, and a table of these."""
+"""Games of one scenario under several trust models: their cost, their results, and a table of
+these.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +15,13 @@ from roletrust_env.game.policy import policy_name
 from roletrust_env.game.rollout import rollout
 from roletrust_env.game.state import State
 from roletrust_env.metrics.confidence import Estimate, over_games
-from roletrust_experiments.playing.group_measures import Group, damage, measure, measured_since, under_attack
+from roletrust_experiments.playing.group_measures import (
+    Group,
+    damage,
+    measure,
+    measured_since,
+    under_attack,
+)
 
 HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")
 
@@ -39,38 +47,51 @@ class Played(NamedTuple):
 
 
 def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
-    """Return whether the games are played again with all agents honest. A live camera shows nothing twice."""
+    """Return whether the games are played again with all agents honest. A live camera shows nothing
+    twice.
+    """
     return bool(attackers) and not isinstance(game.scenario.frames, int)
 
 
 def all_curve_bytes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> int:
     """Return the peak memory of the curves of each game in bytes, see `foresee`."""
-    return curve_bytes(joint_policies[0]) * (len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1)
+    return curve_bytes(joint_policies[0]) * (
+        len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1
+    )
 
 
 def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> Cost:
     """Return the peak memory in bytes and the time in seconds of each game, over all models.
 
-    The curves of all models stay in memory to the end. In addition there are the curves without the attack and, while
-    the last games are recorded, the rows of their curves.
+    The curves of all models stay in memory to the end. In addition there are the curves without the
+    attack and, while the last games are recorded, the rows of their curves.
     """
     game, twin = joint_policies[0].game, has_twin(joint_policies[0].game, attackers)
     trial = try_out(
-        lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)), trial_size(game)
+        lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)),
+        trial_size(game),
     )
     memory = all_curve_bytes(joint_policies, attackers) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(joint_policies) * (1 + twin))
 
 
 def play_games(
-    model: str, joint_policy: JointPolicy, attackers: Mapping[str, Policy], *, games: int, seed: int, progress: Progress
+    model: str,
+    joint_policy: JointPolicy,
+    attackers: Mapping[str, Policy],
+    *,
+    games: int,
+    seed: int,
+    progress: Progress,
 ) -> Played:
     """Play and measure the games of one trust model, with the attack and without it."""
     game, twin, rates_raters = joint_policy.game, None, joint_policy.game.model.rates_raters
     attackers = game.roster.with_reserves(attackers)
     curves = track_curves(joint_policy, seed, progress, f"Playing, {model}", games=games)
     if has_twin(game, attackers):
-        twin = track_curves(JointPolicy(game, {}), seed, progress, f"Playing, {model}, all honest", games=games)
+        twin = track_curves(
+            JointPolicy(game, {}), seed, progress, f"Playing, {model}, all honest", games=games
+        )
     lost = damage(game.roster, curves, twin, attackers, rates_raters) if twin else {}
     metrics = under_attack(game.roster, curves, twin, attackers, rates_raters) if attackers else {}
     since = measured_since(attackers, game.scenario.max_cycles)
@@ -79,7 +100,9 @@ def play_games(
 
 
 def rows(played: Played) -> list[tuple[Any, ...]]:
-    """Return a row for each agent, trust and round: the mean over games with the agent present, and its interval."""
+    """Return a row for each agent, trust and round: the mean over games with the agent present, and
+    its interval.
+    """
     roster, curves, lines = played.game.roster, played.curves, []
     tables = [("ToR", roster.rater_names, curves.tor), ("ToP", roster.provider_names, curves.top)]
     if roster.n_both:
@@ -89,7 +112,9 @@ def rows(played: Played) -> list[tuple[Any, ...]]:
         mean, half, games = over_games(values)
         for i, name in enumerate(names):
             columns = (mean[:, i], (mean - half)[:, i], (mean + half)[:, i], games[:, i])
-            table = zip(curves.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
+            table = zip(
+                curves.time_s.tolist(), *(column.tolist() for column in columns), strict=True
+            )
             lines += [(played.model, time_s, name, trust, *rest) for time_s, *rest in table]
     return lines
 
@@ -123,6 +148,11 @@ def track_curves(
 
 
 def attacks_in_words(attackers: Mapping[str, Policy]) -> str:
-    """Return the attacks and the number of agents that play each, such as `bad-mouthing x3, on-off`."""
+    """Return the attacks and the number of agents that play each, such as `bad-mouthing x3,
+    on-off`.
+    """
     counts = Counter(policy_name(policy) for policy in attackers.values())
-    return ", ".join(f"{name} x{n}" if n > 1 else name for name, n in counts.items()) or "everyone honest"
+    return (
+        ", ".join(f"{name} x{n}" if n > 1 else name for name, n in counts.items())
+        or "everyone honest"
+    )

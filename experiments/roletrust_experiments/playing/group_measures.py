@@ -1,4 +1,6 @@
-"""Results of games in numbers: measures of each group of agents, and effects of an attack on honest agents."""
+"""Results of games in numbers: measures of each group of agents, and effects of an attack on honest
+agents.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
@@ -43,7 +45,11 @@ class Group(NamedTuple):
 
 
 def measure(
-    roster: Roster, curves: Curves, attackers: Mapping[str, Policy], since: int, rates_raters: bool = True
+    roster: Roster,
+    curves: Curves,
+    attackers: Mapping[str, Policy],
+    since: int,
+    rates_raters: bool = True,
 ) -> list[Group]:
     """Return the measures of every group of agents.
 
@@ -52,7 +58,8 @@ def measure(
         curves: Curves of the games.
         attackers: Policies of the attackers by agent.
         since: First round of the search for the lowest trust.
-        rates_raters: True if the model has trust in raters; otherwise the trust of agents that only rate is undefined.
+        rates_raters: True if the model has trust in raters; otherwise the trust of agents that only
+            rate is undefined.
     """
     places_of: dict[tuple[str, Any], list[int]] = {}
     for i, name in enumerate(roster.names):
@@ -73,10 +80,17 @@ def measure(
 
 
 def attack_windows(attackers: Mapping[str, Policy], rounds: int) -> list[tuple[int, int]]:
-    """Return from and to which rounds agents attack, without overlaps. Without a window it is the whole game."""
-    windows = [(p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None) for p in attackers.values()]
+    """Return from and to which rounds agents attack, without overlaps. Without a window it is the
+    whole game.
+    """
+    windows = [
+        (p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None)
+        for p in attackers.values()
+    ]
     merged: list[tuple[int, int]] = []
-    for start, stop in sorted((start, rounds if stop is None else min(stop, rounds)) for start, stop in windows):
+    for start, stop in sorted(
+        (start, rounds if stop is None else min(stop, rounds)) for start, stop in windows
+    ):
         overlap = bool(merged) and start <= merged[-1][1]
         first, last = merged.pop() if overlap else (start, stop)
         merged.append((first, max(last, stop)))
@@ -90,13 +104,19 @@ def attack_rounds(attackers: Mapping[str, Policy], rounds: int) -> tuple[int, in
 
 
 def measured_since(attackers: Mapping[str, Policy], rounds: int) -> int:
-    """Return the first round of the search for the lowest trust: the start of the attack, but not the first rounds."""
+    """Return the first round of the search for the lowest trust: the start of the attack, but not
+    the first rounds.
+    """
     start, _ = attack_rounds(attackers, rounds)
     return max(min(_SETTLED, rounds // 2), start if start < rounds else 0)
 
 
 def damage(
-    roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str, Policy], rates_raters: bool = True
+    roster: Roster,
+    curves: Curves,
+    twin: Curves,
+    attackers: Mapping[str, Policy],
+    rates_raters: bool = True,
 ) -> dict[str, Estimate]:
     """Return the damage of an attack to honest agents, see `roletrust_env.metrics.damage`.
 
@@ -105,14 +125,19 @@ def damage(
         curves: Curves under the attack.
         twin: Curves with the same random numbers and all agents honest.
         attackers: Policies of the attackers by agent.
-        rates_raters: True if the model has trust in raters; otherwise the damage to agents that only rate is undefined.
+        rates_raters: True if the model has trust in raters; otherwise the damage to agents that
+            only rate is undefined.
 
     Returns:
         The damage to each role, and to all honest agents.
     """
     honest = [i for i, name in enumerate(roster.names) if name not in attackers]
     roles = _by_role(roster, honest)
-    who = {f"{len(places)} {role}": places for role, places in roles.items()} if len(roles) > 1 else {}
+    who = (
+        {f"{len(places)} {role}": places for role, places in roles.items()}
+        if len(roles) > 1
+        else {}
+    )
     who |= {f"all {len(honest)} honest": honest} if honest else {}
     unrated = _undefined(curves.trust.shape[-1], _UNRATED)
     return {
@@ -126,20 +151,27 @@ def damage(
 
 
 def under_attack(
-    roster: Roster, curves: Curves, twin: Curves | None, attackers: Mapping[str, Policy], rates_raters: bool = True
+    roster: Roster,
+    curves: Curves,
+    twin: Curves | None,
+    attackers: Mapping[str, Policy],
+    rates_raters: bool = True,
 ) -> dict[str, Estimate]:
     """Return detection, cost and recovery of an attack, see `roletrust_env.metrics`.
 
     Args:
         roster: Agents of the games.
         curves: Curves under the attack.
-        twin: Curves with the same random numbers and all agents honest; None if there are no such games.
+        twin: Curves with the same random numbers and all agents honest; None if there are no such
+            games.
         attackers: Policies of the attackers by agent.
-        rates_raters: True if the model has trust in raters; otherwise agents that only rate are left out.
+        rates_raters: True if the model has trust in raters; otherwise agents that only rate are
+            left out.
 
     Returns:
-        For each attacking role the AUC of mean trust under the attack and of trust at the end; the false alarms among
-        honest agents; the utility of choosing by ToP, under the attack and without it; and the rounds of recovery.
+        For each attacking role the AUC of mean trust under the attack and of trust at the end; the
+        false alarms among honest agents; the utility of choosing by ToP, under the attack and
+        without it; and the rounds of recovery.
     """
     rounds, games, weights = len(curves.trust), curves.trust.shape[-1], curves.weights
     start, stop = attack_rounds(attackers, rounds)
@@ -152,7 +184,8 @@ def under_attack(
         if bad:
             unrated = None if places[0] in judged else _undefined(games, _UNRATED)
             meanwhile = metrics.auc(
-                mean_or_nan(trust[start:stop], 0, None if weights is None else weights[start:stop]), bad
+                mean_or_nan(trust[start:stop], 0, None if weights is None else weights[start:stop]),
+                bad,
             )
             meanwhile = meanwhile if start < rounds else _undefined(games, _NEVER)
             found[f"{AUC_MEANWHILE}, {role}"] = unrated or meanwhile
@@ -166,12 +199,18 @@ def under_attack(
         found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.offered, weights)
         why = _NEVER if start >= rounds else "the attack lasts to the end"
         over = start < stop < rounds
-        back = metrics.recovery(curves.trust, twin.trust, honest, stop) if over else _undefined(games, why)
+        back = (
+            metrics.recovery(curves.trust, twin.trust, honest, stop)
+            if over
+            else _undefined(games, why)
+        )
         found[RECOVERY] = back
     return {name: _scored(score) for name, score in found.items()}
 
 
-def _measures(trust: Floats, rewards: Floats, since: int, weights: Floats | None) -> dict[str, Estimate]:
+def _measures(
+    trust: Floats, rewards: Floats, since: int, weights: Floats | None
+) -> dict[str, Estimate]:
     """Return the mean over games of each measure; both arrays have the shape (T, agents, games)."""
     each_round = mean_or_nan(trust, axis=1)
     lowest = np.where(np.isnan(each_round), np.inf, each_round)[since:].min(axis=0)
@@ -185,7 +224,9 @@ def _measures(trust: Floats, rewards: Floats, since: int, weights: Floats | None
 
 
 def _scored(score: Score) -> Estimate:
-    """Return the mean of a score over games, with the reason and the number of games where it is undefined."""
+    """Return the mean of a score over games, with the reason and the number of games where it is
+    undefined.
+    """
     missing, games = int(np.isnan(score.value).sum()), score.value.size
     where = f", in {missing} of {games} games" if missing < games else ""
     return estimate(score.value)._replace(why=f"{score.why}{where}" if missing else "")

@@ -1,4 +1,6 @@
-"""An attack of a benchmark, played once more: what it does to consumers, and whom trust believes."""
+"""An attack of a benchmark, played once more: what it does to consumers, and whom trust
+believes.
+"""
 
 from collections.abc import Iterator
 from typing import NamedTuple, Self
@@ -9,7 +11,13 @@ import numpy.typing as npt
 from roletrust_env.benchmarking.cells import FoundAttack, find_attack
 from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import HELD_OUT, GameRecord, attacked_rollout, random_sources, watch
+from roletrust_env.evaluation.measurement import (
+    HELD_OUT,
+    GameRecord,
+    attacked_rollout,
+    random_sources,
+    watch,
+)
 from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.state import State, one_game
 from roletrust_env.metrics import share_of_best
@@ -19,13 +27,15 @@ Floats = npt.NDArray[np.float64]
 
 
 class Side(NamedTuple):
-    """Trust of agents with the same role on one side; a number is the mean over the agents that are present.
+    """Trust of agents with the same role on one side; a number is the mean over the agents that are
+    present.
 
     Attributes:
         label: Who they are, such as `honest raters`.
         attacks: Whether they belong to the attacker.
         rates: Whether it is trust in raters, otherwise in providers.
-        trust: Trust of the side in each round and game, shape (T, G); NaN where nobody of it is present.
+        trust: Trust of the side in each round and game, shape (T, G); NaN where nobody of it is
+            present.
     """
 
     label: str
@@ -41,11 +51,13 @@ class Replay(NamedTuple):
         found: The attack.
         seed: Random seed of the games.
         games: Number of games that chose the worst case, and of those that measure it.
-        utility: Utility of consumers in each round from the second on under the attack, shape (T - 1, G).
+        utility: Utility of consumers in each round from the second on under the attack, shape (T -
+            1, G).
         honest: The same with everybody honest.
         score: Utility in each whole game under the attack, shape (G,).
         honest_score: The same with everybody honest.
-        believed: Probability that the most trusted provider belongs to the attacker, in each round, shape (T, G).
+        believed: Probability that the most trusted provider belongs to the attacker, in each round,
+            shape (T, G).
         sides: Trust of each side.
     """
 
@@ -75,7 +87,10 @@ class Replay(NamedTuple):
         found, games = find_attack(suite, cell, attack, record), suite.games
         attacked, honest = (
             _measured(watch(found.task, attacker, cell.seed, (rows, 2 * games)), row, games)
-            for attacker, row, rows in ((found.batch.attacker, found.row, found.rows), (Scripted({}), 0, 1))
+            for attacker, row, rows in (
+                (found.batch.attacker, found.row, found.rows),
+                (Scripted({}), 0, 1),
+            )
         )
         under, calm = attacked.bought, honest.bought
         return cls(
@@ -98,18 +113,24 @@ class Replay(NamedTuple):
         """
         task, batch, row = self.found
         sources = random_sources(task, self.seed, HELD_OUT)
-        for played in attacked_rollout(task, batch.attacker, (self.found.rows, 2 * self.games), *sources):
+        for played in attacked_rollout(
+            task, batch.attacker, (self.found.rows, 2 * self.games), *sources
+        ):
             yield one_game(played.state, (row, self.games + game))
 
 
 def _measured(seen: GameRecord, row: int, games: int) -> GameRecord:
     """Return the record of the games that measure the attack in a row."""
-    own, public = (Bought(*(part[:, row, games:] for part in got)) for got in (seen.bought, seen.published))
+    own, public = (
+        Bought(*(part[:, row, games:] for part in got)) for got in (seen.bought, seen.published)
+    )
     return GameRecord(seen.trust[:, :, row, games:], own, public, seen.treats[[row]])
 
 
 def _believed(found: FoundAttack, trust: Floats) -> Floats:
-    """Return the probability that the most trusted provider belongs to the attacker; ties are equally likely."""
+    """Return the probability that the most trusted provider belongs to the attacker; ties are
+    equally likely.
+    """
     roster = found.task.game.roster
     providers = [place for place, name in enumerate(roster.names) if name in roster.provider_names]
     own = np.array([roster.names[place] in found.task.identities for place in providers])
@@ -125,6 +146,10 @@ def _sides(found: FoundAttack, trust: Floats) -> Iterator[Side]:
         (roster.provider_names, False, ("honest providers", "providers of the attacker")),
     ):
         for attacks in (False, True):
-            places = [k for k, name in enumerate(roster.names) if name in names and (name in own) == attacks]
+            places = [
+                k
+                for k, name in enumerate(roster.names)
+                if name in names and (name in own) == attacks
+            ]
             if places:
                 yield Side(words[attacks], attacks, rates, mean_or_nan(trust[:, places], axis=1))

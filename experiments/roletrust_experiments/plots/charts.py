@@ -11,7 +11,16 @@ from matplotlib.figure import Figure
 from roletrust_env.metrics.confidence import Interval
 from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET, quiet
 
-_COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[1], ATTACKERS[2], HONEST[2], HONEST[3], QUIET)
+_COLOURS = (
+    HONEST[0],
+    ATTACKERS[0],
+    HONEST[1],
+    ATTACKERS[1],
+    ATTACKERS[2],
+    HONEST[2],
+    HONEST[3],
+    QUIET,
+)
 _MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
 _WIDE, _HIGH, _ROW = 4.7, 3.1, 0.175  # inches of a panel, and of a row of names
 _APART = 0.34  # of a row, between series
@@ -43,7 +52,8 @@ class Panel(NamedTuple):
         along: Label of the positions; unused for names.
         what: Label of the values.
         series: Series to draw, all at numbers or all at the same names.
-        scale: Scale of an axis of numbers, or of the values in rows; `symlog` is linear up to the first number above 0.
+        scale: Scale of an axis of numbers, or of the values in rows; `symlog` is linear up to the
+            first number above 0.
         bound: Theoretical limit, drawn as a dotted line across the rows.
     """
 
@@ -68,9 +78,12 @@ def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int =
     down = -(-len(panels) // columns)
     high = max(_high(panel) for panel in panels)
     figure = Figure(
-        figsize=(_WIDE * max(columns, 1.7 if panels[0].along else 2), down * high + 1.1), layout="constrained"
+        figsize=(_WIDE * max(columns, 1.7 if panels[0].along else 2), down * high + 1.1),
+        layout="constrained",
     )
-    for k, (axes, panel) in enumerate(zip(figure.subplots(down, columns, squeeze=False).flat, panels, strict=False)):
+    for k, (axes, panel) in enumerate(
+        zip(figure.subplots(down, columns, squeeze=False).flat, panels, strict=False)
+    ):
         if names := _names(panel):
             _rows(axes, panel, looks)
             axes.set_yticks(range(len(names)), names if k % columns == 0 else [], fontsize=9)
@@ -81,14 +94,20 @@ def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int =
         axes.spines[["left", "bottom"]].set_color("#9CA3AF")
     for axes in figure.axes[len(panels) :]:
         axes.set_visible(False)
-    figure.suptitle(fill(title, _LONGEST), x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
+    figure.suptitle(
+        fill(title, _LONGEST), x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK
+    )
     keys: dict[str, Any] = {}
     for axes in figure.axes:
-        keys |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+        keys |= {
+            label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
     if len(keys) > 1:
         place: Any = {"loc": "outside lower left", "ncols": 4, "alignment": "left"}
         look: Any = {"frameon": False, "fontsize": 9, "title_fontsize": 8.5, "labelcolor": INK}
-        figure.legend(keys.values(), keys.keys(), title=note, **place, **look).get_title().set_color(QUIET)
+        figure.legend(
+            keys.values(), keys.keys(), title=note, **place, **look
+        ).get_title().set_color(QUIET)
     else:
         figure.supxlabel(note, x=0.99, ha="right", fontsize=8.5, color=QUIET)
     return figure
@@ -102,13 +121,21 @@ def _high(panel: Panel) -> float:
 
 def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
     """Return a style for each label, the same in all panels; a closed form is a thin grey line."""
-    labels = list(dict.fromkeys(one.label for panel in panels for one in panel.series if not one.known))
+    labels = list(
+        dict.fromkeys(one.label for panel in panels for one in panel.series if not one.known)
+    )
     looks: dict[str, dict[str, Any]] = {
-        label: {"color": _COLOURS[k % len(_COLOURS)], "marker": _MARKS[k % len(_MARKS)], "linestyle": DASHES[k % 4]}
+        label: {
+            "color": _COLOURS[k % len(_COLOURS)],
+            "marker": _MARKS[k % len(_MARKS)],
+            "linestyle": DASHES[k % 4],
+        }
         for k, label in enumerate(labels)
     }
     known = dict.fromkeys(one.label for panel in panels for one in panel.series if one.known)
-    return looks | {label: {"color": QUIET, "linestyle": (0, (1, 1.5)), "linewidth": 1.3} for label in known}
+    return looks | {
+        label: {"color": QUIET, "linestyle": (0, (1, 1.5)), "linewidth": 1.3} for label in known
+    }
 
 
 def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
@@ -119,9 +146,16 @@ def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
         if one.known:
             axes.plot(at, value, label=one.label, zorder=1.5, **looks[one.label])
             continue
-        axes.plot(at, value, label=one.label, linewidth=1.6, markersize=5, zorder=3, **looks[one.label])
+        axes.plot(
+            at, value, label=one.label, linewidth=1.6, markersize=5, zorder=3, **looks[one.label]
+        )
         axes.errorbar(
-            at, value, yerr=_bars(value, low, high), fmt="none", ecolor=looks[one.label]["color"], capsize=2.5
+            at,
+            value,
+            yerr=_bars(value, low, high),
+            fmt="none",
+            ecolor=looks[one.label]["color"],
+            capsize=2.5,
         )
     numbers = sorted({float(x) for one in panel.series if not one.known for x in one.at})
     if panel.scale == "symlog":
@@ -141,10 +175,19 @@ def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
     names = _names(panel)
     for k, one in enumerate(panel.series):
         value, low, high = np.array(one.values, float).reshape(-1, 3).T
-        places = [names.index(str(name)) + (k - (len(panel.series) - 1) / 2) * _APART for name in one.at]
+        places = [
+            names.index(str(name)) + (k - (len(panel.series) - 1) / 2) * _APART for name in one.at
+        ]
         look = {**looks[one.label], "linestyle": ""}
         axes.plot(value, places, label=one.label, markersize=5.5, zorder=3, **look)
-        axes.errorbar(value, places, xerr=_bars(value, low, high), fmt="none", ecolor=look["color"], capsize=2.5)
+        axes.errorbar(
+            value,
+            places,
+            xerr=_bars(value, low, high),
+            fmt="none",
+            ecolor=look["color"],
+            capsize=2.5,
+        )
     axes.set_ylim(len(names) - 0.5, -0.5)
     if panel.scale == "log":
         axes.set_xscale("log")
@@ -152,7 +195,14 @@ def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
     elif axes.get_xlim()[0] < _FAR * axes.get_xlim()[1]:
         axes.axvline(0, color=QUIET, linewidth=0.8, zorder=1)
     if panel.bound is not None:
-        axes.axvline(panel.bound, label="bound", color=QUIET, linewidth=1.3, linestyle=(0, (1, 1.5)), zorder=1.5)
+        axes.axvline(
+            panel.bound,
+            label="bound",
+            color=QUIET,
+            linewidth=1.3,
+            linestyle=(0, (1, 1.5)),
+            zorder=1.5,
+        )
     axes.set_xlabel(panel.what, color=INK)
 
 

@@ -14,7 +14,17 @@ from roletrust_env.metrics.confidence import Floats, over_games
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_experiments.paper.figures import loop_note
 from roletrust_experiments.playing.group_measures import attack_windows
-from roletrust_experiments.plots.style import ATTACKED, ATTACKERS, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
+from roletrust_experiments.plots.style import (
+    ATTACKED,
+    ATTACKERS,
+    DASHES,
+    HONEST,
+    INK,
+    PERTURBED,
+    QUIET,
+    shade,
+    tidy,
+)
 
 _FAINT = 0.3  # opacity
 _VISIBLE = 0.005  # minimum width of a visible band
@@ -32,11 +42,12 @@ class _Line(NamedTuple):
 
 
 def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str, Policy]) -> Figure:
-    """Return a figure of the trust of raters, of providers, and of agents with both roles, against time.
+    """Return a figure of the trust of raters, of providers, and of agents with both roles, against
+    time.
 
-    Each honest agent has a line; a crowd has its mean and a band with the middle 90%. Each attacker has a line. Over
-    several games, a line is the mean with its 95% confidence interval. A line is faint where fewer than half of its
-    agents are present, and its label counts them at the end.
+    Each honest agent has a line; a crowd has its mean and a band with the middle 90%. Each attacker
+    has a line. Over several games, a line is the mean with its 95% confidence interval. A line is
+    faint where fewer than half of its agents are present, and its label counts them at the end.
 
     Args:
         title: Title of the figure.
@@ -47,19 +58,27 @@ def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str,
     roster, scenario = game.roster, game.scenario
     panels = [Panel("trust of providers, ToP", roster.provider_names, curves.top, curves.time_s)]
     if game.model.rates_raters:
-        panels.insert(0, Panel("trust of raters, ToR", roster.rater_names, curves.tor, curves.time_s))
+        panels.insert(
+            0, Panel("trust of raters, ToR", roster.rater_names, curves.tor, curves.time_s)
+        )
     if roster.n_both:
         both = roster.n_agents - roster.n_both
-        panels.append(Panel("trust of both, ToA", roster.names[both:], curves.trust[:, both:], curves.time_s))
+        panels.append(
+            Panel("trust of both, ToA", roster.names[both:], curves.trust[:, both:], curves.time_s)
+        )
     period = scenario.period_s
     end = scenario.max_cycles * period
     perturbed = [
-        (blow.start * period, blow.stop * period) for blow in scenario.perturbations if blow.start < scenario.max_cycles
+        (blow.start * period, blow.stop * period)
+        for blow in scenario.perturbations
+        if blow.start < scenario.max_cycles
     ]
     rounds = scenario.max_cycles
     windows = [(a * period, b * period) for a, b in attack_windows(attackers, rounds) if a < rounds]
     notes = [note for note in [loop_note(game)] if note]
-    return trust_figure(title, panels, end, attackers=attackers, attacks=windows, perturbed=perturbed, notes=notes)
+    return trust_figure(
+        title, panels, end, attackers=attackers, attacks=windows, perturbed=perturbed, notes=notes
+    )
 
 
 class Panel(NamedTuple):
@@ -103,7 +122,13 @@ def trust_figure(
         shade(axes, perturbed, PERTURBED, labels[1] if k == 0 else None)
         faints.append(_draw(axes, names, time_s, trust, attackers))
         axes.set_xlim(0, end)
-        axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)
+        axes.legend(
+            loc="center left",
+            bbox_to_anchor=(1.005, 0.5),
+            frameon=False,
+            labelcolor=INK,
+            handlelength=2.6,
+        )
     grid[-1].set_xlabel("time (s)", color=INK)
     figure.suptitle(title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
     games = panels[0].trust.shape[-1]
@@ -114,8 +139,12 @@ def trust_figure(
     return figure
 
 
-def _draw(axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attackers: Collection[str]) -> bool:
-    """Draw all agents of one panel, with trust (T, agents, games). Return whether some line is faint somewhere."""
+def _draw(
+    axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attackers: Collection[str]
+) -> bool:
+    """Draw all agents of one panel, with trust (T, agents, games). Return whether some line is
+    faint somewhere.
+    """
     bad = [i for i, name in enumerate(names) if name in attackers]
     honest = [i for i in range(len(names)) if i not in bad]
     faint = False
@@ -133,12 +162,24 @@ def _draw(axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attac
     crowd = trust[:, honest]
     low, high = _middle(crowd.reshape(len(time_s), -1))
     if np.nanmax(high - low, initial=0.0) > _VISIBLE:
-        axes.fill_between(time_s, low, high, color=HONEST[2], alpha=0.4, linewidth=0, zorder=2, label="90% of them")
-    return faint | _line(axes, time_s, crowd, _Line(f"mean of {len(honest)} honest", HONEST[0], 1.8, "-"))
+        axes.fill_between(
+            time_s,
+            low,
+            high,
+            color=HONEST[2],
+            alpha=0.4,
+            linewidth=0,
+            zorder=2,
+            label="90% of them",
+        )
+    return faint | _line(
+        axes, time_s, crowd, _Line(f"mean of {len(honest)} honest", HONEST[0], 1.8, "-")
+    )
 
 
 def _line(axes: Axes, time_s: Floats, values: Floats, line: _Line) -> bool:
-    """Draw the mean of agents over games, (T, agents, games), and its interval. Return whether it is faint somewhere.
+    """Draw the mean of agents over games, (T, agents, games), and its interval. Return whether it
+    is faint somewhere.
 
     Lines of attackers are broad and lie under the others.
     """
@@ -146,11 +187,28 @@ def _line(axes: Axes, time_s: Floats, values: Floats, line: _Line) -> bool:
     few = _few(values)
     order = 4.0 - line.width / 10
     style: Any = {"color": line.colour, "linestyle": line.dashes, "zorder": order}
-    axes.plot(time_s, np.where(few, np.nan, mean), linewidth=line.width, label=_counted(line.label, values), **style)
-    axes.plot(time_s, np.where(_and_next(few), mean, np.nan), linewidth=line.width, alpha=_FAINT, **style)
+    axes.plot(
+        time_s,
+        np.where(few, np.nan, mean),
+        linewidth=line.width,
+        label=_counted(line.label, values),
+        **style,
+    )
+    axes.plot(
+        time_s, np.where(_and_next(few), mean, np.nan), linewidth=line.width, alpha=_FAINT, **style
+    )
     if values.shape[-1] > 1:
         low, high = np.clip(mean - half, 0, 1), np.clip(mean + half, 0, 1)
-        axes.fill_between(time_s, low, high, where=~few, color=line.colour, alpha=0.25, linewidth=0, zorder=order - 0.5)
+        axes.fill_between(
+            time_s,
+            low,
+            high,
+            where=~few,
+            color=line.colour,
+            alpha=0.25,
+            linewidth=0,
+            zorder=order - 0.5,
+        )
     return bool((few & (games > 0)).any())
 
 
@@ -159,12 +217,21 @@ def _thin(axes: Axes, time_s: Floats, values: Floats, label: str | None) -> bool
     mean, _, games = over_games(values)
     few = _few(values[:, None])
     for shown, alpha, name in ((~few, 0.5, label), (_and_next(few), _FAINT / 2, None)):
-        axes.plot(time_s, np.where(shown, mean, np.nan), color=ATTACKERS[0], linewidth=0.8, alpha=alpha, label=name)
+        axes.plot(
+            time_s,
+            np.where(shown, mean, np.nan),
+            color=ATTACKERS[0],
+            linewidth=0.8,
+            alpha=alpha,
+            label=name,
+        )
     return bool((few & (games > 0)).any())
 
 
 def _few(values: Floats) -> npt.NDArray[np.bool_]:
-    """Return where fewer than half of agents and games are present, (T,); values are (T, agents, games)."""
+    """Return where fewer than half of agents and games are present, (T,); values are (T, agents,
+    games).
+    """
     few: npt.NDArray[np.bool_] = (~np.isnan(values)).mean(axis=(1, 2)) < 0.5
     return few
 
@@ -178,7 +245,9 @@ def _and_next(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
 
 
 def _counted(label: str, values: Floats) -> str:
-    """Return the label with the number of agents at the end, if some are absent; values are (T, agents, games)."""
+    """Return the label with the number of agents at the end, if some are absent; values are (T,
+    agents, games).
+    """
     there = ~np.isnan(values[-1])
     if there.all():
         return label

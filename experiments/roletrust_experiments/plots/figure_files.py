@@ -21,13 +21,16 @@ def write_figure(path: Path, figure: "Figure", colours: int | None = None) -> No
     Args:
         path: Path of the file; its suffix gives the format.
         figure: Figure, which must not have been drawn yet.
-        colours: Number of colours of a PNG, at most 256, which makes a chart a third as large. None keeps all.
+        colours: Number of colours of a PNG, at most 256, which makes a chart a third as large. None
+            keeps all.
     """
     from matplotlib.text import Text
     from PIL import Image
 
     for text in figure.findobj(Text):
-        if text.get_text():  # numbers of ticks, some of which are formulas, are written when the figure is drawn
+        if (
+            text.get_text()
+        ):  # numbers of ticks, some of which are formulas, are written when the figure is drawn
             text.set_parse_math(False)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=160, facecolor="white", metadata=_UNDATED.get(path.suffix))

@@ -1,4 +1,6 @@
-"""Figures of learners: a training run, and a suite with the share of each learner over all tasks and on each task."""
+"""Figures of learners: a training run, and a suite with the share of each learner over all tasks
+and on each task.
+"""
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
@@ -20,10 +22,21 @@ def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence
     figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes, card = figure.subplots(), attacker.card
     steps, _, score, half = np.asarray(curve, float).T
-    axes.fill_between(steps, score - np.nan_to_num(half), score + np.nan_to_num(half), color=ATTACKER, alpha=0.2, lw=0)
-    axes.plot(steps, score, color=ATTACKER, marker="o", markersize=3, label=f"{algo}, held-out games")
+    axes.fill_between(
+        steps,
+        score - np.nan_to_num(half),
+        score + np.nan_to_num(half),
+        color=ATTACKER,
+        alpha=0.2,
+        lw=0,
+    )
+    axes.plot(
+        steps, score, color=ATTACKER, marker="o", markersize=3, label=f"{algo}, held-out games"
+    )
     axes.axhline(card.score.honest, color=HONEST[0], linestyle="--", label="honest play")
-    axes.set_title(f"{card.task.id}, {card.scenario.name}, {card.task.objective}", loc="left", color=INK)
+    axes.set_title(
+        f"{card.task.id}, {card.scenario.name}, {card.task.objective}", loc="left", color=INK
+    )
     axes.set_xlabel("rounds of all games", color=INK)
     axes.set_ylabel("mean reward per round", color=INK)
     quiet(axes, "y")
@@ -31,8 +44,11 @@ def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence
     return figure
 
 
-def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[str, TaskScale]) -> Figure:
-    """Return the figure of a suite for learners: the share of each by the number of rounds that it may play.
+def learners_figure(
+    about: str, found: Sequence[LearnerResult], scales: Mapping[str, TaskScale]
+) -> Figure:
+    """Return the figure of a suite for learners: the share of each by the number of rounds that it
+    may play.
 
     Args:
         about: Title.
@@ -45,8 +61,13 @@ def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[
     for task, title in {ALL_TASKS: ALL_TASKS, **titles}.items():
         series = []
         for name in ranking(found):
-            mine = sorted((one for one in found if (one.task, one.learner) == (task, name)), key=lambda one: one.budget)
+            mine = sorted(
+                (one for one in found if (one.task, one.learner) == (task, name)),
+                key=lambda one: one.budget,
+            )
             shares = [Interval(*(max(x, _LOWEST) for x in one.share)) for one in mine]
             series.append(Series(name, [one.budget for one in mine], shares))
-        panels.append(Panel(title, "rounds of play", "share, interquartile mean", [*series, top], "log"))
+        panels.append(
+            Panel(title, "rounds of play", "share, interquartile mean", [*series, top], "log")
+        )
     return panels_figure(about, panels, "95% intervals", columns=3)

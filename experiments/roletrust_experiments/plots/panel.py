@@ -1,4 +1,6 @@
-"""How often methods are right about a panel's items: by the number of own labels, and of bought judges."""
+"""How often methods are right about a panel's items: by the number of own labels, and of bought
+judges.
+"""
 
 from collections.abc import Sequence
 
@@ -13,14 +15,18 @@ _ALWAYS = ("majority", "labels-only")
 
 
 def panel_figure(rows: Sequence[Row]) -> Figure:
-    """Return a figure with a panel for each kind of items and labels, and for bought judges if there are some.
+    """Return a figure with a panel for each kind of items and labels, and for bought judges if
+    there are some.
 
     Lines are of the majority, of labels alone, and of the best methods with few labels.
     """
     accuracy = [row for row in rows if row.measure == "accuracy"]
     attacked = [row for row in rows if row.measure == "attacked"]
     few = sorted({row.labels for row in accuracy})[:2][-1]
-    best = sorted((row for row in accuracy if row[:2] == accuracy[0][:2] and row.labels == few), key=lambda r: -r.value)
+    best = sorted(
+        (row for row in accuracy if row[:2] == accuracy[0][:2] and row.labels == few),
+        key=lambda r: -r.value,
+    )
     names = [name for name in _ALWAYS if any(row.method == name for row in best)]
     names += [row.method for row in best if row.method not in names][: _NAMED - len(names)]
 
@@ -40,7 +46,9 @@ def panel_figure(rows: Sequence[Row]) -> Figure:
     panels = []
     for place in dict.fromkeys(row[:2] for row in accuracy):
         title = f"{place[0]} items" + f", labels of {place[1]} ones" * (place[0] != place[1])
-        panels.append(panel(title, "own labels", [row for row in accuracy if row[:2] == place], "labels"))
+        panels.append(
+            panel(title, "own labels", [row for row in accuracy if row[:2] == place], "labels")
+        )
     for labels in sorted({row.labels for row in attacked}):
         mine = [row for row in attacked if row.labels == labels]
         panels.append(panel(f"{labels} own labels", "bought judges", mine, "bought"))

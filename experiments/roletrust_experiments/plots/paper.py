@@ -15,23 +15,38 @@ from roletrust_experiments.plots.style import INK
 
 
 def write_paper(
-    out: Path, stem: str, paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, note: str | None = None
+    out: Path,
+    stem: str,
+    paper: Paper,
+    runs: Mapping[str, Curves],
+    scenario: Scenario,
+    note: str | None = None,
 ) -> list[str]:
-    """Write one of the paper's figures, as a table of each run and as a picture, and return the names of the files.
+    """Write one of the paper's figures, as a table of each run and as a picture, and return the
+    names of the files.
 
-    Arguments as for `paper_figure`; tables have the name `stem`, and further ones also that of their run.
+    Arguments as for `paper_figure`; tables have the name `stem`, and further ones also that of
+    their run.
     """
     written: list[str] = []
     for run, curves in runs.items():
         written.append(f"{stem}-{run}.csv" if written else f"{stem}.csv")
-        rows = zip(curves.time_s.tolist(), *curves.tor[..., 0].T.tolist(), *curves.top[..., 0].T.tolist(), strict=True)
+        rows = zip(
+            curves.time_s.tolist(),
+            *curves.tor[..., 0].T.tolist(),
+            *curves.top[..., 0].T.tolist(),
+            strict=True,
+        )
         write_csv(out / written[-1], COLUMNS, rows)
     write_figure(out / f"{stem}.png", paper_figure(paper, runs, scenario, note))
     return [*written, f"{stem}.png"]
 
 
-def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, note: str | None = None) -> Figure:
-    """Return a figure with trust of raters above trust of providers, over time, for one run after the other.
+def paper_figure(
+    paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, note: str | None = None
+) -> Figure:
+    """Return a figure with trust of raters above trust of providers, over time, for one run after
+    the other.
 
     Args:
         paper: Figure of the paper.
@@ -42,8 +57,12 @@ def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, n
     period, panels = scenario.period_s, []
     for run, curves in runs.items():
         which = f" {run}" if run else ""
-        panels.append(Panel(f"trust of raters,{which} ToR", COLUMNS[1:4], curves.tor, curves.time_s))
-        panels.append(Panel(f"trust of providers,{which} ToP", COLUMNS[4:], curves.top, curves.time_s))
+        panels.append(
+            Panel(f"trust of raters,{which} ToR", COLUMNS[1:4], curves.tor, curves.time_s)
+        )
+        panels.append(
+            Panel(f"trust of providers,{which} ToP", COLUMNS[4:], curves.top, curves.time_s)
+        )
     figure = trust_figure(
         paper.title,
         panels,
@@ -57,5 +76,12 @@ def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, n
     for axes in figure.axes[::2]:
         for level in paper.levels:
             axes.hlines(level, *paper.attack, color=INK, linewidth=1, linestyle=":", zorder=5)
-            axes.text(paper.attack.stop_s + 0.8, level, f"paper: {level:g}", fontsize=9, va="center", color=INK)
+            axes.text(
+                paper.attack.stop_s + 0.8,
+                level,
+                f"paper: {level:g}",
+                fontsize=9,
+                va="center",
+                color=INK,
+            )
     return figure

@@ -1,4 +1,6 @@
-"""Figure of an attack of a benchmark: what consumers get, and whom trust believes, round by round."""
+"""Figure of an attack of a benchmark: what consumers get, and whom trust believes, round by
+round.
+"""
 
 from collections.abc import Iterable
 
@@ -15,13 +17,19 @@ Floats = npt.NDArray[np.float64]
 
 
 def replay_figure(title: str, replay: Replay) -> Figure:
-    """Return a figure with a panel for consumers and one for each role, means over the games with 95% intervals."""
+    """Return a figure with a panel for consumers and one for each role, means over the games with
+    95% intervals.
+    """
     sides = [
         [(side.label, side.attacks, side.trust) for side in replay.sides if side.rates == rates]
         for rates in (True, False)
     ]
     panels = (
-        ("utility of consumers", 2, [("everybody honest", False, replay.honest), ("attack", True, replay.utility)]),
+        (
+            "utility of consumers",
+            2,
+            [("everybody honest", False, replay.honest), ("attack", True, replay.utility)],
+        ),
         ("trust in raters (ToR)", 1, sides[0]),
         ("trust in providers (ToP)", 1, sides[1]),
     )

@@ -31,12 +31,21 @@ def tidy(axes: Axes, label: str) -> None:
     axes.spines[["left", "bottom"]].set_color("#9CA3AF")
 
 
-def shade(axes: Axes, windows: Iterable[tuple[float, float]], colour: str, label: str | None = None) -> None:
-    """Shade time intervals, with a label above each; labels of attacks are a line higher than others."""
+def shade(
+    axes: Axes, windows: Iterable[tuple[float, float]], colour: str, label: str | None = None
+) -> None:
+    """Shade time intervals, with a label above each; labels of attacks are a line higher than
+    others.
+    """
     attack = colour == ATTACKED
     for start, stop in windows:
         axes.axvspan(
-            start, stop, color=colour, alpha=1.0 if attack else 0.38, linewidth=0, zorder=0.1 if attack else 0.2
+            start,
+            stop,
+            color=colour,
+            alpha=1.0 if attack else 0.38,
+            linewidth=0,
+            zorder=0.1 if attack else 0.2,
         )
         if label:
             axes.text(

@@ -18,7 +18,8 @@ _FRAMES_PER_S = 8
 
 
 def write_video(path: Path, joint_policy: JointPolicy, seed: int, progress: Progress) -> None:
-    """Play one game, and write a video with one frame for each round, and its last frame as an image.
+    """Play one game, and write a video with one frame for each round, and its last frame as an
+    image.
 
     A single game of `record_curves` with the same seed has the same random numbers.
 
@@ -34,7 +35,9 @@ def write_video(path: Path, joint_policy: JointPolicy, seed: int, progress: Prog
     game = joint_policy.game
     noise, chance = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
     states = (one.state for one in rollout(joint_policy, noise, chance, (1,)))
-    write_video_of_states(path, game, states, list(game.roster.with_reserves(joint_policy.policies)), progress)
+    write_video_of_states(
+        path, game, states, list(game.roster.with_reserves(joint_policy.policies)), progress
+    )
 
 
 def write_video_of_states(
@@ -59,12 +62,18 @@ def write_video_of_states(
     spectator = Spectator(game, "rgb_array")
     spectator.attackers = tuple(marked)
     with closing(spectator), replacing(path) as temporary:
-        film = imageio.get_writer(temporary, fps=_FRAMES_PER_S, macro_block_size=1, quality=8, ffmpeg_log_level="quiet")
+        film = imageio.get_writer(
+            temporary, fps=_FRAMES_PER_S, macro_block_size=1, quality=8, ffmpeg_log_level="quiet"
+        )
         try:
-            for state in progress.track(states, total=game.scenario.max_cycles, description="Filming"):
+            for state in progress.track(
+                states, total=game.scenario.max_cycles, description="Filming"
+            ):
                 spectator.follow(state)
                 picture = np.asarray(spectator.render(), np.uint8)
-                even = picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2]  # as H.264 wants it
+                even = picture[
+                    : len(picture) // 2 * 2, : picture.shape[1] // 2 * 2
+                ]  # as H.264 wants it
                 try:
                     film.append_data(even)
                 except (OSError, RuntimeError) as error:  # ffmpeg stopped or is missing

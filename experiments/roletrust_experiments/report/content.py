@@ -42,7 +42,13 @@ class Learners(NamedTuple):
     warnings: list[str]
 
     @classmethod
-    def of(cls, suite: LearnersSuite, stored: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
+    def of(
+        cls,
+        suite: LearnersSuite,
+        stored: Sequence[StoredCell],
+        software: dict[str, Any],
+        path: Path,
+    ) -> Self:
         """Return the results of a run.
 
         Args:
@@ -56,10 +62,20 @@ class Learners(NamedTuple):
         """
         scales, found = learner_results(suite, stored)
         if not found:
-            raise ValueError(f"{path} holds no learner that was played; let `roletrust benchmark` go on first")
+            raise ValueError(
+                f"{path} holds no learner that was played; let `roletrust benchmark` go on first"
+            )
         warnings = [f"{trial.key}: {done.failed}" for trial, done in stored if done.failed]
-        unfit = {f"{trial.learner} on {trial.task}": done.unsuitable for trial, done in stored if done.unsuitable}
-        warnings += [f"{who}: {why}" for who, why in unfit.items() if who.partition(" on ")[0] in suite.learners]
+        unfit = {
+            f"{trial.learner} on {trial.task}": done.unsuitable
+            for trial, done in stored
+            if done.unsuitable
+        }
+        warnings += [
+            f"{who}: {why}"
+            for who, why in unfit.items()
+            if who.partition(" on ")[0] in suite.learners
+        ]
         return cls(suite, software, reproduction_command(suite, path), scales, found, warnings)
 
     @property
@@ -71,17 +87,24 @@ class Learners(NamedTuple):
     def tables(self) -> dict[str, Table]:
         """The table by the name of its figure."""
         tasks, names = [ALL_TASKS, *self.scales], self.order
-        found = sorted(self.found, key=lambda one: (tasks.index(one.task), names.index(one.learner), one.budget))
+        found = sorted(
+            self.found,
+            key=lambda one: (tasks.index(one.task), names.index(one.learner), one.budget),
+        )
         return {"learners": Table(HEADER, table_rows(found))}
 
     @property
     def shares(self) -> dict[str, dict[str, Interval]]:
-        """Share of each learner with the largest budget over all tasks and on each task, the best learner first."""
+        """Share of each learner with the largest budget over all tasks and on each task, the best
+        learner first.
+        """
         largest = self.suite.budgets[-1]
         mine = {(one.learner, one.task): one.share for one in self.found if one.budget == largest}
         nothing = Interval(float("nan"), float("nan"), float("nan"))
         tasks = (ALL_TASKS, *self.scales)
-        return {name: {task: mine.get((name, task), nothing) for task in tasks} for name in self.order}
+        return {
+            name: {task: mine.get((name, task), nothing) for task in tasks} for name in self.order
+        }
 
 
 class Content(NamedTuple):
@@ -101,7 +124,9 @@ class Content(NamedTuple):
         return {name: table for part in self.parts for name, table in part.tables.items()}
 
 
-def read(paths: Iterable[Path], *, allow_code: bool = False, real: Mapping[str, Interval] | None = None) -> Content:
+def read(
+    paths: Iterable[Path], *, allow_code: bool = False, real: Mapping[str, Interval] | None = None
+) -> Content:
     """Return the content of the files of runs.
 
     Args:
@@ -110,7 +135,8 @@ def read(paths: Iterable[Path], *, allow_code: bool = False, real: Mapping[str, 
         real: What trust models keep in replays of real logs.
 
     Raises:
-        ValueError: A file cannot be read, is empty or names an uninstalled model, or two files have the same kind.
+        ValueError: A file cannot be read, is empty or names an uninstalled model, or two files have
+            the same kind.
     """
     content, taken = Content(), dict[str, Path]()
     for path in paths:
@@ -118,7 +144,8 @@ def read(paths: Iterable[Path], *, allow_code: bool = False, real: Mapping[str, 
             suite, stored, software = store.suite, store.all(), store.software
         if suite.kind in taken:
             raise ValueError(
-                f"{taken[suite.kind]} and {path} are both of a suite for {suite.kind}; a report has one of each kind"
+                f"{taken[suite.kind]} and {path} are both of a suite for {suite.kind}; a report "
+                "has one of each kind"
             )
         taken[suite.kind] = path
         if isinstance(suite, LearnersSuite):
@@ -126,5 +153,7 @@ def read(paths: Iterable[Path], *, allow_code: bool = False, real: Mapping[str, 
         else:
             if not allow_code:
                 check_installed(trust_models, suite.model_names)
-            content = content._replace(robustness=Robustness.of(suite, stored, software, path, real))
+            content = content._replace(
+                robustness=Robustness.of(suite, stored, software, path, real)
+            )
     return content

@@ -34,7 +34,8 @@ _NARROW = 0.19  # height of a row of the leaderboard, inches: it is seen at a gl
 _PANELS = 2  # with lines side by side
 _MARK = 22  # area, square points
 _STYLE: Any = {  # Matplotlib's type of settings is a list of all their names
-    # Text remains text, which can be searched and edited; the default of PDF is Type 3, which IEEE refuses.
+    # Text remains text, which can be searched and edited; the default of PDF is Type 3, which IEEE
+    # refuses.
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
     "svg.hashsalt": "roletrust",
@@ -50,14 +51,19 @@ def write_figures(folder: Path, content: Content, *suffixes: str) -> list[str]:
         content: Content of the report.
         suffixes: Suffixes of the files, which give their formats.
     """
-    # Matplotlib makes labels of ticks when it draws, so that the style must hold until the file is written.
+    # Matplotlib makes labels of ticks when it draws, so that the style must hold until the file is
+    # written.
     with rc_context(_STYLE):
         found = _figures(content.robustness) if content.robustness else {}
         if learners := content.learners:
-            found["learners"] = learners_figure(learners.suite.title, learners.found, learners.scales)
+            found["learners"] = learners_figure(
+                learners.suite.title, learners.found, learners.scales
+            )
         for name, figure in found.items():
             for suffix in suffixes:
-                write_figure(folder / f"{name}{suffix}", figure, colours=256 if suffix == ".png" else None)
+                write_figure(
+                    folder / f"{name}{suffix}", figure, colours=256 if suffix == ".png" else None
+                )
     return list(found)
 
 
@@ -66,11 +72,15 @@ def _figures(robustness: Robustness) -> dict[str, Figure]:
     tables, styles = robustness.tables, _styles(robustness.order[:_LINES])
     alike = "alike" in robustness.leaderboard.columns
     return {
-        "leaderboard": leaderboard_figure(robustness.leaderboard.rows, robustness.suite.score, alike),
+        "leaderboard": leaderboard_figure(
+            robustness.leaderboard.rows, robustness.suite.score, alike
+        ),
         "heatmap": _heatmap(robustness),
         "curves": _panels(tables["curves"], lambda axes, rows: _draw_curves(axes, rows, styles)),
         "breakdown": _breakdown(robustness),
-        "tradeoff": _panels(tables["tradeoff"], lambda axes, rows: _draw_tradeoff(axes, rows, styles)),
+        "tradeoff": _panels(
+            tables["tradeoff"], lambda axes, rows: _draw_tradeoff(axes, rows, styles)
+        ),
     }
 
 
@@ -98,7 +108,15 @@ def leaderboard_figure(standings: Sequence[LeaderboardRow], score: str, alike: b
     for name, field, colour, mark in marks:
         found = [getattr(row, field) for row in standings]
         halves = [0 if np.isnan(one.half) else one.half for one in found]
-        axes.errorbar([one.mean for one in found], places, xerr=halves, fmt=mark, color=colour, label=name, capsize=2.5)
+        axes.errorbar(
+            [one.mean for one in found],
+            places,
+            xerr=halves,
+            fmt=mark,
+            color=colour,
+            label=name,
+            capsize=2.5,
+        )
     ends = [(row.worst.mean, row.clean.mean) for row in standings]
     axes.hlines(places, *zip(*ends, strict=True), color="#9CA3AF", linewidth=1, zorder=0)
     axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in standings], fontsize="small")
@@ -106,9 +124,13 @@ def leaderboard_figure(standings: Sequence[LeaderboardRow], score: str, alike: b
         if above.tier != below.tier:
             axes.axhline(place + 0.5, color=QUIET, linestyle=":", linewidth=1)
     axes.set_ylim(len(standings) - 0.4, -0.6)
-    axes.set_xlabel(f"{score} of going by trust, with 95% intervals; dotted lines between tiers", color=INK)
+    axes.set_xlabel(
+        f"{score} of going by trust, with 95% intervals; dotted lines between tiers", color=INK
+    )
     quiet(axes, "x")
-    axes.legend(frameon=False, loc="lower left", ncols=len(marks), bbox_to_anchor=(0, 1), labelcolor=INK)
+    axes.legend(
+        frameon=False, loc="lower left", ncols=len(marks), bbox_to_anchor=(0, 1), labelcolor=INK
+    )
     return figure
 
 
@@ -121,12 +143,16 @@ def _breakdown(robustness: Robustness) -> Figure:
             mine = [row for row in rows if row["model"] == model]
             scores = [Estimate(row["score"], row["score_half_95"]).interval for row in mine]
             series.append(Series(model, [row["share"] for row in mine], scores))
-        panels.append(Panel(where, "share of the compromised", f"worst-case {robustness.suite.score}", series))
+        panels.append(
+            Panel(where, "share of the compromised", f"worst-case {robustness.suite.score}", series)
+        )
     return panels_figure("", panels, "95% intervals")
 
 
 def _heatmap(robustness: Robustness) -> Figure:
-    """Return the worst case of each model in each condition with attackers, in hundredths; dark is low."""
+    """Return the worst case of each model in each condition with attackers, in hundredths; dark is
+    low.
+    """
     table, models, lowest = robustness.tables["worst_cases"], robustness.order, robustness.lowest
     found = {
         (row["model"], f"{row['scenario']}, {row['track']} {_percent(row['share'])}"): row["score"]
@@ -135,11 +161,15 @@ def _heatmap(robustness: Robustness) -> Figure:
         if row["share"]
     }
     where = list(dict.fromkeys(condition for _, condition in found))
-    values = np.array([[found.get((model, condition), np.nan) for condition in where] for model in models])
+    values = np.array(
+        [[found.get((model, condition), np.nan) for condition in where] for model in models]
+    )
     figure = Figure(figsize=(_WIDTH, _ROW * (len(models) + 7)), layout="constrained")
     axes = figure.subplots()
     axes.imshow(values, cmap="cividis", vmin=lowest, vmax=1, aspect="auto", interpolation="none")
-    axes.set_xticks(range(len(where)), where, fontsize="small", rotation=45, ha="right", rotation_mode="anchor")
+    axes.set_xticks(
+        range(len(where)), where, fontsize="small", rotation=45, ha="right", rotation_mode="anchor"
+    )
     axes.set_yticks(range(len(models)), models, fontsize="small")
     axes.tick_params(length=0, labelcolor=INK)
     axes.spines[:].set_visible(False)
@@ -166,10 +196,21 @@ def _panels(table: Table, draw: Callable[[Axes, Rows], None]) -> Figure:
         axes.set_title(name, loc="left", color=INK)
     for axes in panels.flat[len(found) :]:
         axes.set_visible(False)
-    lines = {label: line for axes in panels.flat for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    lines = {
+        label: line
+        for axes in panels.flat
+        for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
     if lines:
         columns = 3 * _PANELS
-        figure.legend(lines.values(), lines, frameon=False, loc="outside lower center", ncols=columns, labelcolor=INK)
+        figure.legend(
+            lines.values(),
+            lines,
+            frameon=False,
+            loc="outside lower center",
+            ncols=columns,
+            labelcolor=INK,
+        )
     return figure
 
 
@@ -177,13 +218,20 @@ def _draw_curves(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]]
     """Draw utility round by round in each model's worst case."""
     for row in rows:
         if row["worst"] and row["model"] in styles:
-            axes.plot(row["rounds"], row["utility"], label=row["model"], **{**styles[row["model"]], "marker": ""})
+            axes.plot(
+                row["rounds"],
+                row["utility"],
+                label=row["model"],
+                **{**styles[row["model"]], "marker": ""},
+            )
     tidy(axes, "utility")
     axes.set_xlabel("round", color=INK)
 
 
 def _draw_tradeoff(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]]) -> None:
-    """Draw a mark for each attack at its damage and detectability; the worst case has a large one."""
+    """Draw a mark for each attack at its damage and detectability; the worst case has a large
+    one.
+    """
     for model, style in styles.items():
         mine = [row for row in rows if row["model"] == model]
         if mine:

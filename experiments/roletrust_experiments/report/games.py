@@ -1,4 +1,6 @@
-"""The utility of every game of a run in one compressed file, from which anybody can compute the leaderboard."""
+"""The utility of every game of a run in one compressed file, from which anybody can compute the
+leaderboard.
+"""
 
 import csv
 import gzip
@@ -15,11 +17,13 @@ _MEASURED = ("utility", "blind", "published")
 
 
 def write_games(path: Path, cells: Iterable[StoredCell]) -> None:
-    """Write a row for each attack, with the utilities of its games to four digits in one field each.
+    """Write a row for each attack, with the utilities of its games to four digits in one field
+    each.
 
-    `chosen_utility` and `chosen_blind` are those of the games for choosing the worst case, and `utility`, `blind` and
-    `published` those of the games for measuring, see `roletrust_env.evaluation.measurement.MEASURED`. Utilities of a
-    field are in the order of the games, with a space between them, and `nan` where they are undefined.
+    `chosen_utility` and `chosen_blind` are those of the games for choosing the worst case, and
+    `utility`, `blind` and `published` those of the games for measuring, see
+    `roletrust_env.evaluation.measurement.MEASURED`. Utilities of a field are in the order of the
+    games, with a space between them, and `nan` where they are undefined.
 
     Args:
         path: Path of the file, which ends in `.csv.gz`.

@@ -16,18 +16,30 @@ def environment() -> Environment:
     """Return the templates of pages, with filters for numbers."""
     loader = PackageLoader("roletrust_experiments.report", "template")
     made = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    made.filters |= {"estimate": _estimate, "interval": _interval, "number": _number, "share": _share}
+    made.filters |= {
+        "estimate": _estimate,
+        "interval": _interval,
+        "number": _number,
+        "share": _share,
+    }
     return made
 
 
-def page(content: Content, pictures: Mapping[str, bytes], command: str, pages: str = "", replayed: str = "") -> str:
+def page(
+    content: Content,
+    pictures: Mapping[str, bytes],
+    command: str,
+    pages: str = "",
+    replayed: str = "",
+) -> str:
     """Return the page, which needs no other file and no network.
 
     Args:
         content: Content of the report.
         pictures: Picture of each table as a PNG file, by name.
         command: Command that writes the page.
-        pages: Address of the folder with the pages of the trust models of this project. Empty makes no links.
+        pages: Address of the folder with the pages of the trust models of this project. Empty makes
+            no links.
         replayed: Command that plays the worst attack on the best model again.
     """
     robustness = content.robustness

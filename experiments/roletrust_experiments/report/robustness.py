@@ -1,4 +1,6 @@
-"""Results of a suite for trust models as tables: the page shows them, and each is also a CSV file."""
+"""Results of a suite for trust models as tables: the page shows them, and each is also a CSV
+file.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -75,7 +77,8 @@ class Robustness(NamedTuple):
         path: Path,
         real: Mapping[str, Interval] | None = None,
     ) -> Self:
-        """Return the results of a run. Arguments as for `roletrust_experiments.report.content.read` and `Learners.of`.
+        """Return the results of a run. Arguments as for `roletrust_experiments.report.content.read`
+        and `Learners.of`.
 
         Raises:
             ValueError: No attack has been played.
@@ -84,7 +87,9 @@ class Robustness(NamedTuple):
         attacks = list(leaderboard.attacks)
         struck = [one for one in attacks if suite.tracks[one.condition.track].roles]
         if not struck:
-            raise ValueError(f"{path} holds no attack that was played; let `roletrust benchmark` go on first")
+            raise ValueError(
+                f"{path} holds no attack that was played; let `roletrust benchmark` go on first"
+            )
         rows = leaderboard.rows
         places = _places(suite, [row.model for row in rows])
         attacks.sort(key=places)
@@ -104,7 +109,17 @@ class Robustness(NamedTuple):
         blind = float(np.mean([_mean(one.measured["blind"]) for one in first] or [np.nan]))
         blind = 0.0 if suite.score == "skill" else blind
         where, course = condition_rows(cases, struck, suite.conditions), Convergence.of(struck)
-        return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, course, tables)
+        return cls(
+            suite,
+            software,
+            reproduction_command(suite, path),
+            path,
+            leaderboard,
+            blind,
+            where,
+            course,
+            tables,
+        )
 
     @property
     def warnings(self) -> list[str]:
@@ -135,23 +150,40 @@ def _places(suite: Suite, order: Sequence[str]) -> Callable[[AttackScores], tupl
 
 
 def _is_worst(one: AttackScores, cases: _Worst) -> bool:
-    """Return whether an attack is the worst case; with several seeds, whether most of them choose it."""
+    """Return whether an attack is the worst case; with several seeds, whether most of them choose
+    it.
+    """
     case = cases.get((one.model, one.condition))
     return case is not None and case.common is one
 
 
 def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Table:
-    """Return what each attack leaves; in each condition the attack with the most harm to all models comes first."""
+    """Return what each attack leaves; in each condition the attack with the most harm to all models
+    comes first.
+    """
     header = (
         "condition", "attack", "model", "method",
         "utility", "utility_half_95", "skill", "skill_half_95", "blind", "worst", "treats",
     )  # fmt: skip
     measured = [(one.measured["utility"], one.measured["blind"]) for one in struck]
-    scales = _estimates([by_trust for by_trust, _ in measured]), _estimates([skill_by_seed(*pair) for pair in measured])
+    scales = (
+        _estimates([by_trust for by_trust, _ in measured]),
+        _estimates([skill_by_seed(*pair) for pair in measured]),
+    )
     rows: list[tuple[Any, ...]] = []
     for one, utility, skill in zip(struck, *scales, strict=True):
         blind = _mean(one.measured["blind"])
-        rows.append((*_name(one), one.method, *utility[:2], *skill[:2], blind, _is_worst(one, cases), one.treats))
+        rows.append(
+            (
+                *_name(one),
+                one.method,
+                *utility[:2],
+                *skill[:2],
+                blind,
+                _is_worst(one, cases),
+                one.treats,
+            )
+        )
     place, harm = header.index(scale), dict[tuple[str, str], list[float]]()
     for row in rows:
         harm.setdefault(row[:2], []).append(row[place])
@@ -165,14 +197,20 @@ def _name(one: AttackScores) -> tuple[str, str, str]:
 
 
 def _worst_cases(cases: _Worst, order: Sequence[str]) -> Table:
-    """Return the worst case of each model in each condition, also in those without attackers, as it counts."""
+    """Return the worst case of each model in each condition, also in those without attackers, as it
+    counts.
+    """
     header = (
-        "model", "scenario", "track", "share", "attack", "method", "score", "score_half_95", "blind", "games",
+        "model", "scenario", "track", "share", "attack", "method", "score", "score_half_95", "blind", "games",  # noqa: E501
     )  # fmt: skip
     rows = []
-    for one, found in zip(cases.values(), _estimates([one.score for one in cases.values()]), strict=True):
+    for one, found in zip(
+        cases.values(), _estimates([one.score for one in cases.values()]), strict=True
+    ):
         blind, games = _mean(one.measured["blind"]), int((~np.isnan(one.score)).sum())
-        rows.append((one.model, *one.condition, one.attack, one.common.method, *found[:2], blind, games))
+        rows.append(
+            (one.model, *one.condition, one.attack, one.common.method, *found[:2], blind, games)
+        )
     return Table(header, sorted(rows, key=lambda row: order.index(row[0])))
 
 
@@ -188,29 +226,41 @@ def _curves(suite: Suite, attacks: Sequence[AttackScores], cases: _Worst) -> Tab
 
 
 def _thinned(by_round: Floats) -> tuple[list[float], list[float]]:
-    """Return a curve of at most `_POINTS` points, and for each point the middle of its rounds, counted from 1."""
+    """Return a curve of at most `_POINTS` points, and for each point the middle of its rounds,
+    counted from 1.
+    """
     many = -(-len(by_round) // _POINTS)
     starts, there = np.arange(0, len(by_round), many), ~np.isnan(by_round)
-    rounds = np.add.reduceat(np.arange(len(by_round)) + 2.0, starts) / np.diff([*starts, len(by_round)])
+    rounds = np.add.reduceat(np.arange(len(by_round)) + 2.0, starts) / np.diff(
+        [*starts, len(by_round)]
+    )
     sums = np.add.reduceat(np.where(there, by_round, 0.0), starts)
     utility: Floats = ratio(sums, np.add.reduceat(there.astype(np.float64), starts))
     return rounds.tolist(), utility.tolist()
 
 
 def _breakdown(suite: Suite, cases: _Worst) -> Table:
-    """Return the worst-case score by the share of compromised agents, from 0, where everybody is honest."""
+    """Return the worst-case score by the share of compromised agents, from 0, where everybody is
+    honest.
+    """
     header = ("where", "share", "model", "attack", "score", "score_half_95")
     rows = []
-    for one, found in zip(cases.values(), _estimates([one.score for one in cases.values()]), strict=True):
+    for one, found in zip(
+        cases.values(), _estimates([one.score for one in cases.values()]), strict=True
+    ):
         for scenario, track in _stand_for(suite, one.condition):
-            rows.append((f"{scenario}, {track}", one.condition.share, one.model, one.attack, *found[:2]))
+            rows.append(
+                (f"{scenario}, {track}", one.condition.share, one.model, one.attack, *found[:2])
+            )
     tracks = [f"{scenario}, {track}" for scenario in suite.scenarios for track in suite.tracks]
     rows.sort(key=lambda row: (tracks.index(row[0]), row[2], row[1]))
     return Table(header, rows)
 
 
 def _stand_for(suite: Suite, where: Condition) -> Iterator[tuple[str, str]]:
-    """Return the tracks that a condition belongs to: its own; without attackers, those with the same changes."""
+    """Return the tracks that a condition belongs to: its own; without attackers, those with the
+    same changes.
+    """
     mine = suite.tracks[where.track]
     for name, track in ((name, suite.tracks[name]) for name in suite.shares_in(where.scenario)):
         if track.roles and (name == where.track or (not mine.roles and track.set == mine.set)):
@@ -219,7 +269,16 @@ def _stand_for(suite: Suite, where: Condition) -> Iterator[tuple[str, str]]:
 
 def _tradeoff(attacks: Sequence[AttackScores], cases: _Worst) -> Table:
     """Return the damage and the detectability of each attack."""
-    header = ("condition", "attack", "model", "damage", "damage_half_95", "auc", "auc_half_95", "worst")
+    header = (
+        "condition",
+        "attack",
+        "model",
+        "damage",
+        "damage_half_95",
+        "auc",
+        "auc_half_95",
+        "worst",
+    )
     rows = []
     found = (_estimates([one.measured[name] for one in attacks]) for name in ("damage", "auc"))
     for one, damage, auc in zip(attacks, *found, strict=True):
@@ -234,9 +293,13 @@ def _mean(values: Floats) -> float:
 
 
 def _estimates(values: Sequence[Floats]) -> list[Estimate]:
-    """Return means over seeds and games, (S, G) each, with half their intervals; all show how much seeds differ."""
+    """Return means over seeds and games, (S, G) each, with half their intervals; all show how much
+    seeds differ.
+    """
     shapes = np.array([one.shape for one in values] or [(1, 1)])
-    table = np.full((len(values), *shapes.max(axis=0)), np.nan)  # conditions differ in the number of games
+    table = np.full(
+        (len(values), *shapes.max(axis=0)), np.nan
+    )  # conditions differ in the number of games
     for place, one in zip(table, values, strict=True):
         place[:, : one.shape[1]] = one
     return over_seeds(table, len(values)).estimates if values else []

@@ -14,7 +14,9 @@ if TYPE_CHECKING:  # each needs packages of its own
     from roletrust_env.live.nodes.team_listener import TeamListener
     from roletrust_env.service.manager_listener import ManagerListener
 
-TEMPLATES = Environment(loader=PackageLoader("roletrust_experiments.view", "template"), autoescape=True)
+TEMPLATES = Environment(
+    loader=PackageLoader("roletrust_experiments.view", "template"), autoescape=True
+)
 _PARTS: Any = TEMPLATES.get_template("parts.html").module
 
 _GONE_PERIODS = 1.6  # periods without a message after which a robot is shown as gone
@@ -22,7 +24,8 @@ _MIN_GONE_S = 0.3  # no robot is gone sooner, however short the period
 
 
 class PageParts(NamedTuple):
-    """The parts of the page that are text and pictures, as HTML. The template has a place of each name.
+    """The parts of the page that are text and pictures, as HTML. The template has a place of each
+    name.
 
     Attributes:
         state: State of the last round.
@@ -58,7 +61,12 @@ class Dashboard:
         speed: float = 1.0,
         attackers: Collection[str] = (),
     ) -> None:
-        self._listener, self._period_s, self._speed, self.attackers = listener, period_s, speed, attackers
+        self._listener, self._period_s, self._speed, self.attackers = (
+            listener,
+            period_s,
+            speed,
+            attackers,
+        )
         self.refresh_s = min(0.25, max(0.1, period_s / 4))
         self._parts, self._parts_at, self._origin = PageParts("", "", "", ""), 0.0, 0
 
@@ -71,12 +79,16 @@ class Dashboard:
         return [one for one in list(self._listener.rounds) if one.stamp > after]
 
     def seconds(self, one: PublishedTrust) -> float:
-        """Return the time of a round since the first received one, in seconds of the scenario's clock."""
+        """Return the time of a round since the first received one, in seconds of the scenario's
+        clock.
+        """
         self._origin = self._origin or self._listener.rounds[0].stamp
         return (one.stamp - self._origin) / 1e9 * self._speed
 
     def parts(self) -> PageParts:
-        """Return the parts of the page. Viewers that ask at about the same time get the same parts."""
+        """Return the parts of the page. Viewers that ask at about the same time get the same
+        parts.
+        """
         now = time.monotonic()
         if now - self._parts_at > self.refresh_s / 2:
             self._parts, self._parts_at = self._make_parts(now), now
@@ -89,7 +101,9 @@ class Dashboard:
         gone = {name for name, moment in last_heard.items() if now - moment > gone_s}
         tor, top = (rounds[-1].tor, rounds[-1].top) if rounds else ({}, {})
         silent = {name for name in tor if name not in last_heard} | gone
-        pictures = {name: base64.b64encode(jpeg).decode() for name, jpeg in listener.pictures.copy().items()}
+        pictures = {
+            name: base64.b64encode(jpeg).decode() for name, jpeg in listener.pictures.copy().items()
+        }
         return PageParts(
             _PARTS.state(*_state(rounds[-1:], MANAGER in gone)),
             _PARTS.cameras(pictures, top, gone),
@@ -113,11 +127,16 @@ def _state(last: Sequence[PublishedTrust], silent: bool) -> tuple[str, str, str]
 def _refused(
     reports: Mapping[str, Mapping[str, str]], own: Mapping[tuple[str, RefusalReason], int]
 ) -> list[tuple[str, ...]]:
-    """Return sender, reason and count of what the manager, the raters and this page have refused, and by whom."""
+    """Return sender, reason and count of what the manager, the raters and this page have refused,
+    and by whom.
+    """
     counts = [
         (*key.split(": ", 1), count, node)
         for node, values in sorted(reports.items(), key=lambda entry: entry[0] != MANAGER)
         for key, count in values.items()
         if ": " in key
     ]
-    return counts + [(sender or "unknown", reason, str(count), "this page") for (sender, reason), count in own.items()]
+    return counts + [
+        (sender or "unknown", reason, str(count), "this page")
+        for (sender, reason), count in own.items()
+    ]

@@ -1,4 +1,6 @@
-"""The live page, for this machine only: growing curves in each browser, and the parts that all viewers share."""
+"""The live page, for this machine only: growing curves in each browser, and the parts that all
+viewers share.
+"""
 
 import os
 import socket
@@ -65,10 +67,21 @@ class Page:
         self._arrivals = _ArrivalPlot()
         sheet = InlineStyleSheet(css=(_TEMPLATE / "parts.css").read_text(encoding="utf-8"))
         self._parts = {
-            name: Div(name=name, stylesheets=[sheet], sizing_mode="stretch_width", margin=0, disable_math=True)
+            name: Div(
+                name=name,
+                stylesheets=[sheet],
+                sizing_mode="stretch_width",
+                margin=0,
+                disable_math=True,
+            )
             for name in PageParts._fields  # a name from the network may look like TeX
         }
-        self.roots: list[Any] = [self._tor.figure, self._top.figure, self._arrivals.figure, *self._parts.values()]
+        self.roots: list[Any] = [
+            self._tor.figure,
+            self._top.figure,
+            self._arrivals.figure,
+            *self._parts.values(),
+        ]
         self.refresh()
 
     def refresh(self) -> None:
@@ -91,7 +104,9 @@ class _TrustPlot:
         self._kind, self._dashboard = kind, dashboard
         self._names: list[str] = []
         self.source = ColumnDataSource({"time_s": []}, name=f"{kind}-source")
-        self.figure = _figure(kind, 240, y_range=Range1d(start=-0.03, end=1.05), x_axis_label="time (s)")
+        self.figure = _figure(
+            kind, 240, y_range=Range1d(start=-0.03, end=1.05), x_axis_label="time (s)"
+        )
         self.figure.yaxis.ticker = [0, 0.25, 0.5, 0.75, 1]
 
     def add(self, rounds: Sequence[PublishedTrust]) -> None:
@@ -101,22 +116,34 @@ class _TrustPlot:
             if name not in self._names:
                 self._add_line(name)
         nan = float("nan")
-        columns = {str(k): [values.get(name, nan) for values in trust] for k, name in enumerate(self._names)}
+        columns = {
+            str(k): [values.get(name, nan) for values in trust]
+            for k, name in enumerate(self._names)
+        }
         self.source.stream(
-            {"time_s": [self._dashboard.seconds(one) for one in rounds], **columns}, rollover=_CURVE_ROUNDS
+            {"time_s": [self._dashboard.seconds(one) for one in rounds], **columns},
+            rollover=_CURVE_ROUNDS,
         )
 
     def _add_line(self, name: str) -> None:
-        """Add a line. Its column is named by a number, since names from the network may be any text."""
+        """Add a line. Its column is named by a number, since names from the network may be any
+        text.
+        """
         index = len(self._names)
         self._names.append(name)
         self.source.add([float("nan")] * len(self.source.data["time_s"]), str(index))
         bad = name in self._dashboard.attackers
         colour = ATTACKER if bad else _COLOURS[index % len(_COLOURS)]
-        style: dict[str, Any] = {"color": colour, "line_width": 3.4 if bad else 2, "line_dash": _DASHES[index % 4]}
+        style: dict[str, Any] = {
+            "color": colour,
+            "line_width": 3.4 if bad else 2,
+            "line_dash": _DASHES[index % 4],
+        }
         if bad:
             style["line_dash"] = "solid"
-        label = {"legend_label": f"{name} (attacker)" if bad else name} if index < _MAX_LEGEND else {}
+        label = (
+            {"legend_label": f"{name} (attacker)" if bad else name} if index < _MAX_LEGEND else {}
+        )
         self.figure.line("time_s", str(index), source=self.source, name=name, **style, **label)
         legend: Any = self.figure.legend
         legend.location, legend.orientation = "bottom_left", "horizontal"
@@ -128,7 +155,9 @@ class _ArrivalPlot:
     """Figure of the raters whose ratings arrived in the last rounds."""
 
     def __init__(self) -> None:
-        self.source = ColumnDataSource({"round": [], "rater": [], "colour": []}, name="matches-source")
+        self.source = ColumnDataSource(
+            {"round": [], "rater": [], "colour": []}, name="matches-source"
+        )
         self._raters = FactorRange()
         self.figure = _figure("matches", 150, y_range=self._raters, x_axis_label="round")
         self.figure.rect("round", "rater", 0.9, 0.8, color="colour", source=self.source)
@@ -151,7 +180,14 @@ class _ArrivalPlot:
 
 def _figure(name: str, height: int, **options: Any) -> Any:
     """Return a plain figure of full width; `page.js` sets the colours for light or dark mode."""
-    plain = figure(name=name, height=height, sizing_mode="stretch_width", toolbar_location=None, tools="", **options)
+    plain = figure(
+        name=name,
+        height=height,
+        sizing_mode="stretch_width",
+        toolbar_location=None,
+        tools="",
+        **options,
+    )
     plain.xgrid.visible = False
     plain.outline_line_color = plain.background_fill_color = plain.border_fill_color = None
     return plain
@@ -182,7 +218,8 @@ def run_view_server(
     network: bool = False,
     take: Callable[[], object] = lambda: None,
 ) -> None:
-    """Serve the page of a team until a signal ends the process. The process has a lower priority than the robots.
+    """Serve the page of a team until a signal ends the process. The process has a lower priority
+    than the robots.
 
     Args:
         listening: Listening socket, see `WaitingPage`.
@@ -192,18 +229,23 @@ def run_view_server(
         speed: Speed relative to the scenario's clock.
         attackers: Names to mark as attackers.
         network: See `Node`.
-        take: Function that ends the answers of another server on the socket; it is called when the page is ready.
+        take: Function that ends the answers of another server on the socket; it is called when the
+            page is ready.
 
     Raises:
         ValueError: A key does not exist.
     """
     os.nice(_NICENESS)
     keyring = None if keys is None else PublicKeys(keys, [MANAGER])
-    listener = TeamListener(team, RoundTiming(round(period_s * SECOND)), keyring=keyring, network=network)
+    listener = TeamListener(
+        team, RoundTiming(round(period_s * SECOND)), keyring=keyring, network=network
+    )
     serve_until_signal(Dashboard(listener, period_s, speed, attackers), listening, take)
 
 
-def serve_until_signal(dashboard: Dashboard, listening: socket.socket, take: Callable[[], object]) -> None:
+def serve_until_signal(
+    dashboard: Dashboard, listening: socket.socket, take: Callable[[], object]
+) -> None:
     """Serve a page until a signal ends the process, see `run_view_server`."""
     try:
         make_page(dashboard, Document())  # what takes long the first time

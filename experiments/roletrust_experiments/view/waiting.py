@@ -1,4 +1,6 @@
-"""The page before the live page: it answers from the first second, and says what the command is doing."""
+"""The page before the live page: it answers from the first second, and says what the command is
+doing.
+"""
 
 import socket
 import threading
@@ -12,7 +14,8 @@ _POLL_S = 0.05
 
 
 class WaitingPage:
-    """Answers on a port, for this machine only, until the live page takes its place; no request is refused meanwhile.
+    """Answers on a port, for this machine only, until the live page takes its place; no request is
+    refused meanwhile.
 
     Args:
         port: Port of both pages.
@@ -29,9 +32,13 @@ class WaitingPage:
         try:
             self._server = _Server((_HERE, port), _Answer)
         except OSError as error:
-            raise ValueError(f"port {port} is not available: {error}; choose another with --port") from None
+            raise ValueError(
+                f"port {port} is not available: {error}; choose another with --port"
+            ) from None
         self._server.page = self
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(_POLL_S,), daemon=True)
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, args=(_POLL_S,), daemon=True
+        )
         self._thread.start()
 
     @property
@@ -40,12 +47,16 @@ class WaitingPage:
         return self._server.socket
 
     def leave(self) -> None:
-        """Stop answering. Requests wait from now on, until another server takes them from the socket."""
+        """Stop answering. Requests wait from now on, until another server takes them from the
+        socket.
+        """
         self._server.shutdown()
         self._thread.join()
 
     def close(self) -> None:
-        """Stop answering, and close the socket in this process. A process that was given the socket has it still."""
+        """Stop answering, and close the socket in this process. A process that was given the socket
+        has it still.
+        """
         self.leave()
         self._server.server_close()
 

@@ -1,1 +1,3 @@
-"""Defences that learn: a population of attackers and one of trust models, each trained against the other."""
+"""Defences that learn: a population of attackers and one of trust models, each trained against the
+other.
+"""

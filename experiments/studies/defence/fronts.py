@@ -1,4 +1,6 @@
-"""The conditions of a game between defences and attackers: who attacks there, and what a trust model is worth."""
+"""The conditions of a game between defences and attackers: who attacks there, and what a trust
+model is worth.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Self
@@ -60,11 +62,16 @@ class Front(Condition):
         """
         record = record_of(attacker)
         if not record:
-            raise ValueError(f"the attack {name!r} cannot be recorded; choose attacks of installed packages")
-        return KnownAttack(name=name, scenario=self.scenario, track=self.track, share=self.share, record=record)
+            raise ValueError(
+                f"the attack {name!r} cannot be recorded; choose attacks of installed packages"
+            )
+        return KnownAttack(
+            name=name, scenario=self.scenario, track=self.track, share=self.share, record=record
+        )
 
     def beginners(self, models: Sequence[str], seed: int, games: int) -> list[KnownAttack]:
-        """Return the attackers of the beginning: the worst script and the worst universal coalition of each model.
+        """Return the attackers of the beginning: the worst script and the worst universal coalition
+        of each model.
 
         Args:
             models: Specs of trust models.
@@ -72,7 +79,8 @@ class Front(Condition):
             games: Number of games for each attack and model.
         """
         ready = [
-            self.known(name, CoalitionAttacker(network)) for name, network in universal_coalitions(wide=False).items()
+            self.known(name, CoalitionAttacker(network))
+            for name, network in universal_coalitions(wide=False).items()
         ]
         scripts, found = self._scripts(), dict[str, KnownAttack]()
         for model in models:
@@ -83,25 +91,34 @@ class Front(Condition):
                     worth[name] = float(self._skill(seen["utility"][k], seen["blind"][k]).mean())
             found |= {one.name: one for one in [min(scripts, key=lambda one: worth[one.name])]}
             coalitions = self.skills(model, ready, seed, games)
-            found |= {one.name: one for one in [min(ready, key=lambda one: coalitions[one.name].chosen.mean())]}
+            found |= {
+                one.name: one
+                for one in [min(ready, key=lambda one: coalitions[one.name].chosen.mean())]
+            }
         return list(found.values())
 
     def strangers(self, met: Sequence[KnownAttack]) -> list[KnownAttack]:
         """Return attackers that no training has met: those that the suite knows in this condition.
 
-        A suite that knows none there gives its scripts at their defaults, as far as no training has met them.
+        A suite that knows none there gives its scripts at their defaults, as far as no training has
+        met them.
 
         Args:
             met: Attackers that a training has met; scripts of these names are left out.
         """
         known = self.suite.known_in((self.scenario, self.track, self.share))
-        # Those of the evolution strategy are no strangers: some were found against `first-hand` and `leave-one-out`.
-        if known := [one for one in known if not one.name.startswith("evolution strategy against ")]:
+        # Those of the evolution strategy are no strangers: some were found against `first-hand` and
+        # `leave-one-out`.
+        if known := [
+            one for one in known if not one.name.startswith("evolution strategy against ")
+        ]:
             return known
         names = {one.name for one in met}
         return [script for script in self._scripts() if script.name not in names]
 
-    def skills(self, model: str, attacks: Sequence[KnownAttack], seed: int, games: int) -> dict[str, Skills]:
+    def skills(
+        self, model: str, attacks: Sequence[KnownAttack], seed: int, games: int
+    ) -> dict[str, Skills]:
         """Return the skill of a trust model under each attack.
 
         Args:
@@ -115,11 +132,15 @@ class Front(Condition):
             seen = measure(task, batch.attacker, seed, (len(batch.names), games))
             for k, name in enumerate(batch.names):
                 halves = (seen.chosen, seen.measured)
-                found[name] = Skills(*(self._skill(half["utility"][k], half["blind"][k]) for half in halves))
+                found[name] = Skills(
+                    *(self._skill(half["utility"][k], half["blind"][k]) for half in halves)
+                )
         return found
 
     def worst(self, model: str, attacks: Sequence[KnownAttack], seed: int, games: int) -> Floats:
-        """Return the skill under the attack that is the worst one in the games that choose, shape (G,)."""
+        """Return the skill under the attack that is the worst one in the games that choose, shape
+        (G,).
+        """
         met = self.skills(model, attacks, seed, games).values()
         return min(met, key=lambda skills: float(np.mean(skills.chosen))).measured
 
@@ -132,10 +153,17 @@ class Front(Condition):
         """Return the scripted attacks of the suite at their defaults."""
         task = exact_task(self.arguments(_ANY))
         batches = scripted_batches(task, self.kinds(_ANY), 1)
-        return [self.known(name, Scripted(batch.scripts(k))) for batch in batches for k, name in enumerate(batch.names)]
+        return [
+            self.known(name, Scripted(batch.scripts(k)))
+            for batch in batches
+            for k, name in enumerate(batch.names)
+        ]
 
     def _skill(self, utility: Floats, blind: Floats) -> Floats:
         found = np.round(skill(utility, blind), _DIGITS)
         if not np.isfinite(found).all():
-            raise ValueError(f"the skill is undefined in {self}: in some game no choice is better than a blind one")
+            raise ValueError(
+                f"the skill is undefined in {self}: in some game no choice is better than a blind "
+                "one"
+            )
         return found

@@ -1,8 +1,8 @@
 """The game of defences and attackers that both grow: policy-space response oracles on whole games.
 
-After Lanctot et al. (2017): the payoffs of all known trust models against all known attackers are a matrix game, which
-is solved; each side then trains a best response to the other's mixture, and the matrix grows. At the end, the learned
-models stand beside fixed ones.
+After Lanctot et al. (2017): the payoffs of all known trust models against all known attackers are a
+matrix game, which is solved; each side then trains a best response to the other's mixture, and the
+matrix grows. At the end, the learned models stand beside fixed ones.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,11 +50,26 @@ class Options(NamedTuple):
     """
 
     defence: tuple[str, ...] = ("leave-one-out", "first-hand", "network")
-    model: tuple[str, ...] = ("role-trust", "wary-role-trust", "leave-one-out", "iterative-filtering")
+    model: tuple[str, ...] = (
+        "role-trust",
+        "wary-role-trust",
+        "leave-one-out",
+        "iterative-filtering",
+    )
     beside: tuple[str, ...] = ("travos", "own-experience", "first-hand")
     suite: str = "four-worlds"
-    front: tuple[str, ...] = ("crowd/raters/0.4", "crowd/coalition/0.2", "market/raters/0.2", "market/coalition/0.2")
-    world: tuple[str, ...] = ("diverse/raters/0.2", "diverse/coalition/0.1", "large/raters/0.2", "large/coalition/0.1")
+    front: tuple[str, ...] = (
+        "crowd/raters/0.4",
+        "crowd/coalition/0.2",
+        "market/raters/0.2",
+        "market/coalition/0.2",
+    )
+    world: tuple[str, ...] = (
+        "diverse/raters/0.2",
+        "diverse/coalition/0.1",
+        "large/raters/0.2",
+        "large/coalition/0.1",
+    )
     iterations: int = 3
     budget: int = 60_000
     steps: int = 20
@@ -87,7 +102,9 @@ class Game:
         self.asked, self._seed = asked, seed
         self.fronts = [Front.parse(asked.suite, name) for name in asked.front]
         self.defences = {spec: spec for spec in asked.model}
-        self.attackers = [front.beginners(asked.model, self.seed(_PAYOFF), asked.games) for front in self.fronts]
+        self.attackers = [
+            front.beginners(asked.model, self.seed(_PAYOFF), asked.games) for front in self.fronts
+        ]
         self.trained: dict[str, Floats] = {}
         self._skills: list[dict[str, dict[str, Skills]]] = [{} for _ in self.fronts]
         self._meet()
@@ -107,12 +124,16 @@ class Game:
         return found
 
     def respond(self, k: int, solution: Solution) -> None:
-        """Let each side train a best response to the other's mixture in iteration k, and play the new pairs."""
+        """Let each side train a best response to the other's mixture in iteration k, and play the
+        new pairs.
+        """
         asked, known = self.asked, [tuple(attackers) for attackers in self.attackers]
         shares = dict(zip(self.defences, solution.models.tolist(), strict=True))
         for c, front in enumerate(self.fronts):
             arguments = {name: front.arguments(spec) for name, spec in self.defences.items()}
-            attacker = respond_by_attack(arguments, shares, known[c], asked.budget, self.seed(_ATTACK, k, c))
+            attacker = respond_by_attack(
+                arguments, shares, known[c], asked.budget, self.seed(_ATTACK, k, c)
+            )
             self.attackers[c].append(front.known(f"learned in iteration {k + 1}", attacker))
         mixtures = [
             AttackerMixture(front.arguments(asked.model[0]), attackers, self._explored(weights))
@@ -121,29 +142,36 @@ class Game:
         for i, name in enumerate(asked.defence):
             learner = learner_of(name)
             start = self.trained[label(name, k - 1)] if k else learner.start()
-            trained = train_defence(learner, mixtures, start, Climb(steps=asked.steps), self.seed(_DEFENCE, k, i))
+            trained = train_defence(
+                learner, mixtures, start, Climb(steps=asked.steps), self.seed(_DEFENCE, k, i)
+            )
             self.trained[label(name, k)] = trained.vector
             self.defences[label(name, k)] = learner.spec(trained.vector)
         self._meet()
 
     def compare(self, name: str, spec: str) -> Run:
-        """Return the skill of a trust model in the games that measure, by column of the comparison, shape (G,) each.
+        """Return the skill of a trust model in the games that measure, by column of the comparison,
+        shape (G,) each.
 
-        `clean`: nobody attacks. `worst`: under the worst attacker that the game has found, or that is trained against
-        this model alone. `strangers`: under the worst attacker that no training has met. `worlds`: the same in other
-        conditions.
+        `clean`: nobody attacks. `worst`: under the worst attacker that the game has found, or that
+        is trained against this model alone. `strangers`: under the worst attacker that no training
+        has met. `worlds`: the same in other conditions.
         """
         asked, found = self.asked, dict[str, list[Floats]]()
         seed = self.seed(_OWN)
         for c, (front, attackers) in enumerate(zip(self.fronts, self.attackers, strict=True)):
             arguments = {name: front.arguments(spec)}
-            own = respond_by_attack(arguments, {name: 1.0}, attackers, asked.budget, self.seed(_OWN, c))
+            own = respond_by_attack(
+                arguments, {name: 1.0}, attackers, asked.budget, self.seed(_OWN, c)
+            )
             met = [*attackers, front.known("trained against it alone", own)]
             for column, opponents in (("worst", met), ("strangers", front.strangers(attackers))):
                 found.setdefault(column, []).append(front.worst(spec, opponents, seed, asked.fresh))
             found.setdefault("clean", []).append(front.clean(spec, seed, asked.fresh))
         for world in (Front.parse(asked.suite, name) for name in asked.world):
-            found.setdefault("worlds", []).append(world.worst(spec, world.strangers(()), seed, asked.fresh))
+            found.setdefault("worlds", []).append(
+                world.worst(spec, world.strangers(()), seed, asked.fresh)
+            )
         return {column: np.mean(skills, axis=0).tolist() for column, skills in found.items()}
 
     def _meet(self) -> None:
@@ -164,10 +192,11 @@ def play_game(asked: Options, seed: int) -> Run:
     """Play a game to its end, and compare its best models with fixed ones.
 
     Returns:
-        `iterations`: columns of each iteration, see `measure_iteration`. `mixture`: probability of each trust model at
-        the end, by its name. `specs`: their specs. `learned`: iteration, from 0, of the model of each learner that has
-        the best worst case over all known attackers, in the games that choose. `vectors`: its numbers. `compared`: see
-        `Game.compare`, by the name of the model.
+        `iterations`: columns of each iteration, see `measure_iteration`. `mixture`: probability of
+        each trust model at the end, by its name. `specs`: their specs. `learned`: iteration, from
+        0, of the model of each learner that has the best worst case over all known attackers, in
+        the games that choose. `vectors`: its numbers. `compared`: see `Game.compare`, by the name
+        of the model.
     """
     game, iterations = Game(asked, seed), []
     for k in range(asked.iterations):
@@ -185,7 +214,9 @@ def play_game(asked: Options, seed: int) -> Run:
     specs |= {spec: spec for spec in (*asked.model, *asked.beside)}
     weights = solve([one.chosen.mean(axis=2) for one in last]).models
     return {
-        "iterations": [{column: skills.tolist() for column, skills in one.items()} for one in iterations],
+        "iterations": [
+            {column: skills.tolist() for column, skills in one.items()} for one in iterations
+        ],
         "mixture": dict(zip(game.defences, weights.tolist(), strict=True)),
         "specs": game.defences,
         "learned": learned,
@@ -195,29 +226,37 @@ def play_game(asked: Options, seed: int) -> Run:
 
 
 def least(payoffs: Sequence[Payoffs]) -> Floats:
-    """Return the skill of each trust model under the worst attackers, in the games that choose, shape (M,)."""
+    """Return the skill of each trust model under the worst attackers, in the games that choose,
+    shape (M,).
+    """
     mean: Floats = np.mean([one.chosen.mean(axis=2).min(axis=1) for one in payoffs], axis=0)
     return mean
 
 
-def measure_iteration(before: Sequence[Payoffs], solution: Solution, after: Sequence[Payoffs]) -> dict[str, Floats]:
-    """Return what an iteration says, in the games that measure, the mean over the conditions, shape (G,) each.
+def measure_iteration(
+    before: Sequence[Payoffs], solution: Solution, after: Sequence[Payoffs]
+) -> dict[str, Floats]:
+    """Return what an iteration says, in the games that measure, the mean over the conditions, shape
+    (G,) each.
 
-    Mixtures and responses are chosen in one set of games, and all numbers are of other games. A response is the best of
-    those that are known after the iteration.
+    Mixtures and responses are chosen in one set of games, and all numbers are of other games. A
+    response is the best of those that are known after the iteration.
 
     Returns:
-        `value`: skill of the defence's mixture against the attackers' mixture. `attack`, `defence`: what either side
-        wins by a best response to the other's mixture. `nash_conv`: the sum of both, a lower bound of the NashConv of
-        the mixtures in the whole game. `worst`: skill of the defence's mixture under the best responses to it.
-        `single`: skill of the trust model that is the best one alone, under the worst attackers for it.
+        `value`: skill of the defence's mixture against the attackers' mixture. `attack`, `defence`:
+        what either side wins by a best response to the other's mixture. `nash_conv`: the sum of
+        both, a lower bound of the NashConv of the mixtures in the whole game. `worst`: skill of the
+        defence's mixture under the best responses to it. `single`: skill of the trust model that is
+        the best one alone, under the worst attackers for it.
     """
     models = len(solution.models)
     value, worst = [], []
     replies = np.zeros(len(after[0].chosen))
     for one, weights in zip(after, solution.attacks, strict=True):
         attackers = len(weights)
-        mixed, measured = (np.tensordot(solution.models, part[:models], 1) for part in (one.chosen, one.measured))
+        mixed, measured = (
+            np.tensordot(solution.models, part[:models], 1) for part in (one.chosen, one.measured)
+        )
         value.append(weights @ measured[:attackers] / weights.sum())
         worst.append(measured[np.argmin(mixed.mean(axis=1))])
         replies += one.chosen.mean(axis=2)[:, :attackers] @ weights / weights.sum()
@@ -240,7 +279,8 @@ def respond_by_attack(
     budget: int,
     seed: int,
 ) -> Attacker:
-    """Train a coalition against a mixture of trust models, from the known coalitions and the universal ones.
+    """Train a coalition against a mixture of trust models, from the known coalitions and the
+    universal ones.
 
     Args:
         arguments: Arguments of the attack task against each trust model, by its spec.
@@ -257,12 +297,18 @@ def respond_by_attack(
     weights = np.array(list(many.values()))
     starts = known_starts("universal", [one.record for one in known], wide=False)
     training = EvolutionStrategy(
-        tasks, StrategySettings(wide=False), seed, budget, starts, (weights / weights.sum()).tolist()
+        tasks,
+        StrategySettings(wide=False),
+        seed,
+        budget,
+        starts,
+        (weights / weights.sum()).tolist(),
     )
     needed = training.rounds + training.most_rounds
     if needed > budget:
         raise ValueError(
-            f"--budget is {budget} rounds; training an attacker against {len(many)} models needs {needed} or more"
+            f"--budget is {budget} rounds; training an attacker against {len(many)} models needs "
+            f"{needed} or more"
         )
     for _ in training.within(budget):
         pass

@@ -37,7 +37,9 @@ def answer(effort: Effort) -> Finding:
             seen = play(effort, guarded, attackers)
             found[GAIN, name, threshold] = (seen.bought.got - free.bought.got).mean(axis=0)
             found[BLIND, name, threshold] = (seen.bought.blind - free.bought.blind).mean(axis=0)
-            found[CUT, name, threshold], found[CAUGHT, name, threshold] = _cut_off(open_to_all, attackers, seen)
+            found[CUT, name, threshold], found[CAUGHT, name, threshold] = _cut_off(
+                open_to_all, attackers, seen
+            )
     differences = {
         f"{words}, {name}": estimate(found[what, name, threshold])
         for words, what, threshold in (
@@ -53,7 +55,12 @@ def answer(effort: Effort) -> Finding:
             title,
             "threshold of trust",
             along,
-            lines(found, what, [name for name in attacks if attacks[name] or what != CAUGHT], thresholds),
+            lines(
+                found,
+                what,
+                [name for name in attacks if attacks[name] or what != CAUGHT],
+                thresholds,
+            ),
         )
         for what, title, along in (
             (GAIN, "what consumers gain who go by trust", "quality, more than without"),
@@ -66,20 +73,27 @@ def answer(effort: Effort) -> Finding:
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """Return the answer from the gain in quality for consumers and the share of honest agents that are cut off."""
+    """Return the answer from the gain in quality for consumers and the share of honest agents that
+    are cut off.
+    """
 
     def part(what: str) -> dict[str, Estimate]:
         start = f"{what}, "
         return {
-            f"where {name.removeprefix(start)}": differences[name] for name in differences if name.startswith(start)
+            f"where {name.removeprefix(start)}": differences[name]
+            for name in differences
+            if name.startswith(start)
         }
 
     gains = part(GAIN), part(BLIND), part(STRICT)
     cut = ", ".join(f"{amount(one)} {where}" for where, one in part(CUT).items())
     return (
-        f"Better service? {verdict(one for gain in gains for one in gain.values())}: a threshold of {_USUAL:g} for "
-        f"{_ROUNDS} rounds brings consumers who go by trust quality of {listed(gains[0])}, and those who go blindly of "
-        f"{listed(gains[1])}; a threshold of {_STRICT:g} brings who goes by trust {listed(gains[2])}; and already the "
+        f"Better service? {verdict(one for gain in gains for one in gain.values())}: a threshold "
+        f"of {_USUAL:g} for "
+        f"{_ROUNDS} rounds brings consumers who go by trust quality of {listed(gains[0])}, and "
+        "those who go blindly of "
+        f"{listed(gains[1])}; a threshold of {_STRICT:g} brings who goes by trust "
+        f"{listed(gains[2])}; and already the "
         f"first cuts off, of the honest and for good, a share of {cut}."
     )
 
@@ -87,13 +101,19 @@ def sentence(differences: dict[str, Estimate]) -> str:
 def _attacks(scenario: Scenario) -> dict[str, dict[str, Policy]]:
     return {
         CALM: {},
-        "providers are on-off": dict.fromkeys(last(scenario, "SP", _BAD_PROVIDERS), OnOff(period=10)),
+        "providers are on-off": dict.fromkeys(
+            last(scenario, "SP", _BAD_PROVIDERS), OnOff(period=10)
+        ),
         "raters lie": dict.fromkeys(last(scenario, "SR", _BAD_RATERS), BadMouthing(level=0.0)),
     }
 
 
-def _cut_off(scenario: Scenario, attackers: Mapping[str, Policy], seen: GameRecord) -> tuple[Floats, Floats]:
-    """Return the shares of honest agents and of attackers that are absent at the end, (G,); NaN without agents."""
+def _cut_off(
+    scenario: Scenario, attackers: Mapping[str, Policy], seen: GameRecord
+) -> tuple[Floats, Floats]:
+    """Return the shares of honest agents and of attackers that are absent at the end, (G,); NaN
+    without agents.
+    """
     gone = np.isnan(seen.trust[-1])
     bad = np.array([name in attackers for name in Roster.of(scenario).names])
     nobody = np.full(gone.shape[-1], np.nan)

@@ -1,8 +1,9 @@
-"""Answers: games that are measured as in the benchmark, and the rules that turn their numbers into words.
+"""Answers: games that are measured as in the benchmark, and the rules that turn their numbers into
+words.
 
-The words cannot contradict the numbers. A difference of two means is shown if its 95% interval does not contain 0.
-Differences are paired: both sides play the same games with the same random numbers. Intervals are not corrected for
-multiple comparisons.
+The words cannot contradict the numbers. A difference of two means is shown if its 95% interval does
+not contain 0. Differences are paired: both sides play the same games with the same random numbers.
+Intervals are not corrected for multiple comparisons.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,7 +53,9 @@ class Effort(NamedTuple):
         return min(many, _QUICK_ROUNDS) if self.quick else many
 
 
-def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | None = None) -> GameRecord:
+def play(
+    effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | None = None
+) -> GameRecord:
     """Play a scenario under the paper's model, with the same random numbers for all attacks.
 
     Returns:
@@ -67,12 +70,16 @@ def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | N
         "objective": "mislead",
     }
     seen = watch(exact_task(arguments), Scripted(attackers or {}), effort.seed, (1, effort.games))
-    own, public = (Bought(*(part[:, 0] for part in bought)) for bought in (seen.bought, seen.published))
+    own, public = (
+        Bought(*(part[:, 0] for part in bought)) for bought in (seen.bought, seen.published)
+    )
     return GameRecord(seen.trust[:, :, 0], own, public, seen.treats)
 
 
 def lost(seen: GameRecord, twin: GameRecord, agents: Iterable[int]) -> Floats:
-    """Return the trust that agents lost against other games with the same random numbers, once it has settled, (G,)."""
+    """Return the trust that agents lost against other games with the same random numbers, once it
+    has settled, (G,).
+    """
     return metrics.damage(seen.trust[SETTLED:], twin.trust[SETTLED:], list(agents)).value
 
 
@@ -91,7 +98,8 @@ _SAME = 1e-9
 """Largest difference that is due to rounding."""
 
 _DIGITS = range(3, 10)
-"""Numbers of decimals; a number gets as few as possible without hiding a difference that is shown."""
+"""Numbers of decimals; a number gets as few as possible without hiding a difference that is
+shown."""
 
 
 class Finding(NamedTuple):
@@ -121,11 +129,15 @@ def lines(
         labels: Labels of the lines.
         at: Positions.
     """
-    return [Series(label, at, [estimate(found[what, label, x]).interval for x in at]) for label in labels]
+    return [
+        Series(label, at, [estimate(found[what, label, x]).interval for x in at])
+        for label in labels
+    ]
 
 
 def sign(difference: Estimate) -> int:
-    """Return 1 or -1 if a difference is shown to be above or below 0, else 0, also for a single game.
+    """Return 1 or -1 if a difference is shown to be above or below 0, else 0, also for a single
+    game.
 
     Example:
         >>> sign(Estimate(0.2, 0.1)), sign(Estimate(-0.2, 0.1)), sign(Estimate(0.1, 0.2))
@@ -142,7 +154,7 @@ def verdict(differences: Iterable[Estimate]) -> str:
         >>> up, down, open = Estimate(0.2, 0.1), Estimate(-0.2, 0.1), Estimate(0.1, 0.2)
         >>> verdict([up, up]), verdict([down]), verdict([up, down]), verdict([up, open]), verdict([open])
         ('Yes', 'No, the other way round', 'It depends', 'It depends', 'Not shown')
-    """
+    """  # noqa: E501
     found = {sign(difference) for difference in differences}
     if len(found) != 1:
         return "It depends"
@@ -159,14 +171,19 @@ def amount(value: Estimate) -> str:
     if value.half != value.half:
         return f"{value.mean:.{_DIGITS[0]}f}, with no interval"
     for digits in _DIGITS:
-        shown = Estimate(round(value.mean, digits) + 0.0, ceil(value.half * 10**digits - _SAME) / 10**digits)
+        shown = Estimate(
+            round(value.mean, digits) + 0.0, ceil(value.half * 10**digits - _SAME) / 10**digits
+        )
         if sign(shown) == sign(value):
             break
     return f"{shown.mean:.{digits}f} ± {shown.half:.{digits}f}"
 
 
 def in_words(
-    difference: Estimate, more: str = "more", less: str = "less", neither: str = "neither more nor less"
+    difference: Estimate,
+    more: str = "more",
+    less: str = "less",
+    neither: str = "neither more nor less",
 ) -> str:
     """Return a difference in words.
 
@@ -182,17 +199,22 @@ def in_words(
 
 
 def listed(differences: Mapping[str, Estimate]) -> str:
-    """Return differences in words, by place: first those that are shown, then the bounds of the others.
+    """Return differences in words, by place: first those that are shown, then the bounds of the
+    others.
 
     Example:
         >>> listed({"here": Estimate(0.25, 0.01), "there": Estimate(0.001, 0.01), "yonder": Estimate(0.01, 0.01)})
         '0.250 ± 0.010 more here and neither more nor less there or yonder (within ± 0.020)'
-    """
+    """  # noqa: E501
     parts = [f"{in_words(one)} {where}" for where, one in differences.items() if sign(one)]
     hidden = {where: one for where, one in differences.items() if not sign(one)}
     if hidden:
         bound = max(abs(one.mean) + one.half for one in hidden.values())
-        words = f"within ± {ceil(bound * 1000 - _SAME) / 1000:.3f}" if bound == bound else "with no interval"
+        words = (
+            f"within ± {ceil(bound * 1000 - _SAME) / 1000:.3f}"
+            if bound == bound
+            else "with no interval"
+        )
         parts.append(f"neither more nor less {' or '.join(hidden)} ({words})")
     return f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
 

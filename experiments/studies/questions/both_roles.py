@@ -49,7 +49,9 @@ def answer(effort: Effort) -> Finding:
         for (what, trust), values in _play(effort, case).items()
     }
     differences = {
-        f"{name}, {what}": estimate(found[what, "ToA", _CASES[name].words] - found[what, trust, _CASES[name].words])
+        f"{name}, {what}": estimate(
+            found[what, "ToA", _CASES[name].words] - found[what, trust, _CASES[name].words]
+        )
         for name, trust in _ROLES.items()
         for what in ("gap", "auc")
     }
@@ -65,7 +67,9 @@ def answer(effort: Effort) -> Finding:
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """Return the answer from the separation by ToA minus the separation by the trust in the attacked role."""
+    """Return the answer from the separation by ToA minus the separation by the trust in the
+    attacked role.
+    """
     gaps = {name: differences[f"{name}, gap"] for name in _ROLES}
     hides = verdict(one._replace(mean=-one.mean) for one in gaps.values())
 
@@ -74,8 +78,10 @@ def sentence(differences: dict[str, Estimate]) -> str:
         return f"{in_words(gaps[name])} in ToA than in {_ROLES[name]} (AUC {auc})"
 
     return (
-        f"It averages the roles; does that hide who attacks in one only? {hides}: agents that lie and serve well stand "
-        f"apart by {part('liars')}, those that rate truly and serve badly by {part('cheats')}, and those that lie in "
+        f"It averages the roles; does that hide who attacks in one only? {hides}: agents that lie "
+        "and serve well stand "
+        f"apart by {part('liars')}, those that rate truly and serve badly by {part('cheats')}, and "
+        "those that lie in "
         f"one round of four and serve well in three by {part('seldom')}."
     )
 
@@ -84,8 +90,8 @@ def _play(effort: Effort, case: Case) -> dict[tuple[str, str], Floats]:
     """Play games in which the last peers attack, and compare trust once it has settled.
 
     Returns:
-        By kind of trust, (G,) each: `gap`, the mean trust of the honest agents minus that of the attackers, and `auc`,
-        the probability that trust ranks them correctly, see `metrics.auc`.
+        By kind of trust, (G,) each: `gap`, the mean trust of the honest agents minus that of the
+        attackers, and `auc`, the probability that trust ranks them correctly, see `metrics.auc`.
     """
     game = Game(_peers(effort, case.turns), "role-trust")
     attackers = {f"srsp_{place}": case.policy for place in range(_PEERS - _ATTACKERS, _PEERS)}
@@ -99,7 +105,9 @@ def _play(effort: Effort, case: Case) -> dict[tuple[str, str], Floats]:
 
 
 def _peers(effort: Effort, turns: tuple[str, ...]) -> Scenario:
-    """Return a scenario of peers with different abilities and both roles; the last ones may take turns."""
+    """Return a scenario of peers with different abilities and both roles; the last ones may take
+    turns.
+    """
     peer = {"role": "SR+SP", "noise": 0.05, "ability": (0.3, 1.0)}
     agents = [{**peer, "count": _PEERS - _ATTACKERS}, {**peer, "count": _ATTACKERS, "turns": turns}]
     return make_scenario("peers").change(agents=agents, max_cycles=effort.rounds(100))

@@ -18,7 +18,8 @@ QUESTION = "Which share of liars breaks each trust model?"
 _SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6
 _ROUNDS = 30
 _FEWER = 4
-"""Divisor of the number of games, because all models and all scripts are played and some are slow."""
+"""Divisor of the number of games, because all models and all scripts are played and some are
+slow."""
 
 _LEAST = 6
 """Minimum number of games; with fewer, the intervals are too wide to show anything."""
@@ -28,7 +29,8 @@ _LEFT = 0.5
 
 
 BOUND = 0.5
-"""Share from which on ratings alone cannot tell an honest world from its mirror image, see `mirrored`."""
+"""Share from which on ratings alone cannot tell an honest world from its mirror image, see
+`mirrored`."""
 
 
 class Break(NamedTuple):
@@ -46,7 +48,9 @@ class Break(NamedTuple):
 
 
 def answer(effort: Effort) -> Finding:
-    """Play all models against all scripts, with a growing share of liars, in the benchmark's small market."""
+    """Play all models against all scripts, with a growing share of liars, in the benchmark's small
+    market.
+    """
     suite = _suite(effort)
     played = benchmark(suite=suite, progress=False)
     cases = worst_cases(played.attacks)
@@ -54,12 +58,15 @@ def answer(effort: Effort) -> Finding:
     for model in suite.model_names:
         by_share = {where.share: case for (name, where), case in cases.items() if name == model}
         if set(by_share) == {0.0, *suite.tracks["liars"].shares}:
-            left[model] = {share: _over_half(case, by_share[0.0]) for share, case in sorted(by_share.items())}
+            left[model] = {
+                share: _over_half(case, by_share[0.0]) for share, case in sorted(by_share.items())
+            }
     failed = {cell.model: done.failed for cell, done in played.cells if done.failed}
     breaks = {model: breaking(found) for model, found in left.items() if sign(found[0.0]) > 0}
     order = sorted(breaks, key=lambda model: (-breaks[model].share, -breaks[model].whole, model))
     panel = Panel(
-        f"less than {_LEFT:g} of what going by published trust is worth is left under the worst script",
+        f"less than {_LEFT:g} of what going by published trust is worth is left under the worst "
+        "script",
         "",
         "share of the raters that lie",
         [Series("breaks", order, [Interval(*breaks[model]) for model in order])],
@@ -88,19 +95,26 @@ def breaking(over: Mapping[float, Estimate]) -> Break:
 
 
 def sentence(breaks: Mapping[str, Break], worthless: set[str], failed: Mapping[str, str]) -> str:
-    """Return the answer from the share that breaks each model; name models without benefit and failed ones."""
+    """Return the answer from the share that breaks each model; name models without benefit and
+    failed ones.
+    """
     groups: dict[tuple[float, float], list[str]] = {}
-    for model in sorted(breaks, key=lambda model: (breaks[model].whole, breaks[model].broken, model)):
+    for model in sorted(
+        breaks, key=lambda model: (breaks[model].whole, breaks[model].broken, model)
+    ):
         groups.setdefault(breaks[model][1:], []).append(model)
-    parts = "; ".join(f"{_between(*ends)} lie with {', '.join(names)}" for ends, names in groups.items())
+    parts = "; ".join(
+        f"{_between(*ends)} lie with {', '.join(names)}" for ends, names in groups.items()
+    )
     text = (
-        "It depends on the model: under the worst script the worth of going by published trust falls to half where, "
+        "It depends on the model: under the worst script the worth of going by published trust "
+        "falls to half where, "
         f"of the raters, {parts or 'nobody lies'}"
     )
     if worthless:
         text += f"; nothing to lose without liars: {', '.join(sorted(worthless))}"
     if failed:
-        text += f"; not measured: {'; '.join(f'{model} ({why})' for model, why in sorted(failed.items()))}"
+        text += f"; not measured: {'; '.join(f'{model} ({why})' for model, why in sorted(failed.items()))}"  # noqa: E501
     return text + "."
 
 
@@ -109,7 +123,9 @@ def _between(whole: float, broken: float) -> str:
 
 
 def _over_half(case: WorstCase, calm: WorstCase) -> Estimate:
-    """Return the benefit of trust over a blind choice in utility, minus half of that benefit without liars."""
+    """Return the benefit of trust over a blind choice in utility, minus half of that benefit
+    without liars.
+    """
     mine, full = (one.measured["utility"] - one.measured["blind"] for one in (case, calm))
     return estimate(np.ravel(mine - _LEFT * full))  # of a single seed
 

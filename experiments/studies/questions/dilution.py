@@ -9,12 +9,26 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_experiments.plots.charts import Panel, Series
-from studies.questions.answers import Effort, Finding, amount, exact, honest, in_words, last, lines, lost, play
+from studies.questions.answers import (
+    Effort,
+    Finding,
+    amount,
+    exact,
+    honest,
+    in_words,
+    last,
+    lines,
+    lost,
+    play,
+)
 
 QUESTION = "Do larger systems dilute liars?"
 _SIZES = 3, 9, 27, 81
 _LIES = {"rate 0.5 as in the paper": 0.5, "rate 0": 0.0}
-_MANY: dict[str, Callable[[int], int]] = {"one liar": lambda size: 1, "a third lies": lambda size: size // 3}
+_MANY: dict[str, Callable[[int], int]] = {
+    "one liar": lambda size: 1,
+    "a third lies": lambda size: size // 3,
+}
 
 FALLS, FROM = "fall", "from"
 
@@ -42,7 +56,10 @@ def answer(effort: Effort) -> Finding:
             f"liars {lie}",
             "raters, and as many providers",
             "trust that the honest lose",
-            [*lines(taken, lie, _MANY, sizes), *(_without_noise(level, who, sizes) for who in _MANY)],
+            [
+                *lines(taken, lie, _MANY, sizes),
+                *(_without_noise(level, who, sizes) for who in _MANY),
+            ],
             "log",
         )
         for lie, level in _LIES.items()
@@ -51,7 +68,9 @@ def answer(effort: Effort) -> Finding:
 
 
 def sentence(differences: dict[str, Estimate], small: int, large: int) -> str:
-    """Return the answer from the damage in the smallest system, and from its difference to the largest."""
+    """Return the answer from the damage in the smallest system, and from its difference to the
+    largest.
+    """
 
     def part(who: str, lie: str) -> str:
         fall, all_of_it = (differences[f"{what}, {who}, {lie}"] for what in (FALLS, FROM))
@@ -59,24 +78,29 @@ def sentence(differences: dict[str, Estimate], small: int, large: int) -> str:
 
     fixed_number, fixed_share = (" and ".join(part(who, lie) for lie in _LIES) for who in _MANY)
     return (
-        f"From {small} raters and as many providers to {large}, a fixed number of liars, one, takes from the trust of "
+        f"From {small} raters and as many providers to {large}, a fixed number of liars, one, "
+        "takes from the trust of "
         f"the honest {fixed_number}; a fixed share, a third, {fixed_share}."
     )
 
 
 def closed_form(share: float, level: float) -> tuple[float, float]:
-    """Return the loss of honest agents without noise, if a share of the raters rates all services `level`.
+    """Return the loss of honest agents without noise, if a share of the raters rates all services
+    `level`.
 
-    With d = 1 - level, the consensus is 1 - share * d. By Algorithms 1 and 2 of Su and Saint-Jore (2023), QoR is
-    1 - sqrt(share * d) for an honest rater and 1 - sqrt((1 - share) * d) for a liar. QoP is the mean of rho * QoR * f
-    over the raters, with rho = sinc(1 - f). The size of the system does not matter.
+    With d = 1 - level, the consensus is 1 - share * d. By Algorithms 1 and 2 of Su and Saint-Jore
+    (2023), QoR is 1 - sqrt(share * d) for an honest rater and 1 - sqrt((1 - share) * d) for a liar.
+    QoP is the mean of rho * QoR * f over the raters, with rho = sinc(1 - f). The size of the system
+    does not matter.
 
     Returns:
         The loss of ToR of honest raters, and the loss of ToP.
     """
     distance = 1 - level
     truthful, lying = 1 - sqrt(share * distance), 1 - sqrt((1 - share) * distance)
-    return 1 - truthful, 1 - (1 - share) * truthful - share * lying * level * float(np.sinc(distance))
+    return 1 - truthful, 1 - (1 - share) * truthful - share * lying * level * float(
+        np.sinc(distance)
+    )
 
 
 def _crowd(size: int, effort: Effort) -> Scenario:
@@ -91,5 +115,7 @@ def _without_noise(level: float, who: str, sizes: tuple[int, ...]) -> Series:
     for size in sizes:
         liars = _MANY[who](size)
         of_raters, of_providers = closed_form(liars / size, level)
-        values.append(exact(((size - liars) * of_raters + size * of_providers) / (2 * size - liars)))
+        values.append(
+            exact(((size - liars) * of_raters + size * of_providers) / (2 * size - liars))
+        )
     return Series("closed form, without noise", sizes, values, known=True)

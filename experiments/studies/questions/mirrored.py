@@ -1,9 +1,10 @@
 """The share of liars at which honest and dishonest worlds look alike.
 
-In world A the first camp of raters is honest, and the second reports the complement of what it perceives. In world B
-every quality is the complement of that in A; the first camp is honest there, too, and the second lies. Then the first
-camp says in B what the second says in A, and the other way round: the ratings are the same but for the places of the
-raters. A model that treats raters alike and sees nothing but ratings gives every provider the same trust in both.
+In world A the first camp of raters is honest, and the second reports the complement of what it
+perceives. In world B every quality is the complement of that in A; the first camp is honest there,
+too, and the second lies. Then the first camp says in B what the second says in A, and the other way
+round: the ratings are the same but for the places of the raters. A model that treats raters alike
+and sees nothing but ratings gives every provider the same trust in both.
 """
 
 from typing import Any, NamedTuple
@@ -44,11 +45,15 @@ class World(NamedTuple):
 
 
 def answer(effort: Effort) -> Finding:
-    """Play every model where half of the raters lie, and some with other shares, without and with more identities."""
+    """Play every model where half of the raters lie, and some with other shares, without and with
+    more identities.
+    """
     rng = np.random.default_rng(effort.seed)
     rounds, liars = effort.rounds(ROUNDS), sorted(effort.some(_LIARS))
     several = {many: worlds(RATERS - many, many, rounds, effort.games, rng) for many in liars}
-    spare = {k: worlds(RATERS - k, k * (1 + RESERVE), rounds, effort.games, rng) for k in (1, 2, 3, 4, 6)}
+    spare = {
+        k: worlds(RATERS - k, k * (1 + RESERVE), rounds, effort.games, rng) for k in (1, 2, 3, 4, 6)
+    }
     published: dict[str, Estimate] = {}
     own: dict[str, Estimate] = {}
     for name in tuple(trust_models()):
@@ -61,36 +66,58 @@ def answer(effort: Effort) -> Finding:
         (f"by published trust, {more}", _CENTRAL, 0, spare),
         (f"each judge by its own trust, {more}", _PERSONAL, 1, spare),
     ):
-        found = {name: [played(name, pair)[part].interval for pair in pairs.values()] for name in models}
+        found = {
+            name: [played(name, pair)[part].interval for pair in pairs.values()] for name in models
+        }
         shares = [many / RATERS for many in pairs]
         series = [Series(name, shares, values) for name, values in found.items()]
         limit = 1 / (2 + RESERVE) if pairs is spare else 0.5
         known = (
-            [] if part else [Series("bound", [0.0, limit, limit, shares[-1]], [*map(exact, (1, 1, 0, 0))], known=True)]
+            []
+            if part
+            else [
+                Series(
+                    "bound",
+                    [0.0, limit, limit, shares[-1]],
+                    [*map(exact, (1, 1, 0, 0))],
+                    known=True,
+                )
+            ]
         )
-        panels.append(Panel(title, "share of the raters that lie", "skill over both worlds", [*series, *known]))
+        panels.append(
+            Panel(
+                title, "share of the raters that lie", "skill over both worlds", [*series, *known]
+            )
+        )
     return Finding(QUESTION, sentence(published, own), panels, effort.games)
 
 
 def sentence(published: dict[str, Estimate], own: dict[str, Estimate]) -> str:
-    """Return the answer from the skill of each model where half of the raters lie, by published and by own trust."""
+    """Return the answer from the skill of each model where half of the raters lie, by published and
+    by own trust.
+    """
     zero = [name for name, one in published.items() if abs(one.mean) <= _TIE]
     others = [f"{name} ({amount(one)})" for name, one in published.items() if name not in zero]
     best = max(own, key=lambda name: own[name].mean)
     rest = f"; others: {', '.join(others)}" if others else ""
     return (
-        f"From a half on: there {len(zero)} of {len(published)} models have a skill of 0 over both worlds by published "
-        f"trust, up to rounding{rest}. Own experience escapes the bound: a judge that goes by its own trust has "
-        f"{amount(own[best])} with {best}. If a liar has {RESERVE} identities more, the bound is at "
+        f"From a half on: there {len(zero)} of {len(published)} models have a skill of 0 over both "
+        "worlds by published "
+        f"trust, up to rounding{rest}. Own experience escapes the bound: a judge that goes by its "
+        "own trust has "
+        f"{amount(own[best])} with {best}. If a liar has {RESERVE} identities more, the bound is "
+        "at "
         f"{1 / (2 + RESERVE):.0%}."
     )
 
 
-def worlds(honest: int, liars: int, rounds: int, games: int, rng: np.random.Generator) -> tuple[World, World]:
+def worlds(
+    honest: int, liars: int, rounds: int, games: int, rng: np.random.Generator
+) -> tuple[World, World]:
     """Return the worlds A and B, with the same luck. Qualities are uniform in [0, 1].
 
-    Liars who outnumber the honest do not rate, as many as there are too many. If they are fewer, the camps differ in
-    size, and the worlds can be told apart.
+    Liars who outnumber the honest do not rate, as many as there are too many. If they are fewer,
+    the camps differ in size, and the worlds can be told apart.
 
     Args:
         honest: Number of honest raters, at least 1.
@@ -117,10 +144,13 @@ def trust_in(name: str, world: World) -> tuple[Floats, Floats]:
     """Return the trust in the providers after all rounds of a world.
 
     Returns:
-        The published trust, shape (P, E); that of the honest raters, each its own where the model has it, (H, P, E).
+        The published trust, shape (P, E); that of the honest raters, each its own where the model
+        has it, (H, P, E).
     """
     model = make_trust_model(name)
-    state = start_model(model, np.zeros(world.ratings.shape[1:]), np.zeros(world.ratings.shape[1:3], bool))
+    state = start_model(
+        model, np.zeros(world.ratings.shape[1:]), np.zeros(world.ratings.shape[1:3], bool)
+    )
     for ratings, mask in zip(world.ratings, world.mask, strict=True):
         state = model.update(state, Ratings(ratings, mask))
     published = np.asarray(model.provider_trust(state))
@@ -131,16 +161,20 @@ def trust_in(name: str, world: World) -> tuple[Floats, Floats]:
 
 
 def played(name: str, pair: tuple[World, World]) -> tuple[Estimate, Estimate]:
-    """Return the skill of a model over both worlds, by published trust and by the own trust of honest raters."""
+    """Return the skill of a model over both worlds, by published trust and by the own trust of
+    honest raters.
+    """
     trusted = [trust_in(name, world) for world in pair]
     return tuple(estimate(over_both([part[k] for part in trusted], pair)) for k in range(2))  # type: ignore[return-value]
 
 
 def over_both(trust: list[Floats], pair: tuple[World, World]) -> Floats:
-    """Return the skill of consumers who go to the most trusted provider, over both worlds, for each game, shape (E,).
+    """Return the skill of consumers who go to the most trusted provider, over both worlds, for each
+    game, shape (E,).
 
     Args:
-        trust: Trust in the providers in either world, (P, E), or (H, P, E) for H consumers. Ties are broken uniformly.
+        trust: Trust in the providers in either world, (P, E), or (H, P, E) for H consumers. Ties
+            are broken uniformly.
         pair: The worlds.
     """
     won, possible = np.zeros((2, pair[0].quality.shape[1]))

@@ -21,7 +21,9 @@ EVERYONE, STILL = "than everyone", "than still"
 
 
 def answer(effort: Effort) -> Finding:
-    """Play a crowd of robots with several radii, moving and standing still, with three liars and with none."""
+    """Play a crowd of robots with several radii, moving and standing still, with three liars and
+    with none.
+    """
     radii = sorted({*effort.some(_RADII), _NEAR, _USUAL, _EVERYONE})
     liars = dict.fromkeys(last(_robots(effort, _USUAL, 0.0), "SR", _LIARS), BadMouthing())
     found: dict[tuple[str, str, float], Floats] = {}
@@ -30,7 +32,9 @@ def answer(effort: Effort) -> Finding:
             scenario = _robots(effort, radius, speed)
             calm, struck = play(effort, scenario), play(effort, scenario, liars)
             found[HARM, label, radius] = lost(struck, calm, honest(scenario, liars))
-            found[UTILITY, label, radius] = metrics.share_of_best(calm.bought.got, calm.bought.best).value
+            found[UTILITY, label, radius] = metrics.share_of_best(
+                calm.bought.got, calm.bought.best
+            ).value
     moving, still = _SPEEDS
     differences = {
         f"{what}, {radius:g} m, {name}": estimate(found[what, moving, radius] - found[what, *other])
@@ -39,7 +43,12 @@ def answer(effort: Effort) -> Finding:
         for name, other in ((EVERYONE, (moving, _EVERYONE)), (STILL, (still, radius)))
     }
     panels = [
-        Panel(title, f"radius in metres, in an arena of {_ARENA:g} m", along, lines(found, what, _SPEEDS, radii))
+        Panel(
+            title,
+            f"radius in metres, in an arena of {_ARENA:g} m",
+            along,
+            lines(found, what, _SPEEDS, radii),
+        )
         for what, title, along in (
             (HARM, f"what {_LIARS} liars of ten raters take", "trust that the honest lose"),
             (UTILITY, "what trust is worth with nobody lying", "utility of going by trust"),
@@ -49,22 +58,34 @@ def answer(effort: Effort) -> Finding:
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """Return the answer from the differences of moving robots to robots that see everybody or stand still."""
+    """Return the answer from the differences of moving robots to robots that see everybody or stand
+    still.
+    """
 
     def parts(what: str, other: str) -> str:
         radii = (_USUAL, _NEAR)
-        return listed({f"within {radius:g} m": differences[f"{what}, {radius:g} m, {other}"] for radius in radii})
+        return listed(
+            {
+                f"within {radius:g} m": differences[f"{what}, {radius:g} m, {other}"]
+                for radius in radii
+            }
+        )
 
     return (
         f"Where robots move and see only those near them, liars take from the trust of the honest "
-        f"{parts(HARM, EVERYONE)} than where all see everybody, and with nobody lying the utility of going by trust is "
-        f"{parts(UTILITY, EVERYONE)}; moving rather than standing still, they take {parts(HARM, STILL)}, and that "
+        f"{parts(HARM, EVERYONE)} than where all see everybody, and with nobody lying the utility "
+        "of going by trust is "
+        f"{parts(UTILITY, EVERYONE)}; moving rather than standing still, they take "
+        f"{parts(HARM, STILL)}, and that "
         f"utility is {parts(UTILITY, STILL)}."
     )
 
 
 def _robots(effort: Effort, radius: float, speed: float) -> Scenario:
     crowd = make_scenario("crowd-10x10")
-    agents = [group.model_dump() | ({"ability": (0.3, 1.0)} if group.role == "SP" else {}) for group in crowd.agents]
+    agents = [
+        group.model_dump() | ({"ability": (0.3, 1.0)} if group.role == "SP" else {})
+        for group in crowd.agents
+    ]
     access = {"kind": "in-range", "radius": radius, "arena": _ARENA, "speed": speed}
     return crowd.change(agents=agents, access=access, max_cycles=effort.rounds(150))

@@ -39,7 +39,12 @@ def answer(effort: Effort) -> Finding:
         for place in suite.scenarios
     }
     panels = [
-        Panel(title, "", "less than without the attack", lines(found, what, labels, list(suite.scenarios)))
+        Panel(
+            title,
+            "",
+            "less than without the attack",
+            lines(found, what, labels, list(suite.scenarios)),
+        )
         for what, title in _WHAT.items()
     ]
     return Finding(QUESTION, sentence(differences), panels, effort.games)
@@ -49,26 +54,33 @@ def sentence(differences: dict[str, Estimate]) -> str:
     """Return the answer from the harm by raters minus that by providers."""
 
     def parts(what: str) -> str:
-        found = {name.partition(", ")[2]: one for name, one in differences.items() if name.startswith(what)}
+        found = {
+            name.partition(", ")[2]: one
+            for name, one in differences.items()
+            if name.startswith(what)
+        }
         return listed({f"in {place}": one for place, one in found.items()})
 
     return (
-        f"{verdict(differences.values())}: where a third of either attack with their worst script, raters take from "
-        f"the trust of the honest {parts('trust')} than providers do, and from the utility of consumers "
+        f"{verdict(differences.values())}: where a third of either attack with their worst script, "
+        "raters take from "
+        f"the trust of the honest {parts('trust')} than providers do, and from the utility of "
+        "consumers "
         f"{parts('utility')}."
     )
 
 
 def harm(attacks: Sequence[AttackResult], calm: AttackResult) -> dict[str, Floats]:
-    """Return the harm of the worst attack, for each kind of harm the worst one in the games for choosing.
+    """Return the harm of the worst attack, for each kind of harm the worst one in the games for
+    choosing.
 
     Args:
         attacks: Results of the attacks.
         calm: Result of the same games with all agents honest.
 
     Returns:
-        For each game, (G,): `trust`, what honest agents lose, see `metrics.damage`, and `utility`, what consumers lose,
-        see `metrics.utility`.
+        For each game, (G,): `trust`, what honest agents lose, see `metrics.damage`, and `utility`,
+            what consumers lose, see `metrics.utility`.
     """
     by_trust = max(attacks, key=lambda row: np.nanmean(as_array(row.chosen["damage"])))
     by_utility = min(attacks, key=lambda row: np.nanmean(as_array(row.chosen["utility"])))
@@ -85,7 +97,8 @@ def _suite(effort: Effort) -> Suite:
         name="roles",
         models=("role-trust",),
         scenarios=stages,
-        tracks={"honest": Track()} | {who: Track(roles=(role,), shares=(_SHARE,)) for who, role in _TRACKS.items()},  # type: ignore[arg-type]
+        tracks={"honest": Track()}
+        | {who: Track(roles=(role,), shares=(_SHARE,)) for who, role in _TRACKS.items()},  # type: ignore[arg-type]
         methods=("scripted",),
         attacks=suite_of("attackers").attacks,
         games=effort.games,

@@ -1,1 +1,3 @@
-"""Benchmark of learners: how strong the attacks are that they find on the attack tasks, and with which budget."""
+"""Benchmark of learners: how strong the attacks are that they find on the attack tasks, and with
+which budget.
+"""

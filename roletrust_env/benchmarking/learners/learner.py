@@ -1,6 +1,8 @@
-"""Plug-in learners: their interface, the attackers that they train, and search methods by name beside them.
+"""Plug-in learners: their interface, the attackers that they train, and search methods by name
+beside them.
 
-A learner is a class that implements `Learner`. Its spec is a registered name or `package.module:Class`.
+A learner is a class that implements `Learner`. Its spec is a registered name or
+`package.module:Class`.
 """
 
 from collections.abc import Callable
@@ -17,7 +19,13 @@ from roletrust_env.envs.attack_env import check_action
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.measurement import TaskArguments
-from roletrust_env.evaluation.search import Budget, HonestPlay, SearchMethod, SearchResult, search_methods
+from roletrust_env.evaluation.search import (
+    Budget,
+    HonestPlay,
+    SearchMethod,
+    SearchResult,
+    search_methods,
+)
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.game.attack_task import AttackTask, TaskState
 from roletrust_env.randomness import Random
@@ -27,7 +35,8 @@ HONEST_PLAY = "honest play"
 """Name of the reference whose share of the optimum is 0."""
 
 BOUNDS = ("exact", "best known")
-"""References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some tasks only."""
+"""References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some
+tasks only."""
 
 GAMES = 32
 """Default number of parallel games of a learner."""
@@ -36,8 +45,8 @@ Floats = npt.NDArray[np.float32]
 PolicyFunction = Callable[[Floats], Floats]
 """Policy that maps observations (G, K) to actions (G, A) in [0, 1], in the layout of Gymnasium.
 
-A policy with a memory is an object with an additional method `begin(games)`. It is called before the first round of a
-batch of games and must reset the memory.
+A policy with a memory is an object with an additional method `begin(games)`. It is called before
+the first round of a batch of games and must reset the memory.
 """
 
 
@@ -52,9 +61,10 @@ class Learner(Protocol):
         """Learn a policy.
 
         Args:
-            env: Parallel games of a task. A game restarts in the same step in which it ends. A step plays one round of
-                each of the E games and uses E rounds of the budget.
-            budget: Budget in game rounds (rounds x games). A step beyond it raises `BudgetSpentError`.
+            env: Parallel games of a task. A game restarts in the same step in which it ends. A step
+                plays one round of each of the E games and uses E rounds of the budget.
+            budget: Budget in game rounds (rounds x games). A step beyond it raises
+                `BudgetSpentError`.
             seed: Random seed of the learner. The games are seeded already.
 
         Returns:
@@ -89,11 +99,13 @@ class CountedGames(VectorWrapper):  # not generic before Gymnasium 1.4
         """Play one round of all games. See `gymnasium.vector.VectorEnv.step`.
 
         Raises:
-            BudgetSpentError: The step needs more rounds than the budget has left. The games are unchanged.
+            BudgetSpentError: The step needs more rounds than the budget has left. The games are
+                unchanged.
         """
         if self.num_envs > self._budget.left:
             raise BudgetSpentError(
-                f"{self._budget.left} of {self._budget.rounds} rounds are left, and a step of {self.num_envs} games "
+                f"{self._budget.left} of {self._budget.rounds} rounds are left, and a step of "
+                f"{self.num_envs} games "
                 "needs more"
             )
         stepped = self.env.step(actions)
@@ -118,12 +130,18 @@ class LearnerTraining:
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""
         number = getattr(self.learner, "games", GAMES)
-        games = AttackVectorEnv(self.task_id, number, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
+        games = AttackVectorEnv(
+            self.task_id, number, autoreset_mode=AutoresetMode.SAME_STEP, **arguments
+        )
         games.reset(seed=seed)  # later resets without a seed continue this random stream
         play = self.learner.learn(CountedGames(games, budget), budget.rounds, seed)
         if not callable(play):
-            raise ValueError(f"learn() of {self.name} returned {play!r}; it must return a policy, see Learner")
-        return SearchResult(LearnedAttacker(play), budget.spent, f"{self.name} in {budget.spent} rounds")
+            raise ValueError(
+                f"learn() of {self.name} returned {play!r}; it must return a policy, see Learner"
+            )
+        return SearchResult(
+            LearnedAttacker(play), budget.spent, f"{self.name} in {budget.spent} rounds"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +155,9 @@ class LearnedAttacker:
         if callable(begin := getattr(self.play, "begin", None)):
             begin(prod(batch))
 
-    def act(self, task: AttackTask, state: TaskState, memory: None, random: Random) -> tuple[Array, None]:
+    def act(
+        self, task: AttackTask, state: TaskState, memory: None, random: Random
+    ) -> tuple[Array, None]:
         """See `Attacker.act`."""
         observations = task.observe(state)
         batch = observations.shape[1:]
@@ -147,12 +167,16 @@ class LearnedAttacker:
 
 
 def search_names() -> list[str]:
-    """Return the names of the search methods that learners are compared with: all registered ones but `BOUNDS`."""
+    """Return the names of the search methods that learners are compared with: all registered ones
+    but `BOUNDS`.
+    """
     return [name for name in search_methods.names() if name not in BOUNDS]
 
 
 def is_search(name: str) -> bool:
-    """Return whether the name of a learner is one of `search_names()`, with parameters or without."""
+    """Return whether the name of a learner is one of `search_names()`, with parameters or
+    without.
+    """
     return name.partition(":")[0] in search_names()
 
 
@@ -160,8 +184,9 @@ def make_search_method(name: str, task_id: str) -> SearchMethod:
     """Return a search method for a task.
 
     Args:
-        name: `HONEST_PLAY`, one of `BOUNDS`, that of a search method, or the name of a learner: an installed one, or
-            `package.module:Class`. Search methods and learners may have parameters, as in `NAME:key=value,...`.
+        name: `HONEST_PLAY`, one of `BOUNDS`, that of a search method, or the name of a learner: an
+            installed one, or `package.module:Class`. Search methods and learners may have
+            parameters, as in `NAME:key=value,...`.
         task_id: Gymnasium id of the task, one of `TASKS`.
 
     Raises:

@@ -1,4 +1,6 @@
-"""Results of a learners' suite: shares of the optimum that learners reach, aggregated over tasks and seeds."""
+"""Results of a learners' suite: shares of the optimum that learners reach, aggregated over tasks
+and seeds.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -39,7 +41,8 @@ class TaskScale(NamedTuple):
     """Scores with share 0 and share 1 on a task.
 
     Attributes:
-        honest_scores: Score of honest play by seed, in the held-out games of that seed. Its share is 0.
+        honest_scores: Score of honest play by seed, in the held-out games of that seed. Its share
+            is 0.
         top_score: Score with share 1.
         description: Description of the top score.
     """
@@ -49,7 +52,8 @@ class TaskScale(NamedTuple):
     description: str
 
     def share(self, run: LearnerRun) -> float:
-        """Return the share of a run between honest play and the top score. NaN if the top score is not higher.
+        """Return the share of a run between honest play and the top score. NaN if the top score is
+        not higher.
 
         Args:
             run: Run on the task.
@@ -66,7 +70,8 @@ class LearnerResult(NamedTuple):
         learner: Name of the learner.
         budget: Budget in game rounds.
         runs: Number of runs.
-        score: Mean score. NaN for `ALL_TASKS`, since the rewards of different tasks are not comparable.
+        score: Mean score. NaN for `ALL_TASKS`, since the rewards of different tasks are not
+            comparable.
         share: Interquartile mean of the shares, with its 95% interval.
     """
 
@@ -78,14 +83,16 @@ class LearnerResult(NamedTuple):
     share: Interval
 
 
-def make_scale(honest: Sequence[LearnerRun], bounds: dict[str, float], runs: Sequence[LearnerRun]) -> TaskScale:
+def make_scale(
+    honest: Sequence[LearnerRun], bounds: dict[str, float], runs: Sequence[LearnerRun]
+) -> TaskScale:
     """Return the scale of a task.
 
     Args:
         honest: Runs of honest play, one for each seed.
         bounds: Known upper bounds of the score, by description.
-        runs: Runs of the learners. Without a bound the top score is the highest mean over the seeds of a learner and a
-            budget.
+        runs: Runs of the learners. Without a bound the top score is the highest mean over the seeds
+            of a learner and a budget.
     """
     honest_scores = {run.seed: run.score for run in honest}
     for description, bound in bounds.items():
@@ -94,29 +101,51 @@ def make_scale(honest: Sequence[LearnerRun], bounds: dict[str, float], runs: Seq
     if not means:
         return TaskScale(honest_scores, np.nan, "not known")
     (learner, budget), top = max(means.items(), key=lambda item: item[1])
-    return TaskScale(honest_scores, top, f"the best that was found, by {learner} with {budget:,} rounds")
+    return TaskScale(
+        honest_scores, top, f"the best that was found, by {learner} with {budget:,} rounds"
+    )
 
 
 def aggregate(scales: dict[str, TaskScale], runs: Sequence[LearnerRun]) -> list[LearnerResult]:
-    """Return the results of each learner with each budget on each task, and over all tasks if it has runs on each."""
+    """Return the results of each learner with each budget on each task, and over all tasks if it
+    has runs on each.
+    """
     results = []
     for learner, budget in _group_scores(runs):
-        groups = {task: [run for run in runs if run[:3] == (task, learner, budget)] for task in scales}
-        shares = {task: np.array([scales[task].share(run) for run in group]) for task, group in groups.items()}
+        groups = {
+            task: [run for run in runs if run[:3] == (task, learner, budget)] for task in scales
+        }
+        shares = {
+            task: np.array([scales[task].share(run) for run in group])
+            for task, group in groups.items()
+        }
         if all(groups.values()):
             share = interquartile_mean(list(shares.values()))
-            results.append(LearnerResult(ALL_TASKS, learner, budget, sum(map(len, groups.values())), np.nan, share))
+            results.append(
+                LearnerResult(
+                    ALL_TASKS, learner, budget, sum(map(len, groups.values())), np.nan, share
+                )
+            )
         for task, group in groups.items():
             if group:
-                score, share = float(np.mean([run.score for run in group])), interquartile_mean([shares[task]])
+                score, share = (
+                    float(np.mean([run.score for run in group])),
+                    interquartile_mean([shares[task]]),
+                )
                 results.append(LearnerResult(task, learner, budget, len(group), score, share))
     return results
 
 
 def ranking(results: Sequence[LearnerResult]) -> list[str]:
-    """Return the names of the learners from the best to the worst, over all tasks with the largest budget."""
+    """Return the names of the learners from the best to the worst, over all tasks with the largest
+    budget.
+    """
     largest = max((result.budget for result in results), default=0)
-    shares = {one.learner: one.share.value for one in results if one.task == ALL_TASKS and one.budget == largest}
+    shares = {
+        one.learner: one.share.value
+        for one in results
+        if one.task == ALL_TASKS and one.budget == largest
+    }
     names = dict.fromkeys(result.learner for result in results)
     return sorted(names, key=lambda name: -np.nan_to_num(shares.get(name, np.nan), nan=-np.inf))
 
@@ -134,7 +163,9 @@ def _group_scores(runs: Sequence[LearnerRun]) -> dict[tuple[str, int], list[floa
     return scores
 
 
-_BOUND_DESCRIPTIONS = dict(zip(BOUNDS, ("the exact optimum", "a bound that is proven"), strict=True))
+_BOUND_DESCRIPTIONS = dict(
+    zip(BOUNDS, ("the exact optimum", "a bound that is proven"), strict=True)
+)
 
 
 def learner_results(
@@ -145,12 +176,21 @@ def learner_results(
     bounds: dict[str, dict[str, float]] = {task: {} for task in suite.tasks}
     for trial, result in stored:
         for row in result.rows:
-            runs.append(LearnerRun(*trial, float(np.mean(np.array(row.measured["score"], np.float64)))))
+            runs.append(
+                LearnerRun(*trial, float(np.mean(np.array(row.measured["score"], np.float64))))
+            )
             if bound := row.measured.get("bound"):
                 bounds[trial.task][_BOUND_DESCRIPTIONS[trial.learner]] = float(bound[0] or 0.0)
-    honest = {task: [run for run in runs if (run.task, run.learner) == (task, HONEST_PLAY)] for task in suite.tasks}
+    honest = {
+        task: [run for run in runs if (run.task, run.learner) == (task, HONEST_PLAY)]
+        for task in suite.tasks
+    }
     seeds = {task: {run.seed for run in group} for task, group in honest.items()}
-    learners = [run for run in runs if run.learner not in (HONEST_PLAY, *BOUNDS) and run.seed in seeds[run.task]]
+    learners = [
+        run
+        for run in runs
+        if run.learner not in (HONEST_PLAY, *BOUNDS) and run.seed in seeds[run.task]
+    ]
     scales = {
         task: make_scale(honest[task], bounds[task], [run for run in learners if run.task == task])
         for task in suite.tasks

@@ -1,4 +1,6 @@
-"""Suites for learners and their trials. A trial is one learner on one task with one budget and one seed."""
+"""Suites for learners and their trials. A trial is one learner on one task with one budget and one
+seed.
+"""
 
 from collections.abc import Callable
 from math import inf
@@ -7,8 +9,20 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, PositiveInt, model_validator
 
-from roletrust_env.benchmarking.learners.learner import BOUNDS, HONEST_PLAY, is_search, make_search_method, registry
-from roletrust_env.benchmarking.schema import AttackResult, CellResult, Label, SuiteSchema, check_unique
+from roletrust_env.benchmarking.learners.learner import (
+    BOUNDS,
+    HONEST_PLAY,
+    is_search,
+    make_search_method,
+    registry,
+)
+from roletrust_env.benchmarking.schema import (
+    AttackResult,
+    CellResult,
+    Label,
+    SuiteSchema,
+    check_unique,
+)
 from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.measurement import TaskArguments
 from roletrust_env.evaluation.search import UnsuitableError, find
@@ -24,7 +38,8 @@ class Trial(NamedTuple):
 
     Attributes:
         task: Name of the task in the suite.
-        learner: Name of the learner in the suite, or `HONEST_PLAY` or one of `BOUNDS`, which have no budget.
+        learner: Name of the learner in the suite, or `HONEST_PLAY` or one of `BOUNDS`, which have
+            no budget.
         budget: Budget in game rounds.
         seed: Random seed.
     """
@@ -54,7 +69,8 @@ class SuiteTask(FrozenModel):
     objective: Objective | None = None
     """Objective. None means that of the task."""
     observation: Observation = "agents"
-    """Observation and action of learners, see `make_task`. Coalitions by evolution or PPO have their own always."""
+    """Observation and action of learners, see `make_task`. Coalitions by evolution or PPO have
+    their own always."""
     stealth: dict[str, float] = Field(default_factory=dict)
     """`weight` and `tolerance` of the penalty for detection. Empty means no penalty."""
 
@@ -70,8 +86,15 @@ class SuiteTask(FrozenModel):
 
     def arguments(self) -> TaskArguments:
         """Return the arguments of the task, see `roletrust_env.make_task`."""
-        changes = {"compromised": self.compromised, "objective": self.objective, "stealth": self.stealth}
-        arguments = {**TASKS[self.id].defaults, **{name: value for name, value in changes.items() if value}}
+        changes = {
+            "compromised": self.compromised,
+            "objective": self.objective,
+            "stealth": self.stealth,
+        }
+        arguments = {
+            **TASKS[self.id].defaults,
+            **{name: value for name, value in changes.items() if value},
+        }
         scenario = make_scenario(self.preset or arguments["scenario"])
         scenario = scenario.change(**self.set) if self.set else scenario
         return {**arguments, "scenario": scenario, "observation": self.observation}
@@ -80,8 +103,8 @@ class SuiteTask(FrozenModel):
 class LearnersSuite(SuiteSchema):
     """Benchmark of learners: tasks x learners x budgets x seeds.
 
-    A learner learns from scratch for each budget, so it can plan for the budget. Its score is that of the final policy,
-    without exploration, in held-out games.
+    A learner learns from scratch for each budget, so it can plan for the budget. Its score is that
+    of the final policy, without exploration, in held-out games.
     """
 
     cell_type: ClassVar = Trial
@@ -91,9 +114,11 @@ class LearnersSuite(SuiteSchema):
     tasks: Annotated[dict[Label, SuiteTask], Field(min_length=1)]
     """Tasks by their name in the suite."""
     learners: Annotated[tuple[Label, ...], Field(min_length=1)]
-    """Names of search methods or installed learners, or `package.module:Class`, with parameters or without."""
+    """Names of search methods or installed learners, or `package.module:Class`, with parameters or
+    without."""
     budgets: Annotated[tuple[PositiveInt, ...], Field(min_length=1)] = (25_000, 50_000, 100_000)
-    """Budgets of each learner in game rounds (rounds x games). The last one is used for the ranking."""
+    """Budgets of each learner in game rounds (rounds x games). The last one is used for the
+    ranking."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -101,7 +126,9 @@ class LearnersSuite(SuiteSchema):
         if list(self.budgets) != sorted(set(self.budgets)):
             raise ValueError(f"budgets must be increasing, not {self.budgets}")
         if references := {HONEST_PLAY, *BOUNDS} & {*self.learners}:
-            raise ValueError(f"learners must not contain {references.pop()!r}, which is always played")
+            raise ValueError(
+                f"learners must not contain {references.pop()!r}, which is always played"
+            )
         return self
 
     @property
@@ -110,7 +137,9 @@ class LearnersSuite(SuiteSchema):
         return f"Learners, suite {self.name}, {len(self.seeds)} seeds"
 
     def cells(self) -> list[Trial]:
-        """Return all trials. The longest come first, so that all workers end at about the same time."""
+        """Return all trials. The longest come first, so that all workers end at about the same
+        time.
+        """
         found = [
             Trial(task, learner, budget, seed)
             for budget in reversed(self.budgets)
@@ -119,7 +148,9 @@ class LearnersSuite(SuiteSchema):
             for task in self.tasks
         ]
         found += [Trial(task, HONEST_PLAY, 0, seed) for task in self.tasks for seed in self.seeds]
-        return found + [Trial(task, bound, 0, self.seeds[0]) for task in self.tasks for bound in BOUNDS]
+        return found + [
+            Trial(task, bound, 0, self.seeds[0]) for task in self.tasks for bound in BOUNDS
+        ]
 
     def factories(self) -> dict[str, Callable[..., Any]]:
         """Return the factories of the plug-in learners, by type and name."""

@@ -33,7 +33,7 @@ _C = {
 """Expressions that C writes in another way than Python."""
 
 _AS_IN_PYTHON = re.compile(
-    r"\(\{\}( \+ \{\})+\)|\(\{\} ([-*<>^]|[<>=!]=|>>) \{\}\)|\(-\{\}\)|\{\}|\(\{0\} (\*|!=) \{0\}\)|\(\{\} != 0\)"
+    r"\(\{\}( \+ \{\})+\)|\(\{\} ([-*<>^]|[<>=!]=|>>) \{\}\)|\(-\{\}\)|\{\}|\(\{0\} (\*|!=) \{0\}\)|\(\{\} != 0\)"  # noqa: E501
 )
 _FUNCTION = re.compile(r"(abs|sqrt|sin|cos|exp|log|expm1|log1p|pow)\((\{\}|\{\}, \{\})\)")
 _LOOK_UP = re.compile(r"(\w+)\[\{\}\]")
@@ -75,16 +75,23 @@ def c_body(
     wanted = [element for _, element in targets if isinstance(element, Symbol)]
     for k, one in enumerate(tape.needed(wanted, places)):
         if one.call:
-            raise Untraceable(f"a round calls NumPy: C has no {one.template.partition('(')[0].rpartition('_')[0]}")
+            raise Untraceable(
+                f"a round calls NumPy: C has no {one.template.partition('(')[0].rpartition('_')[0]}"
+            )
         result = one.results[0]
         expression = _expression(one.template, one.arguments, real)
         if look_up := _LOOK_UP.fullmatch(one.template):
             table = tape.names[look_up[1]]
             tables[look_up[1]] = _table(look_up[1], table, result.kind, real)
             last = len(table) - 1  # a game that is over may be played on, and its round left unused
-            expression = f"{look_up[1]}[{{0}} < 0 ? {{0}} + {last + 1} : {{0}} < {last} ? {{0}} : {last}]"
+            expression = (
+                f"{look_up[1]}[{{0}} < 0 ? {{0}} + {last + 1} : {{0}} < {last} ? {{0}} : {last}]"
+            )
         names[result] = f"t{k + 1}"
-        lines.append(f"const {TYPES[result.kind]} t{k + 1} = {expression.format(*map(shown, one.arguments))};")
+        lines.append(
+            f"const {TYPES[result.kind]} t{k + 1} = "
+            f"{expression.format(*map(shown, one.arguments))};"
+        )
     lines += [f"{place} = {shown(element)};" for place, element in targets]
     return lines, list(tables.values())
 

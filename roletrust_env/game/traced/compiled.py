@@ -14,7 +14,8 @@ from roletrust_env.game.traced.compiler import SharedObject, compiler
 from roletrust_env.game.traced.tape import Element, Operation, Symbol, Tape, Untraceable
 
 _running: list[SharedObject] = []
-"""What the compiler makes in the background: at most one at a time, as other work on the machine is to go on."""
+"""What the compiler makes in the background: at most one at a time, as other work on the machine is
+to go on."""
 
 
 class Memory:
@@ -33,10 +34,13 @@ class Memory:
         results: What a round returns; None as the round has it.
         state: Numbers of the state, which a round replaces.
         called: Numbers that called functions take and return.
-        calls: Functions that a round calls, part by part, with their arguments and results, by the round.
+        calls: Functions that a round calls, part by part, with their arguments and results, by the
+            round.
     """
 
-    def __init__(self, shapes: Sequence[tuple[int, ...] | None], n_noise: int, size: int, n_called: int) -> None:
+    def __init__(
+        self, shapes: Sequence[tuple[int, ...] | None], n_noise: int, size: int, n_called: int
+    ) -> None:
         ends = [0, *accumulate(0 if shape is None else math.prod(shape) for shape in shapes)]
         whole, self.called = np.zeros(ends[-1] + size), np.zeros(n_called)
         parts: list[Any] = [
@@ -44,16 +48,23 @@ class Memory:
             for shape, (a, b) in zip(shapes, pairwise(ends), strict=True)
         ]
         self.pointers = ctypes.c_void_p(whole.ctypes.data), ctypes.c_void_p(self.called.ctypes.data)
-        self.actions, self.noise, self.results = parts[0], parts[1 : 1 + n_noise], parts[1 + n_noise :]
+        self.actions, self.noise, self.results = (
+            parts[0],
+            parts[1 : 1 + n_noise],
+            parts[1 + n_noise :],
+        )
         self.state = whole[ends[-1] :]
-        self.calls: dict[CompiledRound, list[list[tuple[Callable[..., Array], list[Array], Array]]]] = {}
+        self.calls: dict[
+            CompiledRound, list[list[tuple[Callable[..., Array], list[Array], Array]]]
+        ] = {}
 
 
 class CompiledRound:
     """A round in C. It plays in a `Memory`.
 
-    Functions of NumPy that C does not have are called between parts in C. Each part begins with the inputs and with
-    what was called before, so it computes some numbers again, and needs no further place in memory.
+    Functions of NumPy that C does not have are called between parts in C. Each part begins with the
+    inputs and with what was called before, so it computes some numbers again, and needs no further
+    place in memory.
 
     Args:
         tape: Operations of the round.
@@ -67,7 +78,10 @@ class CompiledRound:
     """
 
     def __init__(
-        self, tape: Tape, inputs: Sequence[Sequence[Symbol]], outputs: Sequence[Sequence[Element] | None]
+        self,
+        tape: Tape,
+        inputs: Sequence[Sequence[Symbol]],
+        outputs: Sequence[Sequence[Element] | None],
     ) -> None:
         self.ready = False
         self.size, self.n_called = max(len(inputs[0]), len(outputs[0] or ())), 0
@@ -105,7 +119,9 @@ class CompiledRound:
         self._left -= 1
         return self.ready or not self._left
 
-    def _written(self, tape: Tape, inputs: Sequence[Sequence[Symbol]], outputs: Sequence[Sequence[Element]]) -> str:
+    def _written(
+        self, tape: Tape, inputs: Sequence[Sequence[Symbol]], outputs: Sequence[Sequence[Element]]
+    ) -> str:
         """Return the source.
 
         Raises:
@@ -127,16 +143,29 @@ class CompiledRound:
                 assert one.call is not None
                 function, lengths = one.call
                 ends = [*accumulate([*lengths, len(one.results)], initial=self.n_called)]
-                targets += [(f"y[{self.n_called + k}]", element) for k, element in enumerate(one.arguments)]
-                calls.append((function, [slice(*pair) for pair in pairwise(ends[:-1])], slice(*ends[-2:])))
+                targets += [
+                    (f"y[{self.n_called + k}]", element) for k, element in enumerate(one.arguments)
+                ]
+                calls.append(
+                    (function, [slice(*pair) for pair in pairwise(ends[:-1])], slice(*ends[-2:]))
+                )
                 self.n_called = ends[-1]
             parts.append(_part(tape, places, targets))
             self._calls.append(calls)
             for one, (*_, found) in zip(stage, calls, strict=True):
                 places |= {symbol: f"y[{found.start + k}]" for k, symbol in enumerate(one.results)}
-        parts.append(_part(tape, places, [(f"x[{k}]", one) for k, one in enumerate([*returned, *after], len(taken))]))
+        parts.append(
+            _part(
+                tape,
+                places,
+                [(f"x[{k}]", one) for k, one in enumerate([*returned, *after], len(taken))],
+            )
+        )
         tables = dict.fromkeys(table for _, tables in parts for table in tables)
-        functions = [f"void play_{k}(double *x, double *y) {{\n{lines}\n}}" for k, (lines, _) in enumerate(parts)]
+        functions = [
+            f"void play_{k}(double *x, double *y) {{\n{lines}\n}}"
+            for k, (lines, _) in enumerate(parts)
+        ]
         return "\n".join([prelude("double"), *tables, *functions])
 
     def play(self, memory: Memory) -> None:
@@ -146,7 +175,10 @@ class CompiledRound:
         if calls is None:
             numbers = memory.called
             calls = memory.calls[self] = [
-                [(function, [numbers[cut] for cut in given], numbers[found]) for function, given, found in stage]
+                [
+                    (function, [numbers[cut] for cut in given], numbers[found])
+                    for function, given, found in stage
+                ]
                 for stage in self._calls
             ]
         for part, stage in zip(self._parts, calls, strict=False):
@@ -157,7 +189,9 @@ class CompiledRound:
 
 
 def _stages(tape: Tape, outputs: Sequence[Element]) -> list[list[Operation]]:
-    """Return the calls of a round: first those of inputs alone, then those of what these return, and so on."""
+    """Return the calls of a round: first those of inputs alone, then those of what these return,
+    and so on.
+    """
     stages: list[list[Operation]] = []
     stage_of: dict[Symbol, int] = {}
     for one in tape.needed(element for element in outputs if isinstance(element, Symbol)):
@@ -170,10 +204,14 @@ def _stages(tape: Tape, outputs: Sequence[Element]) -> list[list[Operation]]:
     return stages
 
 
-def _part(tape: Tape, places: Mapping[Symbol, str], targets: Sequence[tuple[str, Element]]) -> tuple[str, list[str]]:
+def _part(
+    tape: Tape, places: Mapping[Symbol, str], targets: Sequence[tuple[str, Element]]
+) -> tuple[str, list[str]]:
     """Return the statements that set the targets, and the tables that they use."""
     # All is read before anything is written: the next state lies where this one was.
     names = {symbol: f"in{k}" for k, symbol in enumerate(places)}
-    reads = [f"const {TYPES[symbol.kind]} {names[symbol]} = {place};" for symbol, place in places.items()]
+    reads = [
+        f"const {TYPES[symbol.kind]} {names[symbol]} = {place};" for symbol, place in places.items()
+    ]
     lines, tables = c_body(tape, names, targets, "double")
     return "\n".join([*reads, *lines]), tables

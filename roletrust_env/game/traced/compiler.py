@@ -15,11 +15,16 @@ from functools import cache
 from pathlib import Path
 
 EXACT = ("-O1", "-ffp-contract=off", "-fno-math-errno")
-"""Flags of the compiler for exact arithmetic; on one game a higher level takes twice the time and gains nothing."""
+"""Flags of the compiler for exact arithmetic; on one game a higher level takes twice the time and
+gains nothing."""
 
-_BUILD = '{command} -o "$1.so" -x c "$1" -lm && printf %s "$3" >> "$1.so" && mv "$1.so" "$2"; rm -f "$1" "$1.so"'
-"""What the shell does, with the source as $1: it goes on when the process that started it ends. A file ends with its
-hash, since to load one that was cut off, as when power fails, would end the process."""
+_BUILD = (
+    '{command} -o "$1.so" -x c "$1" -lm && printf %s "$3" >> "$1.so" && mv "$1.so" "$2"; rm '
+    '-f "$1" "$1.so"'
+)
+"""What the shell does, with the source as $1: it goes on when the process that started it ends. A
+file ends with its hash, since to load one that was cut off, as when power fails, would end the
+process."""
 
 _KEPT_S = 60 * 24 * 3600
 """Time for which a file is kept after its last use, in seconds."""
@@ -36,12 +41,13 @@ def compiler() -> str | None:
 
 
 class SharedObject:
-    """A shared object of a source in C. The compiler runs beside this process, unless the file is there already.
+    """A shared object of a source in C. The compiler runs beside this process, unless the file is
+    there already.
 
-    A file is found again by a hash of the source, the flags, the compiler and the instructions of the processor. It
-    lies in the user's cache, `$XDG_CACHE_HOME/roletrust` or `~/.cache/roletrust`; where that cannot be written, in a
-    folder of this process. Compilers that run at once do not disturb each other. Files that were not used for two
-    months are deleted.
+    A file is found again by a hash of the source, the flags, the compiler and the instructions of
+    the processor. It lies in the user's cache, `$XDG_CACHE_HOME/roletrust` or `~/.cache/roletrust`;
+    where that cannot be written, in a folder of this process. Compilers that run at once do not
+    disturb each other. Files that were not used for two months are deleted.
     """
 
     def __init__(self, source: str, flags: Sequence[str] = EXACT) -> None:
@@ -55,7 +61,15 @@ class SharedObject:
             with os.fdopen(handle, "w") as file:
                 file.write(source)
             self._process = subprocess.Popen(
-                ["sh", "-c", _BUILD.format(command=command), "sh", name, str(self._path), self._hash],
+                [
+                    "sh",
+                    "-c",
+                    _BUILD.format(command=command),
+                    "sh",
+                    name,
+                    str(self._path),
+                    self._hash,
+                ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
@@ -96,7 +110,11 @@ def _folder() -> Path:
         folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "roletrust"
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         state = folder.stat()
-        if state.st_uid == os.getuid() and not state.st_mode & 0o022 and os.access(folder, os.W_OK | os.X_OK):
+        if (
+            state.st_uid == os.getuid()
+            and not state.st_mode & 0o022
+            and os.access(folder, os.W_OK | os.X_OK)
+        ):
             for file in folder.iterdir():
                 with suppress(OSError):  # another process has deleted it, or it is a folder
                     if time.time() - file.stat().st_mtime > _KEPT_S:

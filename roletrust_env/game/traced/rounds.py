@@ -1,4 +1,6 @@
-"""The rounds of one small game: traced when first played, and from then on played as straight-line Python."""
+"""The rounds of one small game: traced when first played, and from then on played as straight-line
+Python.
+"""
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -33,7 +35,8 @@ _CHECKED = 4
 """Number of rounds of a form that are played by the rules, too."""
 
 _LOOK = 512
-"""Number of rounds of a form in Python after which the compiler is started, or asked for what it made."""
+"""Number of rounds of a form in Python after which the compiler is started, or asked for what it
+made."""
 
 _BUILDS = Lock()  # games may be played in several threads
 
@@ -41,11 +44,14 @@ SWITCH = "ROLETRUST_TRACED"
 """Variable of the environment that switches tracing off where it is 0."""
 
 Play = Callable[..., tuple[Any, tuple[Array | None, ...]]]
-"""A round: a pure function from a state, the actions and the noise to the next state and to what is read off it."""
+"""A round: a pure function from a state, the actions and the noise to the next state and to what is
+read off it."""
 
 
 def reason_against(game: Game, policies: Iterable[Policy] = ()) -> str | None:
-    """Return why the rounds of a game with scripted policies are not traced; None if nothing is known against it."""
+    """Return why the rounds of a game with scripted policies are not traced; None if nothing is
+    known against it.
+    """
     if game.like.dtype != np.float64:
         return "it is no game on a grid in NumPy's float64"
     pairs = game.roster.n_raters * game.roster.n_providers
@@ -54,7 +60,9 @@ def reason_against(game: Game, policies: Iterable[Policy] = ()) -> str | None:
 
 
 def reason_against_symbols(game: Game, policies: Iterable[Policy]) -> str | None:
-    """Return why a game with scripted policies must not be played with symbols; None if nothing is known against it."""
+    """Return why a game with scripted policies must not be played with symbols; None if nothing is
+    known against it.
+    """
     if type(game) is not Game or not isinstance(game.like, np.ndarray):
         return "it is no game on a grid on NumPy"
     if needs_watching(game.model):  # it may be a process, which a trial with symbols would disturb
@@ -62,7 +70,9 @@ def reason_against_symbols(game: Game, policies: Iterable[Policy]) -> str | None
     for policy in policies:  # its attributes become constants of a written round
         frozen = is_dataclass(policy) and policy.__dataclass_params__.frozen
         if getattr(policy, "__dict__", {}) and not frozen:
-            return f"{policy_name(policy)} may change: it has attributes, and is no frozen dataclass"
+            return (
+                f"{policy_name(policy)} may change: it has attributes, and is no frozen dataclass"
+            )
     return None
 
 
@@ -132,7 +142,9 @@ class Layout:
             if not isinstance(part, Leaf):
                 return part
             filled = np.empty_like(part.mold)
-            filled[...] = np.reshape([next(rest) if e is None else e for e in part.elements], part.mold.shape)
+            filled[...] = np.reshape(
+                [next(rest) if e is None else e for e in part.elements], part.mold.shape
+            )
             return filled[()] if isinstance(part.mold, np.generic) else filled
 
         return map_leaves(array, self._tree)
@@ -156,8 +168,9 @@ class Layout:
     def following(self, after: Any) -> tuple["Layout", list[Element]]:
         """Return the layout after a traced round, and the elements that are its numbers.
 
-        Flags that depend on no symbol are constants, and so are arrays of which all numbers depend on none. A number
-        that was constant and has another value now may change in every round, so it is none.
+        Flags that depend on no symbol are constants, and so are arrays of which all numbers depend
+        on none. A number that was constant and has another value now may change in every round, so
+        it is none.
         """
         before = list(leaves(self._tree))
         place, numbers = iter(range(len(before) + 1)), []
@@ -168,14 +181,20 @@ class Layout:
                 return part
             example = part.example if isinstance(part, Symbols) else part
             elements, whole = elements_of(part), not isinstance(part, Symbols)
-            old = was.elements if isinstance(was, Leaf) and len(was.elements) == len(elements) else ()
+            old = (
+                was.elements if isinstance(was, Leaf) and len(was.elements) == len(elements) else ()
+            )
             flags = example.dtype.kind == "b"
             for k, element in enumerate(elements):
                 changed = not flags and old and old[k] is not None and repr(old[k]) != repr(element)
                 if changed or isinstance(element, Symbol) or not (flags or whole):
                     numbers.append(element)
                     elements[k] = None
-            return Leaf(name, np.empty_like(example) if isinstance(example, np.ndarray) else example, tuple(elements))
+            return Leaf(
+                name,
+                np.empty_like(example) if isinstance(example, np.ndarray) else example,
+                tuple(elements),
+            )
 
         return Layout(map_named(leaf, after)), numbers
 
@@ -186,8 +205,8 @@ class Form:
     Attributes:
         written: The round; it also takes the numbers of the noise, of the fields that are there.
         after: Layout of the state after it.
-        assumed: Numbers that some of a state's numbers must be equal to: the place of each, and for all its values
-            whether they are.
+        assumed: Numbers that some of a state's numbers must be equal to: the place of each, and for
+            all its values whether they are.
         following: Forms for the layout after it; None if there was no such round yet.
         unchecked: Number of rounds for which it is still to be compared with the rules.
         compiled: The round in C, once it is compiled.
@@ -218,10 +237,16 @@ class Form:
         self._played = 0
 
     def play(self, numbers: Sequence[Any], actions: Array, noise: Any) -> Any:
-        """Return the numbers of the next state and what is read off it, for the numbers of a state."""
+        """Return the numbers of the next state and what is read off it, for the numbers of a
+        state.
+        """
         if isinstance(numbers, np.ndarray):
-            numbers = [cast(number) for cast, number in zip(self._kinds, numbers.tolist(), strict=False)]
-        found = self.written.play(numbers, actions.tolist(), *[noise[field].ravel().tolist() for field in self.fields])
+            numbers = [
+                cast(number) for cast, number in zip(self._kinds, numbers.tolist(), strict=False)
+            ]
+        found = self.written.play(
+            numbers, actions.tolist(), *[noise[field].ravel().tolist() for field in self.fields]
+        )
         self._played += 1
         if not self._played % _LOOK:
             self.build()
@@ -245,11 +270,15 @@ class Form:
 
 
 class Known:
-    """Knowledge of the rounds of equal games: their forms by layout, and why they are not traced, if so."""
+    """Knowledge of the rounds of equal games: their forms by layout, and why they are not traced,
+    if so.
+    """
 
     def __init__(self, reason: str | None) -> None:
         self.forms: dict[Any, list[Form]] = {}
-        self.shapes: tuple[tuple[int, ...] | None, ...] | None = None  # of what a round takes and returns
+        self.shapes: tuple[tuple[int, ...] | None, ...] | None = (
+            None  # of what a round takes and returns
+        )
         self.reason = reason
 
     def of(self, layout: Layout) -> list[Form]:
@@ -268,13 +297,15 @@ def _fitting(forms: list[Form], numbers: Sequence[Any]) -> Form | None:
 _CASTS: dict[str, Callable[[float], Any]] = {"f": float, "i": int, "b": bool}
 
 _KNOWN: dict[Any, Known] = {}
-"""What this process knows of the rounds of games, by all that they depend on; at most `_MOST_KNOWN`."""
+"""What this process knows of the rounds of games, by all that they depend on; at most
+`_MOST_KNOWN`."""
 
 _MOST_KNOWN = 64
 
 
 class Rounds:
-    """The rounds of one game in progress. They are equal to the bit to those of the rules, traced or not.
+    """The rounds of one game in progress. They are equal to the bit to those of the rules, traced
+    or not.
 
     Args:
         game: Game that is played.
@@ -321,7 +352,12 @@ class Rounds:
     def __deepcopy__(self, memo: dict[int, Any]) -> "Rounds":
         twin = memo[id(self)] = type(self).__new__(type(self))
         for name, value in {**self.__dict__, "_memory": None}.items():
-            shared = name in ("_key", "_known", "_layout", "_form")  # copied policies would be others
+            shared = name in (
+                "_key",
+                "_known",
+                "_layout",
+                "_form",
+            )  # copied policies would be others
             twin.__dict__[name] = value if shared else deepcopy(value, memo)
         return twin
 
@@ -338,7 +374,9 @@ class Rounds:
         return [form for forms in self._known.forms.values() for form in forms]
 
     def compile(self) -> None:
-        """Compile the rounds that were played so far, and wait for it; else that is done beside the play."""
+        """Compile the rounds that were played so far, and wait for it; else that is done beside the
+        play.
+        """
         for form in self.forms:
             form.build(wait=True)
 
@@ -352,11 +390,12 @@ class Rounds:
         Args:
             actions: Actions, a vector.
             noise: Noise of the round.
-            *further: Further arguments of the round, which a traced one must not use, such as random numbers.
+            *further: Further arguments of the round, which a traced one must not use, such as
+                random numbers.
 
         Returns:
-            What is read off the state: tuples of numbers, or vectors, which hold until the next round; None as the
-            round has it.
+            What is read off the state: tuples of numbers, or vectors, which hold until the next
+                round; None as the round has it.
         """
         form = self._form
         if form is None or form.unchecked:
@@ -375,7 +414,11 @@ class Rounds:
         if compiled is None:
             played: Sequence[Any] = form.play(self._numbers, actions, noise)
             return played
-        if memory is None or len(memory.state) < compiled.size or len(memory.called) < compiled.n_called:
+        if (
+            memory is None
+            or len(memory.state) < compiled.size
+            or len(memory.called) < compiled.n_called
+        ):
             size = max(compiled.size, len(self._numbers))
             memory = self._memory = Memory(form.shapes, len(form.fields), size, compiled.n_called)
         if self._numbers is not memory.state:
@@ -411,7 +454,9 @@ class Rounds:
         """Play a round that is not traced, or is to be traced, or to be compared with the rules."""
         known, form = self._known, self._form
         if known.reason is None and form is None and self._layout is not None:
-            form = _fitting(known.of(self._layout), self._numbers)  # another game may have traced it meanwhile
+            form = _fitting(
+                known.of(self._layout), self._numbers
+            )  # another game may have traced it meanwhile
         if known.reason is None and form is None:
             try:
                 form = self._trace(np.asarray(actions), noise, len(further))
@@ -458,12 +503,17 @@ class Rounds:
                 whole = Layout(Leaf(name, part, (None,) * part.size))
                 part, inputs[name] = whole.symbols(part, tape)
             given.append(part)
-        after, results = self._play(symbols, given[0], type(noise)(*given[1:]), *[Unknown()] * n_further)
+        after, results = self._play(
+            symbols, given[0], type(noise)(*given[1:]), *[Unknown()] * n_further
+        )
         following, outputs = layout.following(after)
         read = [None if one is None else elements_of(one) for one in results]
         places = {symbol: place for place, symbol in enumerate(numbers)}
         assumed = [
-            (places[symbol], [*(table == table[self._numbers[places[symbol]]]).all(axis=1).tolist(), False])
+            (
+                places[symbol],
+                [*(table == table[self._numbers[places[symbol]]]).all(axis=1).tolist(), False],
+            )
             for symbol, table in tape.assumed
         ]
         fields = [k for k, part in enumerate(noise) if part is not None]
@@ -494,7 +544,9 @@ class Unknown(Random):
 def _strange(state: Any) -> str | None:
     """Return the type of a leaf that is no array, number, flag or text; None without any."""
     known = np.ndarray | np.generic | int | float | str | None
-    return next((type(leaf).__name__ for leaf in leaves(state) if not isinstance(leaf, known)), None)
+    return next(
+        (type(leaf).__name__ for leaf in leaves(state) if not isinstance(leaf, known)), None
+    )
 
 
 def on_numpy(leaf: Any) -> bool:
@@ -504,7 +556,11 @@ def on_numpy(leaf: Any) -> bool:
 
 def elements_of(array: Any) -> list[Element]:
     """Return the symbols and constants of an array, row by row."""
-    return list(array.elements.ravel()) if isinstance(array, Symbols) else np.asarray(array).ravel().tolist()
+    return (
+        list(array.elements.ravel())
+        if isinstance(array, Symbols)
+        else np.asarray(array).ravel().tolist()
+    )
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -524,5 +580,8 @@ def map_named(change: Callable[[str, Any], Any], tree: Any, name: str = "") -> A
     if not isinstance(tree, tuple):
         return change(name, tree)
     names = getattr(tree, "_fields", range(len(tree)))
-    parts = [map_named(change, part, f"{name}_{key}".strip("_")) for key, part in zip(names, tree, strict=True)]
+    parts = [
+        map_named(change, part, f"{name}_{key}".strip("_"))
+        for key, part in zip(names, tree, strict=True)
+    ]
     return type(tree)(*parts) if hasattr(tree, "_fields") else tuple(parts)

@@ -1,8 +1,10 @@
-"""Symbols in place of numbers: the rules of a game run on them once, and each operation is written on a tape.
+"""Symbols in place of numbers: the rules of a game run on them once, and each operation is written
+on a tape.
 
-`Symbols` is an array of NumPy for the rules, so they take the way that they take with numbers. Beside the symbols it
-has an example, an array of numbers on which NumPy plays the same operations. From the example come the dtype, the
-shape, the layout in memory, by which NumPy orders its sums, and the value of all that does not depend on a symbol.
+`Symbols` is an array of NumPy for the rules, so they take the way that they take with numbers.
+Beside the symbols it has an example, an array of numbers on which NumPy plays the same operations.
+From the example come the dtype, the shape, the layout in memory, by which NumPy orders its sums,
+and the value of all that does not depend on a symbol.
 """
 
 from collections.abc import Callable, Sequence
@@ -70,7 +72,8 @@ _NEUTRAL = {
     ("logical_or", 0): False,
     ("logical_or", 1): False,
 }
-"""Constant that leaves the other argument as it is, by function and place; adding 0.0 changes -0.0."""
+"""Constant that leaves the other argument as it is, by function and place; adding 0.0 changes
+-0.0."""
 
 _DECIDES = {"logical_and": False, "logical_or": True}
 """Flag that is the result, whatever the other argument is."""
@@ -83,11 +86,13 @@ _CASTS = {
 
 
 class Symbols(np.ndarray[Any, Any]):
-    """An array of symbols and constants. To the rules it is an array of NumPy with the dtype of its example.
+    """An array of symbols and constants. To the rules it is an array of NumPy with the dtype of its
+    example.
 
     Attributes:
         tape: Tape of the trace.
-        example: Array of numbers, or a number, with the shape, the dtype and the layout of this array.
+        example: Array of numbers, or a number, with the shape, the dtype and the layout of this
+            array.
     """
 
     tape: Tape
@@ -95,7 +100,9 @@ class Symbols(np.ndarray[Any, Any]):
 
     @staticmethod
     def of(elements: Array, example: Array, tape: Tape) -> Array:
-        """Return an array of elements in the dtype of the example; the example itself if all are constant."""
+        """Return an array of elements in the dtype of the example; the example itself if all are
+        constant.
+        """
         kind = example.dtype.kind
         if kind not in ("fibu" if tape.for_c else "fib"):
             raise Untraceable(f"a round has arrays of dtype {example.dtype}")
@@ -123,7 +130,10 @@ class Symbols(np.ndarray[Any, Any]):
         if method == "reduce":
             return _reduced(ufunc, *inputs, **options)
         if method != "__call__" or options:
-            raise Untraceable(f"it calls numpy.{ufunc.__name__}.{method} with {', '.join(options) or 'no options'}")
+            raise Untraceable(
+                f"it calls numpy.{ufunc.__name__}.{method} with "
+                f"{', '.join(options) or 'no options'}"
+            )
         return _applied(ufunc, inputs)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
@@ -143,7 +153,9 @@ class Symbols(np.ndarray[Any, Any]):
         raise Untraceable(f"it calls numpy.{name}")
 
     def __getitem__(self, index: Any) -> Any:
-        if any(isinstance(part, Symbols) for part in (index if isinstance(index, tuple) else (index,))):
+        if any(
+            isinstance(part, Symbols) for part in (index if isinstance(index, tuple) else (index,))
+        ):
             raise Untraceable("an index depends on a value")
         return _moved(lambda array: np.asarray(array)[index], self)
 
@@ -172,17 +184,24 @@ class Symbols(np.ndarray[Any, Any]):
 
     def clip(self, low: Any = None, high: Any = None) -> Any:  # type: ignore[override]
         """See `numpy.ndarray.clip`."""
-        above = self if low is None else np.where(self < low, low, self)  # of 0.0 and -0.0 the number itself
+        above = (
+            self if low is None else np.where(self < low, low, self)
+        )  # of 0.0 and -0.0 the number itself
         return above if high is None else np.where(above > high, high, above)
 
     def entries_of(self, table: Array) -> Any:
         """Return the entries of a table at these places, along its first axis.
 
-        Flags at one place, such as a round, are assumed to be those of the example: masks cost much where they may
-        change, and a schedule has few rows.
+        Flags at one place, such as a round, are assumed to be those of the example: masks cost much
+            where they may change, and a schedule has few rows.
         """
         shape, place = table.shape[1:], self.elements.reshape(-1)[0]
-        if not self.tape.for_c and table.dtype == bool and self.size == 1 and getattr(place, "name", ""):
+        if (
+            not self.tape.for_c
+            and table.dtype == bool
+            and self.size == 1
+            and getattr(place, "name", "")
+        ):
             self.tape.assumed.append((place, table))
             return table[self.example]
         columns = [tuple(column.tolist()) for column in table.reshape(len(table), -1).T]
@@ -219,7 +238,13 @@ def _refuse(self: Symbols, *_: Any) -> Any:
 for _name in ("reshape", "ravel", "flatten", "squeeze", "swapaxes", "transpose", "copy"):
     setattr(Symbols, _name, _mover(_name))
 for _name, _ufunc in {
-    **{"sum": np.add, "any": np.logical_or, "all": np.logical_and, "max": np.maximum, "min": np.minimum}
+    **{
+        "sum": np.add,
+        "any": np.logical_or,
+        "all": np.logical_and,
+        "max": np.maximum,
+        "min": np.minimum,
+    }
 }.items():
     setattr(Symbols, _name, _reducer(_ufunc))
 for _name in ("__float__", "__int__", "__index__", "item", "tolist"):
@@ -227,12 +252,31 @@ for _name in ("__float__", "__int__", "__index__", "item", "tolist"):
 
 
 _MOVES = {
-    *("concatenate", "stack", "broadcast_to", "moveaxis", "swapaxes", "reshape", "expand_dims", "squeeze", "ravel"),
+    *(
+        "concatenate",
+        "stack",
+        "broadcast_to",
+        "moveaxis",
+        "swapaxes",
+        "reshape",
+        "expand_dims",
+        "squeeze",
+        "ravel",
+    ),
     *("transpose", "permute_dims", "repeat", "tile", "flip", "roll", "copy"),
 }
 """Functions that only move entries."""
 
-_OF_THE_SHAPE = {"zeros_like", "ones_like", "empty_like", "full_like", "shape", "ndim", "size", "result_type"}
+_OF_THE_SHAPE = {
+    "zeros_like",
+    "ones_like",
+    "empty_like",
+    "full_like",
+    "shape",
+    "ndim",
+    "size",
+    "result_type",
+}
 """Functions of the shape and the dtype alone."""
 
 _METHODS = {
@@ -282,7 +326,12 @@ def _operate(tape: Tape, name: str, arguments: Sequence[Element], kind: str) -> 
         if name in _DECIDES and constant == _DECIDES[name]:
             return _DECIDES[name]
         neutral = _NEUTRAL.get((name, place))
-        if neutral is not None and constant == neutral and other.kind == kind and str(constant)[0] != "-":
+        if (
+            neutral is not None
+            and constant == neutral
+            and other.kind == kind
+            and str(constant)[0] != "-"
+        ):
             return other
     return tape.write(_TEMPLATES.get(name) or _IN_C[name], arguments, kind)
 
@@ -293,7 +342,9 @@ def _applied(ufunc: Any, inputs: Sequence[Any]) -> Any:
     _refuse_single(tape, *examples)
     with np.errstate(all="ignore"):
         example = examples[0] ** examples[1] if name == "power" else ufunc(*examples)
-    if name == "power" and np.ndim(examples[1]) == 0:  # NumPy's operator has ways of its own for some exponents
+    if (
+        name == "power" and np.ndim(examples[1]) == 0
+    ):  # NumPy's operator has ways of its own for some exponents
         name = {1: "positive", 2: "square", 0.5: "sqrt"}.get(float(examples[1]), name)
         inputs = inputs if name == "power" else inputs[:1]
     if all(np.asarray(one).dtype.kind == "b" for one in examples):
@@ -307,7 +358,9 @@ def _applied(ufunc: Any, inputs: Sequence[Any]) -> Any:
     elements = np.empty(example.shape, object)
     kind, values = example.dtype.kind, np.asarray(example).ravel().tolist()
     elements.reshape(-1)[:] = [
-        _operate(tape, name, arguments, kind) if any(isinstance(one, Symbol) for one in arguments) else value
+        _operate(tape, name, arguments, kind)
+        if any(isinstance(one, Symbol) for one in arguments)
+        else value
         for value, *arguments in zip(values, *grids, strict=True)
     ]
     return Symbols.of(elements, example, tape)
@@ -324,8 +377,12 @@ def _called(function: Callable[..., Array], name: str, inputs: Sequence[Any]) ->
     places = [k for k, one in enumerate(inputs) if isinstance(one, Symbols)]
     molds = [np.empty_like(examples[k]) for k in places]  # of the same layout in memory
 
-    entrywise = isinstance(function, np.ufunc) and function.signature is None and len(places) == len(inputs)
-    same = {(one.shape, one.dtype.char) for one in (example, *(examples[k] for k in places))} == {(example.shape, "d")}
+    entrywise = (
+        isinstance(function, np.ufunc) and function.signature is None and len(places) == len(inputs)
+    )
+    same = {(one.shape, one.dtype.char) for one in (example, *(examples[k] for k in places))} == {
+        (example.shape, "d")
+    }
 
     def called(*vectors: Any) -> Array:
         if entrywise and same:  # then the layout does not matter
@@ -343,7 +400,9 @@ def _called(function: Callable[..., Array], name: str, inputs: Sequence[Any]) ->
 
 
 def _sorted(array: Any, axis: int = -1) -> Any:
-    """Return what `sort` returns, by comparing neighbours again and again: C has no other way without a branch."""
+    """Return what `sort` returns, by comparing neighbours again and again: C has no other way
+    without a branch.
+    """
     rows = list(np.moveaxis(array, axis, 0))
     for last in range(len(rows) - 1, 0, -1):
         for k in range(last):
@@ -375,7 +434,11 @@ def _chosen(*inputs: Any) -> Any:
         one, other = (_cast(tape, way, kind) for way in ways)
         if not isinstance(flag, Symbol):
             return one if flag else other
-        if one is other or (not isinstance(one, Symbol) and not isinstance(other, Symbol) and repr(one) == repr(other)):
+        if one is other or (
+            not isinstance(one, Symbol)
+            and not isinstance(other, Symbol)
+            and repr(one) == repr(other)
+        ):
             return one
         return tape.write("({1} if {0} else {2})", [flag, one, other], kind)
 
@@ -386,9 +449,16 @@ def _chosen(*inputs: Any) -> Any:
 
 
 def _reduced(
-    ufunc: Any, array: Symbols, axis: Any = 0, dtype: Any = None, out: Any = None, keepdims: bool = False
+    ufunc: Any,
+    array: Symbols,
+    axis: Any = 0,
+    dtype: Any = None,
+    out: Any = None,
+    keepdims: bool = False,
 ) -> Any:
-    """Return the sum, the largest or another reduction along an axis, in the order in which NumPy takes the entries."""
+    """Return the sum, the largest or another reduction along an axis, in the order in which NumPy
+    takes the entries.
+    """
     tape, example, name = array.tape, array.example, ufunc.__name__
     _refuse_single(tape, example)
     result = ufunc.reduce(example, axis=axis, dtype=dtype, keepdims=keepdims)
@@ -423,13 +493,21 @@ _FIRST: dict[str, list[Element]] = {
 
 
 def _innermost(array: Array, axis: int) -> bool:
-    """Return whether NumPy walks along an axis first: whether its entries are nearest to one another in memory."""
-    steps = [(abs(step), k) for k, (step, n) in enumerate(zip(array.strides, array.shape, strict=True)) if n > 1]
+    """Return whether NumPy walks along an axis first: whether its entries are nearest to one
+    another in memory.
+    """
+    steps = [
+        (abs(step), k)
+        for k, (step, n) in enumerate(zip(array.strides, array.shape, strict=True))
+        if n > 1
+    ]
     return array.shape[axis] == 1 or not steps or min(steps)[1] == axis
 
 
 def _sum(tape: Tape, row: list[Element], in_a_row: bool) -> Element:
-    """Return the sum of floats in NumPy's order: from the left, but eight sums side by side along the inner axis."""
+    """Return the sum of floats in NumPy's order: from the left, but eight sums side by side along
+    the inner axis.
+    """
     if not in_a_row or len(row) < 8:
         return _line(tape, [0.0, *row])
     if len(row) > 128:

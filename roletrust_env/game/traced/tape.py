@@ -1,4 +1,6 @@
-"""The tape on which the operations of a round are written, and the function in straight-line Python that it becomes."""
+"""The tape on which the operations of a round are written, and the function in straight-line Python
+that it becomes.
+"""
 
 import math
 from collections import Counter
@@ -22,7 +24,9 @@ _WRAP = TextWrapper(100, " " * 4, " " * 8, break_long_words=False, break_on_hyph
 
 
 class Untraceable(Exception):  # noqa: N818 - no error of the user
-    """The rules do something that cannot be written as straight-line code; the message is the reason."""
+    """The rules do something that cannot be written as straight-line code; the message is the
+    reason.
+    """
 
 
 class Symbol:
@@ -41,9 +45,9 @@ class Symbol:
     def _refuse(self, *_: Any) -> Any:
         raise Untraceable("a rule leaves NumPy's functions of arrays")
 
-    __lt__ = __le__ = __gt__ = __ge__ = __add__ = __radd__ = __mul__ = __rmul__ = __sub__ = __rsub__ = __invert__ = (
-        __neg__
-    ) = __eq__ = __ne__ = __bool__ = _refuse
+    __lt__ = __le__ = __gt__ = __ge__ = __add__ = __radd__ = __mul__ = __rmul__ = __sub__ = (
+        __rsub__
+    ) = __invert__ = __neg__ = __eq__ = __ne__ = __bool__ = _refuse
     __hash__ = object.__hash__  # of the identity
 
 
@@ -54,8 +58,8 @@ class Operation(NamedTuple):
         results: Symbols that it sets.
         template: Expression in Python with a place for each argument, as for `str.format`.
         arguments: Elements that it takes.
-        call: Function that returns the results for vectors, and how many arguments are in each; None where the
-            operation is no call.
+        call: Function that returns the results for vectors, and how many arguments are in each;
+            None where the operation is no call.
     """
 
     results: Sequence[Symbol]
@@ -89,7 +93,9 @@ class Written(NamedTuple):
     @property
     def source(self) -> str:
         """The source, in lines that are not too long to read."""
-        return "\n".join([self.lines[0], *map(_WRAP.fill, self.lines[1:])]).replace(_IS, " = ") + "\n"
+        return (
+            "\n".join([self.lines[0], *map(_WRAP.fill, self.lines[1:])]).replace(_IS, " = ") + "\n"
+        )
 
 
 class Tape:
@@ -100,7 +106,8 @@ class Tape:
         for_c: Whether it becomes C for many games: in either precision, with the functions of C.
 
     Attributes:
-        assumed: Tables of flags, of which a row was taken as it is in this round, and the symbol of its place.
+        assumed: Tables of flags, of which a row was taken as it is in this round, and the symbol of
+            its place.
         names: Functions and tables in the expressions, by name.
 
     Raises:
@@ -111,7 +118,12 @@ class Tape:
         self.for_c = for_c
         self.assumed: list[tuple[Symbol, Array]] = []
         self._operations: list[Operation] = []
-        self.names: dict[str, Any] = {"sqrt": math.sqrt, "sin": _sin(), "inf": math.inf, "nan": math.nan}
+        self.names: dict[str, Any] = {
+            "sqrt": math.sqrt,
+            "sin": _sin(),
+            "inf": math.inf,
+            "nan": math.nan,
+        }
         self._limit = limit
         self._known: dict[Any, Symbol] = {}
 
@@ -124,8 +136,16 @@ class Tape:
             self._append(Operation((symbol,), template, arguments))
         return self._known[key]
 
-    def call(self, function: Callable[..., Array], name: str, lists: Sequence[Sequence[Element]], kinds: str) -> Any:
-        """Return the symbols of the entries that a function returns for vectors, each with its kind."""
+    def call(
+        self,
+        function: Callable[..., Array],
+        name: str,
+        lists: Sequence[Sequence[Element]],
+        kinds: str,
+    ) -> Any:
+        """Return the symbols of the entries that a function returns for vectors, each with its
+        kind.
+        """
         results = [Symbol(kind) for kind in kinds]
         places = ", ".join(f"({'{}, ' * len(one)})" for one in lists)
         arguments = [element for one in lists for element in one]
@@ -139,14 +159,18 @@ class Tape:
         self.names[name] = value
         return name
 
-    def written(self, inputs: Mapping[str, Sequence[Symbol]], outputs: Sequence[Sequence[Element] | None]) -> Written:
+    def written(
+        self, inputs: Mapping[str, Sequence[Symbol]], outputs: Sequence[Sequence[Element] | None]
+    ) -> Written:
         """Return the function of this tape.
 
         Args:
             inputs: Names of its arguments, and the symbols that their entries are.
             outputs: Elements of each result; None is returned as None.
         """
-        returned = [element for output in outputs for element in output or () if isinstance(element, Symbol)]
+        returned = [
+            element for output in outputs for element in output or () if isinstance(element, Symbol)
+        ]
         needed = self.needed(returned)
         uses = Counter([*returned, *(symbol for one in needed for symbol in one.symbols())])
         text = {symbol: symbol.name for symbols in inputs.values() for symbol in symbols}
@@ -157,7 +181,9 @@ class Tape:
         lines, count = [], 0
         for name, symbols in inputs.items():
             if any(uses[symbol] for symbol in symbols):
-                lines.append(f"({', '.join(text[one] if uses[one] else '_' for one in symbols)},){_IS}{name}")
+                lines.append(
+                    f"({', '.join(text[one] if uses[one] else '_' for one in symbols)},){_IS}{name}"
+                )
         for one in needed:
             expression = one.template.format(*map(shown, one.arguments))
             if not one.call and uses[one.results[0]] == 1 and len(expression) <= _WIDTH:
@@ -167,8 +193,13 @@ class Tape:
                 count += 1
                 text[symbol] = f"t{count}"
             targets = ", ".join(text[symbol] for symbol in one.results)
-            lines.append(f"({targets},){_IS}{expression}" if one.call else f"{targets}{_IS}{expression}")
-        results = ("None" if one is None else f"({''.join(f'{shown(part)}, ' for part in one)})" for one in outputs)
+            lines.append(
+                f"({targets},){_IS}{expression}" if one.call else f"{targets}{_IS}{expression}"
+            )
+        results = (
+            "None" if one is None else f"({''.join(f'{shown(part)}, ' for part in one)})"
+            for one in outputs
+        )
         lines.append(f"return ({', '.join(results)},)")
         lines = [f"def play({', '.join(inputs)}):", *lines]
         scope = dict(self.names)
@@ -176,7 +207,9 @@ class Tape:
         return Written(scope["play"], lines)
 
     def needed(self, returned: Iterable[Symbol], known: Container[Symbol] = ()) -> list[Operation]:
-        """Return the operations on which a result depends, in order, without those by which symbols become known."""
+        """Return the operations on which a result depends, in order, without those by which symbols
+        become known.
+        """
         wanted, kept = {symbol for symbol in returned if symbol not in known}, []
         for one in reversed(self._operations):
             if not wanted.isdisjoint(one.results):

@@ -1,1 +1,3 @@
-"""The processes of a team: cameras, raters and the manager. Each runs until it receives SIGTERM or Ctrl-C."""
+"""The processes of a team: cameras, raters and the manager. Each runs until it receives SIGTERM or
+Ctrl-C.
+"""

@@ -1,4 +1,6 @@
-"""The agents as processes: a provider publishes the pictures of its camera, and a rater rates those of every camera."""
+"""The agents as processes: a provider publishes the pictures of its camera, and a rater rates those
+of every camera.
+"""
 
 import math
 import time
@@ -12,7 +14,12 @@ from numpy.typing import NDArray
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.live import clock
-from roletrust_env.live.nodes.inboxes import RatingSubscription, TrustSubscription, camera_inbox, trust_limits
+from roletrust_env.live.nodes.inboxes import (
+    RatingSubscription,
+    TrustSubscription,
+    camera_inbox,
+    trust_limits,
+)
 from roletrust_env.live.nodes.person_detector import PersonDetector, StrangePictures
 from roletrust_env.live.nodes.publishers import DiagnosticsPublisher
 from roletrust_env.live.nodes.run_loop import SECOND, Timeline, print_line, run_rounds
@@ -30,7 +37,8 @@ from roletrust_env.world.vision.degrade import degrade
 from roletrust_env.world.vision.frames import FramesError, open_frames
 
 _JPEG_QUALITY = 95  # of 100; high enough not to change what the people detector finds
-_DEADLINE = 0.4  # of the period, for missing pictures: ratings must arrive before the manager closes the round
+# of the period, for missing pictures: ratings must arrive before the manager closes the round
+_DEADLINE = 0.4
 
 
 def run_camera_node(
@@ -53,19 +61,20 @@ def run_camera_node(
         name: Name of a provider of the scenario.
         scenario: Scenario, which sets the disturbances and the frames; its length does not matter.
         timeline: Start times of the rounds. A round that is over by half a period is left out.
-        policy: Policy that chooses the quality; None serves honestly. It sees its trust, and the ratings of it since
-            its last service.
+        policy: Policy that chooses the quality; None serves honestly. It sees its trust, and the
+            ratings of it since its last service.
         frames: See `open_frames`; None for those of the scenario.
         loop: See `open_frames`; frames of the scenario are also looped if it says so.
-        keys: Folder with the camera's private key and all public keys; None neither signs nor checks signatures.
+        keys: Folder with the camera's private key and all public keys; None neither signs nor
+            checks signatures.
         seed: Random seed of the sensor noise of bad service and of the policy.
         network: See `Node`.
         rounds: See `run_rounds`.
         report: See `run_rounds`.
 
     Raises:
-        ValueError: The scenario has no such provider, a key does not exist, the rounds are over, or the frames do not
-            exist or end before the rounds (`FramesError`).
+        ValueError: The scenario has no such provider, a key does not exist, the rounds are over, or
+            the frames do not exist or end before the rounds (`FramesError`).
     """
     team, period_s = Team.of(scenario), scenario.period_s
     index = _index("provider", name, team.providers)
@@ -73,8 +82,12 @@ def run_camera_node(
     length = math.inf if rounds is None else rounds
     if frames is None:
         frames, loop = scenario.frames, loop or scenario.playback == "loop"
-    source = open_frames(frames, duration_s=length * period_s, period_s=period_s, loop=loop, paced=False)
-    selector = QualitySelector(policy or Policy(), own_seeds(seed, len(team.raters) + index + 1)[-1])
+    source = open_frames(
+        frames, duration_s=length * period_s, period_s=period_s, loop=loop, paced=False
+    )
+    selector = QualitySelector(
+        policy or Policy(), own_seeds(seed, len(team.raters) + index + 1)[-1]
+    )
     cv2.setNumThreads(1)
     node, timing = Node("cam", f"/{name}", network=network), RoundTiming(timeline.period)
     pictures = node.writer(f"/{name}{IMAGES}", messages.IMAGE)
@@ -83,17 +96,25 @@ def run_camera_node(
     with run_rounds(name, timeline, rounds, report) as active:
         round = timeline.next_round()
         while active and round < length:
-            active.sleep_until(timeline.begin(round) - timeline.period // 2)  # time to make the picture
+            active.sleep_until(
+                timeline.begin(round) - timeline.period // 2
+            )  # time to make the picture
             trust.update()
-            frame = source.frame(index, round * period_s, strength_in(scenario.perturbations, round))
+            frame = source.frame(
+                index, round * period_s, strength_in(scenario.perturbations, round)
+            )
             quality = selector.quality(round, trust.top(name), *ratings.take())
             picture = degrade(frame, quality, (seed, index, round))
-            encoded, jpeg = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+            encoded, jpeg = cv2.imencode(
+                ".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+            )
             if not encoded:
                 raise FramesError(f"a frame of {name} cannot be encoded as JPEG")
             active.sleep_until(timeline.begin(round))
             if active:
-                pictures.write(messages.picture_message(timeline.begin(round), name, jpeg.tobytes(), signer))
+                pictures.write(
+                    messages.picture_message(timeline.begin(round), name, jpeg.tobytes(), signer)
+                )
             round = timeline.next_round(round)
         active.sleep_until(timeline.begin(round))  # the last picture has a period to arrive
 
@@ -116,9 +137,11 @@ def run_rater_node(
         name: Name of a rater of the scenario.
         scenario: Scenario, which names the agents.
         timeline: Start times of the rounds, from which policies know the number of the round.
-        policy: Policy that chooses the ratings; None rates honestly. Providers outside the scenario are always rated
-            honestly and, if they have no keys, now and then only, see `StrangePictures`.
-        keys: Folder with the rater's private key and all public keys; None neither signs nor checks signatures.
+        policy: Policy that chooses the ratings; None rates honestly. Providers outside the scenario
+            are always rated honestly and, if they have no keys, now and then only, see
+            `StrangePictures`.
+        keys: Folder with the rater's private key and all public keys; None neither signs nor checks
+            signatures.
         seed: Random seed of the noise on the rater's links and of the policy.
         network: See `Node`.
         rounds: See `run_rounds`.
@@ -131,13 +154,23 @@ def run_rater_node(
     index = _index("rater", name, team.raters)
     keyring, signer = _keys(keys, name, team.providers)
     cv2.setNumThreads(1)
-    node, timing = Node("assess", f"/{name}", network=network), RoundTiming(timeline.period, deadline=_DEADLINE)
+    node, timing = (
+        Node("assess", f"/{name}", network=network),
+        RoundTiming(timeline.period, deadline=_DEADLINE),
+    )
     publisher = node.writer(f"/{name}{RATINGS}", messages.RATINGS)
     trust = TrustSubscription(node, scenario.initial_trust, keyring, trust_limits(timing))
-    selector = RatingSelector(name, team.providers, policy or Policy(), trust, own_seeds(seed, index + 1)[-1])
+    selector = RatingSelector(
+        name, team.providers, policy or Policy(), trust, own_seeds(seed, index + 1)[-1]
+    )
     detector = PersonDetector(np.random.default_rng([seed, index]))
-    cameras, strangers = camera_inbox(node, timing, keyring, team), StrangePictures(detector, timing)
-    assembler: RoundAssembler[bytes] = RoundAssembler(timing, [one for one in team.providers if one != name])
+    cameras, strangers = (
+        camera_inbox(node, timing, keyring, team),
+        StrangePictures(detector, timing),
+    )
+    assembler: RoundAssembler[bytes] = RoundAssembler(
+        timing, [one for one in team.providers if one != name]
+    )
     diagnostics = DiagnosticsPublisher(node, name, signer)
 
     def publish(closed: MatchedRound[bytes]) -> None:
@@ -173,9 +206,15 @@ class QualitySelector:
         self._memory = policy.begin(self._random, ())
         self._last = np.zeros(())
 
-    def quality(self, round: int, trust: float, ratings: NDArray[np.float64], rated: NDArray[np.bool_]) -> float:
-        """Return the quality of the service in a round, given the ratings of the last service, (S,) each."""
-        view = ProviderView(np.asarray(round), np.asarray(trust), np.ones(()), self._last, ratings, rated)
+    def quality(
+        self, round: int, trust: float, ratings: NDArray[np.float64], rated: NDArray[np.bool_]
+    ) -> float:
+        """Return the quality of the service in a round, given the ratings of the last service, (S,)
+        each.
+        """
+        view = ProviderView(
+            np.asarray(round), np.asarray(trust), np.ones(()), self._last, ratings, rated
+        )
         quality, self._memory = self._policy.quality(view, self._memory, self._random)
         self._last = np.asarray(quality)
         return float(self._last)
@@ -193,7 +232,12 @@ class RatingSelector:
     """
 
     def __init__(
-        self, name: str, providers: tuple[str, ...], policy: Policy, trust: TrustSubscription, seed: int
+        self,
+        name: str,
+        providers: tuple[str, ...],
+        policy: Policy,
+        trust: TrustSubscription,
+        seed: int,
     ) -> None:
         self._name, self._providers, self._policy, self._trust = name, providers, policy, trust
         self._random = Random(generator(seed))
@@ -206,12 +250,16 @@ class RatingSelector:
         awaiting = np.array([name in perceived for name in self._providers])
         trust = np.asarray(self._trust.tor(self._name))
         published = np.array([self._trust.top(name) for name in self._providers])
-        rater_view = RaterView(np.asarray(max(round, 0)), trust, published, service, awaiting, *self._last)
+        rater_view = RaterView(
+            np.asarray(max(round, 0)), trust, published, service, awaiting, *self._last
+        )
         ratings, self._memory = self._policy.ratings(rater_view, self._memory, self._random)
         withheld, self._memory = self._policy.withholds(rater_view, self._memory, self._random)
         sent: NDArray[np.bool_] = awaiting if withheld is None else awaiting & ~withheld
         self._last = np.where(sent, ratings, 0), sent
-        chosen = dict(zip(self._providers, zip(ratings.tolist(), sent.tolist(), strict=True), strict=True))
+        chosen = dict(
+            zip(self._providers, zip(ratings.tolist(), sent.tolist(), strict=True), strict=True)
+        )
         all_ratings = {name: chosen.get(name, (rating, True)) for name, rating in perceived.items()}
         return {name: rating for name, (rating, sends) in all_ratings.items() if sends}
 
@@ -227,8 +275,12 @@ def _index(role: str, name: str, names: tuple[str, ...]) -> int:
     return names.index(name)
 
 
-def _keys(folder: Path | None, name: str, others: Iterable[str]) -> tuple[PublicKeys | None, Signer | None]:
-    """Return the public keys of the team, which must have the manager's and others, and the private key of an agent."""
+def _keys(
+    folder: Path | None, name: str, others: Iterable[str]
+) -> tuple[PublicKeys | None, Signer | None]:
+    """Return the public keys of the team, which must have the manager's and others, and the private
+    key of an agent.
+    """
     if folder is None:
         return None, None
     return PublicKeys(folder, [MANAGER, *others]), Signer(folder, name)

@@ -1,4 +1,6 @@
-"""Incoming messages of a node: one topic, or one kind of topic of all agents, whose topics come and go."""
+"""Incoming messages of a node: one topic, or one kind of topic of all agents, whose topics come and
+go.
+"""
 
 import time
 from collections import Counter
@@ -36,7 +38,9 @@ A message that is sent again within the tolerance has an old stamp.
 _MAX_PER_SECOND = 100  # messages of a node on a topic of all, such as `/diagnostics`
 _GONE_S = 5.0  # a topic without a writer for that long has no reader
 _CHECK_S = 1.0
-_LONGEST_PAUSE = 30_000_000_000  # of this process, nanoseconds: what has waited longer counts as late
+_LONGEST_PAUSE = (
+    30_000_000_000  # of this process, nanoseconds: what has waited longer counts as late
+)
 _COUNTED = 20  # participants that are counted by their identifier
 
 
@@ -48,7 +52,9 @@ class _Message(Protocol):
 M = TypeVar("M", bound=_Message)
 
 
-def read_message(raw: bytes, sender: str, read: Callable[[bytes], M | None], validator: MessageValidator) -> M | None:
+def read_message(
+    raw: bytes, sender: str, read: Callable[[bytes], M | None], validator: MessageValidator
+) -> M | None:
     """Read a message on the topic of a sender.
 
     Args:
@@ -97,7 +103,11 @@ class Inbox(Generic[M]):
     """
 
     def __init__(
-        self, reader: Reader, read: Callable[[bytes], M | None], validator: MessageValidator, sender: str = ""
+        self,
+        reader: Reader,
+        read: Callable[[bytes], M | None],
+        validator: MessageValidator,
+        sender: str = "",
     ) -> None:
         self._reader, self._read, self._sender, self.validator = reader, read, sender, validator
 
@@ -113,12 +123,17 @@ class Inbox(Generic[M]):
 
 
 def trust_limits(timing: RoundTiming) -> StampLimits:
-    """Return the limits on the stamps of trust: those of its rounds, which may have been old when they closed."""
+    """Return the limits on the stamps of trust: those of its rounds, which may have been old when
+    they closed.
+    """
     return StampLimits(max(LIMITS.tolerance, 2 * timing.tolerance), LIMITS.min_gap)
 
 
-def trust_inbox(node: Node, keyring: Keyring | None, limits: StampLimits = LIMITS) -> Inbox[messages.TrustMessage]:
-    """Return an inbox of the published trust. With keys, it counts only if the manager has signed it.
+def trust_inbox(
+    node: Node, keyring: Keyring | None, limits: StampLimits = LIMITS
+) -> Inbox[messages.TrustMessage]:
+    """Return an inbox of the published trust. With keys, it counts only if the manager has signed
+    it.
 
     Args:
         node: Node that subscribes.
@@ -162,7 +177,11 @@ class TrustSubscription:
     """
 
     def __init__(
-        self, node: Node, initial: float, keyring: Keyring | None = None, limits: StampLimits = LIMITS
+        self,
+        node: Node,
+        initial: float,
+        keyring: Keyring | None = None,
+        limits: StampLimits = LIMITS,
     ) -> None:
         self.inbox, self._initial = trust_inbox(node, keyring, limits), initial
         self._trust = PublishedTrust(0, 0, {}, {}, ())
@@ -193,23 +212,36 @@ class RatingSubscription:
     """
 
     def __init__(
-        self, node: Node, provider: str, raters: tuple[str, ...], timing: RoundTiming, keyring: Keyring | None = None
+        self,
+        node: Node,
+        provider: str,
+        raters: tuple[str, ...],
+        timing: RoundTiming,
+        keyring: Keyring | None = None,
     ) -> None:
         self._provider, validator = provider, MessageValidator(timing.limits, keyring)
         self._inboxes = [
-            Inbox(node.reader(f"/{rater}{RATINGS}", messages.RATINGS), messages.read_ratings, validator, rater)
+            Inbox(
+                node.reader(f"/{rater}{RATINGS}", messages.RATINGS),
+                messages.read_ratings,
+                validator,
+                rater,
+            )
             for rater in raters
         ]
 
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the newest rating of each rater since the last call, and a mask of where there is one, (S,) each.
+        """Return the newest rating of each rater since the last call, and a mask of where there is
+        one, (S,) each.
 
         The rating is 0 where there is none.
         """
         ratings, rated = np.zeros(len(self._inboxes)), np.zeros(len(self._inboxes), bool)
         for i, inbox in enumerate(self._inboxes):
             for message in inbox.take(clock.now()):
-                rating = dict(zip(message.providers, message.values, strict=True)).get(self._provider)
+                rating = dict(zip(message.providers, message.values, strict=True)).get(
+                    self._provider
+                )
                 if rating is not None:
                     rated[i] = 0 <= rating <= 1
                     ratings[i] = rating if rated[i] else 0.0
@@ -217,7 +249,8 @@ class RatingSubscription:
 
 
 class TopicReaders:
-    """Readers of topics. A topic has a reader while it has writers; it is dropped some seconds after the last has gone.
+    """Readers of topics. A topic has a reader while it has writers; it is dropped some seconds
+    after the last has gone.
 
     Args:
         node: Node that subscribes.
@@ -246,7 +279,9 @@ class TopicReaders:
         self._last_written[topic] = time.monotonic()
 
     def drop_silent(self) -> bool:
-        """Drop the readers whose writers have gone, and return whether there were any. Call it often."""
+        """Drop the readers whose writers have gone, and return whether there were any. Call it
+        often.
+        """
         now = time.monotonic()
         if now - self._checked < _CHECK_S:
             return False
@@ -263,7 +298,8 @@ class TopicReaders:
 
 
 class AgentInbox(Generic[M]):
-    """Receives the messages on one kind of topic of all agents, such as the pictures of all cameras.
+    """Receives the messages on one kind of topic of all agents, such as the pictures of all
+    cameras.
 
     Known agents are always received, others up to `MAX_STRANGERS`, or not at all.
 
@@ -271,7 +307,8 @@ class AgentInbox(Generic[M]):
         node: Node that subscribes.
         ending: Ending of the topics behind the names of the agents.
         kind: Type of the messages.
-        read: Function of the name of an agent and a message on its topic, as CDR, that reads the message.
+        read: Function of the name of an agent and a message on its topic, as CDR, that reads the
+            message.
         validator: Refuses invalid messages and counts them.
         known: Agents that are always received.
         strangers: Whether other agents are received.
@@ -297,7 +334,13 @@ class AgentInbox(Generic[M]):
         timing: RoundTiming,
         depth: int = 10,
     ) -> None:
-        self._node, self._ending, self._kind, self._read, self._period = node, ending, kind, read, timing.period
+        self._node, self._ending, self._kind, self._read, self._period = (
+            node,
+            ending,
+            kind,
+            read,
+            timing.period,
+        )
         self._since = self._began = clock.now()  # of the last two reads
         self.validator, self.known, self._strangers = validator, known, strangers
         self._readers = TopicReaders(node, depth, timing.quota)
@@ -312,11 +355,15 @@ class AgentInbox(Generic[M]):
                     self._readers.add(topic, publication.kind)
                 else:
                     self._turn_away(publication.participant)
-        if self._readers.drop_silent():  # others have a place now, and a slow writer may not have been connected yet
+        if (
+            self._readers.drop_silent()
+        ):  # others have a place now, and a slow writer may not have been connected yet
             self.update(self._node.publications())
 
     def read(self) -> Iterator[M]:
-        """Iterate over the messages since the last call that can be read, valid or not; known agents come first."""
+        """Iterate over the messages since the last call that can be read, valid or not; known
+        agents come first.
+        """
         self._since, self._began = self._began, clock.now()
         for name, reader in self.readers():
             yield from _read_all(reader, name, partial(self._read, name), self.validator)
@@ -334,8 +381,8 @@ class AgentInbox(Generic[M]):
     def arrival(self, envelope: Envelope, now: int) -> int:
         """Return the time of arrival of a message that was just read.
 
-        After a pause of this process, messages have waited. Each of them then counts as prompt, as far as it can have
-        arrived in the pause.
+        After a pause of this process, messages have waited. Each of them then counts as prompt, as
+        far as it can have arrived in the pause.
 
         Args:
             envelope: Origin of the message.
@@ -346,19 +393,26 @@ class AgentInbox(Generic[M]):
 
     @property
     def refusals(self) -> Counter[tuple[str, RefusalReason]]:
-        """Refusals by sender and reason; those of topics that are not read, by their participant."""
+        """Refusals by sender and reason; those of topics that are not read, by their
+        participant.
+        """
         reason = RefusalReason.CROWDED if self._strangers else RefusalReason.UNKNOWN
         away = {(f"participant {one}", reason): count for one, count in self.turned_away.items()}
         return self.validator.refusals + Counter(away)
 
     def readers(self) -> list[tuple[str, Reader]]:
         """Return the names of the agents and their readers; known agents come first."""
-        named = [(owner(topic, self._ending) or "", reader) for topic, reader in self._readers.items()]
+        named = [
+            (owner(topic, self._ending) or "", reader) for topic, reader in self._readers.items()
+        ]
         return sorted(named, key=lambda entry: entry[0] not in self.known)
 
     def _has_place(self) -> bool:
         """Return whether one more stranger can be read."""
-        return self._strangers and sum(name not in self.known for name, _ in self.readers()) < MAX_STRANGERS
+        return (
+            self._strangers
+            and sum(name not in self.known for name, _ in self.readers()) < MAX_STRANGERS
+        )
 
     def _turn_away(self, participant: str) -> None:
         """Count a topic that is not read."""
@@ -371,8 +425,8 @@ def camera_inbox(
 ) -> AgentInbox[messages.PictureMessage]:
     """Return an inbox of the pictures of all cameras.
 
-    With keys, a picture counts only if its camera has signed it, which is checked before it is decoded. Without keys,
-    cameras that the team does not name are limited in number.
+    With keys, a picture counts only if its camera has signed it, which is checked before it is
+    decoded. Without keys, cameras that the team does not name are limited in number.
 
     Args:
         node: Node that subscribes.
@@ -384,7 +438,14 @@ def camera_inbox(
     known = team.providers if serving is None else serving
     validator = MessageValidator(timing.limits, serving, members=team.providers)
     return AgentInbox(
-        node, IMAGES, messages.IMAGE, messages.read_picture, validator, known, strangers=serving is None, timing=timing
+        node,
+        IMAGES,
+        messages.IMAGE,
+        messages.read_picture,
+        validator,
+        known,
+        strangers=serving is None,
+        timing=timing,
     )
 
 
@@ -403,5 +464,13 @@ def rating_inbox(
         return messages.read_ratings(raw)
 
     return AgentInbox(
-        node, RATINGS, messages.RATINGS, read, validator, known, strangers=strangers, timing=timing, depth=depth
+        node,
+        RATINGS,
+        messages.RATINGS,
+        read,
+        validator,
+        known,
+        strangers=strangers,
+        timing=timing,
+        depth=depth,
     )

@@ -48,22 +48,26 @@ def run_manager_node(
         journal: Path of the journal; an existing one is continued.
         period: Time between rounds, nanoseconds.
         team: Agents that are expected from the start.
-        keys: Folder with the public keys of the team and the manager's private key; None accepts ratings in any name
-            and does not sign.
+        keys: Folder with the public keys of the team and the manager's private key; None accepts
+            ratings in any name and does not sign.
         network: See `Node`.
         report: Function that shows a line to the user.
 
     Raises:
         ValueError: Another manager is active, or the journal does not fit, see `Manager`.
     """
-    keyring, signer = (None, None) if keys is None else (PublicKeys(keys, [MANAGER]), Signer(keys, MANAGER))
+    keyring, signer = (
+        (None, None) if keys is None else (PublicKeys(keys, [MANAGER]), Signer(keys, MANAGER))
+    )
     node, timing = Node("manager", network=network), RoundTiming(period)
     precedence = Precedence(node, keyring)
     if precedence.wait_for_others():
         raise ValueError(_SECOND_MANAGER)
     manager = Manager(model, journal, timing=timing, team=team, keyring=keyring, report=report)
     if keyring is None:
-        report("manager: WITHOUT KEYS: everybody on this network can rate in any name, and forge trust")
+        report(
+            "manager: WITHOUT KEYS: everybody on this network can rate in any name, and forge trust"
+        )
     publisher = ManagerPublisher(node, signer)
     precedence.own = publisher.writer
     known, strangers = manager.known_raters, keyring is None
@@ -81,7 +85,9 @@ def run_manager_node(
                 raise ValueError(_SECOND_MANAGER)
             for message in raters.read():
                 now = clock.now()
-                publisher.publish(manager.receive(message, now, raters.arrival(message.envelope, now)))
+                publisher.publish(
+                    manager.receive(message, now, raters.arrival(message.envelope, now))
+                )
             publisher.publish(manager.tick(clock.now()))
             publisher.publish_diagnostics(manager, raters.refusals + precedence.validator.refusals)
             node.wait(period / SECOND / 20)
@@ -101,7 +107,9 @@ def receive_raw(manager: Manager, name: str, raw: bytes, now: int) -> list[Journ
     return [] if message is None else manager.receive(message, now)
 
 
-def replay_recording(recording: "Iterable[RecordedMessage]", manager: Manager, period: int) -> Iterator[JournalEntry]:
+def replay_recording(
+    recording: "Iterable[RecordedMessage]", manager: Manager, period: int
+) -> Iterator[JournalEntry]:
     """Iterate over the rounds that a manager makes of a recording, by the clock of the recording.
 
     Args:
@@ -111,8 +119,12 @@ def replay_recording(recording: "Iterable[RecordedMessage]", manager: Manager, p
     """
     now: int | None = None
     for time_ns, topic, kind, raw in recording:
-        if now is not None:  # after a long silence no round is open, so the rest of the silence is skipped
-            for moment in range(now, min(time_ns, now + _QUIET_PERIODS * period), max(1, period // 20)):
+        if (
+            now is not None
+        ):  # after a long silence no round is open, so the rest of the silence is skipped
+            for moment in range(
+                now, min(time_ns, now + _QUIET_PERIODS * period), max(1, period // 20)
+            ):
                 yield from manager.tick(moment)
         now = time_ns
         if (name := owner(topic, RATINGS)) and kind == messages.RATINGS:
@@ -124,12 +136,13 @@ def replay_recording(recording: "Iterable[RecordedMessage]", manager: Manager, p
 
 
 class Precedence:
-    """Decides whether this manager may publish trust when others do: at most one manager of a team does.
+    """Decides whether this manager may publish trust when others do: at most one manager of a team
+    does.
 
-    With keys, only a holder of the manager's key counts: its signed diagnostics name its writer of trust. Messages from
-    before the start of this manager do not count, so the messages of a killed manager cannot be sent again to stop
-    this one. Without keys, every writer of trust counts. If two managers start at the same time, exactly one of them
-    has precedence.
+    With keys, only a holder of the manager's key counts: its signed diagnostics name its writer of
+    trust. Messages from before the start of this manager do not count, so the messages of a killed
+    manager cannot be sent again to stop this one. Without keys, every writer of trust counts. If
+    two managers start at the same time, exactly one of them has precedence.
 
     Args:
         node: Node of this manager.
@@ -142,7 +155,9 @@ class Precedence:
     def __init__(self, node: Node, keyring: Keyring | None) -> None:
         self._node, self._signed, self._began, self.own = node, keyring is not None, clock.now(), ""
         # other nodes publish diagnostics of their own
-        self._inbox = diagnostics_inbox(node, keyring, lambda name: self._signed and name == MANAGER)
+        self._inbox = diagnostics_inbox(
+            node, keyring, lambda name: self._signed and name == MANAGER
+        )
         self._others = set[str]()
 
     @property

@@ -1,4 +1,6 @@
-"""People detection in pictures, first in those of known cameras, and now and then in one of a stranger."""
+"""People detection in pictures, first in those of known cameras, and now and then in one of a
+stranger.
+"""
 
 import time
 
@@ -25,7 +27,11 @@ class PersonDetector:
         """Return the probability that a picture shows a person; 0 if it cannot be decoded."""
         try:
             picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-            features = None if picture is None else view(np.ascontiguousarray(picture[..., ::-1], np.uint8))
+            features = (
+                None
+                if picture is None
+                else view(np.ascontiguousarray(picture[..., ::-1], np.uint8))
+            )
         except cv2.error:  # empty, or of a shape that no camera has
             features = None
         if features is None:
@@ -36,8 +42,8 @@ class PersonDetector:
 class StrangePictures:
     """The pictures of cameras without a key and without a place in the scenario.
 
-    They cost the raters next to nothing: one picture is looked at every few rounds, the turn passes from camera to
-    camera, and nobody has a turn if the known cameras took too long.
+    They cost the raters next to nothing: one picture is looked at every few rounds, the turn passes
+        from camera to camera, and nobody has a turn if the known cameras took too long.
 
     Args:
         detector: Detector of people.
@@ -46,7 +52,9 @@ class StrangePictures:
 
     def __init__(self, detector: PersonDetector, timing: RoundTiming) -> None:
         self._detector, self._timing = detector, timing
-        self._pictures: dict[str, tuple[int, bytes]] = {}  # the newest of each camera; the next turn comes first
+        self._pictures: dict[
+            str, tuple[int, bytes]
+        ] = {}  # the newest of each camera; the next turn comes first
         self._rounds = 0
 
     def add(self, camera: str, stamp: int, jpeg: bytes) -> None:
@@ -55,7 +63,8 @@ class StrangePictures:
             self._pictures[camera] = stamp, jpeg
 
     def probabilities(self, stamp: int, began: float) -> dict[str, float]:
-        """Return the probability of a person for the cameras that have their turn in a round: one or none.
+        """Return the probability of a person for the cameras that have their turn in a round: one
+        or none.
 
         Args:
             stamp: Stamp of the round, nanoseconds.
@@ -78,7 +87,8 @@ class StrangePictures:
 
 
 def pixels(jpeg: bytes) -> int:
-    """Return the number of pixels that a JPEG announces, without decoding it; a very large number if it is none.
+    """Return the number of pixels that a JPEG announces, without decoding it; a very large number
+    if it is none.
 
     Example:
         >>> pixels(b"no picture") > 10**12
@@ -88,6 +98,8 @@ def pixels(jpeg: bytes) -> int:
     while jpeg[:2] == b"\xff\xd8" and at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
         marker, size = jpeg[at + 1], int.from_bytes(jpeg[at + 2 : at + 4], "big")
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):  # start of frame
-            return int.from_bytes(jpeg[at + 5 : at + 7], "big") * int.from_bytes(jpeg[at + 7 : at + 9], "big")
+            return int.from_bytes(jpeg[at + 5 : at + 7], "big") * int.from_bytes(
+                jpeg[at + 7 : at + 9], "big"
+            )
         at += 2 + size
     return none

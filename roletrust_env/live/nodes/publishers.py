@@ -26,7 +26,11 @@ class DiagnosticsPublisher:
     """
 
     def __init__(self, node: Node, name: str, signer: Signer | None) -> None:
-        self._writer, self._name, self._signer = node.writer(DIAGNOSTICS, messages.DIAGNOSTICS), name, signer
+        self._writer, self._name, self._signer = (
+            node.writer(DIAGNOSTICS, messages.DIAGNOSTICS),
+            name,
+            signer,
+        )
         self._last_s = 0.0
 
     @property
@@ -34,12 +38,21 @@ class DiagnosticsPublisher:
         """True if the last message is an interval old."""
         return time.monotonic() - self._last_s >= INTERVAL_S
 
-    def publish(self, state: Mapping[str, str], refusals: Mapping[tuple[str, RefusalReason], int]) -> None:
+    def publish(
+        self, state: Mapping[str, str], refusals: Mapping[tuple[str, RefusalReason], int]
+    ) -> None:
         """Publish the state of the node and its refusals by sender and reason."""
         self._last_s = time.monotonic()
-        counts = {f"{sender or 'unknown'}: {reason}": str(count) for (sender, reason), count in refusals.items()}
+        counts = {
+            f"{sender or 'unknown'}: {reason}": str(count)
+            for (sender, reason), count in refusals.items()
+        }
         values = {**state, **counts}
-        self._writer.write(messages.diagnostics_message(clock.now(), self._name, bool(counts), values, self._signer))
+        self._writer.write(
+            messages.diagnostics_message(
+                clock.now(), self._name, bool(counts), values, self._signer
+            )
+        )
 
 
 class ManagerPublisher:
@@ -70,7 +83,9 @@ class ManagerPublisher:
             for name, value in entry.published.top.items():
                 self._publish_number(f"/{name}/top", value)
 
-    def publish_diagnostics(self, manager: Manager, refusals: Mapping[tuple[str, RefusalReason], int]) -> None:
+    def publish_diagnostics(
+        self, manager: Manager, refusals: Mapping[tuple[str, RefusalReason], int]
+    ) -> None:
         """Publish the refusals and the expected raters, once per interval."""
         if not self._diagnostics.is_due:
             return

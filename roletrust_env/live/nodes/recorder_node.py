@@ -15,9 +15,14 @@ _DEPTH = 1000
 
 
 def run_recorder_node(
-    folder: Path, *, images: bool = True, network: bool = False, report: Callable[[str], object] = print_line
+    folder: Path,
+    *,
+    images: bool = True,
+    network: bool = False,
+    report: Callable[[str], object] = print_line,
 ) -> int:
-    """Record every published topic until a signal ends the process, and return the number of messages.
+    """Record every published topic until a signal ends the process, and return the number of
+    messages.
 
     Args:
         folder: New folder.
@@ -36,7 +41,11 @@ def run_recorder_node(
         while active:
             node.wait(0.1)
             for topic, kind, _ in node.discover():
-                if topic not in readers and kind in typestore().types and (images or "image" not in topic):
+                if (
+                    topic not in readers
+                    and kind in typestore().types
+                    and (images or "image" not in topic)
+                ):
                     readers.add(topic, kind)
                     kinds[topic] = kind
             readers.drop_silent()

@@ -29,7 +29,9 @@ class Timeline(NamedTuple):
 
     @classmethod
     def aligned(cls, period: int) -> "Timeline":
-        """Return a timeline that starts with the next whole period since 1970, so that all nodes agree on it."""
+        """Return a timeline that starts with the next whole period since 1970, so that all nodes
+        agree on it.
+        """
         return cls((clock.now() // period + 1) * period, period)
 
     def begin(self, round: int) -> int:
@@ -41,9 +43,11 @@ class Timeline(NamedTuple):
         return (stamp - self.start + self.period // 2) // self.period
 
     def next_round(self, after: int = -1) -> int:
-        """Return the round to play after another one, -1 for none, without those that are over by half a period.
+        """Return the round to play after another one, -1 for none, without those that are over by
+        half a period.
 
-        A process that stood still, or whose clock was set forward, so goes on at once and not round by round.
+        A process that stood still, or whose clock was set forward, so goes on at once and not round
+        by round.
         """
         return max(after + 1, self.round(clock.now()))
 
@@ -92,7 +96,9 @@ def run_until_signal(end: int | None = None) -> Iterator[RunState]:
         The state, which turns false with the signal.
     """
     state = RunState(end)
-    before = {number: signal.signal(number, state.stop) for number in (signal.SIGTERM, signal.SIGINT)}
+    before = {
+        number: signal.signal(number, state.stop) for number in (signal.SIGTERM, signal.SIGINT)
+    }
     try:
         yield state
     finally:
@@ -104,7 +110,8 @@ def run_until_signal(end: int | None = None) -> Iterator[RunState]:
 def run_rounds(
     name: str, timeline: Timeline, rounds: int | None, report: Callable[[str], object]
 ) -> Iterator[RunState]:
-    """Run a node until a signal or for some rounds. It says first when it will end, and last that its rounds are over.
+    """Run a node until a signal or for some rounds. It says first when it will end, and last that
+    its rounds are over.
 
     Args:
         name: Name of the node.
@@ -124,7 +131,9 @@ def run_rounds(
     else:
         at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(end // SECOND))
         if clock.now() >= end:
-            raise ValueError(f"{name}: its {rounds} rounds ended at {at}; give it more rounds or a later start")
+            raise ValueError(
+                f"{name}: its {rounds} rounds ended at {at}; give it more rounds or a later start"
+            )
         report(f"{name}: ends after {rounds} rounds, at {at}")
     with run_until_signal(end) as state:
         yield state
@@ -133,13 +142,17 @@ def run_rounds(
 
 
 def run_with_parent(run: Callable[..., object], /, *args: Any, **kwargs: Any) -> None:
-    """Run a function in a process of `multiprocessing` that ends with its parent, even if the parent is killed."""
+    """Run a function in a process of `multiprocessing` that ends with its parent, even if the
+    parent is killed.
+    """
     threading.Thread(target=_end_with_parent, daemon=True).start()
     run(*args, **kwargs)
 
 
 def _end_with_parent() -> None:
-    """End this process as SIGTERM does when its parent has ended, or some seconds later if it ignores that."""
+    """End this process as SIGTERM does when its parent has ended, or some seconds later if it
+    ignores that.
+    """
     if (parent := multiprocessing.parent_process()) is not None:
         parent.join()
         os.kill(os.getpid(), signal.SIGTERM)

@@ -9,10 +9,22 @@ import cv2
 import numpy as np
 
 from roletrust_env.live import clock
-from roletrust_env.live.nodes.inboxes import camera_inbox, diagnostics_inbox, rating_inbox, trust_inbox, trust_limits
+from roletrust_env.live.nodes.inboxes import (
+    camera_inbox,
+    diagnostics_inbox,
+    rating_inbox,
+    trust_inbox,
+    trust_limits,
+)
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.team import PublishedTrust, Team
-from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, RefusalReason, keys_by_role
+from roletrust_env.live.validation import (
+    MANAGER,
+    Keyring,
+    MessageValidator,
+    RefusalReason,
+    keys_by_role,
+)
 from roletrust_env.live.wire.dds import Node
 
 _WAIT_S = 0.1
@@ -22,9 +34,11 @@ _WIDTH, _JPEG_QUALITY = 320, 80  # small pictures: a page shows several, to many
 
 
 class TeamListener:
-    """Listens in a thread and keeps the newest messages. The team has one more reader, however many viewers there are.
+    """Listens in a thread and keeps the newest messages. The team has one more reader, however many
+    viewers there are.
 
-    With keys, nothing counts that is not signed by the name it claims. Refused messages are counted.
+    With keys, nothing counts that is not signed by the name it claims. Refused messages are
+    counted.
 
     Args:
         team: Agents of the scenario.
@@ -35,12 +49,18 @@ class TeamListener:
     Attributes:
         rounds: Last rounds, the newest last.
         pictures: Newest picture of each camera, scaled down, as JPEG.
-        last_heard: Time of the last message of each camera, of each rater and of the manager, monotonic seconds.
+        last_heard: Time of the last message of each camera, of each rater and of the manager,
+            monotonic seconds.
         reports: Last diagnostics of each node, such as the number of refusals by sender and reason.
     """
 
     def __init__(
-        self, team: Team, timing: RoundTiming, *, keyring: Keyring | None = None, network: bool = False
+        self,
+        team: Team,
+        timing: RoundTiming,
+        *,
+        keyring: Keyring | None = None,
+        network: bool = False,
     ) -> None:
         self.rounds: deque[PublishedTrust] = deque(maxlen=_ROUNDS)
         self.pictures: dict[str, bytes] = {}
@@ -62,7 +82,9 @@ class TeamListener:
     def refusals(self) -> Mapping[tuple[str, RefusalReason], int]:
         """Number of messages that this listener refused, by sender and reason."""
         inboxes = self._trust, self._diagnostics, self._cameras, self._raters
-        return sum((inbox.validator.refusals for inbox in inboxes), Counter[tuple[str, RefusalReason]]())
+        return sum(
+            (inbox.validator.refusals for inbox in inboxes), Counter[tuple[str, RefusalReason]]()
+        )
 
     def close(self) -> None:
         """Stop listening."""
@@ -80,7 +102,9 @@ class TeamListener:
                 self.last_heard[MANAGER] = time.monotonic()
             for report in self._diagnostics.take(clock.now()):
                 self.reports[report.envelope.sender] = report.values
-            newest = {picture.envelope.sender: picture.jpeg for picture in self._cameras.take(clock.now())}
+            newest = {
+                picture.envelope.sender: picture.jpeg for picture in self._cameras.take(clock.now())
+            }
             for camera, jpeg in newest.items():
                 self.last_heard[camera] = time.monotonic()
                 if small := _scaled_down(np.frombuffer(jpeg, np.uint8)):
@@ -90,11 +114,15 @@ class TeamListener:
             self._forget_strangers()
 
     def _is_of_team(self, node: str) -> bool:
-        """Return whether diagnostics are of the manager or of an active agent, and not of another program."""
+        """Return whether diagnostics are of the manager or of an active agent, and not of another
+        program.
+        """
         return node == MANAGER or node in self.last_heard
 
     def _forget_strangers(self) -> None:
-        """Forget agents that are not known and have gone, so that fresh names do not fill the memory."""
+        """Forget agents that are not known and have gone, so that fresh names do not fill the
+        memory.
+        """
         for name, moment in list(self.last_heard.items()):
             if time.monotonic() - moment > _FORGET_S and name not in self._known:
                 self.last_heard.pop(name)
@@ -103,7 +131,9 @@ class TeamListener:
 
 
 def _scaled_down(jpeg: np.ndarray) -> bytes | None:
-    """Return a picture scaled so that its longer side has the width of the page's pictures; None if it is invalid."""
+    """Return a picture scaled so that its longer side has the width of the page's pictures; None if
+    it is invalid.
+    """
     try:
         picture = cv2.imdecode(np.asarray(jpeg, np.uint8), cv2.IMREAD_COLOR)
     except cv2.error:  # empty, or far too large

@@ -1,6 +1,7 @@
 """DDS as ROS 2 uses it, without ROS 2: names, qualities of service, type hashes and discovery.
 
-Messages are bytes here (CDR, see `messages`), so the bytes that are signed, sent and recorded are the same.
+Messages are bytes here (CDR, see `messages`), so the bytes that are signed, sent and recorded are
+the same.
 """
 
 import ctypes
@@ -38,9 +39,13 @@ from rosbags.interfaces import Nodetype
 
 from roletrust_env.live.wire import messages
 
-_LOOPBACK = '<General><Interfaces><NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces></General>'
+_LOOPBACK = (
+    '<General><Interfaces><NetworkInterface address="127.0.0.1" '
+    'multicast="true"/></Interfaces></General>'
+)
 
-# Fast DDS (vendor 1.15) sends type information that Cyclone DDS cannot match; ROS 2 compares names and hashes only.
+# Fast DDS (vendor 1.15) sends type information that Cyclone DDS cannot match; ROS 2 compares names
+# and hashes only.
 _COMPATIBLE = "<Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>"
 
 _MILLISECOND = 1_000_000
@@ -99,11 +104,19 @@ class Reader:
 
     def take(self) -> list[bytes]:
         """Return the messages since the last call as CDR, in order of arrival."""
-        samples = [sample for sample in self._reader.take(_AT_ONCE) if not isinstance(sample, InvalidSample)]
+        samples = [
+            sample
+            for sample in self._reader.take(_AT_ONCE)
+            if not isinstance(sample, InvalidSample)
+        ]
         if self._quota is not None:
             now = time.monotonic()
             pause, self._taken_s = now - self._taken_s, now
-            within = [one for one in samples if self._quota.allows(one.sample_info.publication_handle, now, pause)]
+            within = [
+                one
+                for one in samples
+                if self._quota.allows(one.sample_info.publication_handle, now, pause)
+            ]
             self.excess += len(samples) - len(within)
             samples = within
         return [sample.raw for sample in samples]
@@ -137,10 +150,13 @@ class Quota:
         Args:
             writer: Handle of the writer.
             now: Time, seconds.
-            pause: Time since messages were taken before, seconds. What has waited meanwhile came in as much time.
+            pause: Time since messages were taken before, seconds. What has waited meanwhile came in
+                as much time.
         """
         if int(now) != self._second:
-            self._blocked = frozenset(one for one, count in self._counts.items() if count > self._allowed)
+            self._blocked = frozenset(
+                one for one, count in self._counts.items() if count > self._allowed
+            )
             self._second, self._counts = int(now), Counter()
             self._allowed = int(self._limit * max(1.0, min(pause, _LONGEST_PAUSE_S)))
         self._counts[writer] += 1
@@ -169,7 +185,8 @@ class Node:
     Args:
         name: Name of the node, such as `cam`.
         namespace: Namespace of the node, such as `/sp_0`, or `/`.
-        network: Whether to communicate with other machines, or with this one only. Ignored if `CYCLONEDDS_URI` is set.
+        network: Whether to communicate with other machines, or with this one only. Ignored if
+            `CYCLONEDDS_URI` is set.
 
     Raises:
         ValueError: `ROS_DOMAIN_ID` or `CYCLONEDDS_URI` is invalid.
@@ -179,7 +196,9 @@ class Node:
         self._participant = _participant(network)
         self._name, self._namespace = name, namespace
         self._builtin_reader = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
-        self._known: dict[str, Publication] = {}  # publications at the moment, by the GUIDs of their writers
+        self._known: dict[
+            str, Publication
+        ] = {}  # publications at the moment, by the GUIDs of their writers
         self._new: list[Publication] = []  # those that `discover` has not returned yet
         self._waitset = WaitSet(self._participant)
         self._conditions: dict[str, ReadCondition] = {}
@@ -197,13 +216,18 @@ class Node:
             topic: Name of the topic in ROS 2.
             kind: Type of its messages, such as `std_msgs/msg/Float64`.
         """
-        writer, carrier = make_endpoint(DataWriter, self._participant, "rt" + topic, kind, _qos(kind))
+        writer, carrier = make_endpoint(
+            DataWriter, self._participant, "rt" + topic, kind, _qos(kind)
+        )
         self._gids["writer"].append(writer.guid)
         self._announce()
         return Writer(writer, carrier)
 
-    def reader(self, topic: str, kind: str, *, depth: int = 10, quota: Quota | None = None) -> Reader:
-        """Return a reader of a topic. Take its messages often: `wait` does not sleep while some are left.
+    def reader(
+        self, topic: str, kind: str, *, depth: int = 10, quota: Quota | None = None
+    ) -> Reader:
+        """Return a reader of a topic. Take its messages often: `wait` does not sleep while some are
+        left.
 
         Args:
             topic: Name of the topic in ROS 2.
@@ -211,7 +235,9 @@ class Node:
             depth: Number of messages that are stored until `Reader.take` is called.
             quota: Limit on the messages of each writer; None for no limit.
         """
-        reader, _ = make_endpoint(DataReader, self._participant, "rt" + topic, kind, _qos(kind, depth))
+        reader, _ = make_endpoint(
+            DataReader, self._participant, "rt" + topic, kind, _qos(kind, depth)
+        )
         self._attach(reader)
         self._gids["reader"].append(reader.guid)
         self._announce()
@@ -230,12 +256,16 @@ class Node:
         self._waitset.wait(max(0, int(seconds * 1000)) * _MILLISECOND)
 
     def writers_of(self, topic: str) -> list[str]:
-        """Return the GUIDs of all known writers of a topic, including those of this node, in ascending order."""
+        """Return the GUIDs of all known writers of a topic, including those of this node, in
+        ascending order.
+        """
         self._update()
         return sorted(guid for guid, one in self._known.items() if one.topic == topic)
 
     def discover(self) -> list[Publication]:
-        """Return the publications since the last call, including those of this node; a topic may be listed again."""
+        """Return the publications since the last call, including those of this node; a topic may be
+        listed again.
+        """
         self._update()
         new, self._new = self._new, []
         return new
@@ -246,7 +276,9 @@ class Node:
         return list(self._known.values())
 
     def _update(self) -> None:
-        """Note the publications that began or ended. The middleware never frees a reader of them, so there is one."""
+        """Note the publications that began or ended. The middleware never frees a reader of them,
+        so there is one.
+        """
         for sample in self._builtin_reader.take(_AT_ONCE):
             if sample.topic_name is None:
                 self._known.pop(str(sample.key), None)
@@ -269,32 +301,43 @@ class Node:
             writer_gid_seq=gids["writer"],
         )
         self._announcement.write(
-            messages.make(_DISCOVERY, gid=_gid(self._participant.guid), node_entities_info_seq=[node])
+            messages.make(
+                _DISCOVERY, gid=_gid(self._participant.guid), node_entities_info_seq=[node]
+            )
         )
 
 
 def _publication(sample: Any) -> Publication | None:
-    """Return the publication that a sample of discovery announces; None if ROS 2 allows no topic of that name."""
+    """Return the publication that a sample of discovery announces; None if ROS 2 allows no topic of
+    that name.
+    """
     if not _TOPIC.fullmatch(sample.topic_name):
         return None
     parts = sample.type_name.replace("::dds_::", "::").removesuffix("_").split("::")
-    return Publication(sample.topic_name.removeprefix("rt"), "/".join(parts), str(sample.participant_key))
+    return Publication(
+        sample.topic_name.removeprefix("rt"), "/".join(parts), str(sample.participant_key)
+    )
 
 
 def _participant(network: bool) -> Any:
     """Return a DDS participant, on this machine only unless the network is allowed."""
     number, uri = os.environ.get("ROS_DOMAIN_ID") or "0", os.environ.get("CYCLONEDDS_URI")
     if not (number.isascii() and number.isdecimal() and int(number) <= _LAST_DOMAIN):
-        raise ValueError(f"ROS_DOMAIN_ID is {number!r}; it must be a whole number from 0 to {_LAST_DOMAIN}")
+        raise ValueError(
+            f"ROS_DOMAIN_ID is {number!r}; it must be a whole number from 0 to {_LAST_DOMAIN}"
+        )
     domain = int(number)
     try:
         if domain not in _domains and not uri:
             settings = _COMPATIBLE + ("" if network else _LOOPBACK)
-            _domains[domain] = Domain(domain, f"<CycloneDDS><Domain>{settings}</Domain></CycloneDDS>")
+            _domains[domain] = Domain(
+                domain, f"<CycloneDDS><Domain>{settings}</Domain></CycloneDDS>"
+            )
         return DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;")))
     except DDSException as error:
         why = (
-            f"CYCLONEDDS_URI is {uri!r}: it must be a configuration of Cyclone DDS, or the file of one"
+            f"CYCLONEDDS_URI is {uri!r}: it must be a configuration of Cyclone DDS, or the file of "
+            "one"
             if uri
             else str(error)
         )
@@ -303,12 +346,19 @@ def _participant(network: bool) -> Any:
 
 _QOS = Qos(Policy.DataRepresentation(use_cdrv0_representation=True))
 
-_ONCE = Qos(Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=_QOS)
+_ONCE = Qos(
+    Policy.Reliability.Reliable(0),
+    Policy.Durability.TransientLocal,
+    Policy.History.KeepLast(1),
+    base=_QOS,
+)
 """Quality of service of messages that later readers receive as well."""
 
 
 def _qos(kind: str, depth: int = 10) -> Qos:
-    """Return ROS 2's default quality of service (reliable, volatile, a short history) with the hash of the type."""
+    """Return ROS 2's default quality of service (reliable, volatile, a short history) with the hash
+    of the type.
+    """
     return Qos(
         Policy.Reliability.Reliable(100 * _MILLISECOND),
         Policy.Durability.Volatile,
@@ -322,11 +372,14 @@ def _gid(guid: Any) -> Any:
     return messages.make("rmw_dds_common/msg/Gid", data=np.frombuffer(guid.bytes, np.uint8))
 
 
-def make_endpoint(make: type[Any], participant: Any, topic: str, kind: str, qos: Any) -> tuple[Any, type[Any]]:
+def make_endpoint(
+    make: type[Any], participant: Any, topic: str, kind: str, qos: Any
+) -> tuple[Any, type[Any]]:
     """Return a reader or writer of a topic, and the type of its messages.
 
-    It announces the name of its type but not the definition, as ROS 2 on Cyclone DDS does. Fast DDS, the other
-    middleware of ROS 2, asks for an announced definition, and never connects if the answer is lost on a busy machine.
+    It announces the name of its type but not the definition, as ROS 2 on Cyclone DDS does. Fast
+    DDS, the other middleware of ROS 2, asks for an announced definition, and never connects if the
+    answer is lost on a busy machine.
 
     Args:
         make: `DataReader` or `DataWriter`.
@@ -364,11 +417,15 @@ def _without_definition(topic: Any, carrier: type[Any]) -> Iterator[None]:
     sizes = tuple(map(len, carrier.__idl__._xt_bytedata))
     found = None
     for place in range(_WORDS):
-        part = _Definition.from_address((description.value or 0) + place * ctypes.sizeof(ctypes.c_void_p))
+        part = _Definition.from_address(
+            (description.value or 0) + place * ctypes.sizeof(ctypes.c_void_p)
+        )
         if part.python_type == id(carrier) and (part.information_size, part.mapping_size) == sizes:
             found = part
             break
-    if found is None:  # a version of the middleware with another description: the definition is announced
+    if (
+        found is None
+    ):  # a version of the middleware with another description: the definition is announced
         yield
         return
     found.information_size = 0

@@ -1,4 +1,6 @@
-"""Keys of the manager, raters and cameras: one ed25519 pair for each name (Bernstein et al. 2012)."""
+"""Keys of the manager, raters and cameras: one ed25519 pair for each name (Bernstein et al.
+2012).
+"""
 
 import os
 import re
@@ -11,7 +13,8 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 NAME = r"[_A-Za-z][_A-Za-z0-9.@:+-]{0,199}"
-"""Names of agents as a regular expression: they are names of files, too, and none looks like another."""
+"""Names of agents as a regular expression: they are names of files, too, and none looks like
+another."""
 
 _PRIVATE, _PUBLIC = ".key", ".pub"
 _PRIME = 2**255 - 19  # of the field of ed25519
@@ -24,21 +27,26 @@ def check_name(name: str) -> None:
         ValueError: It is not as `NAME`.
     """
     if not re.fullmatch(NAME, name):
-        raise ValueError(f"{name!r} is no name of an agent: up to 200 letters, digits and _.-@:+, a letter first")
+        raise ValueError(
+            f"{name!r} is no name of an agent: up to 200 letters, digits and _.-@:+, a letter first"
+        )
 
 
 def is_forgeable(key: Ed25519PublicKey) -> bool:
-    """Return whether anybody can sign with a public key: it is of small order, or not in its canonical form.
+    """Return whether anybody can sign with a public key: it is of small order, or not in its
+    canonical form.
 
-    The order divides 8 where y is 0, 1, -1, or a root of d y^4 + 2 y^2 = 1 with d = -121665 / 121666, from the formula
-    of doubling (Bernstein et al., "High-Speed High-Security Signatures", 2012).
+    The order divides 8 where y is 0, 1, -1, or a root of d y^4 + 2 y^2 = 1 with d = -121665 /
+    121666, from the formula of doubling (Bernstein et al., "High-Speed High-Security Signatures",
+    2012).
     """
     y = int.from_bytes(key.public_bytes_raw(), "little") % 2**255
     return y >= _PRIME or y * (y**2 - 1) * (121665 * y**4 - 243332 * y**2 + 121666) % _PRIME == 0
 
 
 def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> list[str]:
-    """Make a pair of keys for each name that has none: `NAME.key`, readable by its owner only, and `NAME.pub`.
+    """Make a pair of keys for each name that has none: `NAME.key`, readable by its owner only, and
+    `NAME.pub`.
 
     Args:
         folder: Folder for the keys; it is created if it does not exist.
@@ -49,8 +57,8 @@ def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> l
         The names that got a new pair.
 
     Raises:
-        ValueError: A name is not as `NAME`, an existing private key is invalid, or a public key would be replaced.
-            Then no key is made.
+        ValueError: A name is not as `NAME`, an existing private key is invalid, or a public key
+            would be replaced. Then no key is made.
         OSError: The folder cannot be written.
     """
     names = list(dict.fromkeys(names))
@@ -60,14 +68,17 @@ def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> l
     alone = [name for name in new if (folder / f"{name}{_PUBLIC}").exists()]
     if alone and not replace:
         raise ValueError(
-            f"{folder} has the public key of {', '.join(alone)} without its private key: a new pair would replace it, "
+            f"{folder} has the public key of {', '.join(alone)} without its private key: a new "
+            "pair would replace it, "
             "and messages signed with the old private key would be refused; --replace does that"
         )
     folder.mkdir(parents=True, exist_ok=True)
     for name in new:
         key = Ed25519PrivateKey.generate()
         private = key.private_bytes(
-            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.NoEncryption(),
         )
         file = os.open(folder / f"{name}{_PRIVATE}", os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(file, "wb") as opened:
@@ -81,7 +92,9 @@ def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> l
 
 def _write_public(key: Ed25519PrivateKey, path: Path) -> None:
     """Write the public key that belongs to a private one."""
-    public = key.public_key().public_bytes(serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo)
+    public = key.public_key().public_bytes(
+        serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo
+    )
     path.write_bytes(public)
 
 
@@ -97,7 +110,9 @@ class Signer:
         if not path.exists():
             raise ValueError(f"there is no private key {path}; `roletrust live keys` makes one")
         if path.stat().st_mode & 0o077:
-            raise ValueError(f"{path} can be read by others; restrict it to its owner with `chmod 600 {path}`")
+            raise ValueError(
+                f"{path} can be read by others; restrict it to its owner with `chmod 600 {path}`"
+            )
         self.key = _read_private(path)
 
     def sign(self, data: bytes) -> bytes:
@@ -140,13 +155,18 @@ class PublicKeys(KnownKeys):
     """
 
     def __init__(self, folder: Path, needed: Iterable[str] = ()) -> None:
-        super().__init__({path.stem: _read_public(path) for path in sorted(folder.glob(f"*{_PUBLIC}"))})
+        super().__init__(
+            {path.stem: _read_public(path) for path in sorted(folder.glob(f"*{_PUBLIC}"))}
+        )
         if not self._keys:
-            raise ValueError(f"there is no public key in {folder}; `roletrust live keys` makes some")
+            raise ValueError(
+                f"there is no public key in {folder}; `roletrust live keys` makes some"
+            )
         missing = [name for name in needed if name not in self._keys]
         if missing:
             raise ValueError(
-                f"there is no public key of {', '.join(missing)} in {folder}; `roletrust live keys` makes it"
+                f"there is no public key of {', '.join(missing)} in {folder}; `roletrust live "
+                "keys` makes it"
             )
 
     @property

@@ -1,8 +1,9 @@
-"""Messages of ROS 2 without ROS 2: CDR according to the definitions in `.msg` files, and their signatures (ed25519).
+"""Messages of ROS 2 without ROS 2: CDR according to the definitions in `.msg` files, and their
+signatures (ed25519).
 
-The project's own types have a field for the signature. ROS 2's types have none: a picture has its signature behind the
-JPEG, where every decoder ignores it, and diagnostics have it as their last value. So each message is complete, and all
-tools of ROS 2 can read it.
+The project's own types have a field for the signature. ROS 2's types have none: a picture has its
+signature behind the JPEG, where every decoder ignores it, and diagnostics have it as their last
+value. So each message is complete, and all tools of ROS 2 can read it.
 """
 
 from collections.abc import Mapping
@@ -79,7 +80,9 @@ def typestore() -> Typestore:
     """Return the message types of ROS 2 Kilted and of the project."""
     store = get_typestore(Stores.ROS2_KILTED)
     for path in sorted(PACKAGE.glob("msg/*.msg")):
-        store.register(get_types_from_msg(path.read_text(encoding="utf-8"), f"roletrust_msgs/msg/{path.stem}"))
+        store.register(
+            get_types_from_msg(path.read_text(encoding="utf-8"), f"roletrust_msgs/msg/{path.stem}")
+        )
     return store
 
 
@@ -118,7 +121,8 @@ def header(stamp: int, frame: str = "") -> Any:
     """
     if not -_LAST_SECOND <= stamp // _SECOND < _LAST_SECOND:
         raise ValueError(
-            f"the time is {stamp} ns since 1970; stamps of ROS 2 end on 2038-01-19, so set the clock right"
+            f"the time is {stamp} ns since 1970; stamps of ROS 2 end on 2038-01-19, so set the "
+            "clock right"
         )
     time = make("builtin_interfaces/msg/Time", sec=stamp // _SECOND, nanosec=stamp % _SECOND)
     return make("std_msgs/msg/Header", stamp=time, frame_id=frame)
@@ -137,12 +141,21 @@ def sign(message: Any, signer: Signer | None) -> Any:
     return message
 
 
-def ratings_message(rater: str, stamp: int, ratings: Mapping[str, float], signer: Signer | None = None) -> Any:
-    """Return a message with a rater's ratings of the services of one round; without a signer, it is not signed."""
+def ratings_message(
+    rater: str, stamp: int, ratings: Mapping[str, float], signer: Signer | None = None
+) -> Any:
+    """Return a message with a rater's ratings of the services of one round; without a signer, it is
+    not signed.
+    """
     values = _numbers(ratings.values())
     unsigned = np.empty(0, np.uint8)
     message = make(
-        RATINGS, header=header(stamp), rater=rater, providers=list(ratings), values=values, signature=unsigned
+        RATINGS,
+        header=header(stamp),
+        rater=rater,
+        providers=list(ratings),
+        values=values,
+        signature=unsigned,
     )
     return sign(message, signer)
 
@@ -155,8 +168,12 @@ def read_ratings(raw: bytes) -> RatingMessage:
     """
     message = decode(raw, RATINGS)
     if len(message.providers) != len(message.values):
-        raise ValueError(f"{len(raw)} bytes are not a valid {RATINGS}: it has not as many ratings as providers")
-    return RatingMessage(_envelope(message.rater, message), message.providers, message.values.tolist())
+        raise ValueError(
+            f"{len(raw)} bytes are not a valid {RATINGS}: it has not as many ratings as providers"
+        )
+    return RatingMessage(
+        _envelope(message.rater, message), message.providers, message.values.tolist()
+    )
 
 
 def trust_message(entry: JournalEntry, signer: Signer | None = None) -> Any:
@@ -185,7 +202,9 @@ def read_trust(raw: bytes) -> TrustMessage:
     """
     message = decode(raw, TRUST)
     if (len(message.raters), len(message.providers)) != (len(message.tor), len(message.top)):
-        raise ValueError(f"{len(raw)} bytes are not a valid {TRUST}: it has not as many values as names")
+        raise ValueError(
+            f"{len(raw)} bytes are not a valid {TRUST}: it has not as many values as names"
+        )
     tor = dict(zip(message.raters, message.tor.tolist(), strict=True))
     top = dict(zip(message.providers, message.top.tolist(), strict=True))
     trust = PublishedTrust(message.round, stamp_of(message), tor, top, tuple(message.missing))
@@ -193,9 +212,13 @@ def read_trust(raw: bytes) -> TrustMessage:
 
 
 def picture_message(stamp: int, camera: str, jpeg: bytes, signer: Signer | None = None) -> Any:
-    """Return a message with a picture of a camera and, behind it, the signature; without a signer, it is not signed."""
+    """Return a message with a picture of a camera and, behind it, the signature; without a signer,
+    it is not signed.
+    """
     end = b"" if signer is None else _MARK + signer.sign(_picture_text(camera, stamp) + jpeg)
-    return make(IMAGE, header=header(stamp, camera), format="jpeg", data=np.frombuffer(jpeg + end, np.uint8))
+    return make(
+        IMAGE, header=header(stamp, camera), format="jpeg", data=np.frombuffer(jpeg + end, np.uint8)
+    )
 
 
 def read_picture(camera: str, raw: bytes) -> PictureMessage:
@@ -213,9 +236,15 @@ def read_picture(camera: str, raw: bytes) -> PictureMessage:
     return PictureMessage(jpeg, Envelope(camera, stamp, signed, end.removeprefix(_MARK)))
 
 
-def diagnostics_message(stamp: int, node: str, warns: bool, values: Mapping[str, str], signer: Signer | None) -> Any:
-    """Return a message with the state of a node; the signature is its last value. None does not sign."""
-    pairs = [make("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()]
+def diagnostics_message(
+    stamp: int, node: str, warns: bool, values: Mapping[str, str], signer: Signer | None
+) -> Any:
+    """Return a message with the state of a node; the signature is its last value. None does not
+    sign.
+    """
+    pairs = [
+        make("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()
+    ]
     status = make(
         "diagnostic_msgs/msg/DiagnosticStatus",
         level=1 if warns else 0,
@@ -254,7 +283,9 @@ def _envelope(sender: str, message: Any) -> Envelope:
 
 
 def _picture_text(camera: str, stamp: int) -> bytes:
-    """Return the text that is signed before a picture, so that its signature is valid for no other message."""
+    """Return the text that is signed before a picture, so that its signature is valid for no other
+    message.
+    """
     return f"/{camera}{topics.IMAGES} {stamp // 10**9}.{stamp % 10**9:09d}\n".encode()
 
 

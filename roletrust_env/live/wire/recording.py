@@ -1,4 +1,6 @@
-"""Recordings of all messages with their times of arrival, as MCAP files in the folders of rosbag2."""
+"""Recordings of all messages with their times of arrival, as MCAP files in the folders of
+rosbag2.
+"""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -34,7 +36,8 @@ class RecordedMessage(NamedTuple):
 
 
 class Recorder:
-    """Writes a recording. If the process is killed, only the messages since the last `flush` are lost.
+    """Writes a recording. If the process is killed, only the messages since the last `flush` are
+    lost.
 
     Args:
         folder: New folder.
@@ -58,7 +61,9 @@ class Recorder:
     def write(self, message: RecordedMessage) -> None:
         """Write a message."""
         if message.topic not in self._connections:
-            connection = self._writer.add_connection(message.topic, message.kind, typestore=typestore())
+            connection = self._writer.add_connection(
+                message.topic, message.kind, typestore=typestore()
+            )
             self._connections[message.topic] = connection
         self._writer.write(self._connections[message.topic], message.time, message.raw)
         self.count += 1
@@ -91,11 +96,13 @@ def read_recording(
         advance: Function that is called with the number of messages so far, and with that of all.
 
     Raises:
-        ValueError: The folder is not a recording, or it was not closed. `recover_recording` repairs the latter.
+        ValueError: The folder is not a recording, or it was not closed. `recover_recording` repairs
+            the latter.
     """
     if not folder.is_dir():
         raise ValueError(
-            f"{folder} cannot be read: it is no folder; `roletrust live record --recover` makes one of an MCAP file"
+            f"{folder} cannot be read: it is no folder; `roletrust live record --recover` makes "
+            "one of an MCAP file"
         )
     with _one_line_errors(folder):
         reader = Reader(folder)
@@ -122,11 +129,14 @@ def _one_line_errors(folder: Path) -> Iterator[None]:
         yield
     except Exception as error:  # of many kinds
         why = short(" ".join(str(error).split())) or "out of memory"
-        raise ValueError(f"{folder} cannot be read: {why}; `roletrust live record --recover` may help") from None
+        raise ValueError(
+            f"{folder} cannot be read: {why}; `roletrust live record --recover` may help"
+        ) from None
 
 
 def recover_recording(damaged: Path, folder: Path) -> int:
-    """Write the readable messages of a damaged recording, such as that of a killed process, to a new one.
+    """Write the readable messages of a damaged recording, such as that of a killed process, to a
+    new one.
 
     Args:
         damaged: Folder of the recording, or its MCAP file.
@@ -136,16 +146,23 @@ def recover_recording(damaged: Path, folder: Path) -> int:
         The number of messages.
 
     Raises:
-        ValueError: The recording does not exist, has no readable message, or the new folder exists already.
+        ValueError: The recording does not exist, has no readable message, or the new folder exists
+            already.
     """
     path = damaged
     if damaged.is_dir():
         path = next(iter(sorted(damaged.glob("*.mcap"))), damaged)
     if not path.is_file() or not path.read_bytes()[: len(_MAGIC)] == _MAGIC:
         raise ValueError(f"{damaged} is no recording; give an MCAP file, or a folder with one")
-    readable = [one for one in _readable_messages(path.read_bytes()[len(_MAGIC) :]) if one.kind in typestore().types]
+    readable = [
+        one
+        for one in _readable_messages(path.read_bytes()[len(_MAGIC) :])
+        if one.kind in typestore().types
+    ]
     if not readable:
-        raise ValueError(f"{damaged} has no readable message; recordings of other programs may be compressed")
+        raise ValueError(
+            f"{damaged} has no readable message; recordings of other programs may be compressed"
+        )
     with Recorder(folder) as recorder:
         for message in readable:
             recorder.write(message)
@@ -169,7 +186,8 @@ def _readable_messages(data: bytes) -> Iterator[RecordedMessage]:
 
 
 def _records(data: bytes, *, chunked: bool = False) -> Iterator[tuple[int, bytes]]:
-    """Iterate over the codes and contents of the complete records in some bytes, and of those in their chunks.
+    """Iterate over the codes and contents of the complete records in some bytes, and of those in
+    their chunks.
 
     The records of a chunk are never chunks themselves.
     """

@@ -5,11 +5,13 @@ DIAGNOSTICS = "/diagnostics"
 
 IMAGES = "/image_raw/compressed"
 RATINGS = "/ratings"
-"""Endings behind the name of a camera and of a rater: `/sp_0/image_raw/compressed`, `/sr_0/ratings`."""
+"""Endings behind the name of a camera and of a rater: `/sp_0/image_raw/compressed`,
+`/sr_0/ratings`."""
 
 
 def owner(topic: str, ending: str) -> str | None:
-    """Return the name of the agent that a topic belongs to; None if the topic has another ending or no owner.
+    """Return the name of the agent that a topic belongs to; None if the topic has another ending or
+    no owner.
 
     Example:
         >>> owner("/sr_0/ratings", RATINGS), owner("/sr_0/tor", RATINGS), owner("/ratings", RATINGS)

@@ -4,10 +4,21 @@ from roletrust_env.trust.model import register_trust_model
 from roletrust_env.trust.models.central.beta_reputation import Beta, BetaFiltered
 from roletrust_env.trust.models.central.iterative_filtering import IterativeFiltering
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
-from roletrust_env.trust.models.central.means import Constant, DeviationWeighted, HuberMean, Mean, Median, TrimmedMean
+from roletrust_env.trust.models.central.means import (
+    Constant,
+    DeviationWeighted,
+    HuberMean,
+    Mean,
+    Median,
+    TrimmedMean,
+)
 from roletrust_env.trust.models.central.random_walks import EigenTrust, PowerTrust
 from roletrust_env.trust.models.central.role_trust import RoleTrust
-from roletrust_env.trust.models.central.seeded_walks import MeritRank, PersonalizedPageRank, SybilRank
+from roletrust_env.trust.models.central.seeded_walks import (
+    MeritRank,
+    PersonalizedPageRank,
+    SybilRank,
+)
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.blade import Blade
 from roletrust_env.trust.models.personal.fire import Fire
@@ -53,7 +64,8 @@ OWN = {
     "yu-singh": YuSingh,
     "zhang-cohen": ZhangCohen,
 }
-"""Classes of the models of this package, by name. No other class is one of them, whatever it says of itself."""
+"""Classes of the models of this package, by name. No other class is one of them, whatever it says
+of itself."""
 
 for _name, _model in OWN.items():
     register_trust_model(_name, _model)

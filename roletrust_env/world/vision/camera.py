@@ -35,13 +35,17 @@ class Camera(NamedTuple):
     focal: float
 
     def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Project points in metres, shape (n, 3), to (column, row) pixels, shape (n, 2), and depths, shape (n,)."""
+        """Project points in metres, shape (n, 3), to (column, row) pixels, shape (n, 2), and
+        depths, shape (n,).
+        """
         local = (points - self.position) @ self.axes.T
         pixels = self.focal * local[:, :2] / local[:, 2:] + (FRAME_WIDTH / 2, FRAME_HEIGHT / 2)
         return pixels, local[:, 2]
 
     def rays(self) -> FloatArray:
-        """Return the viewing direction of every pixel, unit vectors of shape (FRAME_HEIGHT, FRAME_WIDTH, 3)."""
+        """Return the viewing direction of every pixel, unit vectors of shape (FRAME_HEIGHT,
+        FRAME_WIDTH, 3).
+        """
         columns = (np.arange(FRAME_WIDTH) - FRAME_WIDTH / 2) / self.focal
         rows = (np.arange(FRAME_HEIGHT) - FRAME_HEIGHT / 2) / self.focal
         x, y = np.meshgrid(columns, rows)
@@ -50,7 +54,9 @@ class Camera(NamedTuple):
 
 
 def camera_of(provider: int) -> Camera:
-    """Return the camera of a provider, given by its index: ground, ground, aerial, and again from other sides."""
+    """Return the camera of a provider, given by its index: ground, ground, aerial, and again from
+    other sides.
+    """
     azimuth, distance, height, focal = _MOUNTS[provider % len(_MOUNTS)]
     azimuth += provider // len(_MOUNTS) * _GOLDEN_ANGLE
     position = np.array([distance * math.cos(azimuth), distance * math.sin(azimuth), height])

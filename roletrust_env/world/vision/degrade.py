@@ -1,4 +1,6 @@
-"""Degradation of a frame before detection: fast movement of the target, low quality of the provider, a noisy link."""
+"""Degradation of a frame before detection: fast movement of the target, low quality of the
+provider, a noisy link.
+"""
 
 import math
 
@@ -43,10 +45,11 @@ def motion_kernel(strength: float, direction: tuple[float, float]) -> NDArray[np
 def degrade(frame: Frame, quality: float, seed: tuple[int, ...]) -> Frame:
     """Return the frame of a provider at the quality that it chose.
 
-    With loss = 1 - quality: defocus of 8.7 sqrt(loss) pixels, sensor noise of 22.5 sqrt(loss) grey levels, 62 loss %
-    of the light lost, and the lens covered from below over a share loss^3 of the frame. At high quality, defocus and
-    noise have most effect; at low quality, the cover does. At quality 0 nothing of the scene is visible. The frame
-    carries no rating: the perceived quality is the result of the detector on this frame.
+    With loss = 1 - quality: defocus of 8.7 sqrt(loss) pixels, sensor noise of 22.5 sqrt(loss) grey
+    levels, 62 loss % of the light lost, and the lens covered from below over a share loss^3 of the
+    frame. At high quality, defocus and noise have most effect; at low quality, the cover does. At
+    quality 0 nothing of the scene is visible. The frame carries no rating: the perceived quality is
+    the result of the detector on this frame.
 
     Args:
         frame: True frame, shape (height, width, 3).
@@ -70,12 +73,13 @@ def degrade(frame: Frame, quality: float, seed: tuple[int, ...]) -> Frame:
 
 
 def transmit(grey: NDArray[np.uint8], noise: float) -> NDArray[np.uint8]:
-    """Return the copy of a frame that a rater receives, with a slightly different exposure and noise on the link.
+    """Return the copy of a frame that a rater receives, with a slightly different exposure and
+    noise on the link.
 
     Args:
         grey: Frame of the provider as `detector.view` returns it, shape (height, width).
-        noise: Standard normal number. It sets the exposure, and its bits are the seed of the link noise, so the same
-            number always gives the same copy.
+        noise: Standard normal number. It sets the exposure, and its bits are the seed of the link
+            noise, so the same number always gives the same copy.
 
     Returns:
         The copy, shape (height, width).

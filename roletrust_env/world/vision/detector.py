@@ -1,9 +1,9 @@
 """People detection on one frame with OpenCV, and the probability of a person.
 
-The detector is the histogram of oriented gradients (HOG) with a linear support vector machine (N. Dalal and
-B. Triggs, "Histograms of Oriented Gradients for Human Detection", CVPR 2005) with which Su and Saint-Jore (2023)
-rate their cameras. Platt scaling turns its margin into a probability (J. Platt, "Probabilistic Outputs for Support
-Vector Machines", 1999).
+The detector is the histogram of oriented gradients (HOG) with a linear support vector machine (N.
+Dalal and B. Triggs, "Histograms of Oriented Gradients for Human Detection", CVPR 2005) with which
+Su and Saint-Jore (2023) rate their cameras. Platt scaling turns its margin into a probability (J.
+Platt, "Probabilistic Outputs for Support Vector Machines", 1999).
 """
 
 import functools
@@ -19,23 +19,31 @@ GreyFrame = NDArray[np.uint8]
 
 SLOPE = 3.54
 OFFSET = -2.20
-"""Constants of Platt scaling, fitted by `fit_calibration` on `labelled_margins` in `tests/world/vision/calibration.py`.
+"""Constants of Platt scaling, fitted by `fit_calibration` on `labelled_margins` in
+`tests/world/vision/calibration.py`.
 
 The same two numbers are used for every camera, frame source, attack and figure.
 """
 
 _HEIGHT = 240  # height of the detector's copy of a frame
-_WINDOW = (64, 128)  # width and height of the detector's window; a person fills about 96 of its rows
+_WINDOW = (
+    64,
+    128,
+)  # width and height of the detector's window; a person fills about 96 of its rows
 _COARSE_SCALES = (0.93, 0.80, 0.67)  # for people with 40 to 60 % of the height of the frame
 _COARSE_STRIDE = (8, 8)
 _FINE_SCALES = (0.96, 1.04)  # relative to each coarse scale
 _FINE_STRIDE = (4, 4)
 _FINE_REACH = 4  # pixels around the coarse window
-_ANY_MARGIN = -1e9  # threshold below all margins, so that there is a best window even without a person
+_ANY_MARGIN = (
+    -1e9
+)  # threshold below all margins, so that there is a best window even without a person
 
 
 def view(frame: Frame) -> GreyFrame:
-    """Return the detector's copy of a frame (height, width, 3): grey, 240 rows, with the same aspect ratio."""
+    """Return the detector's copy of a frame (height, width, 3): grey, 240 rows, with the same
+    aspect ratio.
+    """
     grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
     width = round(frame.shape[1] * _HEIGHT / frame.shape[0])
     return np.asarray(cv2.resize(grey, (width, _HEIGHT), interpolation=cv2.INTER_AREA), np.uint8)
@@ -44,8 +52,9 @@ def view(frame: Frame) -> GreyFrame:
 def best_margin(grey: GreyFrame) -> float:
     """Return the margin of the support vector machine for the window that looks most like a person.
 
-    A coarse pass over a small pyramid finds the best window of each scale. A fine pass around each of them makes the
-    margin independent of the position of the person on the coarse grid, which changes it by up to one unit.
+    A coarse pass over a small pyramid finds the best window of each scale. A fine pass around each
+    of them makes the margin independent of the position of the person on the coarse grid, which
+    changes it by up to one unit.
 
     Args:
         grey: Frame as `view` returns it, shape (240, width), with a width of at least 96.
@@ -66,7 +75,9 @@ def best_margin(grey: GreyFrame) -> float:
 
 
 def probability(margin: float) -> float:
-    """Return the probability that the target is in the frame, 1 / (1 + exp(-(SLOPE margin + OFFSET)))."""
+    """Return the probability that the target is in the frame, 1 / (1 + exp(-(SLOPE margin +
+    OFFSET))).
+    """
     return 1 / (1 + math.exp(-(SLOPE * margin + OFFSET)))
 
 
@@ -85,11 +96,15 @@ def _search(grey: GreyFrame, stride: tuple[int, int]) -> tuple[float, tuple[int,
 
 
 def _scaled(grey: GreyFrame, scale: float) -> GreyFrame:
-    return np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR), np.uint8)
+    return np.asarray(
+        cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR), np.uint8
+    )
 
 
 def _around(grey: GreyFrame, centre: tuple[float, float], scale: float) -> GreyFrame:
-    """Return the part of a frame around a window at some scale, with a margin, clipped at the border of the frame."""
+    """Return the part of a frame around a window at some scale, with a margin, clipped at the
+    border of the frame.
+    """
     x, y = ((side / 2 + _FINE_REACH) / scale for side in _WINDOW)
     rows = slice(max(0, round(centre[1] - y)), round(centre[1] + y))
     columns = slice(max(0, round(centre[0] - x)), round(centre[0] + x))

@@ -18,7 +18,8 @@ from roletrust_env.world.vision.scene import RenderedScene
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 """File name suffixes of the images in a folder, in lower case."""
 
-# Silences ffmpeg, whose messages would repeat the errors raised here. OpenCV reads it when it opens its first video.
+# Silences ffmpeg, whose messages would repeat the errors raised here. OpenCV reads it when it opens
+# its first video.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 _MIN_ASPECT = 0.45  # width over height; in a narrower frame the detector's window does not fit
@@ -27,7 +28,9 @@ _ENDLESS = "has no end; loop it, or give the run an end"
 
 
 class FramesError(ValueError):
-    """Frames that cannot be read. The message gives the source, the problem, and the allowed sources."""
+    """Frames that cannot be read. The message gives the source, the problem, and the allowed
+    sources.
+    """
 
 
 class FrameSource(Protocol):
@@ -47,14 +50,18 @@ class FrameSource(Protocol):
 
 
 class CapturedFrames:
-    """Base class of sources of real frames. They are resized, and blurred horizontally if the target moves fast."""
+    """Base class of sources of real frames. They are resized, and blurred horizontally if the
+    target moves fast.
+    """
 
     loop_length_s: float | None = None
     """Length of a looped video or image folder, in seconds; None if it is not looped."""
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._latest: tuple[float, Frame] | None = None  # providers that share a source get the same frame
+        self._latest: tuple[float, Frame] | None = (
+            None  # providers that share a source get the same frame
+        )
 
     def frame(self, camera: int, time_s: float, strength: float) -> Frame:
         """Return the frame at a time, the same for every camera. See `FrameSource.frame`."""
@@ -62,7 +69,9 @@ class CapturedFrames:
             self._latest = (time_s, self._resize(self._read(time_s)))
         picture = self._latest[1]
         if strength > 0:
-            picture = np.asarray(cv2.filter2D(picture, -1, motion_kernel(strength, (1.0, 0.0))), np.uint8)
+            picture = np.asarray(
+                cv2.filter2D(picture, -1, motion_kernel(strength, (1.0, 0.0))), np.uint8
+            )
         return picture
 
     def _read(self, time_s: float) -> Frame:
@@ -78,7 +87,9 @@ class CapturedFrames:
             )
         size = (round(width * FRAME_HEIGHT / height), FRAME_HEIGHT)
         shrinks = height > FRAME_HEIGHT
-        resized = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
+        resized = cv2.resize(
+            picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
+        )
         return np.asarray(cv2.cvtColor(resized, cv2.COLOR_BGR2RGB), np.uint8)
 
 
@@ -101,10 +112,14 @@ class VideoFile(CapturedFrames):
         self._fps = self._capture.get(cv2.CAP_PROP_FPS)
         if not self._fps > 0:
             raise FramesError(f"{self._name} has no frame rate; a constant frame rate is needed")
-        self._count = round(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))  # 0 or less if the format does not say
+        self._count = round(
+            self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        )  # 0 or less if the format does not say
         length_s = self._count / self._fps
         if self._count <= 0 and math.isinf(duration_s) and not loop:
-            raise FramesError(f"{self._name} does not say how long it lasts, and the run {_ENDLESS}")
+            raise FramesError(
+                f"{self._name} does not say how long it lasts, and the run {_ENDLESS}"
+            )
         if 0 < length_s < duration_s - _ROUNDING_S:
             if not loop:
                 raise FramesError(
@@ -117,12 +132,14 @@ class VideoFile(CapturedFrames):
         with _quiet():
             self._capture = cv2.VideoCapture(str(self._path))
         if not self._capture.isOpened():
-            raise FramesError(f"{self._name} cannot be opened; it must be a video that OpenCV can decode")
+            raise FramesError(
+                f"{self._name} cannot be opened; it must be a video that OpenCV can decode"
+            )
         self._next = 0
 
     def _read(self, time_s: float) -> Frame:
-        # Frames are read in order, from the start if necessary. Seeking is inexact in many formats, so the frame would
-        # depend on the order of the calls.
+        # Frames are read in order, from the start if necessary. Seeking is inexact in many formats,
+        # so the frame would depend on the order of the calls.
         index = int(time_s * self._fps + _ROUNDING_S)
         if self._count > 0 and self._loop:
             index %= self._count
@@ -146,7 +163,8 @@ class VideoFile(CapturedFrames):
             expected = f" of {self._count}" if self._count > self._next else ""
             raise FramesError(
                 f"{self._name} ends after {self._next}{expected} frames ({length_s:.1f} s), "
-                f"but the run needs a frame at {time_s:.1f} s; use a complete video, or a shorter run"
+                f"but the run needs a frame at {time_s:.1f} s; use a complete video, or a shorter "
+                "run"
             )
         self._count, self.loop_length_s = self._next, length_s
         self._open()
@@ -163,20 +181,26 @@ class ImageFolder(CapturedFrames):
         loop: Whether the images start again if there are fewer of them than rounds.
 
     Raises:
-        FramesError: The folder holds no images, or fewer images than the run has rounds and is not looped.
+        FramesError: The folder holds no images, or fewer images than the run has rounds and is not
+            looped.
     """
 
     def __init__(self, path: Path, duration_s: float, period_s: float, loop: bool = False) -> None:
         super().__init__(f"image folder {path}")
         self._period_s, self._loop = period_s, loop
-        self._images = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
+        self._images = sorted(
+            file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES
+        )
         needed = duration_s / period_s
         if not self._images:
-            raise FramesError(f"{self._name} holds no images; allowed are {', '.join(IMAGE_SUFFIXES)}")
+            raise FramesError(
+                f"{self._name} holds no images; allowed are {', '.join(IMAGE_SUFFIXES)}"
+            )
         if len(self._images) < needed - 0.5:
             if not loop:
                 raise FramesError(
-                    f"{self._name} holds {len(self._images)} images, one for each round, and ends before the run, "
+                    f"{self._name} holds {len(self._images)} images, one for each round, and ends "
+                    "before the run, "
                     + _ways_out(duration_s, f"has {needed:.0f} rounds", "more images")
                 )
             self.loop_length_s = len(self._images) * period_s
@@ -186,11 +210,15 @@ class ImageFolder(CapturedFrames):
         if self._loop:
             index %= len(self._images)
         if index >= len(self._images):
-            raise FramesError(f"{self._name} holds {len(self._images)} images, but round {index} needs one more")
+            raise FramesError(
+                f"{self._name} holds {len(self._images)} images, but round {index} needs one more"
+            )
         with _quiet():
             picture = cv2.imread(str(self._images[index]), cv2.IMREAD_COLOR)
         if picture is None:
-            raise FramesError(f"image {self._images[index]} cannot be read; OpenCV must be able to decode it")
+            raise FramesError(
+                f"image {self._images[index]} cannot be read; OpenCV must be able to decode it"
+            )
         return np.asarray(picture, np.uint8)
 
 
@@ -213,7 +241,10 @@ class LiveCamera(CapturedFrames):
         with _quiet():
             self._capture = cv2.VideoCapture(number)
         if not self._capture.isOpened():
-            raise FramesError(f"{self._name} cannot be opened; give the number of a connected camera, 0 for the first")
+            raise FramesError(
+                f"{self._name} cannot be opened; give the number of a connected camera, 0 for the "
+                "first"
+            )
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the current frame, not one from the buffer
         self._start = self._last = float("inf")
 
@@ -230,26 +261,35 @@ class LiveCamera(CapturedFrames):
 
 
 def open_frames(
-    source: str | Path | int | None, *, duration_s: float, period_s: float, loop: bool = False, paced: bool = True
+    source: str | Path | int | None,
+    *,
+    duration_s: float,
+    period_s: float,
+    loop: bool = False,
+    paced: bool = True,
 ) -> FrameSource:
-    """Open a source of frames, and check that it lasts as long as the run, if that is known in advance.
+    """Open a source of frames, and check that it lasts as long as the run, if that is known in
+    advance.
 
     Args:
-        source: Path of a video or of a folder of images; number of a camera (also as text, unless a file has that
-            name); None for the rendered scene.
+        source: Path of a video or of a folder of images; number of a camera (also as text, unless a
+            file has that name); None for the rendered scene.
         duration_s: Length of the run, seconds; infinite for a run without an end.
         period_s: Length of a round, seconds.
         loop: Whether a video or a folder that is shorter than the run starts again.
         paced: See `LiveCamera`.
 
     Raises:
-        FramesError: The source does not exist, cannot be opened, ends before the run, or cannot be looped.
+        FramesError: The source does not exist, cannot be opened, ends before the run, or cannot be
+            looped.
     """
     path = Path(str(source))
     live = isinstance(source, int) or (not path.exists() and str(source).isdecimal())
     if loop and (source is None or live):
         name = "the rendered scene" if source is None else f"camera {source}"
-        raise FramesError(f"{name} cannot be looped because it has no end; videos and folders of images can")
+        raise FramesError(
+            f"{name} cannot be looped because it has no end; videos and folders of images can"
+        )
     if source is None:
         return RenderedScene(0)
     if live:

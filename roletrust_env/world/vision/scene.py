@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.randomness import generator
-from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Camera, FloatArray, Frame, camera_of
+from roletrust_env.world.vision.camera import (
+    FRAME_HEIGHT,
+    FRAME_WIDTH,
+    Camera,
+    FloatArray,
+    Frame,
+    camera_of,
+)
 from roletrust_env.world.vision.degrade import motion_kernel
 
 _TILE = 512  # texels of the noise that all textures are made of; it repeats without a seam
@@ -45,7 +52,9 @@ def _ground(camera: Camera, rays: FloatArray) -> FloatArray:
     fall = np.maximum(-rays[..., 2], 1e-3)
     reach = camera.position[2] / fall
     x, y = (camera.position[k] + reach * rays[..., k] for k in (0, 1))
-    texel = reach / camera.focal / np.maximum(fall, 0.02)  # metres of ground per pixel, to fade fine detail
+    texel = (
+        reach / camera.focal / np.maximum(fall, 0.02)
+    )  # metres of ground per pixel, to fade fine detail
     fine = _noise(x * 40, y * 40) * np.minimum(0.02 / texel, 1)
     broad = _noise(x * 5 + 100, y * 5)
     slab = _noise(np.rint(x) * 37.5, np.rint(y) * 53.5)
@@ -61,7 +70,11 @@ def _sky(rays: FloatArray, offset: FloatArray) -> FloatArray:
     azimuth = np.arctan2(rays[..., 1], rays[..., 0])
     elevation = np.arcsin(rays[..., 2])
     clouds = _noise(azimuth * 120 + offset[0], elevation * 420 + offset[1])
-    sky = _mix(_mix(_SKY_LOW, _SKY_HIGH, np.clip(elevation / 0.5, 0, 1)), _CLOUD, np.clip(0.8 * clouds, 0, 0.8))
+    sky = _mix(
+        _mix(_SKY_LOW, _SKY_HIGH, np.clip(elevation / 0.5, 0, 1)),
+        _CLOUD,
+        np.clip(0.8 * clouds, 0, 0.8),
+    )
     hedge = _HEDGE + (16 * _noise(azimuth * 400, elevation * 800))[..., None]
     crown = 0.05 + 0.02 * _noise(azimuth * 200, np.full_like(azimuth, 77.0))
     return _mix(sky, hedge, np.clip((crown - elevation) / 0.008, 0, 1))
@@ -86,19 +99,28 @@ def _noise(x: FloatArray, y: FloatArray) -> FloatArray:
 
 @functools.cache
 def _noise_tile() -> NDArray[np.float32]:
-    """Return the sum of white noise smoothed at four sizes, shape (_TILE, _TILE), always the same."""
+    """Return the sum of white noise smoothed at four sizes, shape (_TILE, _TILE), always the
+    same.
+    """
     margin = _TILE // 4
     white = np.random.default_rng(2023).standard_normal((_TILE, _TILE)).astype(np.float32)
     wrapped = np.pad(white, margin, mode="wrap")
-    octaves = [cv2.GaussianBlur(wrapped, (0, 0), sigma)[margin:-margin, margin:-margin] for sigma in (2, 5, 12, 30)]
+    octaves = [
+        cv2.GaussianBlur(wrapped, (0, 0), sigma)[margin:-margin, margin:-margin]
+        for sigma in (2, 5, 12, 30)
+    ]
     total = np.sum([octave / octave.std() for octave in octaves], axis=0)
     return np.asarray(total / (2 * total.std()), np.float32)
 
 
-_SUN = np.array([0.45, -0.35, 0.82]) / math.hypot(0.45, -0.35, 0.82)  # direction towards the sun, z up
+_SUN = np.array([0.45, -0.35, 0.82]) / math.hypot(
+    0.45, -0.35, 0.82
+)  # direction towards the sun, z up
 _AMBIENT = 0.42  # light in the shade
 _SUNLIT = 1.08  # light in the sun; above 1, so that bright clothes are slightly overexposed
-_CADENCE_HZ = 0.93  # gait cycles per second, chosen so that rounds of 0.5 s show more than two phases
+_CADENCE_HZ = (
+    0.93  # gait cycles per second, chosen so that rounds of 0.5 s show more than two phases
+)
 
 Colour = tuple[float, float, float]
 
@@ -141,11 +163,15 @@ class _Body(NamedTuple):
     strength: float
 
     def hanging(self, angle: float) -> FloatArray:
-        """Return the direction of a limb that hangs down and swings forward by an angle in radians."""
+        """Return the direction of a limb that hangs down and swings forward by an angle in
+        radians.
+        """
         return math.sin(angle) * self.forward - math.cos(angle) * self.up
 
 
-def pose(time_s: float, strength: float, place: FloatArray, heading: float, look: Appearance) -> list[Limb]:
+def pose(
+    time_s: float, strength: float, place: FloatArray, heading: float, look: Appearance
+) -> list[Limb]:
     """Return the limbs of the person at one instant of a walk or run.
 
     Args:
@@ -165,14 +191,23 @@ def pose(time_s: float, strength: float, place: FloatArray, heading: float, look
     up = np.array([0.0, 0.0, 1.0])
     body = _Body(forward, left, up, math.cos(lean) * up + math.sin(lean) * forward, strength)
     legs = _leg(body, 1, phase, look) + _leg(body, -1, phase + math.pi, look)
-    limbs = legs + _arm(body, 1, phase, look) + _arm(body, -1, phase + math.pi, look) + _trunk(body, look)
-    sole = min(joint[2] - radius for a, b, ra, rb, _ in legs for joint, radius in ((a, ra), (b, rb)))
+    limbs = (
+        legs
+        + _arm(body, 1, phase, look)
+        + _arm(body, -1, phase + math.pi, look)
+        + _trunk(body, look)
+    )
+    sole = min(
+        joint[2] - radius for a, b, ra, rb, _ in legs for joint, radius in ((a, ra), (b, rb))
+    )
     hip = np.array([place[0], place[1], -sole])
     return [limb._replace(start=limb.start + hip, end=limb.end + hip) for limb in limbs]
 
 
 def _leg(body: _Body, side: int, phase: float, look: Appearance) -> list[Limb]:
-    """Return the limbs of one leg, with the hip at the origin. The knee bends while the leg swings forward."""
+    """Return the limbs of one leg, with the hip at the origin. The knee bends while the leg swings
+    forward.
+    """
     thigh = 0.05 + (0.26 + 0.45 * body.strength) * math.sin(phase)
     bend = 0.10 + (0.48 + 0.80 * body.strength) * max(0.0, math.cos(phase)) ** 2
     hip = 0.095 * side * body.left
@@ -181,7 +216,13 @@ def _leg(body: _Body, side: int, phase: float, look: Appearance) -> list[Limb]:
     return [
         Limb(hip, knee, 0.092, 0.066, look.trousers),
         Limb(knee, ankle, 0.064, 0.048, look.trousers),
-        Limb(ankle - 0.03 * body.up, ankle + 0.17 * body.forward - 0.10 * bend * body.up, 0.052, 0.040, look.shoes),
+        Limb(
+            ankle - 0.03 * body.up,
+            ankle + 0.17 * body.forward - 0.10 * bend * body.up,
+            0.052,
+            0.040,
+            look.shoes,
+        ),
     ]
 
 
@@ -226,8 +267,8 @@ def paint(limbs: list[Limb], camera: Camera) -> tuple[NDArray[np.float32], tuple
         camera: Camera.
 
     Returns:
-        The layer, shape (h, w, 4), with the colour times the opacity and the opacity in [0, 1], and the (column, row)
-        of its upper left corner in the frame.
+        The layer, shape (h, w, 4), with the colour times the opacity and the opacity in [0, 1], and
+        the (column, row) of its upper left corner in the frame.
     """
     starts, depths_a = camera.project(np.array([limb.start for limb in limbs]))
     ends, depths_b = camera.project(np.array([limb.end for limb in limbs]))
@@ -272,7 +313,9 @@ def _paint_limb(
     radius = start_radius + (end_radius - start_radius) * along
     nx, ny = (x - along * dx) / radius, (y - along * dy) / radius
     off_axis = nx * nx + ny * ny
-    nz = -np.sqrt(np.clip(1 - off_axis, 0, 1))  # camera axes: x right, y down, z away from the camera
+    nz = -np.sqrt(
+        np.clip(1 - off_axis, 0, 1)
+    )  # camera axes: x right, y down, z away from the camera
     cover = np.clip((1 - np.sqrt(off_axis)) * radius + 0.5, 0, 1)[..., None]
     light = _AMBIENT + (_SUNLIT - _AMBIENT) * np.clip(nx * sun[0] + ny * sun[1] + nz * sun[2], 0, 1)
     patch[..., :3] += cover * (np.minimum(colour * light[..., None], 255) - patch[..., :3])
@@ -292,7 +335,9 @@ def shadow(limbs: list[Limb], camera: Camera) -> NDArray[np.uint8]:
     joints = np.array([[limb.start, limb.end] for limb in limbs])
     flat = joints - joints[..., 2:] / _SUN[2] * _SUN
     points, depths = camera.project(flat.reshape(-1, 3))
-    ends = np.rint(points.reshape(-1, 2, 2) * 16).astype(int)  # cv2.line takes sixteenths of a pixel
+    ends = np.rint(points.reshape(-1, 2, 2) * 16).astype(
+        int
+    )  # cv2.line takes sixteenths of a pixel
     mask = np.zeros((FRAME_HEIGHT, FRAME_WIDTH), np.uint8)
     for limb, (start, end), depth in zip(limbs, ends.tolist(), depths[::2], strict=True):
         width = 0.75 * camera.focal * (limb.start_radius + limb.end_radius) / depth
@@ -314,8 +359,8 @@ _SOFTNESS = 0.6  # lens blur on the person in pixels, as on the background
 class RenderedScene:
     """Rendering of the target of Su and Saint-Jore (2023): a person in clear view of every camera.
 
-    Every frame is a pure function of camera, time, strength and seed. The seed determines the clothes, the clouds, and
-    the start of the walk.
+    Every frame is a pure function of camera, time, strength and seed. The seed determines the
+    clothes, the clouds, and the start of the walk.
 
     Args:
         seed: Random seed, 0 or more.
@@ -334,8 +379,8 @@ class RenderedScene:
         Args:
             camera: Index of the camera, from 0 on: ground, ground, aerial in turn.
             time_s: Time in seconds.
-            strength: Strength of the perturbation in [0, 1]: 0 is a calm walk, 1 a sprint, with longer strides and with
-                motion blur along the direction of movement.
+            strength: Strength of the perturbation in [0, 1]: 0 is a calm walk, 1 a sprint, with
+                longer strides and with motion blur along the direction of movement.
 
         Returns:
             Frame of shape (FRAME_HEIGHT, FRAME_WIDTH, 3).
@@ -344,7 +389,9 @@ class RenderedScene:
         place, heading = _walk(time_s + self._start_s)
         limbs = pose(time_s + self._start_s, strength, place, heading, self._look)
         lit = 255 - np.rint(_SHADE * shadow(limbs, view)).astype(np.uint8)
-        picture = np.asarray(cv2.multiply(self.empty(camera), cv2.merge([lit] * 3), scale=1 / 255), np.uint8)
+        picture = np.asarray(
+            cv2.multiply(self.empty(camera), cv2.merge([lit] * 3), scale=1 / 255), np.uint8
+        )
         layer, corner = paint(limbs, view)
         layer = np.asarray(cv2.GaussianBlur(layer, (0, 0), _SOFTNESS), np.float32)
         if strength > 0:
@@ -362,7 +409,9 @@ class RenderedScene:
 
 
 def _walk(time_s: float) -> tuple[FloatArray, float]:
-    """Return the position on the ground in metres, shape (2,), and the heading in radians at a time."""
+    """Return the position on the ground in metres, shape (2,), and the heading in radians at a
+    time.
+    """
     angle = 2 * math.pi * time_s / _LAP_S
     place = np.array([_HALF_AXES[0] * math.cos(angle), _HALF_AXES[1] * math.sin(angle)])
     return place, math.atan2(_HALF_AXES[1] * math.cos(angle), -_HALF_AXES[0] * math.sin(angle))
@@ -381,7 +430,9 @@ def _direction(camera: Camera, place: FloatArray, heading: float) -> tuple[float
 def _smear(
     layer: NDArray[np.float32], corner: tuple[int, int], kernel: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], tuple[int, int]]:
-    """Blur the layer of the person by a movement. The layer grows by half the size of the kernel on every side."""
+    """Blur the layer of the person by a movement. The layer grows by half the size of the kernel on
+    every side.
+    """
     reach = kernel.shape[0] // 2
     wide = np.pad(layer, ((reach, reach), (reach, reach), (0, 0)))
     blurred = cv2.filter2D(wide, -1, kernel, borderType=cv2.BORDER_CONSTANT)

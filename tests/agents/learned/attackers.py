@@ -24,18 +24,32 @@ MODEL = ModelCard(name="role-trust", parameters={"lam": 0.5, "initial": 0.5})
 
 
 def attacker_of(
-    agents=("sp_2",), scenario="paper-3x3", *, lstm=0, hidden=(8,), heads=(), knowledge="black_box", seed=0, **rules
+    agents=("sp_2",),
+    scenario="paper-3x3",
+    *,
+    lstm=0,
+    hidden=(8,),
+    heads=(),
+    knowledge="black_box",
+    seed=0,
+    **rules,
 ):
     """An attacker that has learned nothing: its weights are random."""
     rules = make_scenario(scenario).change(noise=0.0, max_cycles=12, **rules)
     task = TaskCard(
-        id="RoleTrust/Test-v0", compromised=agents, objective="damage", stealth=Price(), knowledge=knowledge
+        id="RoleTrust/Test-v0",
+        compromised=agents,
+        objective="damage",
+        stealth=Price(),
+        knowledge=knowledge,
     )
     made = task_from_card(task, MODEL, rules)
     k = observed(made)
     shape = Architecture(inputs=k, outputs=made.action_size, hidden=hidden, lstm=lstm, heads=heads)
     rng = np.random.default_rng(seed)
-    weights = {name: rng.standard_normal(size).astype(np.float32) for name, size in shape.shapes().items()}
+    weights = {
+        name: rng.standard_normal(size).astype(np.float32) for name, size in shape.shapes().items()
+    }
     network = Network(shape, np.full(k, 0.5, np.float32), np.full(k, 0.1, np.float32), weights)
     card = Card(
         package_version="0",
@@ -62,7 +76,11 @@ def observed(task: AttackTask) -> int:
 
 def files_of(attacker):
     files = {}
-    save_attacker(attacker, __import__("pathlib").Path("x"), lambda path, data: files.__setitem__(path.suffix, data))
+    save_attacker(
+        attacker,
+        __import__("pathlib").Path("x"),
+        lambda path, data: files.__setitem__(path.suffix, data),
+    )
     return files[".json"], files[".safetensors"]
 
 

@@ -17,7 +17,8 @@ from roletrust_env.game.views import view_of
 from roletrust_env.testing.attacks import check_games
 
 NETWORK = DeepSet.unflatten(
-    DeepSetArchitecture(units=4), random_weights(DeepSetArchitecture(units=4), np.random.default_rng(0))
+    DeepSetArchitecture(units=4),
+    random_weights(DeepSetArchitecture(units=4), np.random.default_rng(0)),
 )
 WIDE = DeepSet.unflatten(
     DeepSetArchitecture.of(4, wide=True),
@@ -25,13 +26,21 @@ WIDE = DeepSet.unflatten(
 )
 WORLD = {
     "max_cycles": 12,
-    "agents": [{"role": "SR", "count": 4, "noise": 0.1}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
+    "agents": [
+        {"role": "SR", "count": 4, "noise": 0.1},
+        {"role": "SP", "count": 3, "ability": [0.3, 1.0]},
+    ],
 }
 
 
 def task_of(*compromised, **changes):
     return make_task(
-        "market", compromised, objective="mislead", trust_model="beta", like=np.zeros(()), **{**WORLD, **changes}
+        "market",
+        compromised,
+        objective="mislead",
+        trust_model="beta",
+        like=np.zeros(()),
+        **{**WORLD, **changes},
     )
 
 
@@ -48,7 +57,8 @@ def played(task, attacker, batch=(3,)):
 
 
 def test_raters_that_see_the_same_lie_as_one_mind_does():
-    """Without noise and losses all raters perceive the same, and those that lie alike have the same trust."""
+    """Without noise and losses all raters perceive the same, and those that lie alike have the same
+    trust."""
     team = ("sr_1", "sr_2", "sr_3")
     task = task_of(*team, noise=0.0, access={"kind": "everyone"}, ratings={})
     one = played(task, CoalitionAttacker(NETWORK))
@@ -100,7 +110,10 @@ def test_a_wide_provider_treats_raters_and_a_wide_rater_is_silent_as_a_coalition
 
 def test_raters_praise_their_accomplices_and_the_names_of_these_count():
     scenario = load_attacker("universal-coalition").card.scenario
-    texts = [f"{who}=learned:path=universal-coalition,accomplices=[sp_7,sp_8,sp_9]" for who in ("sr_[7-9]", "sp_[7-9]")]
+    texts = [
+        f"{who}=learned:path=universal-coalition,accomplices=[sp_7,sp_8,sp_9]"
+        for who in ("sr_[7-9]", "sp_[7-9]")
+    ]
     policies, game = parse_attacks(texts, scenario), Game(scenario, "beta")
     assert set(policies) == {f"{role}_{place}" for role in ("sr", "sp") for place in (7, 8, 9)}
     history = record(JointPolicy(game, policies), game.random(0), (20,))
@@ -110,15 +123,22 @@ def test_raters_praise_their_accomplices_and_the_names_of_these_count():
 
 
 def reward(name, attacker):
-    """Return the mean reward of an attacker, or of members of a coalition, in the task of a saved coalition."""
+    """Return the mean reward of an attacker, or of members of a coalition, in the task of a saved
+    coalition."""
     card = load_attacker(name).card
-    task = make_task(card.scenario, card.task.compromised, objective="mislead", trust_model="beta", like=np.zeros(()))
+    task = make_task(
+        card.scenario,
+        card.task.compromised,
+        objective="mislead",
+        trust_model="beta",
+        like=np.zeros(()),
+    )
     if isinstance(attacker, Policy):
         attacker = Scripted(dict.fromkeys(card.task.compromised, attacker))
     return np.mean(mean_rewards(task, attacker, 0, (1, 40), HELD_OUT))
 
 
-def test_raters_lose_little_by_silence_among_them_and_cheats_that_see_only_their_own_trust_lose_much():
+def test_raters_lose_little_by_silence_among_them_and_cheats_that_see_only_their_own_trust_lose_much():  # noqa: E501
     for name, accomplices, least, most in (
         ("universal-raters", (), 0.9, 1.1),
         ("universal-coalition", (7, 8, 9), 0.1, 0.4),
@@ -136,8 +156,13 @@ def test_raters_lose_little_by_silence_among_them_and_cheats_that_see_only_their
 def test_each_game_of_a_batch_is_played_as_it_is_alone_and_on_torch_as_on_numpy(policy):
     check_games(policy)
     scenario = make_scenario("crowd-10x10").change(max_cycles=10, noise=0.0)
-    games = [Game(scenario, like=like) for like in (np.zeros(()), torch.zeros((), dtype=torch.float64))]
-    one, other = (record(JointPolicy(game, {"sr_9": policy, "sr_8": policy}), game.random(0)) for game in games)
+    games = [
+        Game(scenario, like=like) for like in (np.zeros(()), torch.zeros((), dtype=torch.float64))
+    ]
+    one, other = (
+        record(JointPolicy(game, {"sr_9": policy, "sr_8": policy}), game.random(0))
+        for game in games
+    )
     np.testing.assert_allclose(one.ratings, np.asarray(other.ratings), rtol=0, atol=1e-9)
 
 

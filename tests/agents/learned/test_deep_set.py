@@ -31,13 +31,18 @@ def slow(net, features):
         return sum(matrix[row][i] * values[i] for i in range(len(values)))
 
     first = [
-        [np.tanh(dot(w["layer0.weight"], u, features[:, i]) + w["layer0.bias"][u]) for u in units] for i in range(p)
+        [np.tanh(dot(w["layer0.weight"], u, features[:, i]) + w["layer0.bias"][u]) for u in units]
+        for i in range(p)
     ]
     mean = [sum(first[i][u] for i in range(p)) / p for u in units]
     result = np.zeros((2, p))
     for i in range(p):
         second = [
-            np.tanh(dot(w["layer1.weight"], u, first[i]) + dot(w["layer1.mean"], u, mean) + w["layer1.bias"][u])
+            np.tanh(
+                dot(w["layer1.weight"], u, first[i])
+                + dot(w["layer1.mean"], u, mean)
+                + w["layer1.bias"][u]
+            )
             for u in units
         ]
         lie, quality, gate = (
@@ -45,7 +50,11 @@ def slow(net, features):
             + 0.5
             * np.tanh(
                 3
-                * (dot(w["layer2.weight"], k, second) + dot(w["layer2.skip"], k, features[:, i]) + w["layer2.bias"][k])
+                * (
+                    dot(w["layer2.weight"], k, second)
+                    + dot(w["layer2.skip"], k, features[:, i])
+                    + w["layer2.bias"][k]
+                )
             )
             for k in range(3)
         )
@@ -61,7 +70,9 @@ def test_it_decides_as_the_loops_do(providers):
 
 def accounts(*shape):
     random = np.random.default_rng(3)
-    return random.uniform(-1, 1, (len(ACCOUNT_FEATURES), 4, *shape)), random.uniform(-1, 1, (len(FEATURES), *shape))
+    return random.uniform(-1, 1, (len(ACCOUNT_FEATURES), 4, *shape)), random.uniform(
+        -1, 1, (len(FEATURES), *shape)
+    )
 
 
 def test_treatment_and_silence_are_those_of_the_loops():
@@ -70,11 +81,17 @@ def test_treatment_and_silence_are_those_of_the_loops():
     for s in range(4):
         for i in range(2):
             z, x = of_raters[:, s, i], of_providers[:, i]
-            hidden = np.tanh(w["treatment0.weight"] @ z + w["treatment0.provider"] @ x + w["treatment0.bias"])
-            linear = w["treatment1.weight"] @ hidden + w["treatment1.skip"] @ z + w["treatment1.bias"]
+            hidden = np.tanh(
+                w["treatment0.weight"] @ z + w["treatment0.provider"] @ x + w["treatment0.bias"]
+            )
+            linear = (
+                w["treatment1.weight"] @ hidden + w["treatment1.skip"] @ z + w["treatment1.bias"]
+            )
             assert found[s, i] == pytest.approx(0.5 + 0.5 * np.tanh(3 * linear[0]), abs=1e-12)
     order = [2, 0, 3, 1]  # the same rule for all raters
-    np.testing.assert_allclose(wide.treatment(of_raters[:, order], of_providers), found[order], atol=1e-12)
+    np.testing.assert_allclose(
+        wide.treatment(of_raters[:, order], of_providers), found[order], atol=1e-12
+    )
     features = np.random.default_rng(1).uniform(-1, 1, (len(FEATURES), 5))
     narrow = DeepSet(SMALL, {name: w[name] for name in SMALL.shapes()})
     silent = DeepSet(
@@ -103,9 +120,19 @@ def test_wide_networks_side_by_side_and_on_torch_decide_as_each_alone():
 
 def test_a_widened_network_begins_as_the_network_plays():
     team = ("sr_8", "sr_9", "sp_9")
-    task = make_task("crowd-10x10", team, objective="mislead", max_cycles=12, like=np.zeros(()), consumers="raters")
+    task = make_task(
+        "crowd-10x10",
+        team,
+        objective="mislead",
+        max_cycles=12,
+        like=np.zeros(()),
+        consumers="raters",
+    )
     first, *others = widened(network())
-    plays = [mean_rewards(task, CoalitionAttacker(one), 0, (1, 6), SEARCHED)[0] for one in (network(), first, *others)]
+    plays = [
+        mean_rewards(task, CoalitionAttacker(one), 0, (1, 6), SEARCHED)[0]
+        for one in (network(), first, *others)
+    ]
     np.testing.assert_allclose(plays[1], plays[0], atol=0.01)
     assert max(abs(play - plays[0]).max() for play in plays[2:]) > 0.001
     assert widened(first) == [first]
@@ -114,7 +141,9 @@ def test_a_widened_network_begins_as_the_network_plays():
 def test_it_treats_all_providers_alike():
     features = np.random.default_rng(1).uniform(-1, 1, (len(FEATURES), 5, 4))
     order = [3, 1, 4, 0, 2]
-    assert np.allclose(network().decide(features[:, order]), network().decide(features)[:, order], atol=1e-12)
+    assert np.allclose(
+        network().decide(features[:, order]), network().decide(features)[:, order], atol=1e-12
+    )
 
 
 def test_networks_side_by_side_decide_as_each_alone():
@@ -125,8 +154,12 @@ def test_networks_side_by_side_decide_as_each_alone():
     assert np.array_equal(together.flatten(), vectors)
     for k in range(3):
         one = network(k)
-        assert np.allclose(together.decide(features)[:, :, k], one.decide(features[:, :, k]), atol=1e-12)
-        assert np.array_equal(together.presence(of_identities)[:, k], one.presence(of_identities[:, :, k]))
+        assert np.allclose(
+            together.decide(features)[:, :, k], one.decide(features[:, :, k]), atol=1e-12
+        )
+        assert np.array_equal(
+            together.presence(of_identities)[:, k], one.presence(of_identities[:, :, k])
+        )
 
 
 def test_torch_decides_as_numpy_does():
@@ -166,7 +199,9 @@ def test_weights_that_do_not_fit_are_refused():
 def test_one_network_plays_every_task(preset, compromised, objective):
     task = make_task(preset, compromised, objective=objective, max_cycles=10, like=np.zeros(()))
     vectors = np.stack([vector(seed) for seed in range(3)])
-    together = mean_rewards(task, CoalitionAttacker(DeepSet.unflatten(SMALL, vectors)), 0, (3, 4), SEARCHED)[0]
+    together = mean_rewards(
+        task, CoalitionAttacker(DeepSet.unflatten(SMALL, vectors)), 0, (3, 4), SEARCHED
+    )[0]
     for k in range(3):
         alone = mean_rewards(task, CoalitionAttacker(network(k)), 0, (1, 4), SEARCHED)[0]
         assert np.allclose(alone[0], together[k], atol=1e-9)
@@ -186,5 +221,7 @@ def test_it_calls_identities_in_reserve():
         weights = {key: 0 * weight for key, weight in network().weights.items()}
         weights["presence1.bias"] = np.asarray([sign])
         weights["layer2.bias"] = np.asarray([-5.0, 0.0, 5.0])  # the worst ratings
-        vectors[name] = mean_rewards(task, CoalitionAttacker(DeepSet(SMALL, weights)), 0, (1, 4), SEARCHED)[0].mean()
+        vectors[name] = mean_rewards(
+            task, CoalitionAttacker(DeepSet(SMALL, weights)), 0, (1, 4), SEARCHED
+        )[0].mean()
     assert vectors["calls"] > vectors["leaves"]

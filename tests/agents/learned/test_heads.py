@@ -1,4 +1,5 @@
-"""Networks of several heads: their forward pass output by output, their files, and what of them is refused."""
+"""Networks of several heads: their forward pass output by output, their files, and what of them is
+refused."""
 
 import numpy as np
 import pytest
@@ -28,10 +29,16 @@ def test_the_forward_pass_is_that_of_each_output():
         for k, (output, places) in enumerate(zip(head.outputs, head.sees, strict=True)):
             for game in range(3):
                 y = np.array([x[place, game] for place in places])
-                y = np.tanh(w[f"head{h}.layer0.weight"] @ y + w[f"head{h}.layer0.bias"] + w[f"head{h}.own"][k])
+                y = np.tanh(
+                    w[f"head{h}.layer0.weight"] @ y
+                    + w[f"head{h}.layer0.bias"]
+                    + w[f"head{h}.own"][k]
+                )
                 y = np.tanh(w[f"head{h}.layer1.weight"] @ y + w[f"head{h}.layer1.bias"])
                 y = w[f"head{h}.layer2.weight"] @ y + w[f"head{h}.layer2.bias"]
-                assert action[output, game] == pytest.approx(np.clip(y[0], -1, 1) / 2 + 0.5, abs=1e-6)
+                assert action[output, game] == pytest.approx(
+                    np.clip(y[0], -1, 1) / 2 + 0.5, abs=1e-6
+                )
 
 
 def test_batches_of_any_shape_and_torch():
@@ -48,13 +55,18 @@ def test_what_is_saved_is_what_is_loaded():
     saved = coalition()
     loaded = parse_attacker(*files_of(saved))
     assert loaded.card == saved.card
-    scores = [play_task(saved.task(), attacker.network, games=2, seed=0) for attacker in (saved, loaded)]
+    scores = [
+        play_task(saved.task(), attacker.network, games=2, seed=0) for attacker in (saved, loaded)
+    ]
     assert scores[0].tolist() == scores[1].tolist()
 
 
 def test_files_from_before_there_were_heads_load():
     attacker = attacker_of()
-    assert parse_attacker(*changed(attacker, lambda said: said["architecture"].pop("heads"))).card == attacker.card
+    assert (
+        parse_attacker(*changed(attacker, lambda said: said["architecture"].pop("heads"))).card
+        == attacker.card
+    )
 
 
 def first(said):
@@ -72,7 +84,9 @@ CHANGES = {
     "must be an integer": lambda said: first(said)["sees"][0].__setitem__(0, 1.5),
     "no LSTM": lambda said: said["architecture"].update(lstm=4),
     "hidden layers and": lambda said: said["architecture"].update(hidden=[]),
-    "multiplications": lambda said: said["architecture"].update(hidden=[4096, 4096, 4096, 4096, 4096]),
+    "multiplications": lambda said: said["architecture"].update(
+        hidden=[4096, 4096, 4096, 4096, 4096]
+    ),
     "the architecture has": lambda said: said["architecture"].update(heads=[]),
     "of shape": lambda said: said["architecture"].update(hidden=[5, 5]),
     "own": lambda said: said["architecture"]["heads"].reverse(),

@@ -17,10 +17,17 @@ from roletrust_env.game.views import AgentView
 def test_what_is_saved_is_what_is_loaded(tmp_path):
     saved = attacker_of(("sr_2",), lstm=4)
     save_attacker(saved, tmp_path / "attacker", lambda path, data: path.write_bytes(data))
-    for path in (tmp_path, tmp_path / "attacker", tmp_path / "attacker.json", tmp_path / "attacker.safetensors"):
+    for path in (
+        tmp_path,
+        tmp_path / "attacker",
+        tmp_path / "attacker.json",
+        tmp_path / "attacker.safetensors",
+    ):
         loaded = load_attacker(path)
         assert loaded.card == saved.card
-        assert all((loaded.network.weights[name] == w).all() for name, w in saved.network.weights.items())
+        assert all(
+            (loaded.network.weights[name] == w).all() for name, w in saved.network.weights.items()
+        )
 
 
 @pytest.mark.parametrize("agent", ["sp_2", "sr_1"])
@@ -37,14 +44,19 @@ def test_the_policy_plays_as_the_attacker_does_in_its_task(agent, lstm):
 def test_the_policy_plays_in_a_pettingzoo_game_as_in_a_batch():
     attacker = attacker_of(("sr_1",), lstm=4)
     env = parallel_env(attacker.card.scenario)
-    policies = {name: learned_policy(attacker) if name == "sr_1" else Policy() for name in env.possible_agents}
+    policies = {
+        name: learned_policy(attacker) if name == "sr_1" else Policy()
+        for name in env.possible_agents
+    }
     players = {name: Player(policy, name, env.layout) for name, policy in policies.items()}
     seen, _ = env.reset(seed=0)
     damage = []
     while env.agents:
         seen, _, _, _, infos = env.step({name: players[name](seen[name]) for name in env.agents})
         damage.append(np.mean([1 - infos[f"sp_{j}"]["trust"] for j in range(3)]))
-    assert np.mean(damage) == pytest.approx(play_task(attacker.task(), attacker.network, games=1, seed=0)[0], abs=1e-6)
+    assert np.mean(damage) == pytest.approx(
+        play_task(attacker.task(), attacker.network, games=1, seed=0)[0], abs=1e-6
+    )
 
 
 def test_it_plays_on_torch_and_several_agents_share_it():
@@ -70,14 +82,18 @@ def test_an_agent_with_both_roles_decides_on_both_at_once():
     observation = np.random.default_rng(0).random((attacker.card.architecture.inputs, 5))
     view = attacker.layout.both(observation)
     flat = attacker.layout.flatten_both(AgentView(*view))
-    quality, ratings, memory = policy.both(view, policy.begin(Random(np.random.default_rng(0)), (5,)), None)
+    quality, ratings, memory = policy.both(
+        view, policy.begin(Random(np.random.default_rng(0)), (5,)), None
+    )
     action, after = attacker.network(flat, attacker.network.begin(flat[0]))
     assert np.allclose(quality, action[0])
     assert np.allclose(ratings, action[1:])
     assert np.allclose(memory, after)
 
 
-@pytest.mark.skipif(not hasattr(Policy, "both"), reason="joint_policies do not ask both roles at once yet")
+@pytest.mark.skipif(
+    not hasattr(Policy, "both"), reason="joint_policies do not ask both roles at once yet"
+)
 @pytest.mark.parametrize("lstm", [0, 4])
 def test_an_agent_with_both_roles_plays_as_in_its_task(lstm):
     attacker = attacker_of(("srsp_5",), "peers", lstm=lstm)
@@ -93,17 +109,25 @@ def test_the_forward_pass_is_that_of_torch():
     network = attacker_of(("sr_0",), lstm=5, hidden=(7, 6)).network
     lstm = torch.nn.LSTM(network.architecture.inputs, 5)
     with torch.no_grad():
-        for name, weight in (("weight_ih_l0", "input"), ("weight_hh_l0", "hidden"), ("bias_ih_l0", "bias")):
+        for name, weight in (
+            ("weight_ih_l0", "input"),
+            ("weight_hh_l0", "hidden"),
+            ("bias_ih_l0", "bias"),
+        ):
             getattr(lstm, name).copy_(torch.as_tensor(network.weights[f"lstm.{weight}"]))
         lstm.bias_hh_l0.zero_()
-        seen = np.random.default_rng(0).random((4, network.architecture.inputs, 3)).astype(np.float32)
+        seen = (
+            np.random.default_rng(0).random((4, network.architecture.inputs, 3)).astype(np.float32)
+        )
         memory = network.begin(seen[0, 0])
         for row in seen:
             played, memory = network(row, memory)
         x = torch.as_tensor((seen - 0.5) / np.sqrt(np.float32(0.1))).clamp(-10, 10).swapaxes(1, 2)
         x = lstm(x)[0][-1]
         for i in range(3):
-            w, b = (torch.as_tensor(network.weights[f"layer{i}.{part}"]) for part in ("weight", "bias"))
+            w, b = (
+                torch.as_tensor(network.weights[f"layer{i}.{part}"]) for part in ("weight", "bias")
+            )
             x = x @ w.T + b
             x = torch.tanh(x) if i < 2 else x.clamp(-1, 1)
     assert np.allclose(played, x.numpy().T / 2 + 0.5, atol=1e-5)
@@ -112,7 +136,9 @@ def test_the_forward_pass_is_that_of_torch():
 def test_honest_play_is_the_scripted_one():
     attacker = attacker_of(("sr_0", "sp_1"))
     history = record(
-        JointPolicy(attacker.task().game, {}), Random(np.random.default_rng(0), np.zeros((), np.float32)), (2,)
+        JointPolicy(attacker.task().game, {}),
+        Random(np.random.default_rng(0), np.zeros((), np.float32)),
+        (2,),
     )
     honest = (1 - history.top[:, [0, 2]]).mean(axis=(0, 1))
     assert np.allclose(play_task(attacker.task(), None, games=2, seed=0), honest, atol=1e-6)
@@ -132,14 +158,19 @@ def test_white_box_attackers_are_saved_too():
 
 
 def test_a_game_of_another_size_is_refused():
-    joint_policy = JointPolicy(Game(make_scenario("crowd-10x10")), {"sp_2": learned_policy(attacker_of())})
+    joint_policy = JointPolicy(
+        Game(make_scenario("crowd-10x10")), {"sp_2": learned_policy(attacker_of())}
+    )
     with pytest.raises(ValueError, match="trained with 3 raters and 3 providers"):
         record(joint_policy, Random(np.random.default_rng(0)))
 
 
 def test_in_a_longer_game_its_clock_stands_still():
     policy = learned_policy(attacker_of())
-    history = record(JointPolicy(Game(make_scenario("paper-3x3")), {"sp_2": policy}), Random(np.random.default_rng(0)))
+    history = record(
+        JointPolicy(Game(make_scenario("paper-3x3")), {"sp_2": policy}),
+        Random(np.random.default_rng(0)),
+    )
     assert history.quality.shape[0] == make_scenario("paper-3x3").max_cycles
 
 
@@ -216,7 +247,11 @@ def test_missing_files_and_other_weights_are_refused(tmp_path):
     with pytest.raises(ValueError, match="there is no file"):
         load_attacker(tmp_path / "nobody")
     with pytest.raises(ValueError, match="belongs to other weights"):
-        save_attacker(replace(attacker, network=attacker_of(seed=1).network), tmp_path / "x", lambda path, data: None)
+        save_attacker(
+            replace(attacker, network=attacker_of(seed=1).network),
+            tmp_path / "x",
+            lambda path, data: None,
+        )
     save_attacker(attacker, tmp_path / "x", lambda path, data: path.write_bytes(data))
     (tmp_path / "x.safetensors").write_bytes(files_of(attacker_of(seed=1))[1])
     with pytest.raises(ValueError, match="x: the digest of the weights differs"):
@@ -247,7 +282,9 @@ def test_damaged_files_are_refused_or_load_as_what_they_are(sealed):
     text, data = files_of(attacker)
     outcomes = {"refused": 0, "loaded": 0}
     for case in range(400):
-        hurt, weights = (damaged(rng, text), data) if case % 2 and not sealed else (text, damaged(rng, data))
+        hurt, weights = (
+            (damaged(rng, text), data) if case % 2 and not sealed else (text, damaged(rng, data))
+        )
         if sealed:
             hurt = text.replace(attacker.card.weights_sha256.encode(), digest(weights).encode())
         try:
@@ -256,7 +293,9 @@ def test_damaged_files_are_refused_or_load_as_what_they_are(sealed):
             outcomes["refused"] += 1
             continue
         outcomes["loaded"] += 1
-        assert loaded.card.model_dump(mode="json") == Card.model_validate_json(hurt).model_dump(mode="json")
+        assert loaded.card.model_dump(mode="json") == Card.model_validate_json(hurt).model_dump(
+            mode="json"
+        )
         action, _ = loaded.network(np.zeros((loaded.card.architecture.inputs, 2)))
         assert ((action >= 0) & (action <= 1)).all()
     assert outcomes["refused"] > 100
@@ -271,6 +310,14 @@ def test_loading_runs_no_code_and_opens_no_other_file():
     sys.addaudithook(lambda event, _: events.append(event) if watching else None)
     loaded = parse_attacker(*files)
     watching = False
-    assert not {"import", "exec", "compile", "open", "pickle.find_class", "os.system", "subprocess.Popen"} & set(events)
+    assert not {
+        "import",
+        "exec",
+        "compile",
+        "open",
+        "pickle.find_class",
+        "os.system",
+        "subprocess.Popen",
+    } & set(events)
     with pytest.raises(ValueError, match="evil-plug-in"):
         loaded.task()

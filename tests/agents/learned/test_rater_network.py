@@ -11,9 +11,22 @@ pytest.importorskip("safetensors")
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roletrust_agents.learned.rater_network import SHAPES, SIZE, UNITS, RaterNetworkTrust, split, start_weights
+from roletrust_agents.learned.rater_network import (
+    SHAPES,
+    SIZE,
+    UNITS,
+    RaterNetworkTrust,
+    split,
+    start_weights,
+)
 from roletrust_agents.learned.saved import digest
-from roletrust_agents.learned.saved_defence import DefenceCard, SavedTrust, load_defence, save_defence, weights_bytes
+from roletrust_agents.learned.saved_defence import (
+    DefenceCard,
+    SavedTrust,
+    load_defence,
+    save_defence,
+    weights_bytes,
+)
 from roletrust_env.testing import check_trust_model
 from roletrust_env.trust import Ratings
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
@@ -48,12 +61,19 @@ def one_round(ratings, mask, vector):
     for i, j in met:
         of = [distance[k, h] for k, h in met if h == j]
         y = np.array(
-            [4 * (ratings[i][j] - view[i, j]), distance[i, j], ratings[i][j] - initial, voice, sum(of) / len(of)]
+            [
+                4 * (ratings[i][j] - view[i, j]),
+                distance[i, j],
+                ratings[i][j] - initial,
+                voice,
+                sum(of) / len(of),
+            ]
         )
         pair[i, j] = np.tanh(w["pair.weight"] @ y + w["pair.bias"])
     mass = [sum(evidence[i, j] for j in providers if (i, j) in pair) for i in raters]
     own = [
-        sum((evidence[i, j] * pair[i, j] for j in providers if (i, j) in pair), np.zeros(UNITS)) / (mass[i] + 1e-30)
+        sum((evidence[i, j] * pair[i, j] for j in providers if (i, j) in pair), np.zeros(UNITS))
+        / (mass[i] + 1e-30)
         for i in raters
     ]
     mean = sum(m * u for m, u in zip(mass, own, strict=True)) / (sum(mass) + 1e-30)
@@ -65,7 +85,11 @@ def one_round(ratings, mask, vector):
         near = sum(evidence[i, j] * (1 - distance[i, j] / 4) for j in providers if (i, j) in pair)
         agreement = (doubt + near) / (1 + mass[i])
         hidden = np.tanh(w["rater.weight"] @ own[i] + w["rater.mean"] @ mean + w["rater.bias"])
-        said = w["trust.weight"] @ hidden + w["trust.agreement"][0] * (agreement - 1) + w["trust.bias"][0]
+        said = (
+            w["trust.weight"] @ hidden
+            + w["trust.agreement"][0] * (agreement - 1)
+            + w["trust.bias"][0]
+        )
         found.append(agreement**power / (1 + math.exp(-3 - 4 * said)))
     return found
 
@@ -78,7 +102,9 @@ def test_a_round_is_that_of_the_formulas(seed, raters, providers):
     vector = some_weights(seed)
     model = model_of(vector)
     state = model.update(model.start(ratings), Ratings(ratings, mask))
-    np.testing.assert_allclose(model.rater_trust(state), one_round(ratings, mask, vector), rtol=1e-9)
+    np.testing.assert_allclose(
+        model.rater_trust(state), one_round(ratings, mask, vector), rtol=1e-9
+    )
 
 
 def test_it_keeps_the_rules_of_trust_models():
@@ -102,7 +128,10 @@ def test_it_begins_as_leave_one_out():
     rng = np.random.default_rng(0)
     ratings = rng.random((6, 4, 3))
     network, plain = model_of(start_weights()), LeaveOneOut()
-    pairs = [(model, model.update(model.start(ratings), Ratings(ratings, ratings >= 0))) for model in (network, plain)]
+    pairs = [
+        (model, model.update(model.start(ratings), Ratings(ratings, ratings >= 0)))
+        for model in (network, plain)
+    ]
     seen, expected = (model.rater_trust(state) for model, state in pairs)
     np.testing.assert_allclose(seen, expected / (1 + math.exp(-3)))
     np.testing.assert_allclose(*(model.provider_trust(state) for model, state in pairs), atol=0.01)
@@ -118,7 +147,13 @@ def test_other_weights_are_refused(wrong):
 
 
 def card_of(vector, **changes):
-    fields = {"package_version": "0", "conditions": ("crowd",), "iteration": 1, "seed": 0, "settings": {"steps": 2}}
+    fields = {
+        "package_version": "0",
+        "conditions": ("crowd",),
+        "iteration": 1,
+        "seed": 0,
+        "settings": {"steps": 2},
+    }
     fields["parameters"] = {"power": 3.0}
     return DefenceCard(**{**fields, "weights_sha256": digest(weights_bytes(vector)), **changes})
 
@@ -126,7 +161,9 @@ def card_of(vector, **changes):
 @pytest.fixture
 def saved(tmp_path):
     vector = some_weights()
-    save_defence(vector, card_of(vector), tmp_path / "network", lambda path, data: path.write_bytes(data))
+    save_defence(
+        vector, card_of(vector), tmp_path / "network", lambda path, data: path.write_bytes(data)
+    )
     return tmp_path / "network", vector
 
 
@@ -174,7 +211,9 @@ def test_a_path_without_files_is_said_in_one_line(path, message):
 
 def test_other_weights_than_those_of_the_card_are_not_written(tmp_path):
     with pytest.raises(ValueError, match="belongs to other weights"):
-        save_defence(some_weights(1), card_of(some_weights(2)), tmp_path / "network", lambda path, data: None)
+        save_defence(
+            some_weights(1), card_of(some_weights(2)), tmp_path / "network", lambda path, data: None
+        )
 
 
 def rewrite(path, **changes):
@@ -185,7 +224,11 @@ def rewrite(path, **changes):
 def replace_weights(path, **changes):
     from safetensors.numpy import save
 
-    parts = {name: part for name, part in {**split(some_weights()), **changes}.items() if part is not None}
+    parts = {
+        name: part
+        for name, part in {**split(some_weights()), **changes}.items()
+        if part is not None
+    }
     path.with_suffix(".safetensors").write_bytes(save(parts))
     rewrite(path, weights_sha256=digest(path.with_suffix(".safetensors").read_bytes()))
 
@@ -207,9 +250,18 @@ def replace_weights(path, **changes):
         (lambda path: replace_weights(path, more=np.zeros(1)), "the architecture has"),
         (lambda path: replace_weights(path, **{"pair.bias": None}), "the architecture has"),
         (lambda path: replace_weights(path, **{"pair.bias": np.zeros(3)}), "pair.bias"),
-        (lambda path: replace_weights(path, **{"pair.bias": np.zeros(UNITS, np.float32)}), "float32"),
-        (lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, np.nan)}), r"entries outside \[-1e\+06"),
-        (lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, 1e39)}), "has entries outside"),
+        (
+            lambda path: replace_weights(path, **{"pair.bias": np.zeros(UNITS, np.float32)}),
+            "float32",
+        ),
+        (
+            lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, np.nan)}),
+            r"entries outside \[-1e\+06",
+        ),
+        (
+            lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, 1e39)}),
+            "has entries outside",
+        ),
         (lambda path: rewrite(path, iteration=0), "iteration is 0"),
     ],
 )
@@ -223,4 +275,6 @@ def test_a_hostile_file_is_refused(saved, spoil, message):
 def test_every_weight_has_a_place():
     parts = split(np.arange(float(SIZE)))
     assert {name: part.shape for name, part in parts.items()} == dict(SHAPES)
-    assert np.array_equal(np.concatenate([part.reshape(-1) for part in parts.values()]), np.arange(SIZE))
+    assert np.array_equal(
+        np.concatenate([part.reshape(-1) for part in parts.values()]), np.arange(SIZE)
+    )

@@ -1,4 +1,5 @@
-"""A model of Stable-Baselines3 at play, by one call: as a policy, and as an attacker of several agents."""
+"""A model of Stable-Baselines3 at play, by one call: as a policy, and as an attacker of several
+agents."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,16 @@ from stable_baselines3 import A2C, PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
 from roletrust_agents.learned import attacker_of, policy_of
-from roletrust_env import AttackVecEnv, Game, JointPolicy, Player, Policy, make_task, parallel_env, record
+from roletrust_env import (
+    AttackVecEnv,
+    Game,
+    JointPolicy,
+    Player,
+    Policy,
+    make_task,
+    parallel_env,
+    record,
+)
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, mean_rewards
 
@@ -59,7 +69,9 @@ def test_policy_and_attacker_play_as_the_model_does_in_its_environment(kind, opt
     task = one(agent)
     model = trained(task, kind, **options)
     expected = reward_in_training_env(model, task)[0]  # no noise: all games are alike
-    by_policy = mean_rewards(task, Scripted({agent: policy_of(model, task)}), 0, (1, 2), HELD_OUT)[0]
+    by_policy = mean_rewards(task, Scripted({agent: policy_of(model, task)}), 0, (1, 2), HELD_OUT)[
+        0
+    ]
     as_one = mean_rewards(task, attacker_of(model, task), 0, (1, 2), HELD_OUT)[0]
     assert by_policy == pytest.approx(np.full((1, 2), expected), abs=1e-5)
     assert as_one == pytest.approx(by_policy, abs=1e-6)
@@ -73,11 +85,17 @@ def test_the_policy_plays_in_a_joint_policy_on_torch_and_in_pettingzoo():
     exact = Game(task.game.scenario, "role-trust")
     histories = [
         record(JointPolicy(game, {"sr_2": policy}), game.random(0), (2,))
-        for game in (exact, Game(task.game.scenario, "role-trust", torch.zeros((), dtype=torch.float64)))
+        for game in (
+            exact,
+            Game(task.game.scenario, "role-trust", torch.zeros((), dtype=torch.float64)),
+        )
     ]
     assert np.asarray(histories[1].top) == pytest.approx(histories[0].top, abs=1e-5)
     env = parallel_env(task.game.scenario)
-    players = {name: Player(policy if name == "sr_2" else Policy(), name, env.layout) for name in env.possible_agents}
+    players = {
+        name: Player(policy if name == "sr_2" else Policy(), name, env.layout)
+        for name in env.possible_agents
+    }
     seen, _ = env.reset(seed=0)
     for top in histories[0].top[:, :, 0]:
         seen, *_, infos = env.step({name: players[name](seen[name]) for name in env.agents})
@@ -103,7 +121,9 @@ def test_what_is_no_policy_of_one_agent_is_refused():
 
 def test_what_is_no_model_of_the_task_is_refused():
     model = trained(one("sp_2"))
-    with pytest.raises(ValueError, match="model is None; it must be a trained model of Stable-Baselines3"):
+    with pytest.raises(
+        ValueError, match="model is None; it must be a trained model of Stable-Baselines3"
+    ):
         policy_of(None, one())
     with pytest.raises(ValueError, match=r"the model observes Box.*; the task shows Box"):
         attacker_of(model, one("sr_2"))
@@ -113,5 +133,7 @@ def test_a_game_of_another_size_is_refused_in_one_line():
     task = one("sp_2")
     policy = policy_of(trained(task), task)
     larger = make_task("crowd-10x10", ("sp_2",), **SHORT).game
-    with pytest.raises(ValueError, match="trained with 3 raters and 3 providers, and can play only with as many"):
+    with pytest.raises(
+        ValueError, match="trained with 3 raters and 3 providers, and can play only with as many"
+    ):
         record(JointPolicy(larger, {"sp_2": policy}), larger.random(0))

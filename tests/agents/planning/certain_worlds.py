@@ -6,11 +6,14 @@ from roletrust_env import Actions, Game, Random, Scenario, make_scenario
 
 
 def certain(rounds: int, **changes) -> Scenario:
-    return make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=rounds, **changes)
+    return make_scenario("paper-3x3").change(
+        noise=0.0, perturbations=(), max_cycles=rounds, **changes
+    )
 
 
 def play(scenario: Scenario, quality, lies=None, liars: int = 0):
-    """ToP and ToR after each round of the real game, where provider 0 and the last raters attack: (T, ...) each."""
+    """ToP and ToR after each round of the real game, where provider 0 and the last raters attack:
+    (T, ...) each."""
     game, random, batch = Game(scenario), Random(np.random.default_rng(0)), np.shape(quality)[1:]
     state = game.start(game.draw(random, batch, start=True))
     top, tor = [], []
@@ -31,8 +34,16 @@ def exploit(scenario: Scenario, quality):
     return (top[:, 0] * (1 - quality)).mean(axis=0)
 
 
-def damage(scenario: Scenario, lies, liars: int, weight: float, tolerance: float, per_provider: bool = False):
-    """The score of raters by the issue's words, from the real game; lies (T, ...), or (T, P, ...) per provider."""
+def damage(
+    scenario: Scenario,
+    lies,
+    liars: int,
+    weight: float,
+    tolerance: float,
+    per_provider: bool = False,
+):
+    """The score of raters by the issue's words, from the real game; lies (T, ...), or (T, P, ...)
+    per provider."""
     honest = np.ones((len(lies), *np.shape(lies)[1 + per_provider :]))
     top, tor = play(scenario, honest, lies, liars)
     gap = tor[:, :-liars].mean(axis=1) - tor[:, -liars:].mean(axis=1)

@@ -1,4 +1,5 @@
-"""The bracket around a rater's optimum: against the real game, against exhaustive search, and its proof in numbers."""
+"""The bracket around a rater's optimum: against the real game, against exhaustive search, and its
+proof in numbers."""
 
 import numpy as np
 import pytest
@@ -26,9 +27,13 @@ def reached(scenario, found, liars, weight, tolerance):
 def test_the_attack_scores_the_same_in_the_game(liars, raters, providers, lam, initial_trust):
     scenario = world(12, raters, providers, lam=lam, initial_trust=initial_trust)
     for weight, tolerance in PRICES:
-        found = bracket_rater(scenario, compromised=liars, weight=weight, tolerance=tolerance, cells=12)
+        found = bracket_rater(
+            scenario, compromised=liars, weight=weight, tolerance=tolerance, cells=12
+        )
         # The game takes gaps below 1e-12 as 0; the root of one is up to 1e-6, and here 1e-8.
-        assert reached(scenario, found, liars, weight, tolerance) == pytest.approx(found.score, abs=1e-8)
+        assert reached(scenario, found, liars, weight, tolerance) == pytest.approx(
+            found.score, abs=1e-8
+        )
         assert (found.bound is None) == (liars > 1)
         assert liars > 1 or found.score <= found.bound + 1e-12
 
@@ -38,15 +43,22 @@ def test_the_attack_scores_the_same_in_the_game(liars, raters, providers, lam, i
 def test_no_attack_exceeds_the_bound(rounds, weight, tolerance):
     """Not one of all sequences of five notes about each of two providers."""
     scenario = world(rounds, providers=2)
-    notes = every_sequence(np.linspace(0, 1, 5), 2 * (rounds - 1)) if rounds > 1 else np.empty((0, 1))
-    lies = np.concatenate([np.ones((1, 2, notes.shape[1])), notes.reshape(rounds - 1, 2, notes.shape[1])])
+    notes = (
+        every_sequence(np.linspace(0, 1, 5), 2 * (rounds - 1)) if rounds > 1 else np.empty((0, 1))
+    )
+    lies = np.concatenate(
+        [np.ones((1, 2, notes.shape[1])), notes.reshape(rounds - 1, 2, notes.shape[1])]
+    )
     best = damage(scenario, lies, 1, weight, tolerance, per_provider=True).max()
     found = bracket_rater(scenario, weight=weight, tolerance=tolerance, cells=12)
     assert best <= found.bound + 1e-12
 
 
 def test_the_bracket_is_narrow():
-    found, single = bracket_rater(certain(40), cells=24), optimal_rater(certain(40), levels=24, points=24)
+    found, single = (
+        bracket_rater(certain(40), cells=24),
+        optimal_rater(certain(40), levels=24, points=24),
+    )
     assert found.score < found.bound < 1.006 * found.score
     assert found.score > 1.01 * single.score
 
@@ -68,7 +80,9 @@ def test_the_inequality_that_the_bound_rests_on():
     assert (2 * np.sqrt(1 - y) - 2 + y + 0.3 * y**2).min() > -1e-15
 
 
-@pytest.mark.parametrize("argument", [{"compromised": 3}, {"weight": -1.0}, {"tolerance": np.inf}, {"cells": 10}])
+@pytest.mark.parametrize(
+    "argument", [{"compromised": 3}, {"weight": -1.0}, {"tolerance": np.inf}, {"cells": 10}]
+)
 def test_arguments_out_of_range_are_refused(argument):
     with pytest.raises(ValueError, match="levels" if "cells" in argument else next(iter(argument))):
         bracket_rater(certain(5), **argument)

@@ -23,7 +23,8 @@ def rater():
     return optimal_rater(certain(200), **QUICK)
 
 
-# --- played in the real game -------------------------------------------------------------------------
+# --- played in the real game
+# -------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -37,19 +38,27 @@ def test_rater_scores_the_same_in_the_game(rater):
 
 
 @pytest.mark.parametrize(
-    ("liars", "raters", "weight", "tolerance"), [(1, 3, 0.5, 0.0), (2, 5, 3.0, 0.05), (3, 4, 2, 0.1)]
+    ("liars", "raters", "weight", "tolerance"),
+    [(1, 3, 0.5, 0.0), (2, 5, 3.0, 0.05), (3, 4, 2, 0.1)],
 )
 @pytest.mark.parametrize(("lam", "initial_trust"), [(0.5, 0.0), (0.8, 1.0), (0.65, 0.3)])
-def test_other_worlds_score_the_same_in_the_game(liars, raters, weight, tolerance, lam, initial_trust):
+def test_other_worlds_score_the_same_in_the_game(
+    liars, raters, weight, tolerance, lam, initial_trust
+):
     agents = [{"role": "SR", "count": raters}, {"role": "SP", "count": 2}]
     world = certain(15, agents=agents, lam=lam, initial_trust=initial_trust)
     best = optimal_provider(world, levels=12, points=12)
     assert exploit(world, best.actions) == pytest.approx(best.score, abs=1e-12)
-    best = optimal_rater(world, compromised=liars, weight=weight, tolerance=tolerance, levels=12, points=12)
-    assert damage(world, best.actions, liars, weight, tolerance) == pytest.approx(best.score, abs=1e-12)
+    best = optimal_rater(
+        world, compromised=liars, weight=weight, tolerance=tolerance, levels=12, points=12
+    )
+    assert damage(world, best.actions, liars, weight, tolerance) == pytest.approx(
+        best.score, abs=1e-12
+    )
 
 
-# --- against all there is ----------------------------------------------------------------------------
+# --- against all there is
+# ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rounds", [1, 2, 3, 4])
@@ -68,27 +77,39 @@ def test_provider_equals_exhaustive_search(rounds, initial_trust):
 @pytest.mark.parametrize(("weight", "tolerance"), [(2.0, 0.1), (2.0, 0.0), (0.0, 0.1), (0.7, 0.05)])
 def test_rater_equals_exhaustive_search(rounds, weight, tolerance):
     world, task = certain(rounds), Damage(0.5, 0.5, rounds, 1 / 3, weight, tolerance)
-    lies = 1 - every_sequence(np.linspace(0, 1, 9), rounds - 1) ** 2 if rounds > 1 else np.empty((0, 1))
-    best = damage(world, np.concatenate([np.ones((1, lies.shape[1])), lies]), 1, weight, tolerance).max()
+    lies = (
+        1 - every_sequence(np.linspace(0, 1, 9), rounds - 1) ** 2
+        if rounds > 1
+        else np.empty((0, 1))
+    )
+    best = damage(
+        world, np.concatenate([np.ones((1, lies.shape[1])), lies]), 1, weight, tolerance
+    ).max()
     table = grid.backward(task, 8, 1000)
-    found = damage(world, np.append(1.0, 1 - grid.forward(task, table, finer=1) ** 2), 1, weight, tolerance)
+    found = damage(
+        world, np.append(1.0, 1 - grid.forward(task, table, finer=1) ** 2), 1, weight, tolerance
+    )
     assert found == pytest.approx(best, abs=1e-12)
     assert grid.start_value(task, table) / rounds == pytest.approx(best, abs=1e-4)
     assert optimal_rater(world, weight=weight, tolerance=tolerance, **QUICK).score >= best - 1e-12
 
 
-# --- what is found -----------------------------------------------------------------------------------
+# --- what is found
+# -----------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
 def test_provider_beats_all_constant_and_regular_scripts(provider):
-    """By 32% the best constant, by 9% the best on-off of equal spells, and by 5.9% the best of any duty (2 of 5)."""
+    """By 32% the best constant, by 9% the best on-off of equal spells, and by 5.9% the best of any
+    duty (2 of 5)."""
     rounds = np.arange(200)[:, None]
     constant = np.linspace(0, 1, 101) + 0 * rounds
     equal = np.concatenate([(rounds % (2 * bad) >= bad) * 1.0 for bad in range(1, 7)], axis=1)
     spells = [(period, bad) for period in range(2, 13) for bad in range(1, period)]
     on_off = np.concatenate([(rounds % period >= bad) * 1.0 for period, bad in spells], axis=1)
-    margins = [provider.score / exploit(certain(200), script).max() for script in (constant, equal, on_off)]
+    margins = [
+        provider.score / exploit(certain(200), script).max() for script in (constant, equal, on_off)
+    ]
     assert margins == pytest.approx([1.3246, 1.0905, 1.0588], abs=1e-3)
     assert provider.score == pytest.approx(0.243523, abs=1e-6)
 
@@ -118,7 +139,8 @@ def test_lies_that_differ_between_providers_do_more(rater):
 
 
 def test_rater_without_stealth_rates_zero():
-    """Rating 0 makes every QoP as low as it can be: it is the optimum by proof, so the error must be none."""
+    """Rating 0 makes every QoP as low as it can be: it is the optimum by proof, so the error must
+    be none."""
     best = optimal_rater(certain(200), weight=0.0, levels=20, points=20)
     assert (best.actions[1:] == 0).all()
     assert best.actions[0] == 1
@@ -126,7 +148,8 @@ def test_rater_without_stealth_rates_zero():
     assert best.score == pytest.approx(0.715793, abs=1e-6)
 
 
-# --- the grid ----------------------------------------------------------------------------------------
+# --- the grid
+# ----------------------------------------------------------------------------------------
 
 TASKS = [Exploit(0.5, 0.5, 30), Damage(0.5, 0.5, 30, 1 / 3, 2.0, 0.1)]
 
@@ -138,7 +161,8 @@ def test_more_levels_never_lower_the_value(task):
 
 
 def test_more_points_lower_the_providers_value_to_what_is_reached():
-    """V is convex in ToP, being the best of many linear plays, so interpolation only ever overestimates it."""
+    """V is convex in ToP, being the best of many linear plays, so interpolation only ever
+    overestimates it."""
     task, points = TASKS[0], (5, 10, 20, 40, 80, 160)
     tables = [grid.backward(task, 16, n) for n in points]
     values = [grid.start_value(task, table) for table in tables]
@@ -153,7 +177,8 @@ def test_refining_the_grid_mends_the_error_and_never_the_score(task):
     errors, totals = [f.error for f in found], [f.total for f in found]
     assert errors == sorted(errors, reverse=True)
     assert errors[-1] < 0.01 * totals[-1]
-    # The score of a coarse grid is reached too, so the fine grid's error must cover what the coarse one missed.
+    # The score of a coarse grid is reached too, so the fine grid's error must cover what the coarse
+    # one missed.
     for coarse in found:
         assert totals[-1] - 1e-5 <= coarse.total + coarse.error + 1e-5
         assert coarse.total <= totals[-1] + errors[-1]
@@ -167,7 +192,8 @@ def test_polishing_only_improves(task):
     assert ((polished >= 0) & (polished <= 1)).all()
 
 
-# --- refusals ----------------------------------------------------------------------------------------
+# --- refusals
+# ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -198,7 +224,14 @@ def test_grids_that_cannot_be_halved_twice_are_refused(name, cells):
 
 
 @pytest.mark.parametrize(
-    "argument", [{"compromised": 0}, {"compromised": 3}, {"compromised": 1.5}, {"weight": -1.0}, {"tolerance": np.nan}]
+    "argument",
+    [
+        {"compromised": 0},
+        {"compromised": 3},
+        {"compromised": 1.5},
+        {"weight": -1.0},
+        {"tolerance": np.nan},
+    ],
 )
 def test_arguments_out_of_range_are_refused(argument):
     with pytest.raises(ValueError, match=next(iter(argument))):

@@ -8,7 +8,13 @@ from roletrust_env import make_trust_model, trust_models
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.trust import Traits
 
-RATER = {"scenario": "paper-3x3", "max_cycles": 8, "perturbations": (), "noise": 0.0, "compromised": ("sr_2",)}
+RATER = {
+    "scenario": "paper-3x3",
+    "max_cycles": 8,
+    "perturbations": (),
+    "noise": 0.0,
+    "compromised": ("sr_2",),
+}
 
 
 def found(name: str, budget: int, starts: int) -> float:

@@ -1,4 +1,5 @@
-"""The rungs of the ladder that know the game: honest play, the planner, the optimum; and how all are measured."""
+"""The rungs of the ladder that know the game: honest play, the planner, the optimum; and how all
+are measured."""
 
 from dataclasses import dataclass
 
@@ -26,12 +27,25 @@ from roletrust_env.trust import Ratings, RoleTrust
 
 
 def certain(rounds, **arguments):
-    return {"scenario": "paper-3x3", "noise": 0.0, "perturbations": (), "max_cycles": rounds, **arguments}
+    return {
+        "scenario": "paper-3x3",
+        "noise": 0.0,
+        "perturbations": (),
+        "max_cycles": rounds,
+        **arguments,
+    }
 
 
 PROVIDER = certain(20, compromised=("sp_2",), objective="exploit")
-RATER = certain(20, compromised=("sr_2",), objective="damage", stealth={"weight": 2.0, "tolerance": 0.1})
-CROWD = {"scenario": "crowd-10x10", "max_cycles": 8, "compromised": ("sr_8", "sr_9", "sp_9"), "objective": "damage"}
+RATER = certain(
+    20, compromised=("sr_2",), objective="damage", stealth={"weight": 2.0, "tolerance": 0.1}
+)
+CROWD = {
+    "scenario": "crowd-10x10",
+    "max_cycles": 8,
+    "compromised": ("sr_8", "sr_9", "sp_9"),
+    "objective": "damage",
+}
 
 
 def nobody(rounds):
@@ -42,22 +56,29 @@ def found(rung, arguments, budget=100_000, seed=0, games=3):
     return find(rung, arguments, budget=budget, seed=seed, games=games)
 
 
-# --- measuring ---------------------------------------------------------------------------------------
+# --- measuring
+# ---------------------------------------------------------------------------------------
 
 
 def test_honest_play_scores_what_the_start_leaves():
-    """Nothing under exploit; under damage the initial trust of 0.5 alone, which halves its distance each round."""
+    """Nothing under exploit; under damage the initial trust of 0.5 alone, which halves its distance
+    each round."""
     assert found(HonestPlay(), PROVIDER).scores == pytest.approx(0, abs=1e-15)
-    # 1 - ToR[n] = 0.5^(n + 1), and ToP follows it: with d = 1 - ToP, d[n] = 0.5^(n + 2) + d[n - 1] / 2, d[0] = 0.5.
+    # 1 - ToR[n] = 0.5^(n + 1), and ToP follows it: with d = 1 - ToP, d[n] = 0.5^(n + 2) + d[n - 1]
+    # / 2, d[0] = 0.5.
     n = np.arange(20)
-    assert found(HonestPlay(), RATER).scores == pytest.approx((0.5 ** (n + 1) * (1 + n / 2)).mean(), abs=1e-12)
+    assert found(HonestPlay(), RATER).scores == pytest.approx(
+        (0.5 ** (n + 1) * (1 + n / 2)).mean(), abs=1e-12
+    )
 
 
 def test_scripts_and_open_loop_measure_alike():
     actions = np.where(np.arange(20)[:, None] % 2, 1.0, 0.0)
     task = exact_task(PROVIDER)
     scripted, sequence = Scripted({"sp_2": OnOff()}), OpenLoop(actions)
-    for one, other in zip(*(mean_rewards(task, a, 0, (1, 2), SEARCHED) for a in (scripted, sequence)), strict=True):
+    for one, other in zip(
+        *(mean_rewards(task, a, 0, (1, 2), SEARCHED) for a in (scripted, sequence)), strict=True
+    ):
         assert one == pytest.approx(other, abs=1e-15)
 
 
@@ -65,7 +86,9 @@ def test_attacks_side_by_side_meet_the_same_luck_and_score_as_alone():
     task = exact_task(CROWD)
     actions = np.random.default_rng(0).random((8, task.action_size, 3))
     together = mean_rewards(task, OpenLoop(actions), 5, (3, 4), SEARCHED)[0]
-    alone = [mean_rewards(task, OpenLoop(actions[..., k]), 5, (1, 4), SEARCHED)[0][0] for k in range(3)]
+    alone = [
+        mean_rewards(task, OpenLoop(actions[..., k]), 5, (1, 4), SEARCHED)[0][0] for k in range(3)
+    ]
     assert together == pytest.approx(np.array(alone), abs=1e-14)
     assert not np.allclose(together[:, 0], together[:, 1], atol=1e-9)
 
@@ -73,16 +96,23 @@ def test_attacks_side_by_side_meet_the_same_luck_and_score_as_alone():
 def test_held_out_luck_is_none_that_was_searched_with():
     task = exact_task(CROWD)
     luck = [
-        random_sources(task, seed, kind)[0].normal((4,)).tolist() for seed in (0, 1) for kind in (SEARCHED, HELD_OUT)
+        random_sources(task, seed, kind)[0].normal((4,)).tolist()
+        for seed in (0, 1)
+        for kind in (SEARCHED, HELD_OUT)
     ]
     assert len({tuple(row) for row in luck}) == 4
 
 
 def test_who_is_caught_earns_nothing_more():
-    arguments = certain(30, compromised=("sp_2",), objective="damage", admission={"threshold": 0.4, "rounds": 2})
+    arguments = certain(
+        30, compromised=("sp_2",), objective="damage", admission={"threshold": 0.4, "rounds": 2}
+    )
     moments = list(
         judged_rollout(
-            exact_task(arguments), OpenLoop(np.zeros((30, 1))), (1, 1), *random_sources(exact_task(arguments), 0, 0)
+            exact_task(arguments),
+            OpenLoop(np.zeros((30, 1))),
+            (1, 1),
+            *random_sources(exact_task(arguments), 0, 0),
         )
     )
     caught = [bool(moment.outcome.caught[0, 0]) for moment in moments]
@@ -99,7 +129,8 @@ def test_luck_is_noticed():
     assert not is_certain(CROWD)
 
 
-# --- the planner's copy of the trust model -----------------------------------------------------------
+# --- the planner's copy of the trust model
+# -----------------------------------------------------------
 
 
 def test_smooth_trust_is_near_the_true_one():
@@ -108,14 +139,18 @@ def test_smooth_trust_is_near_the_true_one():
     states = [model.start(np.zeros((4, 3))) for model in (true, soft)]
     for _ in range(10):
         ratings, mask = random.random((4, 3)), random.random((4, 3)) < 0.7
-        states = [model.update(s, Ratings(ratings, mask)) for model, s in zip((true, soft), states, strict=True)]
+        states = [
+            model.update(s, Ratings(ratings, mask))
+            for model, s in zip((true, soft), states, strict=True)
+        ]
     for one, other in zip(*states, strict=True):
         assert one == pytest.approx(other, abs=2 * SOFT**0.5)
 
 
 @pytest.mark.parametrize("model", [RoleTrust, SmoothRoleTrust])
 def test_gradients_are_finite_where_raters_agree(model):
-    """All raters agree on provider 0, and nobody rates provider 1. A gap of rounding counts as 0, without a slope."""
+    """All raters agree on provider 0, and nobody rates provider 1. A gap of rounding counts as 0,
+    without a slope."""
     like = torch.zeros((3, 2), dtype=torch.float64)
     note = torch.tensor(0.7, dtype=torch.float64, requires_grad=True)
     ratings, mask = like + note, torch.tensor([[True, False]] * 3)
@@ -126,8 +161,12 @@ def test_gradients_are_finite_where_raters_agree(model):
 
 @pytest.mark.parametrize("arguments", [PROVIDER, RATER], ids=["provider", "rater"])
 def test_gradients_through_a_game_are_those_of_the_score(arguments):
-    task = make_task(**arguments, trust_model=SmoothRoleTrust(), like=torch.zeros((), dtype=torch.float64))
-    actions = torch.tensor(np.random.default_rng(1).uniform(0.2, 0.8, (20, task.action_size)), requires_grad=True)
+    task = make_task(
+        **arguments, trust_model=SmoothRoleTrust(), like=torch.zeros((), dtype=torch.float64)
+    )
+    actions = torch.tensor(
+        np.random.default_rng(1).uniform(0.2, 0.8, (20, task.action_size)), requires_grad=True
+    )
 
     def score(x):
         moments = judged_rollout(task, OpenLoop(x), (1, 1), *random_sources(task, 0, SEARCHED))
@@ -142,11 +181,14 @@ def test_gradients_through_a_game_are_those_of_the_score(arguments):
     assert slope == pytest.approx(measured, rel=1e-4, abs=1e-7)
 
 
-# --- the planner -------------------------------------------------------------------------------------
+# --- the planner
+# -------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("arguments", "top"), [(PROVIDER, Exact()), (RATER, BestKnown())], ids=["provider", "rater"])
+@pytest.mark.parametrize(
+    ("arguments", "top"), [(PROVIDER, Exact()), (RATER, BestKnown())], ids=["provider", "rater"]
+)
 def test_planner_comes_near_the_optimum_of_a_short_game(arguments, top):
     arguments = {**arguments, "max_cycles": 6}
     best, plan = found(top, arguments), found(Planner(starts=16), arguments, budget=4_500)
@@ -157,7 +199,9 @@ def test_planner_comes_near_the_optimum_of_a_short_game(arguments, top):
 
 def test_without_stealth_the_best_lie_is_0():
     arguments = {**RATER, "stealth": None, "max_cycles": 6}
-    zero = mean_rewards(exact_task(arguments), Scripted({"sr_2": BadMouthing(level=0)}), 0, (1, 1), SEARCHED)[0].mean()
+    zero = mean_rewards(
+        exact_task(arguments), Scripted({"sr_2": BadMouthing(level=0)}), 0, (1, 1), SEARCHED
+    )[0].mean()
     best = found(BestKnown(), arguments)
     assert best.scores == pytest.approx(zero, abs=1e-12)
     assert best.bound == pytest.approx(zero, abs=1e-12)
@@ -189,7 +233,8 @@ def test_planner_needs_some_budget_and_no_camera():
         found(Planner(), {**PROVIDER, "scenario": "paper-3x3-hog", "max_cycles": 2})
 
 
-# --- the optimum -------------------------------------------------------------------------------------
+# --- the optimum
+# -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,17 @@
-"""Learners that climb where there is a slope and stay where there is none, and best responses that are known."""
+"""Learners that climb where there is a slope and stay where there is none, and best responses that
+are known."""
 
 import numpy as np
 import pytest
 
-from roletrust_agents.strategic.learning import LearningSettings, best_response, best_welfare, learn, mean_rewards, play
+from roletrust_agents.strategic.learning import (
+    LearningSettings,
+    best_response,
+    best_welfare,
+    learn,
+    mean_rewards,
+    play,
+)
 from roletrust_agents.strategic.strategies import (
     BOUNDS,
     departure,
@@ -44,10 +52,14 @@ def test_where_trust_follows_cheap_quality_providers_learn_to_serve():
 
 
 def test_from_shuffled_rewards_nothing_is_learnt():
-    """Under a constant trust honest providers learn to save the cost, but not if they do not know what saved it."""
+    """Under a constant trust honest providers learn to save the cost, but not if they do not know
+    what saved it."""
     played = game("constant")
     start = honest_population(played, (4,))
-    found = [learn(played, start, QUICK, seed=0, shuffled=shuffled).population.providers for shuffled in (False, True)]
+    found = [
+        learn(played, start, QUICK, seed=0, shuffled=shuffled).population.providers
+        for shuffled in (False, True)
+    ]
     learned, drifted = (departure("providers", one).mean() for one in found)
     assert learned > 2 * drifted
 
@@ -63,7 +75,11 @@ def test_the_same_seed_learns_the_same_and_another_one_does_not():
 def test_parameters_stay_in_their_ranges_and_each_step_is_counted():
     played, steps = game("role-trust"), []
     learned = learn(
-        played, random_population(played, (2,), 0), LearningSettings(5, 4, 0.5, 0.9), 0, advance=lambda: steps.append(1)
+        played,
+        random_population(played, (2,), 0),
+        LearningSettings(5, 4, 0.5, 0.9),
+        0,
+        advance=lambda: steps.append(1),
     )
     assert len(steps) == 5
     for side, bounds in BOUNDS.items():
@@ -83,11 +99,14 @@ def test_nothing_is_gained_where_ratings_are_free_of_reward_or_service_of_cost(s
     played = game("mean", cost=0.0)
     found = best_response(played, honest_population(played, (3,)), side, 0, 2)
     np.testing.assert_array_equal(found.gain, 0)
-    np.testing.assert_array_equal(found.parameters.T, [(1, 0) if side == "providers" else (0, 0)] * 3)
+    np.testing.assert_array_equal(
+        found.parameters.T, [(1, 0) if side == "providers" else (0, 0)] * 3
+    )
 
 
 def test_a_best_response_is_that_of_a_loop_over_the_grid():
-    """The gain is what `mean_rewards` says of the deviation alone, in the games that did not choose it."""
+    """The gain is what `mean_rewards` says of the deviation alone, in the games that did not choose
+    it."""
     from roletrust_agents.strategic.learning import DEVIATED, mean_rewards
 
     played = game("leave-one-out")
@@ -97,7 +116,11 @@ def test_a_best_response_is_that_of_a_loop_over_the_grid():
     changed.raters[:, 0, 0] = found.parameters[:, 0]
     one, other = (
         mean_rewards(
-            played, type(p)(*(np.repeat(x[:, :, None, :, None], 2, axis=2) for x in p)), (DEVIATED, 4), (1, 12), rows=2
+            played,
+            type(p)(*(np.repeat(x[:, :, None, :, None], 2, axis=2) for x in p)),
+            (DEVIATED, 4),
+            (1, 12),
+            rows=2,
         )
         for p in (changed, others)
     )

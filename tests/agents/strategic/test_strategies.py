@@ -1,4 +1,5 @@
-"""The strategies against their formulas in loops, and populations in one batch against games one by one."""
+"""The strategies against their formulas in loops, and populations in one batch against games one by
+one."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,11 @@ from roletrust_env import Game, JointPolicy, Player, make_scenario, parallel_env
 from roletrust_env.game.views import ProviderView, RaterView
 
 SMALL = make_scenario("crowd-10x10").change(
-    agents=[{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": (0.3, 1.0)}], max_cycles=8
+    agents=[
+        {"role": "SR", "count": 4, "noise": 0.05},
+        {"role": "SP", "count": 3, "ability": (0.3, 1.0)},
+    ],
+    max_cycles=8,
 )
 unit = st.floats(0, 1)
 either = st.floats(-1, 1)
@@ -36,7 +41,9 @@ def test_a_provider_reacts_to_its_trust(level, reaction, trust):
 
 @given(either, unit, unit, unit)
 def test_a_rater_lifts_sinks_and_follows(lift, following, seen, published):
-    view = RaterView(*[np.array([0.0])] * 2, np.array([published]), np.array([seen]), *[np.array([0.0])] * 3)
+    view = RaterView(
+        *[np.array([0.0])] * 2, np.array([published]), np.array([seen]), *[np.array([0.0])] * 3
+    )
     said, _ = StrategicRater(lift, following).ratings(view, None, None)
     moved = seen + lift * (1 - seen) if lift > 0 else seen * (1 + lift)
     assert said == pytest.approx((1 - following) * moved + following * published, abs=1e-12)
@@ -74,8 +81,12 @@ def test_a_batch_of_populations_is_each_of_them_alone():
     population = random_population(game, (2, 3), seed=1)  # two rows in three games
     together = mean_rewards(game, population, (5,), (3,), rows=2)
     for row in range(2):
-        alone = StrategyProfile(*(np.repeat(part[:, :, row, None], 2, axis=2) for part in population))
-        np.testing.assert_allclose(mean_rewards(game, alone, (5,), (3,), rows=2)[:, row], together[:, row])
+        alone = StrategyProfile(
+            *(np.repeat(part[:, :, row, None], 2, axis=2) for part in population)
+        )
+        np.testing.assert_allclose(
+            mean_rewards(game, alone, (5,), (3,), rows=2)[:, row], together[:, row]
+        )
 
 
 def test_welfare_is_what_consumers_get_less_what_it_costs():
@@ -83,7 +94,9 @@ def test_welfare_is_what_consumers_get_less_what_it_costs():
     population = uniform_population(game, (0.6, 0.5), (0.3, 0.2), (1, 1))
     found = play(game, population, (7,), (4,), rows=1)
     seed = int(np.random.SeedSequence((7,)).generate_state(1)[0])
-    seated = population._replace(**{name: part[:, :, 0] for name, part in population._asdict().items()})
+    seated = population._replace(
+        **{name: part[:, :, 0] for name, part in population._asdict().items()}
+    )
     history = record(seated.seated(game), game.random(seed), (4,))
     got, cost = np.zeros(4), np.zeros(4)
     for t in range(8):
@@ -106,7 +119,9 @@ def test_a_strategy_plays_in_pettingzoo():
     assert players["sr_0"](observations["sr_0"]).shape == (3,)
 
 
-@pytest.mark.parametrize(("preset", "what"), [("peers", "both roles"), ("robots-that-move", "both roles")])
+@pytest.mark.parametrize(
+    ("preset", "what"), [("peers", "both roles"), ("robots-that-move", "both roles")]
+)
 def test_agents_with_both_roles_are_refused(preset, what):
     game = Game(make_scenario(preset).change(max_cycles=3))
     with pytest.raises(ValueError, match=what):

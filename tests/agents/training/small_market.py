@@ -1,4 +1,5 @@
-"""A market of four raters and three providers, in which two raters lie: quickly trained in, and its trainings."""
+"""A market of four raters and three providers, in which two raters lie: quickly trained in, and its
+trainings."""
 
 from typing import Any
 
@@ -7,7 +8,10 @@ TASK: dict[str, Any] = {
     "compromised": ("sr_2", "sr_3"),
     "objective": "mislead",
     "max_cycles": 10,
-    "agents": [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
+    "agents": [
+        {"role": "SR", "count": 4, "noise": 0.05},
+        {"role": "SP", "count": 3, "ability": [0.3, 1.0]},
+    ],
 }
 
 

@@ -13,7 +13,12 @@ from torch.distributions import Normal
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker, decide
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
-from roletrust_agents.training.coalition_policy import CoalitionPolicy, begin_with, deep_set_of, policy_arguments
+from roletrust_agents.training.coalition_policy import (
+    CoalitionPolicy,
+    begin_with,
+    deep_set_of,
+    policy_arguments,
+)
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.experience import AfterUpdates, WholeGames
 from roletrust_agents.training.universal import universal_coalitions
@@ -37,7 +42,15 @@ def model_of(compromised=BOTH, seed=0, observation="coalition"):
     task = make_task(**arguments(compromised), observation=observation)
     shape = policy_arguments(task, 5, 4, -1.0)
     env = WholeGames(task, GAMES, seed=seed)
-    model = PPO(CoalitionPolicy, env, n_steps=ROUNDS, batch_size=9, policy_kwargs=shape, seed=seed, device="cpu")
+    model = PPO(
+        CoalitionPolicy,
+        env,
+        n_steps=ROUNDS,
+        batch_size=9,
+        policy_kwargs=shape,
+        seed=seed,
+        device="cpu",
+    )
     with torch.no_grad():
         for weights in model.policy.parameters():
             weights.add_(0.3 * torch.randn_like(weights))
@@ -45,7 +58,8 @@ def model_of(compromised=BOTH, seed=0, observation="coalition"):
 
 
 def noises(model, env, rounds):
-    """The noise of each game and entry in some rounds, (T, E, A), from the actions of the policy."""
+    """The noise of each game and entry in some rounds, (T, E, A), from the actions of the
+    policy."""
     seen, result = env.reset(), []
     for _ in range(rounds):
         with torch.no_grad():
@@ -62,7 +76,11 @@ def test_log_probabilities_are_those_of_normal_distributions(compromised):
     model, task, env = model_of(compromised)
     policy, observation = model.policy, torch.as_tensor(env.reset())
     action, values, log_prob = policy(observation)
-    parts = [policy.log_std[k] for k, there in enumerate((compromised != PROVIDERS, compromised != RATERS)) if there]
+    parts = [
+        policy.log_std[k]
+        for k, there in enumerate((compromised != PROVIDERS, compromised != RATERS))
+        if there
+    ]
     spread = torch.cat([part.exp().expand(10) for part in parts])
     mean = policy.get_distribution(observation).mode()
     expected = Normal(mean, spread).log_prob(action).sum(dim=1)
@@ -106,9 +124,16 @@ def test_the_policy_treats_providers_alike(order):
     model, _, _ = model_of()
     features = torch.rand(4, len(FEATURES), 10) * 2 - 1
     with torch.no_grad():
-        mean, turned = (model.policy.get_distribution(x.flatten(1)).mode() for x in (features, features[..., order]))
-        value, same = (model.policy.predict_values(x.flatten(1)) for x in (features, features[..., order]))
-    torch.testing.assert_close(mean.reshape(4, 2, 10)[..., order], turned.reshape(4, 2, 10), atol=1e-5, rtol=1e-4)
+        mean, turned = (
+            model.policy.get_distribution(x.flatten(1)).mode()
+            for x in (features, features[..., order])
+        )
+        value, same = (
+            model.policy.predict_values(x.flatten(1)) for x in (features, features[..., order])
+        )
+    torch.testing.assert_close(
+        mean.reshape(4, 2, 10)[..., order], turned.reshape(4, 2, 10), atol=1e-5, rtol=1e-4
+    )
     torch.testing.assert_close(value, same, atol=1e-5, rtol=1e-4)
 
 
@@ -122,7 +147,9 @@ def test_the_network_decides_as_the_policy_does_without_noise(compromised, obser
         split, coalition = len(FEATURES) * task.game.roster.n_providers, task.coalition
         features, later = seen.T[:split].reshape(len(FEATURES), -1, GAMES), seen.T[split:]
         shape = len(ACCOUNT_FEATURES), task.game.roster.n_raters, len(coalition.providers), GAMES
-        decided = decide(coalition, network, features, later.reshape(shape) if coalition.treats else None)
+        decided = decide(
+            coalition, network, features, later.reshape(shape) if coalition.treats else None
+        )
         flat = np.concatenate([part.reshape(-1, GAMES) for part in decided if part is not None])
         np.testing.assert_allclose(2 * flat.T - 1, expected, atol=1e-5)
         seen, *_ = env.step(expected)
@@ -131,7 +158,9 @@ def test_the_network_decides_as_the_policy_does_without_noise(compromised, obser
 
 def test_a_policy_begins_as_a_network_that_also_calls_identities():
     model, _, _ = model_of()
-    weights = random_weights(DeepSetArchitecture(units=5), np.random.default_rng(0)).astype(np.float32)
+    weights = random_weights(DeepSetArchitecture(units=5), np.random.default_rng(0)).astype(
+        np.float32
+    )
     network = DeepSet.unflatten(DeepSetArchitecture(units=5), weights)
     begin_with(model.policy, network)
     np.testing.assert_array_equal(deep_set_of(model.policy, network).flatten(), weights)
@@ -147,9 +176,13 @@ def test_a_search_begins_with_a_universal_coalition():
     assert result.rounds > len(ready) * 16 * ROUNDS + 30 * ROUNDS
     weights = result.attacker.network.flatten()
     assert min(np.abs(weights - ready_one).max() for ready_one in ready_weights) < 1e-6
-    harmful = CoalitionPpo(learning_rate=0.3, n_epochs=1, wide=False).search(arguments(), Budget(least + 5 * ROUNDS), 0)
+    harmful = CoalitionPpo(learning_rate=0.3, n_epochs=1, wide=False).search(
+        arguments(), Budget(least + 5 * ROUNDS), 0
+    )
     kept = harmful.attacker.network.flatten()
-    assert any((kept == ready_one).all() for ready_one in ready_weights), "a training ends below its start"
+    assert any((kept == ready_one).all() for ready_one in ready_weights), (
+        "a training ends below its start"
+    )
     with pytest.raises(UnsuitableError, match=f"give {least} or more"):
         still.search(arguments(), Budget(least - 1), 0)
 
@@ -194,7 +227,10 @@ def test_a_seed_finds_the_same_attack_again():
     ("changes", "message"),
     [
         ({}, "the budget of 239 rounds is too small for coalition PPO; give 240 or more"),
-        ({"knowledge": "grey_box"}, "coalition PPO is for black_box knowledge, and the task has grey_box"),
+        (
+            {"knowledge": "grey_box"},
+            "coalition PPO is for black_box knowledge, and the task has grey_box",
+        ),
     ],
 )
 def test_what_it_refuses(changes, message):
@@ -204,8 +240,14 @@ def test_what_it_refuses(changes, message):
 
 @pytest.mark.slow
 def test_it_learns_within_few_games():
-    found = CoalitionPpo(start="random", n_epochs=4, wide=False).search(arguments(), Budget(600), 0).attacker
+    found = (
+        CoalitionPpo(start="random", n_epochs=4, wide=False)
+        .search(arguments(), Budget(600), 0)
+        .attacker
+    )
     untrained = CoalitionAttacker(deep_set_of(model_of()[0].policy))
     task = make_task(**arguments())
-    after, before = (mean_rewards(task, who, 9, (1, 50), SEARCHED)[0].mean() for who in (found, untrained))
+    after, before = (
+        mean_rewards(task, who, 9, (1, 50), SEARCHED)[0].mean() for who in (found, untrained)
+    )
     assert after > before

@@ -19,18 +19,30 @@ from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust import Ratings
 
-AGENTS = [{"role": "SR", "count": 5, "noise": 0.05}, {"role": "SP", "count": 4, "ability": [0.3, 1.0]}]
+AGENTS = [
+    {"role": "SR", "count": 5, "noise": 0.05},
+    {"role": "SP", "count": 4, "ability": [0.3, 1.0]},
+]
 SCENARIO = make_scenario("crowd-10x10").change(max_cycles=12, agents=AGENTS)
-TASK = {"scenario": SCENARIO, "compromised": ("sr_3", "sr_4"), "objective": "mislead", "trust_model": "mean"}
+TASK = {
+    "scenario": SCENARIO,
+    "compromised": ("sr_3", "sr_4"),
+    "objective": "mislead",
+    "trust_model": "mean",
+}
 LEARNED = ("role-trust", "beta", "leave-one-out", "wary-role-trust", "first-hand")
 SHORT = Climb(steps=6, pairs=4, games=4, attackers=4, validation=16, validate_every=3)
 
 
 def attack(name, attacker):
-    return KnownAttack(name=name, scenario="crowd", track="raters", share=0.4, record=record_of(attacker))
+    return KnownAttack(
+        name=name, scenario="crowd", track="raters", share=0.4, record=record_of(attacker)
+    )
 
 
-LIARS = attack("liars", Scripted({name: attackers.make("complementary") for name in TASK["compromised"]}))
+LIARS = attack(
+    "liars", Scripted({name: attackers.make("complementary") for name in TASK["compromised"]})
+)
 COALITION = attack("coalition", CoalitionAttacker(universal_coalitions()["universal-raters"]))
 FRONT = AttackerMixture(TASK, (LIARS, COALITION), np.array([0.75, 0.25]))
 
@@ -38,7 +50,9 @@ FRONT = AttackerMixture(TASK, (LIARS, COALITION), np.array([0.75, 0.25]))
 @pytest.mark.parametrize("name", LEARNED)
 def test_a_learner_begins_at_the_defaults(name):
     learner = ParameterLearner(name)
-    assert parse_trust_model(learner.spec(learner.start()), SCENARIO) == parse_trust_model(name, SCENARIO)
+    assert parse_trust_model(learner.spec(learner.start()), SCENARIO) == parse_trust_model(
+        name, SCENARIO
+    )
 
 
 @pytest.mark.parametrize("name", [*LEARNED, "network"])
@@ -58,7 +72,9 @@ def played(model, ratings):
     state, mask = model.start(ratings), ratings > 0.3
     for now in (ratings, 1 - ratings, ratings**2):
         state = model.update(state, Ratings(now, mask))
-    own = [model.judge_trust(state)] if hasattr(model, "judge_trust") else []  # by which its consumers go
+    own = (
+        [model.judge_trust(state)] if hasattr(model, "judge_trust") else []
+    )  # by which its consumers go
     return model.rater_trust(state), model.provider_trust(state), *own
 
 
@@ -77,7 +93,8 @@ def test_what_cannot_be_learned_is_refused(name, message):
 
 
 def test_a_defence_learns():
-    """Trust that counts all raters alike is easily misled; the power of their trust is the remedy."""
+    """Trust that counts all raters alike is easily misled; the power of their trust is the
+    remedy."""
     learner = ParameterLearner("leave-one-out")
     start = learner.start()
     power = list(learner.ranges).index("power")
@@ -91,7 +108,9 @@ def test_a_defence_learns():
 
 def test_a_training_repeats_and_never_ends_below_its_start():
     learner = ParameterLearner("beta")
-    once, again = (train_defence(learner, [FRONT, FRONT], learner.start(), SHORT, 3) for _ in range(2))
+    once, again = (
+        train_defence(learner, [FRONT, FRONT], learner.start(), SHORT, 3) for _ in range(2)
+    )
     assert np.array_equal(once.vector, again.vector)
     assert once[1:] == again[1:]
     assert once.score >= once.start
@@ -101,15 +120,25 @@ def test_a_training_repeats_and_never_ends_below_its_start():
 
 
 def test_the_score_weighs_the_attackers():
-    learner, still = ParameterLearner("mean"), Climb(steps=1, pairs=1, games=1, attackers=1, validation=8)
-    fronts = {name: AttackerMixture(TASK, (one,), np.ones(1)) for name, one in (("a", LIARS), ("b", COALITION))}
-    alone = {k: train_defence(learner, [one], learner.start(), still, 0).start for k, one in fronts.items()}
+    learner, still = (
+        ParameterLearner("mean"),
+        Climb(steps=1, pairs=1, games=1, attackers=1, validation=8),
+    )
+    fronts = {
+        name: AttackerMixture(TASK, (one,), np.ones(1))
+        for name, one in (("a", LIARS), ("b", COALITION))
+    }
+    alone = {
+        k: train_defence(learner, [one], learner.start(), still, 0).start
+        for k, one in fronts.items()
+    }
     both = train_defence(learner, [FRONT], learner.start(), still, 0).start
     assert both == pytest.approx(0.75 * alone["a"] + 0.25 * alone["b"], abs=1e-6)
     assert alone["a"] != pytest.approx(alone["b"], abs=1e-4)
 
 
-# --- an attacker against a mixture ------------------------------------------------------------------
+# --- an attacker against a mixture
+# ------------------------------------------------------------------
 
 
 def mixed(shares, budget=20_000):
@@ -123,8 +152,13 @@ def test_a_mixture_weighs_its_models():
     weights = [mixed(shares).weights for shares in ([1.0, 0.0], [0.0, 1.0])]
     assert ends[0] != ends[1]
     one = mixed([0.75, 0.25])
-    one._adam.restore({"weights": one._adam.vector.detach() * 0, "adam": one._adam.optimiser.state_dict()})
-    plain = [float(one.play(task, one.networks(one.weights[None, :]), 8, 1_000_000_000).mean()) for task in one.tasks]
+    one._adam.restore(
+        {"weights": one._adam.vector.detach() * 0, "adam": one._adam.optimiser.state_dict()}
+    )
+    plain = [
+        float(one.play(task, one.networks(one.weights[None, :]), 8, 1_000_000_000).mean())
+        for task in one.tasks
+    ]
     assert one.validate().mean == pytest.approx(0.75 * plain[0] + 0.25 * plain[1])
     assert len(weights[0]) == len(weights[1])
 

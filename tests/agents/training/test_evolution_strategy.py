@@ -7,7 +7,11 @@ from small_market import TASK, assert_continues, run
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, random_weights
 from roletrust_agents.training.adam_training import EvolutionStrategy, slope_of
-from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
+from roletrust_agents.training.coalition_methods import (
+    EvolutionSearch,
+    EvolutionStrategySearch,
+    GradientSearch,
+)
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_env.evaluation.attackers import read_record, record_of
@@ -65,7 +69,9 @@ def test_a_run_continues_to_the_last_bit():
 
 
 def test_the_search_keeps_to_its_budget_and_is_repeatable():
-    found = [EvolutionStrategySearch(pairs=4, games=2).search(TASK, Budget(9_000), 3) for _ in range(2)]
+    found = [
+        EvolutionStrategySearch(pairs=4, games=2).search(TASK, Budget(9_000), 3) for _ in range(2)
+    ]
     assert found[0].rounds <= 9_000
     assert "evolution strategy" in found[0].description
     one, other = (search.attacker.network.flatten() for search in found)
@@ -74,20 +80,32 @@ def test_the_search_keeps_to_its_budget_and_is_repeatable():
 
 
 def test_a_known_attack_is_the_least():
-    known = EvolutionStrategySearch(start="random", pairs=4, games=2, wide=False).search(TASK, Budget(6_000), 0)
+    known = EvolutionStrategySearch(start="random", pairs=4, games=2, wide=False).search(
+        TASK, Budget(6_000), 0
+    )
     record = record_of(known.attacker)
-    again = EvolutionStrategySearch(known=(record,), pairs=4, games=2, wide=False).search(TASK, Budget(6_000), 0)
-    assert max(score for _, score in again.progress) >= max(score for _, score in known.progress) - 1e-9
+    again = EvolutionStrategySearch(known=(record,), pairs=4, games=2, wide=False).search(
+        TASK, Budget(6_000), 0
+    )
+    assert (
+        max(score for _, score in again.progress)
+        >= max(score for _, score in known.progress) - 1e-9
+    )
 
 
 def test_a_search_starts_from_the_best_of_the_known_attacks():
-    best = EvolutionStrategySearch(start="random", pairs=4, games=2, wide=False).search(TASK, Budget(6_000), 0)
+    best = EvolutionStrategySearch(start="random", pairs=4, games=2, wide=False).search(
+        TASK, Budget(6_000), 0
+    )
     architecture, random = best.attacker.network.architecture, np.random.default_rng(1)
-    others = [CoalitionAttacker(DeepSet.unflatten(architecture, random_weights(architecture, random))) for _ in "123"]
+    others = [
+        CoalitionAttacker(DeepSet.unflatten(architecture, random_weights(architecture, random)))
+        for _ in "123"
+    ]
     alone, last = [
-        EvolutionStrategySearch(known=tuple(map(record_of, known)), pairs=4, games=2, wide=False).search(
-            TASK, Budget(7_000), 3
-        )
+        EvolutionStrategySearch(
+            known=tuple(map(record_of, known)), pairs=4, games=2, wide=False
+        ).search(TASK, Budget(7_000), 3)
         for known in ([best.attacker], [*others, best.attacker])
     ]
     assert last.rounds <= 7_000
@@ -114,9 +132,19 @@ def test_a_budget_that_is_too_small_is_refused():
 
 
 def test_a_wide_search_finds_providers_that_treat_raters():
-    """Where raters go by their own ratings alone, only bad service hurts, and unequal service hurts most."""
-    agents = [{"role": "SR", "count": 8, "noise": 0.05}, {"role": "SP", "count": 6, "ability": [0.3, 1.0]}]
-    market = {**TASK, "compromised": ("sp_4", "sp_5"), "agents": agents, "max_cycles": 20, "ratings": {"lost": 0.5}}
+    """Where raters go by their own ratings alone, only bad service hurts, and unequal service hurts
+    most."""
+    agents = [
+        {"role": "SR", "count": 8, "noise": 0.05},
+        {"role": "SP", "count": 6, "ability": [0.3, 1.0]},
+    ]
+    market = {
+        **TASK,
+        "compromised": ("sp_4", "sp_5"),
+        "agents": agents,
+        "max_cycles": 20,
+        "ratings": {"lost": 0.5},
+    }
     market |= {"trust_model": "own-experience", "consumers": "raters"}
     task, rewards = make_task(**market, like=np.zeros(())), {}
     for wide in (False, True):

@@ -35,7 +35,9 @@ def test_the_first_episodes_end_apart_and_all_others_have_their_length(games):
 
 def test_the_spread_falls_below_the_limit():
     env = StaggeredGames(task(), 4, seed=0)
-    settings = make_settings("any", "ppo", {"n_steps": 5, "batch_size": 20, "hidden": (8,), "log_std_init": 1.0})
+    settings = make_settings(
+        "any", "ppo", {"n_steps": 5, "batch_size": 20, "hidden": (8,), "log_std_init": 1.0}
+    )
     model, spread = make_model("ppo", settings, env, 0), []
 
     class Look(Narrowing):
@@ -54,7 +56,9 @@ def test_whole_games_weight_their_rewards():
         env = WholeGames(task(continuation=continuation), 3, seed=0)
         env.reset()
         played = [env.step(np.zeros((3, 1), np.float32)) for _ in range(20)]
-        assert [dones.tolist() for _, _, dones, _ in played] == [[t % 10 == 9] * 3 for t in range(20)]
+        assert [dones.tolist() for _, _, dones, _ in played] == [
+            [t % 10 == 9] * 3 for t in range(20)
+        ]
         rewards.append(np.stack([reward for _, reward, _, _ in played]))
     weights = np.tile(0.5 ** np.arange(10), 2)[:, None]
     np.testing.assert_allclose(rewards[1], rewards[0] * weights, rtol=1e-6)

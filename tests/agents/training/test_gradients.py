@@ -1,4 +1,5 @@
-"""Gradients through the game: the slope against small differences, what has none, and what a run keeps."""
+"""Gradients through the game: the slope against small differences, what has none, and what a run
+keeps."""
 
 import numpy as np
 import pytest
@@ -18,13 +19,17 @@ SMALL = GradientSettings(games=4, units=4, candidates=3, validation=8, validate_
 
 
 def begun(model="beta", budget=2_000, **changes):
-    return GradientAscent([make_task(**TASK, trust_model=model)], SMALL.model_copy(update=changes), 0, budget)
+    return GradientAscent(
+        [make_task(**TASK, trust_model=model)], SMALL.model_copy(update=changes), 0, budget
+    )
 
 
 @pytest.mark.parametrize("model", ["beta", "mean", "role-trust", "qor"])
 def test_the_slope_is_that_of_small_differences(model):
     """In a game in which everyone rates everyone, since raters that choose a provider jump."""
-    task = SmoothTask(make_task(**{**TASK, "scenario": "paper-3x3", "perturbations": ()}, trust_model=model), 0.1)
+    task = SmoothTask(
+        make_task(**{**TASK, "scenario": "paper-3x3", "perturbations": ()}, trust_model=model), 0.1
+    )
     chosen = np.random.default_rng(0).uniform(0.2, 0.8, (10, task.action_size))
     actions = torch.tensor(chosen, dtype=torch.float32, requires_grad=True)
 
@@ -40,9 +45,16 @@ def test_the_slope_is_that_of_small_differences(model):
 
 def test_a_low_temperature_is_the_true_game():
     task = make_task(**TASK, trust_model="beta")
-    scores = [mean_rewards(SmoothTask(task, t), Scripted({}), 0, (1, 50), SEARCHED)[0].mean() for t in (1e-6, 0.1)]
+    scores = [
+        mean_rewards(SmoothTask(task, t), Scripted({}), 0, (1, 50), SEARCHED)[0].mean()
+        for t in (1e-6, 0.1)
+    ]
     exact = mean_rewards(
-        make_task(**TASK, trust_model="beta", like=torch.zeros(())), Scripted({}), 0, (1, 50), SEARCHED
+        make_task(**TASK, trust_model="beta", like=torch.zeros(())),
+        Scripted({}),
+        0,
+        (1, 50),
+        SEARCHED,
     )
     assert float(scores[0]) == pytest.approx(float(exact[0].mean()), abs=1e-4)
     assert float(scores[1]) > float(scores[0]) + 0.01
@@ -96,7 +108,9 @@ def test_what_has_no_slope_is_refused():
 
 def test_all_rounds_are_counted():
     ascent = run(begun(), 2)
-    assert ascent.rounds == 10 * (3 * 4 + 8 + 2 * 4 + 8)  # start and its validation, two steps, one validation
+    assert ascent.rounds == 10 * (
+        3 * 4 + 8 + 2 * 4 + 8
+    )  # start and its validation, two steps, one validation
 
 
 def test_a_search_stays_in_its_budget():

@@ -9,7 +9,12 @@ pytest.importorskip("sb3_contrib")
 from roletrust_agents.learned.cards import observation_fields
 from roletrust_agents.training.experience import StaggeredGames
 from roletrust_agents.training.heads import heads_of
-from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
+from roletrust_agents.training.learners import (
+    make_model,
+    network_of,
+    parameters_bytes,
+    set_parameters,
+)
 from roletrust_agents.training.settings import make_settings
 from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.game.make_task import make_task
@@ -18,19 +23,30 @@ COALITION = ("sr_2", "sp_1", "srsp_0", "sr_0")
 
 
 def coalition(**arguments):
-    scenario = {"agents": ({"role": "SR", "count": 3}, {"role": "SP", "count": 2}, {"role": "SR+SP", "count": 1})}
+    scenario = {
+        "agents": (
+            {"role": "SR", "count": 3},
+            {"role": "SP", "count": 2},
+            {"role": "SR+SP", "count": 1},
+        )
+    }
     return make_task("paper-3x3", COALITION, **scenario, **arguments)
 
 
 def seen_by(task):
-    """For each entry of an action, the names of the fields that it sees, with the place in those of several entries."""
+    """For each entry of an action, the names of the fields that it sees, with the place in those of
+    several entries."""
     size = task_spaces(task)[0].shape[0]
     names = []
     for field in observation_fields(task.game.scenario, task.compromised, task.knowledge, size):
-        names += [field.name] if field.size == 1 else [f"{field.name}[{k}]" for k in range(field.size)]
+        names += (
+            [field.name] if field.size == 1 else [f"{field.name}[{k}]" for k in range(field.size)]
+        )
     heads = heads_of(task, size)
     return heads, {
-        o: [names[k] for k in seen] for head in heads for o, seen in zip(head.outputs, head.sees, strict=True)
+        o: [names[k] for k in seen]
+        for head in heads
+        for o, seen in zip(head.outputs, head.sees, strict=True)
     }
 
 
@@ -59,7 +75,9 @@ def test_an_action_sees_the_coalition_and_the_provider_that_it_is_about():
 
 @pytest.mark.parametrize("knowledge", ["grey_box", "white_box"])
 def test_all_see_all_that_more_knowledge_shows(knowledge):
-    wide, narrow = (task_spaces(task)[0].shape[0] for task in (coalition(knowledge=knowledge), coalition()))
+    wide, narrow = (
+        task_spaces(task)[0].shape[0] for task in (coalition(knowledge=knowledge), coalition())
+    )
     heads = [heads_of(coalition(knowledge=knowledge), wide), heads_of(coalition(), narrow)]
     for one, other in zip(*heads, strict=True):
         for seen, less in zip(one.sees, other.sees, strict=True):
@@ -82,4 +100,6 @@ def test_the_saved_network_plays_as_the_learner_does(knowledge):
         assert np.allclose(network(seen.T)[0].T * 2 - 1, expected, atol=1e-4)
         played.append(expected)
         seen, *_ = env.step(rng.uniform(-1, 1, expected.shape).astype(np.float32))
-    assert (np.ptp(np.concatenate(played), axis=0) > 0.01).sum() > 5  # of 11, the others always at a bound
+    assert (
+        np.ptp(np.concatenate(played), axis=0) > 0.01
+    ).sum() > 5  # of 11, the others always at a bound

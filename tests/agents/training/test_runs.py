@@ -42,7 +42,15 @@ def test_a_checkpoint_can_be_saved_where_the_last_attempt_failed(tmp_path):
 
 @pytest.mark.parametrize(
     "change",
-    [{"steps": 8}, {"steps": -7}, {"steps": "7"}, {"sha256": {"../a": "0"}}, {"sha256": []}, {"notes": None}, {"x": 1}],
+    [
+        {"steps": 8},
+        {"steps": -7},
+        {"steps": "7"},
+        {"sha256": {"../a": "0"}},
+        {"sha256": []},
+        {"notes": None},
+        {"x": 1},
+    ],
 )
 def test_a_checkpoint_with_other_data_than_it_can_have_is_passed_over(tmp_path, change):
     run = RunFolder(tmp_path)
@@ -59,10 +67,14 @@ def test_a_checkpoint_of_another_run_is_one_error(tmp_path):
     run.save(Checkpoint(7, {"state": b"no state"}, {"curve": []}))
     with (
         pytest.raises(
-            ValueError, match=r"are not of this run \(UnpicklingError: .*\); start again with another --out$"
+            ValueError,
+            match=r"are not of this run \(UnpicklingError: .*\); start again with another --out$",
         ),
         run.restoring() as last,
     ):
         torch.load(io.BytesIO(last.files["state"]), weights_only=True)
-    with pytest.raises(ValueError, match=r"are not of this run \(IndexError"), run.restoring() as last:
+    with (
+        pytest.raises(ValueError, match=r"are not of this run \(IndexError"),
+        run.restoring() as last,
+    ):
         last.notes["curve"][-1]

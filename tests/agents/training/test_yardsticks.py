@@ -14,16 +14,25 @@ CERTAIN = {"scenario": "paper-3x3", "noise": 0.0, "perturbations": (), "max_cycl
 
 
 def test_the_best_script_is_at_least_as_good_as_those_of_the_paper():
-    for agent, objective, paper in (("sp_2", "exploit", OnOff()), ("sr_2", "damage", BadMouthing())):
+    for agent, objective, paper in (
+        ("sp_2", "exploit", OnOff()),
+        ("sr_2", "damage", BadMouthing()),
+    ):
         task = make_task(**CERTAIN, compromised=(agent,), objective=objective)
         best = best_script(task, games=2, seed=0)
-        assert best.score >= play_attacker(task, Scripted({agent: paper}), games=2, seed=0).mean() > 0
+        assert (
+            best.score >= play_attacker(task, Scripted({agent: paper}), games=2, seed=0).mean() > 0
+        )
         assert best.name.startswith(f"best script ({agent}: ")
 
 
 def test_no_optimum_is_known_where_there_is_noise_or_another_objective():
     task = {**CERTAIN, "compromised": ("sp_2",), "objective": "exploit"}
-    assert known_scores({**task, "noise": 0.1}, seed=0) == known_scores({**task, "objective": "mislead"}, seed=0) == []
+    assert (
+        known_scores({**task, "noise": 0.1}, seed=0)
+        == known_scores({**task, "objective": "mislead"}, seed=0)
+        == []
+    )
 
 
 @pytest.mark.slow

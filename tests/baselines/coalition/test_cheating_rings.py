@@ -13,7 +13,8 @@ PAPER = make_scenario("paper-3x3")
 
 
 def served(policy, trusts):
-    """The qualities of two providers, of which the second has the trust of the first, a round later."""
+    """The qualities of two providers, of which the second has the trust of the first, a round
+    later."""
     random, found = Random(np.random.default_rng(0)), []
     memory = policy.begin(random, (2,))
     for round, pair in enumerate(zip(trusts, [0.0, *trusts], strict=False)):
@@ -28,7 +29,13 @@ def test_a_provider_of_the_ring_cheats_while_it_is_trusted():
     ring = CheatingRing(accomplices=(0,), threshold=0.6, bad=0.2)
     trusts = [0.5, 0.6, 0.7, 0.59, 0.6]
     assert served(ring, trusts) == [[1, 0.2, 0.2, 1, 0.2], [1, 1, 0.2, 0.2, 1]]
-    assert served(CheatingRing(accomplices=(0,), threshold=0.0, start=2, stop=4), trusts)[0] == [1, 1, 0, 0, 1]
+    assert served(CheatingRing(accomplices=(0,), threshold=0.0, start=2, stop=4), trusts)[0] == [
+        1,
+        1,
+        0,
+        0,
+        1,
+    ]
 
 
 def test_a_milking_provider_compares_its_trust_with_its_own_highest():

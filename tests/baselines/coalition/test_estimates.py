@@ -10,7 +10,10 @@ from roletrust_baselines.coalition import Estimates, ranks
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 
-VALUES = st.lists(st.sampled_from([0.0, 0.2, 0.5, 0.7, 1.0]) | st.floats(0, 1).map(lambda x: round(x, 3)), min_size=1)
+VALUES = st.lists(
+    st.sampled_from([0.0, 0.2, 0.5, 0.7, 1.0]) | st.floats(0, 1).map(lambda x: round(x, 3)),
+    min_size=1,
+)
 
 
 def slow_ranks(values, left_out=()):
@@ -34,7 +37,9 @@ def test_ranks_count_the_better_ones_and_half_of_the_equal_ones(values, data):
 def test_ranks_follow_their_providers(values, seed):
     array, order = np.array(values), np.random.default_rng(seed).permutation(len(values))
     assert ranks(array[order]) == pytest.approx(ranks(array)[order])
-    assert ranks(torch.tensor(values, dtype=torch.float64)).tolist() == pytest.approx(ranks(array).tolist())
+    assert ranks(torch.tensor(values, dtype=torch.float64)).tolist() == pytest.approx(
+        ranks(array).tolist()
+    )
 
 
 def test_rounding_does_not_order_equal_providers():
@@ -50,7 +55,9 @@ def test_estimates_are_means_of_what_was_perceived(seed):
     for _ in range(3):
         awaiting = rng.random(shape) < 0.4
         service, published = rng.random(shape) * awaiting, rng.random(shape)
-        views.append(RaterView(np.zeros(()), np.zeros(()), published, service, awaiting, service, awaiting))
+        views.append(
+            RaterView(np.zeros(()), np.zeros(()), published, service, awaiting, service, awaiting)
+        )
         memory = memory.after(views[-1])
     means = memory.means(views[-1].published)
     for place in np.ndindex(shape):

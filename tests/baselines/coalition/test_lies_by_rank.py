@@ -1,4 +1,5 @@
-"""Coalitions of raters, against slow copies of their rules, for one agent and one game at a time."""
+"""Coalitions of raters, against slow copies of their rules, for one agent and one game at a
+time."""
 
 import dataclasses
 
@@ -40,7 +41,15 @@ def views(seed, rounds=ROUNDS):
         published = np.round(rng.random(SHAPE), 1)
         trust = rng.random(SHAPE[1:])
         found.append(
-            RaterView(np.full(SHAPE[1:], float(round)), trust, published, service, awaiting, service, awaiting)
+            RaterView(
+                np.full(SHAPE[1:], float(round)),
+                trust,
+                published,
+                service,
+                awaiting,
+                service,
+                awaiting,
+            )
         )
     return found
 
@@ -66,7 +75,10 @@ def slow_rating(policy, estimates, rank, j):
             return estimates[j] + policy.lift * (1 - estimates[j])
         return estimates[j] * (1 - policy.sink) if rank[j] < nearest else estimates[j]
     if isinstance(policy, SwapEnds):
-        ends = {0.0: estimates[j] * (1 - policy.sink), 1.0: estimates[j] + policy.lift * (1 - estimates[j])}
+        ends = {
+            0.0: estimates[j] * (1 - policy.sink),
+            1.0: estimates[j] + policy.lift * (1 - estimates[j]),
+        }
         return ends.get(rank[j], estimates[j])
     return policy.best + (policy.worst - policy.best) * rank[j] ** policy.bend
 
@@ -79,7 +91,9 @@ def slow_ratings(policy, seen, rater, game):
             if view.awaiting[j, rater, game]:
                 perceived[j].append(view.service[j, rater, game])
         published = view.published[:, rater, game].tolist()
-        estimates = [float(np.mean(perceived[j])) if perceived[j] else published[j] for j in range(P)]
+        estimates = [
+            float(np.mean(perceived[j])) if perceived[j] else published[j] for j in range(P)
+        ]
         value = [round(x, 6) for x in (estimates if policy.by == "perceived" else published)]
         others = [j for j in range(P) if j not in (policy.accomplices or ())]
         rank = {}
@@ -93,7 +107,9 @@ def slow_ratings(policy, seen, rater, game):
         if isinstance(policy, Sleeper):
             awake = awake or (lies and view.trust[rater, game] >= policy.wakes_at)
             lies = awake and (policy.stop is None or t < policy.stop)
-        found.append([slow_rating(policy, estimates, rank, j) if lies else estimates[j] for j in range(P)])
+        found.append(
+            [slow_rating(policy, estimates, rank, j) if lies else estimates[j] for j in range(P)]
+        )
     return found
 
 
@@ -105,7 +121,9 @@ def test_it_rates_as_a_slow_copy_of_its_rule(policy):
         assert given.min() >= 0
         assert given.max() <= 1
         for rater, game in np.ndindex(SHAPE[1:]):
-            assert given[..., rater, game] == pytest.approx(np.array(slow_ratings(policy, seen, rater, game))), seed
+            assert given[..., rater, game] == pytest.approx(
+                np.array(slow_ratings(policy, seen, rater, game))
+            ), seed
 
 
 @pytest.mark.parametrize("policy", COALITIONS, ids=repr)
@@ -125,17 +143,27 @@ def test_the_order_of_the_providers_does_not_matter(policy):
     where = np.argsort(order)
     own = None if policy.accomplices is None else tuple(int(where[j]) for j in policy.accomplices)
     moved = dataclasses.replace(policy, accomplices=own)
-    shuffled = [RaterView(*(field[order] if field.ndim == 3 else field for field in view)) for view in seen]
-    assert np.stack(ratings(moved, shuffled)) == pytest.approx(np.stack(ratings(policy, seen))[:, order], abs=1e-12)
+    shuffled = [
+        RaterView(*(field[order] if field.ndim == 3 else field for field in view)) for view in seen
+    ]
+    assert np.stack(ratings(moved, shuffled)) == pytest.approx(
+        np.stack(ratings(policy, seen))[:, order], abs=1e-12
+    )
 
 
 def test_half_of_the_raters_turn_the_order_of_the_providers_around():
     """In a plain mean: without noise the best of six has (1 + 0) / 2, the worst (0.5 + 1) / 2."""
     scenario = make_scenario("crowd-10x10").change(
-        agents=[{"role": "SR", "count": 4}, *({"role": "SP", "ability": 1 - 0.1 * j} for j in range(6))], max_cycles=30
+        agents=[
+            {"role": "SR", "count": 4},
+            *({"role": "SP", "ability": 1 - 0.1 * j} for j in range(6)),
+        ],
+        max_cycles=30,
     )
     game = Game(scenario, "mean")
-    history = record(JointPolicy(game, dict.fromkeys(("sr_0", "sr_1"), RankLies(bend=1.0))), game.random(0))
+    history = record(
+        JointPolicy(game, dict.fromkeys(("sr_0", "sr_1"), RankLies(bend=1.0))), game.random(0)
+    )
     assert history.top[-1] == pytest.approx([(1 - 0.1 * j + j / 5) / 2 for j in range(6)], abs=1e-6)
 
 
@@ -148,8 +176,12 @@ def test_a_liar_without_noise_looks_better_than_an_honest_rater():
 
 def test_promotion_lifts_one_provider_above_the_better_ones_and_is_honest_about_the_rest():
     service = np.array([0.9, 0.5, 0.7, 0.3, 0.6, 0.4])
-    view = RaterView(np.zeros(()), np.zeros(()), service, service, service > 0, service, service > 0)
-    given = {place: ratings(Promotion(place=place), [view])[0].tolist() for place in (0.0, 0.5, 0.6, 1.0)}
+    view = RaterView(
+        np.zeros(()), np.zeros(()), service, service, service > 0, service, service > 0
+    )
+    given = {
+        place: ratings(Promotion(place=place), [view])[0].tolist() for place in (0.0, 0.5, 0.6, 1.0)
+    }
     assert given[0.0] == [1, 0.5, 0.7, 0.3, 0.6, 0.4]
     assert given[0.5] == [0, 0.5, 0, 0.3, 1, 0.4]  # two are as near, the better one is promoted
     assert given[0.6] == [0, 1, 0, 0.3, 0, 0.4]
@@ -168,5 +200,7 @@ def test_promotion_lifts_one_provider_above_the_better_ones_and_is_honest_about_
 )
 def test_the_ends_are_swapped_unless_they_are_shared(service, given):
     service = np.array(service)
-    view = RaterView(np.zeros(()), np.zeros(()), service, service, service > 0, service, service > 0)
+    view = RaterView(
+        np.zeros(()), np.zeros(()), service, service, service > 0, service, service > 0
+    )
     assert ratings(SwapEnds(), [view])[0].tolist() == given

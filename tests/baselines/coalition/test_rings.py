@@ -35,7 +35,9 @@ def test_self_promotion_praises_its_own_only():
 
 def test_collusion_sinks_the_others_too():
     assert ratings(Collusion(accomplices=(1,))) == [0, 1, 0]
-    assert ratings(Collusion(accomplices=(1,), lift=0.5, sink=0.25)) == pytest.approx([0.6, 0.7, 0.75])
+    assert ratings(Collusion(accomplices=(1,), lift=0.5, sink=0.25)) == pytest.approx(
+        [0.6, 0.7, 0.75]
+    )
     assert ratings(Collusion(accomplices=(1,), start=2)) == SERVICE.tolist()
     assert quality(Collusion(accomplices=(1,), start=2)) == 1
 
@@ -43,9 +45,14 @@ def test_collusion_sinks_the_others_too():
 def test_teams_take_turns():
     teams = [Orchestrated(accomplices=(1,), team=team, turn=2) for team in (0, 1)]
     turns = [[quality(team, round) == 0 for round in range(6)] for team in teams]
-    assert turns == [[True, True, False, False, True, True], [False, False, True, True, False, False]]
+    assert turns == [
+        [True, True, False, False, True, True],
+        [False, False, True, True, False, False],
+    ]
     beyond = Orchestrated(accomplices=(1,), team=3, turn=2)  # of two teams it is in the second
-    assert [quality(beyond, round) for round in range(6)] == [quality(teams[1], round) for round in range(6)]
+    assert [quality(beyond, round) for round in range(6)] == [
+        quality(teams[1], round) for round in range(6)
+    ]
     assert [ratings(team, 2) for team in teams] == [[0.8, 1, 1], [0, 1, 0]]
 
 
@@ -59,23 +66,36 @@ def test_two_of_three_raters_turn_the_world_around():
 
 
 def test_a_ring_that_lifts_nobody_is_refused():
-    with pytest.raises(ValueError, match=r"'collusion:bad=0' has no accomplices: .* --attack sp_0=collusion:bad=0, or"):
+    with pytest.raises(
+        ValueError,
+        match=r"'collusion:bad=0' has no accomplices: .* --attack sp_0=collusion:bad=0, or",
+    ):
         parse_attacks(["sr_0=collusion:bad=0"], PAPER)
     with pytest.raises(ValueError, match=r"accomplices is \[\].*at least 1"):
         make_attacker("collusion", accomplices=())
-    given = parse_attacks(["sr_0=collusion:accomplices=[sp_0,sp_1]", "sp_2=collusion:accomplices=sp_1"], PAPER)
+    given = parse_attacks(
+        ["sr_0=collusion:accomplices=[sp_0,sp_1]", "sp_2=collusion:accomplices=sp_1"], PAPER
+    )
     assert [policy.accomplices for policy in given.values()] == [(0, 1), (1,)]
-    with pytest.raises(ValueError, match=r"accomplices has 'sr_1'; the providers are sp_0 ... sp_2"):
+    with pytest.raises(
+        ValueError, match=r"accomplices has 'sr_1'; the providers are sp_0 ... sp_2"
+    ):
         parse_attacks(["sr_0=collusion:accomplices=sr_1"], PAPER)
 
 
 def test_searches_tell_the_ring_who_belongs_to_it():
-    arguments = {"scenario": "crowd-10x10", "compromised": ("sr_8", "sp_9", "sr_9"), "max_cycles": 10}
+    arguments = {
+        "scenario": "crowd-10x10",
+        "compromised": ("sr_8", "sp_9", "sr_9"),
+        "max_cycles": 10,
+    }
     space = Scripts.of(make_task(**arguments), (Collusion,))
     assert space.size == 9
     assert space.default == dict.fromkeys(("sr_8", "sp_9", "sr_9"), Collusion(accomplices=(9,)))
     finding = find(PaperAttacks(attacks=(Collusion,)), arguments, budget=0, seed=0, games=2)
     assert finding.description == "sr_8, sp_9, sr_9: collusion:bad=0,lift=1,sink=1,accomplices=[9]"
     raters = {**arguments, "compromised": ("sr_8",)}
-    with pytest.raises(ValueError, match=r"attack Collusion cannot be searched.* field accomplices is missing"):
+    with pytest.raises(
+        ValueError, match=r"attack Collusion cannot be searched.* field accomplices is missing"
+    ):
         Scripts.of(make_task(**raters), (Collusion,))

@@ -30,12 +30,16 @@ def played(policy, model="mean", batch=()):
     ("ring", "alike"),
     [
         (SybilRing(reserve=3, start=4, every=5), Sybil(reserve=3, start=4, every=5)),
-        (WhitewashingRing(reserve=2, leaves_below=0.6, threshold=0.0), Whitewashing(reserve=2, threshold=0.6)),
+        (
+            WhitewashingRing(reserve=2, leaves_below=0.6, threshold=0.0),
+            Whitewashing(reserve=2, threshold=0.6),
+        ),
     ],
     ids=repr,
 )
 def test_its_identities_come_as_those_of_a_single_attacker(ring, alike):
-    """An attacker of whitewashing with the same low trust; the wave of a Sybil does not depend on trust."""
+    """An attacker of whitewashing with the same low trust; the wave of a Sybil does not depend on
+    trust."""
     present = {policy: played(policy).present for policy in (ring, alike)}
     assert present[ring][-1].tolist() == present[alike][-1].tolist()
     if isinstance(ring, SybilRing):
@@ -43,21 +47,27 @@ def test_its_identities_come_as_those_of_a_single_attacker(ring, alike):
 
 
 def test_the_identities_lie_together():
-    """All raters of the ring give the same ratings where they perceive the same, and 1 to its providers."""
+    """All raters of the ring give the same ratings where they perceive the same, and 1 to its
+    providers."""
     ring = SybilRing(reserve=3, accomplices=(2, 3, 4, 5), threshold=1.0, cut=0.0)
     history = played(ring, batch=(4,))
     mine, own = history.ratings[-1, 3:], (2, 3, 4, 5)
     assert (mine[:, own] == 1).all()
     quality = history.quality[-2, :2]
     best = quality == quality.max(axis=0)
-    assert mine[:, :2] == pytest.approx(np.broadcast_to(np.where(best, 0, quality), mine[:, :2].shape), abs=1e-9)
+    assert mine[:, :2] == pytest.approx(
+        np.broadcast_to(np.where(best, 0, quality), mine[:, :2].shape), abs=1e-9
+    )
 
 
 def test_many_identities_decide_and_few_do_not():
-    """Under a plain mean, four liars of seven raters lift cheating providers above the honest ones."""
+    """Under a plain mean, four liars of seven raters lift cheating providers above the honest
+    ones."""
 
     def trust(reserve):
-        top = played(SybilRing(reserve=reserve, accomplices=(2, 3, 4, 5), threshold=0.0, cut=1.0), batch=(8,)).top[-1]
+        top = played(
+            SybilRing(reserve=reserve, accomplices=(2, 3, 4, 5), threshold=0.0, cut=1.0), batch=(8,)
+        ).top[-1]
         return top[:2].mean(), top[2].mean()
 
     honest, cheat = trust(3)

@@ -1,4 +1,5 @@
-"""A wave of fresh liars: strangers who join at once, as in the preset, or one mind under many names."""
+"""A wave of fresh liars: strangers who join at once, as in the preset, or one mind under many
+names."""
 
 import pytest
 
@@ -15,7 +16,8 @@ def test_the_newcomers_are_those_that_the_readme_names() -> None:
 
 
 def test_the_wave_outvotes_who_was_there_before() -> None:
-    """In a plain mean, by hand: 1 until the wave comes, then 10 truths and 15 lies, (10 x 1 + 15 x 0) / 25."""
+    """In a plain mean, by hand: 1 until the wave comes, then 10 truths and 15 lies, (10 x 1 + 15 x
+    0) / 25."""
     game = Game(WAVE, "mean")
     wave = dict.fromkeys([f"sr_{n}" for n in range(10, 25)], BadMouthing(level=0.0))
     history = record(JointPolicy(game, wave), game.random(0))
@@ -25,7 +27,11 @@ def test_the_wave_outvotes_who_was_there_before() -> None:
 
 
 def test_one_mind_under_many_names_does_the_same() -> None:
-    agents = [{"role": "SR", "count": 10}, {"role": "SP", "count": 10}, {"role": "SR", "joins": 60, "reserve": 14}]
+    agents = [
+        {"role": "SR", "count": 10},
+        {"role": "SP", "count": 10},
+        {"role": "SR", "joins": 60, "reserve": 14},
+    ]
     game = Game(WAVE.change(agents=agents), "mean")
     history = record(JointPolicy(game, {"sr_10": Sybil(reserve=14)}), game.random(0))
     assert history.top[-1] == pytest.approx(0.4, abs=1e-6)

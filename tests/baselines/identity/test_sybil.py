@@ -10,11 +10,18 @@ from roletrust_env.game.rollout import History
 
 GAME = Game(
     Scenario(
-        agents=[{"role": "SR", "count": 3}, {"role": "SR", "reserve": 5}, {"role": "SP", "count": 2}], max_cycles=30
+        agents=[
+            {"role": "SR", "count": 3},
+            {"role": "SR", "reserve": 5},
+            {"role": "SP", "count": 2},
+        ],
+        max_cycles=30,
     ),
     "mean",
 )
-MINE = [GAME.roster.names.index(name) for name, owner in GAME.roster.owners.items() if owner == "sr_3"]
+MINE = [
+    GAME.roster.names.index(name) for name, owner in GAME.roster.owners.items() if owner == "sr_3"
+]
 
 
 def played(policy: Policy) -> History:
@@ -59,5 +66,8 @@ def test_by_name() -> None:
 
 def test_it_declares_its_ranges() -> None:
     space = Space(Sybil, (0,), (1,), 30, reserve=6)
-    assert [space.decode([x] * 3) for x in (0.0, 1.0)] == [Sybil(), Sybil(reserve=6, start=100, every=10)]
+    assert [space.decode([x] * 3) for x in (0.0, 1.0)] == [
+        Sybil(),
+        Sybil(reserve=6, start=100, every=10),
+    ]
     assert len(space.grid) == 2 * 4

@@ -11,10 +11,17 @@ from roletrust_env.game.rollout import History
 
 GAME = Game(
     Scenario(
-        agents=[{"role": "SR", "count": 3}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 3}], max_cycles=40
+        agents=[
+            {"role": "SR", "count": 3},
+            {"role": "SP", "count": 2},
+            {"role": "SP", "reserve": 3},
+        ],
+        max_cycles=40,
     )
 )
-MINE = [GAME.roster.names.index(name) for name, owner in GAME.roster.owners.items() if owner == "sp_2"]
+MINE = [
+    GAME.roster.names.index(name) for name, owner in GAME.roster.owners.items() if owner == "sp_2"
+]
 
 
 def played(policy: Policy) -> History:
@@ -45,7 +52,9 @@ def test_it_cheats_as_it_is_told() -> None:
 
 def test_it_comes_back_also_when_it_is_cut_off() -> None:
     strict = Game(GAME.scenario.change(admission={"threshold": 0.45, "rounds": 2}))
-    history = record(JointPolicy(strict, {"sp_2": Whitewashing(threshold=0.0, reserve=3)}), strict.random(0))
+    history = record(
+        JointPolicy(strict, {"sp_2": Whitewashing(threshold=0.0, reserve=3)}), strict.random(0)
+    )
     assert history.present[:, MINE].any(axis=0).all()
 
 
@@ -59,7 +68,9 @@ def test_it_keeps_more_trust_than_who_stays() -> None:
 
 
 def test_by_name() -> None:
-    assert make_attacker("whitewashing", threshold=0.2, reserve=4) == Whitewashing(threshold=0.2, reserve=4)
+    assert make_attacker("whitewashing", threshold=0.2, reserve=4) == Whitewashing(
+        threshold=0.2, reserve=4
+    )
 
 
 def test_it_declares_its_range() -> None:

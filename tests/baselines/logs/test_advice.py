@@ -28,7 +28,12 @@ def test_what_is_kept_decides_among_forecasts_like_the_best() -> None:
     }
     advice = advise(models)
     assert advice is not None
-    assert (advice.model, advice.best, round(advice.kept, 3), round(advice.most, 3)) == ("firm", "best", 0.5, 0.525)
+    assert (advice.model, advice.best, round(advice.kept, 3), round(advice.most, 3)) == (
+        "firm",
+        "best",
+        0.5,
+        0.525,
+    )
     assert "r 0.45) lies in the interval of the best, best, and it keeps 0.50 of 1" in advice.words
 
 

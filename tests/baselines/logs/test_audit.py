@@ -1,4 +1,5 @@
-"""Audits of a log: ranks as `rate` has them, what a plan sends, and the cheapest attacks that a search finds."""
+"""Audits of a log: ranks as `rate` has them, what a plan sends, and the cheapest attacks that a
+search finds."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +28,9 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
     return read_ratings(path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
 
 
-def ranking_of(log: RatingLog, model: str = "mean", rank_by: Rank = "low", top: int = 10) -> Ranking:
+def ranking_of(
+    log: RatingLog, model: str = "mean", rank_by: Rank = "low", top: int = 10
+) -> Ranking:
     return Ranking(make_trust_model(model), log, MONTH, same_agents=True, rank_by=rank_by, top=top)
 
 
@@ -60,16 +63,28 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
     last = np.unique(rounds)[::-1]
     place = {name: at for at, name in enumerate(log.rater_names)}
     rows = [
-        (place[one.account], place[one.agent], one.value, log.times[0] + last[one.round - 1] * MONTH + 1)
+        (
+            place[one.account],
+            place[one.agent],
+            one.value,
+            log.times[0] + last[one.round - 1] * MONTH + 1,
+        )
         for one in sent
     ]
-    raters, ratees, values, times = (np.append(a, b) for a, b in zip(log[:4], zip(*rows, strict=True), strict=True))
+    raters, ratees, values, times = (
+        np.append(a, b) for a, b in zip(log[:4], zip(*rows, strict=True), strict=True)
+    )
     order = np.argsort(times, kind="stable")
     longer = log._replace(
-        raters=raters[order].astype(int), ratees=ratees[order].astype(int), values=values[order], times=times[order]
+        raters=raters[order].astype(int),
+        ratees=ratees[order].astype(int),
+        values=values[order],
+        times=times[order],
     )
     attempt = ranking.play(target, plan, Prices(hijacked=7, rating=0.5))
-    assert attempt.rank == rated(longer, "mean").index(log.ratee_names[target.place]) + 1 > target.rank
+    assert (
+        attempt.rank == rated(longer, "mean").index(log.ratee_names[target.place]) + 1 > target.rank
+    )
     assert (attempt.ratings, attempt.accounts, attempt.rounds, attempt.days) == (8, 4, 2, 60)
     assert attempt.price == 4 * 7 + 8 * 0.5
 
@@ -77,7 +92,18 @@ def test_the_rank_after_an_attack_is_that_of_the_longer_log(log: RatingLog) -> N
 def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
     ranking = ranking_of(log)
     lifted = ranking.targets(1, 0)[-2]
-    plan = Plan("aged", accounts=3, strikes=2, turns=True, quiet=1, age=2, mildness=0.2, cover=5, rivals=2, ring=1)
+    plan = Plan(
+        "aged",
+        accounts=3,
+        strikes=2,
+        turns=True,
+        quiet=1,
+        age=2,
+        mildness=0.2,
+        cover=5,
+        rivals=2,
+        ring=1,
+    )
     rows = ranking.rows(lifted, plan)
     struck = [row for row in rows if row.agent == lifted.place]
     assert [(row.round, row.value) for row in struck] == [(LAST - 3, 0.8)] * 2 + [(LAST - 2, 0.8)]
@@ -95,8 +121,12 @@ def test_a_plan_sends_what_it_says(log: RatingLog) -> None:
     assert len(drawn) == len(rows)
 
 
-def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_not_need(log: RatingLog) -> None:
-    found = audit_model(ranking_of(log, rank_by="trust", top=2), Prices(day=0.001), targets=2, budget=60)
+def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_not_need(
+    log: RatingLog,
+) -> None:
+    found = audit_model(
+        ranking_of(log, rank_by="trust", top=2), Prices(day=0.001), targets=2, budget=60
+    )
     assert [one.goal for one in found.exposures].count("sink") == 2
     ranking = ranking_of(log, rank_by="trust", top=2)
     targets = {target[::2]: target for target in ranking.targets(2, 0)}
@@ -123,16 +153,24 @@ def test_the_search_finds_the_attack_that_suffices_and_leaves_out_what_it_does_n
         assert ranking.play(target, best.plan, Prices(), rows).rank == best.rank
         for at in range(len(rows)):  # each rating is needed
             fewer = rows[:at] + rows[at + 1 :]
-            assert not fewer or not ranking.over_edge(target, ranking.play(target, best.plan, Prices(), fewer).rank)
+            assert not fewer or not ranking.over_edge(
+                target, ranking.play(target, best.plan, Prices(), fewer).rank
+            )
     for target in ranking.targets(2, 0):  # no single rating of a new account is cheaper
         played = ranking.play(target, Plan(), Prices(day=0.001))
-        price = next(one.price for one in found.exposures if (one.goal, one.rank) == (target.goal, target.rank))
+        price = next(
+            one.price
+            for one in found.exposures
+            if (one.goal, one.rank) == (target.goal, target.rank)
+        )
         assert not ranking.over_edge(target, played.rank) or price <= played.price
     for goal in found.medians:
         curve = [one for one in found.curve if one.goal == goal]
         assert all(np.diff([one.places.value for one in curve]) >= 0)
         assert curve[-1].pushed.value == 1
-    again = audit_model(ranking_of(log, rank_by="trust", top=2), Prices(day=0.001), targets=2, budget=60)
+    again = audit_model(
+        ranking_of(log, rank_by="trust", top=2), Prices(day=0.001), targets=2, budget=60
+    )
     assert repr(again) == repr(found)
 
 
@@ -146,7 +184,9 @@ def test_targets_may_be_named(log: RatingLog) -> None:
 
 
 def test_a_damaged_journal_keeps_its_whole_lines(tmp_path: Path) -> None:
-    (tmp_path / "journal").write_bytes(b'\xff\0["a", 1, 2]\n["b", 3, 0.5]\n["c", "x", null]\n[["d"], 1, 2]\n["e", 1')
+    (tmp_path / "journal").write_bytes(
+        b'\xff\0["a", 1, 2]\n["b", 3, 0.5]\n["c", "x", null]\n[["d"], 1, 2]\n["e", 1'
+    )
     assert Journal(tmp_path / "journal").known == {"b": (3, 0.5)}
     for wrong in (
         "-3, 0.5",

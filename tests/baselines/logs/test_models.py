@@ -1,4 +1,5 @@
-"""Models of neighbouring fields: against their formulas written loop by loop, on grids and on edges, and their laws."""
+"""Models of neighbouring fields: against their formulas written loop by loop, on grids and on
+edges, and their laws."""
 
 import math
 from functools import partial
@@ -52,7 +53,10 @@ def deserve(pairs: Pairs, s: int, p: int) -> tuple[Vector, Vector]:
     for _ in range(200):
         parts = [(i, j, 2 * x - 1) for i, j, x in pairs]
         des = [
-            mean([w * (1 - (abs(bias[i]) if bias[i] * w > 0 else 0)) for i, k, w in parts if k == j]) for j in range(p)
+            mean(
+                [w * (1 - (abs(bias[i]) if bias[i] * w > 0 else 0)) for i, k, w in parts if k == j]
+            )
+            for j in range(p)
         ]
         bias = [mean([(w - des[j]) / 2 for k, j, w in parts if k == i]) for i in range(s)]
     return [1 - abs(b) for b in bias], [(value + 1) / 2 for value in des]
@@ -72,9 +76,14 @@ def rev2(pairs: Pairs, s: int, p: int) -> tuple[Vector, Vector]:
     raters, providers = {i for i, _, _ in pairs}, {j for _, j, _ in pairs}
     for _ in range(60):
         mean_f, mean_g = mean([f[i] for i in raters]), mean([g[j] for j in providers])
-        votes = [[(f[i] + 1 - abs(w - g[j]) / 2) / 2 * w for i, k, w in parts if k == j] for j in range(p)]
+        votes = [
+            [(f[i] + 1 - abs(w - g[j]) / 2) / 2 * w for i, k, w in parts if k == j]
+            for j in range(p)
+        ]
         g = [(2 * mean_g + sum(some)) / (2 + len(some)) for some in votes]
-        sure = [[(f[i] + 1 - abs(w - g[j]) / 2) / 2 for k, j, w in parts if k == i] for i in range(s)]
+        sure = [
+            [(f[i] + 1 - abs(w - g[j]) / 2) / 2 for k, j, w in parts if k == i] for i in range(s)
+        ]
         f = [(0.5 * mean_f + sum(some)) / (0.5 + len(some)) for some in sure]
     return f, [(value + 1) / 2 for value in g]
 
@@ -87,16 +96,30 @@ def vectors(pairs: Pairs, s: int, p: int, radius: float | None) -> tuple[Vector,
         return math.sqrt(sum((x - c[j]) ** 2 for k, j, x in pairs if k == i))
 
     for _ in range(60):
-        weight = [min(1, radius / max(distance(i), 1e-9)) if radius else 1 / max(distance(i), 1e-4) for i in range(s)]
+        weight = [
+            min(1, radius / max(distance(i), 1e-9)) if radius else 1 / max(distance(i), 1e-4)
+            for i in range(s)
+        ]
         pulls = [[(weight[i], x - c[j]) for i, k, x in pairs if k == j] for j in range(p)]
         sizes = [len(some) if radius else sum(w for w, _ in some) for some in pulls]
-        c = [c[j] + sum(w * gap for w, gap in some) / max(sizes[j], 1e-9) for j, some in enumerate(pulls)]
+        c = [
+            c[j] + sum(w * gap for w, gap in some) / max(sizes[j], 1e-9)
+            for j, some in enumerate(pulls)
+        ]
     given = [sum(k == i for k, _, _ in pairs) for i in range(s)]
     return [1 - distance(i) / math.sqrt(max(given[i], 1)) for i in range(s)], c
 
 
-SLOW = {"fairness-goodness": fairness, "bias-deserve": deserve, "two-way-mean": two_way, "rev2": rev2}
-SLOW |= {name: partial(vectors, radius=one) for name, one in (("geometric-median", None), ("centred-clipping", 0.4))}
+SLOW = {
+    "fairness-goodness": fairness,
+    "bias-deserve": deserve,
+    "two-way-mean": two_way,
+    "rev2": rev2,
+}
+SLOW |= {
+    name: partial(vectors, radius=one)
+    for name, one in (("geometric-median", None), ("centred-clipping", 0.4))
+}
 OTHERS: dict[str, Any] = {"rev2": {"alpha": 0.5, "beta": 2.0}, "centred-clipping": {"radius": 0.4}}
 
 
@@ -119,7 +142,10 @@ def test_it_computes_its_formula(name: str) -> None:
 def test_the_all_time_mean_forgets_nothing() -> None:
     def reference(rounds: Any, peers: Matrix) -> Any:
         for t in range(1, len(rounds) + 1):
-            notes = [[f[i][j] for f, m in rounds[:t] for i in range(len(f)) if m[i][j]] for j in range(len(peers[0]))]
+            notes = [
+                [f[i][j] for f, m in rounds[:t] for i in range(len(f)) if m[i][j]]
+                for j in range(len(peers[0]))
+            ]
             yield [1.0] * len(peers), [mean(values) if values else 0.3 for values in notes]
 
     assert_matches(LOG_MODELS["all-time-mean"](initial=0.3), reference)
@@ -162,7 +188,9 @@ def test_liars_move_a_robust_centre_less_than_a_mean_and_are_found() -> None:
 def test_a_wide_radius_is_the_mean_and_rev2_without_pull_is_between() -> None:
     rng = np.random.default_rng(1)
     ratings, mask = rng.random((5, 4)), np.ones((5, 4), bool)
-    assert settled("centred-clipping", ratings, mask, radius=3.0)[1] == pytest.approx(ratings.mean(0))
+    assert settled("centred-clipping", ratings, mask, radius=3.0)[1] == pytest.approx(
+        ratings.mean(0)
+    )
     pulled = settled("rev2", ratings, mask, alpha=1e6, beta=1e6)
     assert np.ptp(pulled[0]) < 1e-5 > np.ptp(pulled[1])
     agreed = settled("rev2", 0 * ratings + 1, mask)

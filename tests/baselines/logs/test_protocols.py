@@ -1,4 +1,5 @@
-"""What is measured on logs of ratings: each measure against a slow count, and on logs whose answer is known."""
+"""What is measured on logs of ratings: each measure against a slow count, and on logs whose answer
+is known."""
 
 from pathlib import Path
 
@@ -6,7 +7,14 @@ import numpy as np
 import pytest
 
 from roletrust_baselines.logs.folders import find_logs, write_log
-from roletrust_baselines.logs.forecasts import earlier, forecasts, next_rating, past_mean, rated_before, rater_forward
+from roletrust_baselines.logs.forecasts import (
+    earlier,
+    forecasts,
+    next_rating,
+    past_mean,
+    rated_before,
+    rater_forward,
+)
 from roletrust_baselines.logs.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_baselines.logs.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.data.columns import Columns
@@ -29,20 +37,29 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
     return read_ratings(path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
 
 
-# --- measures -----------------------------------------------------------------------------------------
+# --- measures
+# -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_auc_counts_pairs_within_strata(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    score, bad, strata = rng.integers(0, 5, 40) / 4, rng.integers(0, 2, 40) * 1.0, rng.integers(0, 3, 40)
+    score, bad, strata = (
+        rng.integers(0, 5, 40) / 4,
+        rng.integers(0, 2, 40) * 1.0,
+        rng.integers(0, 3, 40),
+    )
     weights = rng.integers(0, 3, 40) * 1.0
     won = pairs = 0.0
     for i in range(40):
         for j in range(40):
             if bad[i] and not bad[j] and strata[i] == strata[j]:
                 pairs += weights[i] * weights[j]
-                won += weights[i] * weights[j] * (float(score[i] < score[j]) + float(score[i] == score[j]) / 2)
+                won += (
+                    weights[i]
+                    * weights[j]
+                    * (float(score[i] < score[j]) + float(score[i] == score[j]) / 2)
+                )
     assert auc(score, bad, strata)(weights) == pytest.approx(won / pairs)
     assert np.isnan(auc(score, 0 * bad, strata)(weights))
 
@@ -68,7 +85,8 @@ def test_correlations_and_ranks() -> None:
     assert ranks(np.array([0.3, 0.1, 0.3, 0.9])).tolist() == [0.5, 0.125, 0.5, 0.875]
 
 
-# --- forecasts ----------------------------------------------------------------------------------------
+# --- forecasts
+# ----------------------------------------------------------------------------------------
 
 
 def test_forecasts_see_no_future() -> None:
@@ -77,7 +95,10 @@ def test_forecasts_see_no_future() -> None:
     model = make_trust_model("role-trust")
     whole = forecasts(model, small_log(edges), 10, same_agents=True)
     assert whole.number.tolist() == [1, 1, 2]
-    assert whole.top.tolist()[:2] == [0.75 * 0.5 + 0.25, 0.75 * 0.5 + 0.25]  # half of 0.5, and half of 0.75 * 1
+    assert whole.top.tolist()[:2] == [
+        0.75 * 0.5 + 0.25,
+        0.75 * 0.5 + 0.25,
+    ]  # half of 0.5, and half of 0.75 * 1
     changed = forecasts(model, small_log([*edges[:3], (1, 5, 0.0, 25)]), 10, same_agents=True)
     assert np.array_equal(whole.top[:2], changed.top[:2])
     with pytest.raises(ValueError, match="a single round"):
@@ -85,7 +106,9 @@ def test_forecasts_see_no_future() -> None:
 
 
 def test_only_earlier_rounds_count() -> None:
-    log = small_log([(0, 1, 1, 0), (0, 2, 1, 1), (0, 1, 1, 12), (0, 2, 1, 13), (0, 1, 1, 25), (1, 0, 1, 26)])
+    log = small_log(
+        [(0, 1, 1, 0), (0, 2, 1, 1), (0, 1, 1, 12), (0, 2, 1, 13), (0, 1, 1, 25), (1, 0, 1, 26)]
+    )
     found = forecasts(make_trust_model("mean"), log, 10, same_agents=True)
     raters, weights = log.raters[found.since :], np.array([1.0, 1.0, 0.5, 0.5, 0.0, 0.0])
     assert earlier(found, raters, log.raters, weights).tolist() == [2, 2, 3, 0]
@@ -104,9 +127,13 @@ def test_the_mean_of_the_past_is_that_of_a_loop(log: RatingLog) -> None:
     np.testing.assert_allclose(past_mean(found, log), expected)
     known, values = ~np.isnan(expected), log.values[found.since :]
     measures = rated_before(found, log, (-10, 10))
-    assert measures["r, past mean"].value == pytest.approx(np.corrcoef(np.array(expected)[known], values[known])[0, 1])
+    assert measures["r, past mean"].value == pytest.approx(
+        np.corrcoef(np.array(expected)[known], values[known])[0, 1]
+    )
     assert measures["r"].value == pytest.approx(np.corrcoef(found.top[known], values[known])[0, 1])
-    assert measures["rmse"].value == pytest.approx(20 * rated_before(found, log, (0, 1))["rmse"].value)
+    assert measures["rmse"].value == pytest.approx(
+        20 * rated_before(found, log, (0, 1))["rmse"].value
+    )
     assert measures["rmse"].value < 20 * values[known].std()
 
 
@@ -123,12 +150,17 @@ def test_contrary_raters_are_found_by_agreement(log: RatingLog) -> None:
     found = rater_forward(before, log)
     assert list(found) == ["ratings", "kindness", "trust", "ToA"]
     assert found["trust"].value > found["ratings"].value
-    assert found["trust"] == rater_forward(before._replace(own=before.tor), log)["ToA"]  # two equal trusts
+    assert (
+        found["trust"] == rater_forward(before._replace(own=before.tor), log)["ToA"]
+    )  # two equal trusts
     for model, same in (("mean", True), ("deviation-weighted", False)):
-        assert "ToA" not in rater_forward(forecasts(make_trust_model(model), log, MONTH, same_agents=same), log)
+        assert "ToA" not in rater_forward(
+            forecasts(make_trust_model(model), log, MONTH, same_agents=same), log
+        )
 
 
-# --- attacks ------------------------------------------------------------------------------------------
+# --- attacks
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("same_agents", [True, False])
@@ -136,7 +168,9 @@ def test_hostile_accounts_move_their_targets(log: RatingLog, same_agents: bool) 
     attacks = [Attack("sink", 3, "new"), Attack("sink", 10, "hijacked"), Attack("lift", 3, "new")]
 
     def play(name: str) -> dict[Attack, Shift]:
-        return replay_attacks(Replay(make_trust_model(name), log, MONTH, same_agents=same_agents), attacks)
+        return replay_attacks(
+            Replay(make_trust_model(name), log, MONTH, same_agents=same_agents), attacks
+        )
 
     moved = play("mean")
     assert moved[attacks[0]].before.value > 0.7 > 0.3 > moved[attacks[0]].after.value

@@ -41,7 +41,9 @@ def test_a_ring_is_found_and_moves_ranks(log: RatingLog) -> None:
     assert group.p == 0.25
     assert group.shift > max(0.2, group.chance)
     known = np.isin(log.raters, group.raters)
-    rest = log._replace(**{name: getattr(log, name)[~known] for name in ("raters", "ratees", "values")})
+    rest = log._replace(
+        **{name: getattr(log, name)[~known] for name in ("raters", "ratees", "values")}
+    )
     assert alike(rest, 0.5) == []
 
 
@@ -61,15 +63,28 @@ def test_an_explanation_is_what_the_log_without_the_ratings_says(log: RatingLog)
         agent = find_agent(log, f" {name} ")[role]
         found = explain(MODEL, log, numbers, role, agent, most=4)
         mine, others = (log.ratees, log.raters) if role == "ratee" else (log.raters, log.ratees)
-        assert (found.name, found.role, found.n_ratings, len(found.reasons)) == (name, role, (mine == agent).sum(), 4)
-        whole = TrustStream(MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), every=1)
+        assert (found.name, found.role, found.n_ratings, len(found.reasons)) == (
+            name,
+            role,
+            (mine == agent).sum(),
+            4,
+        )
+        whole = TrustStream(
+            MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), every=1
+        )
         whole.update(log.raters, log.ratees, log.values, numbers)
         whole.finish()
         trusts, other = whole.provider_trust(), whole.rater_trust()
         trusts, other = (trusts, other) if role == "ratee" else (other, trusts)
         assert found.rank == 1 + sum(trusts[one] > found.trust for one in set(mine.tolist()))
-        means = {one: log.values[(mine == agent) & (others == one)].mean() for one in set(others[mine == agent])}
-        near = {one: abs(mean - (found.trust if role == "ratee" else other[one])) for one, mean in means.items()}
+        means = {
+            one: log.values[(mine == agent) & (others == one)].mean()
+            for one in set(others[mine == agent])
+        }
+        near = {
+            one: abs(mean - (found.trust if role == "ratee" else other[one]))
+            for one, mean in means.items()
+        }
         ordered = sorted(near, key=lambda one: near[one] * (other[one] if role == "ratee" else 1))
         taken = ordered[-4:] if role == "ratee" else [*ordered[:2], *ordered[-2:]]
         assert {reason.other for reason in found.reasons} == set(taken)
@@ -78,14 +93,23 @@ def test_an_explanation_is_what_the_log_without_the_ratings_says(log: RatingLog)
         reason = found.reasons[0]
         these = (mine == agent) & (others == reason.other)
         rest = (log.ratees == log.ratees[these][0]) & ~these
-        assert (reason.ratings.tolist(), reason.others) == (log.values[these].tolist(), log.values[rest].mean())
-        stream = TrustStream(MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), every=1)
+        assert (reason.ratings.tolist(), reason.others) == (
+            log.values[these].tolist(),
+            log.values[rest].mean(),
+        )
+        stream = TrustStream(
+            MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), every=1
+        )
         stream.update(log.raters[~these], log.ratees[~these], log.values[~these], numbers[~these])
         stream.finish()
-        assert (stream.provider_trust() if role == "ratee" else stream.rater_trust())[agent] == reason.without
+        assert (stream.provider_trust() if role == "ratee" else stream.rater_trust())[
+            agent
+        ] == reason.without
 
 
-def test_an_agent_has_the_roles_in_which_it_has_ratings_and_near_names_are_said(log: RatingLog) -> None:
+def test_an_agent_has_the_roles_in_which_it_has_ratings_and_near_names_are_said(
+    log: RatingLog,
+) -> None:
     both = log._replace(rater_names=["s33", *list(log.rater_names)[1:]])
     assert find_agent(both, "s33") == {"ratee": list(log.ratee_names).index("s33"), "rater": 0}
     with pytest.raises(ValueError, match="no agent 'S33x' has ratings; did you mean 's33' or"):
@@ -93,7 +117,9 @@ def test_an_agent_has_the_roles_in_which_it_has_ratings_and_near_names_are_said(
 
 
 def test_a_whole_log_is_played_as_a_stream_does(log: RatingLog) -> None:
-    stream = TrustStream(MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), count=700)
+    stream = TrustStream(
+        MODEL, agents=(np.arange(log.shape[0]), np.arange(log.shape[1])), count=700
+    )
     stream.update(log.raters, log.ratees, log.values)
     stream.finish()
     run = played(MODEL, log, numbers_of(log, None, 700))

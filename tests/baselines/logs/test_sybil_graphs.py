@@ -11,7 +11,9 @@ from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.run import EdgeRun
 
 NAMES = ["a", "b", "c"]
-LOG = RatingLog(np.r_[0, 1], np.r_[1, 2], np.r_[0.9, 0.3], np.r_[5.0, 9.0], NAMES, NAMES, was_sorted=True)
+LOG = RatingLog(
+    np.r_[0, 1], np.r_[1, 2], np.r_[0.9, 0.3], np.r_[5.0, 9.0], NAMES, NAMES, was_sorted=True
+)
 
 
 def added(graph: SybilGraph, helpers: list[int], bought: int | None = None) -> set[tuple[str, str]]:
@@ -25,14 +27,21 @@ def added(graph: SybilGraph, helpers: list[int], bought: int | None = None) -> s
     assert log.times is not None
     assert log.values[2:].tolist() == [1.0] * (len(log.raters) - 2)
     assert log.times[2:].tolist() == [9.0] * (len(log.raters) - 2)
-    pairs = [(log.rater_names[i], log.ratee_names[j]) for i, j in zip(log.raters[2:], log.ratees[2:], strict=True)]
+    pairs = [
+        (log.rater_names[i], log.ratee_names[j])
+        for i, j in zip(log.raters[2:], log.ratees[2:], strict=True)
+    ]
     assert len(set(pairs)) == len(pairs)
     return set(pairs)
 
 
 def pairs(text: str) -> set[tuple[str, str]]:
     """Pairs such as `b-t`, in which t is the target and 2 is the second Sybil."""
-    names = {"t": "target", **{name: name for name in NAMES}, **{str(k): f"sybil {k}" for k in range(1, 9)}}
+    names = {
+        "t": "target",
+        **{name: name for name in NAMES},
+        **{str(k): f"sybil {k}" for k in range(1, 9)},
+    }
     return {(names[pair[0]], names[pair[2]]) for pair in text.split()}
 
 
@@ -62,7 +71,8 @@ def test_other_logs_and_helpers_are_refused() -> None:
 
 
 def test_layers_go_around_the_bridge_that_merit_rank_decays() -> None:
-    """Four Sybils behind the target lose all of their merit; with two ways in, only what is behind a single one."""
+    """Four Sybils behind the target lose all of their merit; with two ways in, only what is behind
+    a single one."""
     ring = np.array([(i, j) for i in range(6) for j in range(6) if i != j])
     names = [str(k) for k in range(6)]
     log = RatingLog(*ring.T, np.ones(len(ring)), None, names, names, was_sorted=True)

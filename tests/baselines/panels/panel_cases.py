@@ -12,7 +12,12 @@ def votes_of(answers: Any, truth: Any, kinds: Any = None) -> Votes:
     table = np.asarray(answers)
     judges, items = (axis.ravel() for axis in np.indices(table.shape))
     many = max(2, int(table.max()) + 1)
-    names = ([f"{what}{n}" for n in range(size)] for what, size in zip("jia", (*table.shape, many), strict=True))
+    names = (
+        [f"{what}{n}" for n in range(size)]
+        for what, size in zip("jia", (*table.shape, many), strict=True)
+    )
     of = np.zeros(table.shape[1], np.int64) if kinds is None else np.asarray(kinds)
     kind_names = [""] if kinds is None else [f"k{n}" for n in range(of.max() + 1)]
-    return Votes(judges, items, np.eye(many)[table.ravel()], np.asarray(truth), of, *names, kind_names)
+    return Votes(
+        judges, items, np.eye(many)[table.ravel()], np.asarray(truth), of, *names, kind_names
+    )

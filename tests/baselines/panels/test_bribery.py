@@ -17,7 +17,9 @@ def votes() -> Votes:
     rng = np.random.default_rng(0)
     truth = rng.integers(0, 3, 30)
     skill = np.linspace(0.3, 0.95, 8)[:, None]
-    return votes_of(np.where(rng.random((8, 30)) < skill, truth, rng.integers(0, 3, (8, 30))), truth)
+    return votes_of(
+        np.where(rng.random((8, 30)) < skill, truth, rng.integers(0, 3, (8, 30))), truth
+    )
 
 
 def test_a_plain_lie_is_wrong_everywhere_and_leaves_others_alone(votes: Votes) -> None:
@@ -61,7 +63,9 @@ def test_judges_are_chosen_by_accuracy_or_likeness(votes: Votes) -> None:
 def test_known_judges_count_as_they_are_right(votes: Votes) -> None:
     """Lies where the truth leads by log-odds are told elsewhere than where it leads by number."""
     judges = chosen(votes, 2, "best")
-    equal, known = (bribed(votes, judges, Bribe("best", 0.0, 1.0, "own", share)) for share in (0.0, 1.0))
+    equal, known = (
+        bribed(votes, judges, Bribe("best", 0.0, 1.0, "own", share)) for share in (0.0, 1.0)
+    )
     odds = log_odds(votes.accuracy, votes.shape[2])
     odds[judges] = 0
     tally = votes.tally(odds)
@@ -79,7 +83,9 @@ def test_a_longer_search_is_never_better_for_the_panel(votes: Votes) -> None:
 
     def least(budget: int, starts: tuple[Bribe, ...] = ()) -> float:
         bribe = find_bribe(scope, method, 3, labelled, budget, starts=starts)
-        return accuracy(scope, bribed(votes, chosen(votes, 3, bribe.choice), bribe), method, labelled).value
+        return accuracy(
+            scope, bribed(votes, chosen(votes, 3, bribe.choice), bribe), method, labelled
+        ).value
 
     found = [least(budget) for budget in (1, 4, 16)]
     assert judge(scope, method, labelled)["accuracy"].value > found[0] >= found[1] >= found[2]

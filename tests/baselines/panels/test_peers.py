@@ -39,9 +39,14 @@ def test_votes_have_many_forms(tmp_path: Path) -> None:
     assert votes.values.tolist() == [1, 0.5, 1, 0]
     assert (votes.judges.tolist(), votes.items.tolist()) == ([0, 1, 0, 2], [0, 0, 0, 1])
     assert people is not None
-    assert (people.first.tolist(), people.values.tolist()) == ([0], [0])  # nobody compares w but people
+    assert (people.first.tolist(), people.values.tolist()) == (
+        [0],
+        [0],
+    )  # nobody compares w but people
     assert votes.win_rate.tolist() == [0.75, 0.375, 0.5]
-    (tmp_path / "votes.csv").write_text(CSV.replace("human,1", "expert_0,1").replace("human,2", "expert_1,2"))
+    (tmp_path / "votes.csv").write_text(
+        CSV.replace("human,1", "expert_0,1").replace("human,2", "expert_1,2")
+    )
     experts = read_comparisons(tmp_path / "votes.csv", item="question", people="expert_*")[1]
     assert experts is not None
     assert experts.values.tolist() == people.values.tolist()
@@ -65,7 +70,9 @@ def test_faults_are_named(tmp_path: Path, row: str, match: str) -> None:
 def votes() -> Comparisons:
     """Five agents of falling quality; the last judge is contrary."""
     rng, rows = np.random.default_rng(0), []
-    for item, judge, (one, other) in itertools.product(range(20), range(5), itertools.combinations(range(5), 2)):
+    for item, judge, (one, other) in itertools.product(
+        range(20), range(5), itertools.combinations(range(5), 2)
+    ):
         better = float(rng.random() < 0.8)
         rows.append((judge, item, one, other, 1 - better if judge == 4 else better))
     judges, items, first, second, values = (np.array(column) for column in zip(*rows, strict=True))
@@ -121,7 +128,9 @@ def test_bought_judges_promote_and_the_least_number_is_that_of_all_sets(votes: C
                 for number in range(6)
                 for judges in itertools.combinations(range(5), number)
                 for rival in (None, 0)
-                if method(promoted(votes, np.array(judges, int), target, rival) if number else votes).score.argmax()
+                if method(
+                    promoted(votes, np.array(judges, int), target, rival) if number else votes
+                ).score.argmax()
                 == target
             ),
             None,
@@ -138,4 +147,6 @@ def test_bradley_terry_needs_its_library_and_ranks_by_strength(
         with pytest.raises(ValueError, match="bradley-terry needs crowd-kit"):
             make_peer_method("bradley-terry")
     pytest.importorskip("crowdkit", reason="needs crowd-kit: pip install 'roletrust-env[crowd]'")
-    assert BradleyTerry()(votes).score.argsort().tolist() == WinRate()(votes).score.argsort().tolist()
+    assert (
+        BradleyTerry()(votes).score.argsort().tolist() == WinRate()(votes).score.argsort().tolist()
+    )

@@ -42,27 +42,37 @@ def test_labels_alone_weigh_by_log_odds() -> None:
     votes = votes_of([[0, 0, 1], [1, 1, 0]], [0, 0, -1])
     support, trust = LabelsOnly()(votes, np.array([0, 1]))
     assert trust == pytest.approx([3 / 4, 1 / 4])
-    assert support[2] == pytest.approx([-np.log(3), np.log(3)])  # the first says 1, the second, mostly wrong, says 0
+    assert support[2] == pytest.approx(
+        [-np.log(3), np.log(3)]
+    )  # the first says 1, the second, mostly wrong, says 0
     assert LabelsOnly()(votes, NOBODY).support.tolist() == [[0, 0]] * 3
 
 
 def test_labels_alone_are_the_most_likely_answer_of_several() -> None:
-    """Support is a log-likelihood but for a constant: p if right, (1 - p) / (A - 1) for each wrong one."""
+    """Support is a log-likelihood but for a constant: p if right, (1 - p) / (A - 1) for each wrong
+    one."""
     rng = np.random.default_rng(0)
     truth = np.arange(60) % 5
-    votes = votes_of(np.where(rng.random((4, 60)) < [[0.9], [0.6], [0.4], [0.1]], truth, rng.integers(0, 5, 60)), truth)
+    votes = votes_of(
+        np.where(rng.random((4, 60)) < [[0.9], [0.6], [0.4], [0.1]], truth, rng.integers(0, 5, 60)),
+        truth,
+    )
     support, trust = LabelsOnly()(votes, np.arange(40))
     assert trust is not None
     for item in range(60):
         said = votes.shares[votes.items == item].argmax(axis=1)  # in the order of the judges
-        expected = [np.log(np.where(said == answer, trust, (1 - trust) / 4)).sum() for answer in range(5)]
+        expected = [
+            np.log(np.where(said == answer, trust, (1 - trust) / 4)).sum() for answer in range(5)
+        ]
         assert support[item] - support[item, 0] == pytest.approx(np.array(expected) - expected[0])
     assert LabelsOnly()(votes, NOBODY).support.tolist() == [[0] * 5] * 60
 
 
 def test_a_tie_and_an_item_without_votes_have_no_verdict() -> None:
     votes = votes_of([[0, 1, 1], [1, 1, 0]], [-1, -1, -1])
-    votes = votes._replace(**{name: getattr(votes, name)[votes.items < 2] for name in ("judges", "items", "shares")})
+    votes = votes._replace(
+        **{name: getattr(votes, name)[votes.items < 2] for name in ("judges", "items", "shares")}
+    )
     for name in ("majority", "first-hand", "leave-one-out"):
         assert [line[1] for line in judged(votes, make_method(name))[1]] == ["", "a1", ""], name
 
@@ -93,7 +103,10 @@ def test_few_labels_tell_who_is_right_where_most_are_not() -> None:
     assert trust[:3].min() > trust[3:].max()
 
 
-@given(st.permutations(range(6)), st.sampled_from(["first-hand", "leave-one-out", "labels-only", "majority", "qor"]))
+@given(
+    st.permutations(range(6)),
+    st.sampled_from(["first-hand", "leave-one-out", "labels-only", "majority", "qor"]),
+)
 def test_names_of_answers_and_order_of_judges_do_not_matter(order: list[int], name: str) -> None:
     rng = np.random.default_rng(1)
     answers, truth, labelled = rng.integers(0, 2, (6, 10)), rng.integers(0, 2, 10), np.array([2, 5])
@@ -104,7 +117,8 @@ def test_names_of_answers_and_order_of_judges_do_not_matter(order: list[int], na
         np.testing.assert_allclose(other.trust, plain.trust[order], atol=1e-9)
 
 
-# --- trials -------------------------------------------------------------------------------------------
+# --- trials
+# -------------------------------------------------------------------------------------------
 
 
 class Parrot:
@@ -124,7 +138,9 @@ def test_labelled_items_are_not_judged(synthetic: Votes) -> None:
             assert judge(scope, Parrot(), draws(scope, labels, 4, 0))["accuracy"].value == 0.5
 
 
-def test_scopes_are_all_items_and_each_kind_with_labels_of_its_own_and_of_others(synthetic: Votes) -> None:
+def test_scopes_are_all_items_and_each_kind_with_labels_of_its_own_and_of_others(
+    synthetic: Votes,
+) -> None:
     found = scopes(synthetic)
     assert [one[:2] for one in found] == [
         ("all", "all"),
@@ -133,7 +149,9 @@ def test_scopes_are_all_items_and_each_kind_with_labels_of_its_own_and_of_others
     for one in found[1:]:
         assert {one.votes.kind_names[kind] for kind in one.votes.kinds[one.judged]} == {one.scored}
         of_labels = {one.votes.kind_names[kind] for kind in one.votes.kinds[one.pool]}
-        assert of_labels == ({one.scored} if one.labelled == one.scored else set(synthetic.kind_names) - {one.scored})
+        assert of_labels == (
+            {one.scored} if one.labelled == one.scored else set(synthetic.kind_names) - {one.scored}
+        )
     assert draws(found[1], 10_000, 4, 0) == []
     assert [len(one) for one in draws(found[0], 7, 3, 0)] == [7, 7, 7]
 
@@ -141,7 +159,9 @@ def test_scopes_are_all_items_and_each_kind_with_labels_of_its_own_and_of_others
 def test_spearman_is_one_for_the_true_order() -> None:
     rng = np.random.default_rng(0)
     truth = rng.integers(0, 2, 200)
-    answers = np.array([np.where(rng.random(200) < p, truth, 1 - truth) for p in (0.55, 0.7, 0.8, 0.9)])
+    answers = np.array(
+        [np.where(rng.random(200) < p, truth, 1 - truth) for p in (0.55, 0.7, 0.8, 0.9)]
+    )
     scope = scopes(votes_of(answers, truth))[0]
     assert judge(scope, LabelsOnly(), draws(scope, 100, 3, 0))["spearman"].value == pytest.approx(1)
     assert "spearman" not in judge(scope, Majority(), draws(scope, 0, 1, 0))
@@ -155,11 +175,14 @@ def test_spearman_of_guessers_is_none_however_many_labels_are_drawn() -> None:
     assert np.isnan(judge(lone, LabelsOnly(), draws(lone, 2, 2, 0))["spearman"].value)
 
 
-# --- crowd-kit ----------------------------------------------------------------------------------------
+# --- crowd-kit
+# ----------------------------------------------------------------------------------------
 
 SLOW = {"mace", "glad"}  # seconds each
 HEAVY = {*SLOW, "dawid-skene"}
-NAMES = [pytest.param(name, marks=pytest.mark.slow) if name in HEAVY else name for name in CROWD_METHODS]
+NAMES = [
+    pytest.param(name, marks=pytest.mark.slow) if name in HEAVY else name for name in CROWD_METHODS
+]
 
 
 def test_names_and_the_library_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,7 +191,9 @@ def test_names_and_the_library_are_checked(monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(ValueError, match="unknown trust model 'dawid'"):
         make_method("dawid")
     monkeypatch.setattr("roletrust_baselines.panels.verdicts.find_spec", lambda name: None)
-    with pytest.raises(ValueError, match=r"mace needs crowd-kit: pip install 'roletrust-env\[crowd\]'"):
+    with pytest.raises(
+        ValueError, match=r"mace needs crowd-kit: pip install 'roletrust-env\[crowd\]'"
+    ):
         make_method("mace")
 
 
@@ -188,12 +213,16 @@ def test_the_truth_and_the_guessers_are_found(guessers: Votes, name: str) -> Non
     assert trust is not None
     assert trust.shape == (12,)
     assert ((trust >= 0) & (trust <= 1)).all()
-    assert right(guessers, support).mean() > right(guessers, Majority()(guessers, NOBODY).support).mean() - 0.02
+    assert (
+        right(guessers, support).mean()
+        > right(guessers, Majority()(guessers, NOBODY).support).mean() - 0.02
+    )
     assert np.corrcoef(trust, guessers.accuracy)[0, 1] > 0.5
 
 
 def one_step(votes: Votes, chance: np.ndarray, one_coin: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The probabilities after an M and an E step, loop by loop, and the expected accuracies after the M step."""
+    """The probabilities after an M and an E step, loop by loop, and the expected accuracies after
+    the M step."""
     shares, counts = chance.mean(0), np.zeros((len(votes.judge_names), 2, 2))
     said = list(zip(votes.judges, votes.items, votes.shares.argmax(1), strict=True))
     for judge_, item, answer in said:
@@ -212,9 +241,13 @@ def one_step(votes: Votes, chance: np.ndarray, one_coin: bool) -> tuple[np.ndarr
 
 @pytest.mark.parametrize("one_coin", [False, True])
 def test_dawid_and_skene_rest_where_their_equations_do(guessers: Votes, one_coin: bool) -> None:
-    support, trust = ByCrowdMethod("one-coin-dawid-skene" if one_coin else "dawid-skene")(guessers, NOBODY)
+    support, trust = ByCrowdMethod("one-coin-dawid-skene" if one_coin else "dawid-skene")(
+        guessers, NOBODY
+    )
     again, expected = one_step(guessers, support, one_coin)
-    assert again == pytest.approx(support, abs=0.06)  # the library stops when the likelihood hardly grows
+    assert again == pytest.approx(
+        support, abs=0.06
+    )  # the library stops when the likelihood hardly grows
     assert abs(again - support).mean() < 0.002
     assert trust == pytest.approx(expected, abs=0.01)
 

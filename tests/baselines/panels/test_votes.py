@@ -36,7 +36,8 @@ def test_several_votes_of_a_judge_are_one_opinion(path: Path) -> None:
         ["easy", "hard"],
     )
     opinions = {
-        (j, i): s.tolist() for j, i, s in zip(votes.judges.tolist(), votes.items.tolist(), votes.shares, strict=True)
+        (j, i): s.tolist()
+        for j, i, s in zip(votes.judges.tolist(), votes.items.tolist(), votes.shares, strict=True)
     }
     assert opinions == {
         (0, 0): [0.5, 0.5, 0],
@@ -59,7 +60,10 @@ def test_the_same_votes_in_other_forms(path: Path, tmp_path: Path) -> None:
         "votes.tsv": "\n".join("\t".join(row) for row in rows),
         "votes.jsonl": "\n".join(
             "{"
-            + ",".join(f'"{name}":' + (f'"{one}"' if one else "null") for name, one in zip(rows[0], row, strict=True))
+            + ",".join(
+                f'"{name}":' + (f'"{one}"' if one else "null")
+                for name, one in zip(rows[0], row, strict=True)
+            )
             + "}"
             for row in rows[1:]
         ),
@@ -73,35 +77,56 @@ def test_the_same_votes_in_other_forms(path: Path, tmp_path: Path) -> None:
 
 def test_white_space_at_the_ends_of_texts_does_not_count_and_is_told(tmp_path: Path) -> None:
     lines, path = list[str](), tmp_path / "votes.csv"
-    path.write_text("judge, item, vote, truth, kind\na,1,yes,yes,k\na , 2,yes ,\tyes,k \nb,2 , no,yes,k\n\n")
+    path.write_text(
+        "judge, item, vote, truth, kind\na,1,yes,yes,k\na , 2,yes ,\tyes,k \nb,2 , no,yes,k\n\n"
+    )
     votes = read_votes(path, truth="truth", kind="kind", tell=lines.append)
-    assert (votes.judge_names, votes.item_names, votes.answer_names) == (["a", "b"], ["1", "2"], ["yes", "no"])
-    assert "joined that differ only in white space at the ends or in the form of Unicode: 5." in lines[0]
+    assert (votes.judge_names, votes.item_names, votes.answer_names) == (
+        ["a", "b"],
+        ["1", "2"],
+        ["yes", "no"],
+    )
+    assert (
+        "joined that differ only in white space at the ends or in the form of Unicode: 5."
+        in lines[0]
+    )
 
 
 def test_truth_may_be_a_file_of_some_items(path: Path, tmp_path: Path) -> None:
     (tmp_path / "labels.csv").write_text("question,gold\nb,maybe\nelsewhere,yes\n")
     assert read_votes(path, ("model",), truth=tmp_path / "labels.csv").truth.tolist() == [-1, 2]
     (tmp_path / "labels.csv").write_text("item,truth\nb,never\n")
-    with pytest.raises(ValueError, match=r"has the truth of no item in .*votes.csv; the answers are yes, no, maybe"):
+    with pytest.raises(
+        ValueError, match=r"has the truth of no item in .*votes.csv; the answers are yes, no, maybe"
+    ):
         read_votes(path, ("model",), truth=tmp_path / "labels.csv")
 
 
 def test_truths_that_nobody_could_be_right_about_are_counted(path: Path, tmp_path: Path) -> None:
     (tmp_path / "labels.csv").write_text("item,truth\na,never\nb,no\nelsewhere,yes\n")
     told: list[str] = []
-    assert read_votes(path, ("model",), truth=tmp_path / "labels.csv", tell=told.append).truth.tolist() == [-1, 1]
-    assert told[1] == "Truths left out, as nobody voted on the item or nobody gave the true answer: 2."
+    assert read_votes(
+        path, ("model",), truth=tmp_path / "labels.csv", tell=told.append
+    ).truth.tolist() == [-1, 1]
+    assert (
+        told[1] == "Truths left out, as nobody voted on the item or nobody gave the true answer: 2."
+    )
     (tmp_path / "labels.csv").write_text("name,truth\na,yes\n")
-    with pytest.raises(ValueError, match=r"no column 'item'.*; a file of truths has the columns item and truth$"):
+    with pytest.raises(
+        ValueError, match=r"no column 'item'.*; a file of truths has the columns item and truth$"
+    ):
         read_votes(path, ("model",), truth=tmp_path / "labels.csv")
 
 
 def test_a_kind_and_all_truths_may_be_missing(tmp_path: Path) -> None:
-    (tmp_path / "votes.csv").write_text("item,judge,vote,kind,truth\na,x,1,k,\nb,x,1,,\nc,x,2,l,\nc,y,2,,\n")
+    (tmp_path / "votes.csv").write_text(
+        "item,judge,vote,kind,truth\na,x,1,k,\nb,x,1,,\nc,x,2,l,\nc,y,2,,\n"
+    )
     votes = read_votes(tmp_path / "votes.csv", kind="kind")
     assert votes.kinds.tolist() == [0, -1, 1]
-    found = {one[:2]: one.votes.item_names for one in scopes(votes._replace(truth=np.zeros(3, np.int64)))}
+    found = {
+        one[:2]: one.votes.item_names for one in scopes(votes._replace(truth=np.zeros(3, np.int64)))
+    }
     assert (found["k", "k"], found["k", "other"]) == (["a"], ["a", "c"])
     with pytest.raises(ValueError, match="has the truth of no item"):
         read_votes(tmp_path / "votes.csv", truth="truth")
@@ -109,7 +134,9 @@ def test_a_kind_and_all_truths_may_be_missing(tmp_path: Path) -> None:
 
 def test_texts_are_no_answers(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roletrust_baselines.panels.votes.MEMORY", 100)
-    with pytest.raises(ValueError, match="3 different answers, too many for 6 votes; --vote names the column"):
+    with pytest.raises(
+        ValueError, match="3 different answers, too many for 6 votes; --vote names the column"
+    ):
         read_votes(path, ("model",))
 
 
@@ -117,7 +144,10 @@ def test_texts_are_no_answers(path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     ("text", "match"),
     [
         ("item,judge,vote\na,x,\nb,x,NA\n", "has no votes: all 2 rows are abstentions"),
-        ("item,judge,vote,truth\na,x,1,1\na,y,1,2\n", "the truth of 'a' is '1' and '2'; an item has one"),
+        (
+            "item,judge,vote,truth\na,x,1,1\na,y,1,2\n",
+            "the truth of 'a' is '1' and '2'; an item has one",
+        ),
         ("item,judge,vote\na,,1\n", "row 2 has no name in column 'judge'"),
         ("item,judge\na,x\n", "there is no column 'vote'"),
         ("item,judge,vote\n", "has no rows"),
@@ -139,7 +169,9 @@ def synthetic(tmp_path_factory: pytest.TempPathFactory) -> Votes:
 def test_a_tally_is_that_of_a_loop(synthetic: Votes) -> None:
     weights = np.random.default_rng(0).random(9)
     expected = np.zeros((40, 2))
-    for judge, item, shares in zip(synthetic.judges, synthetic.items, synthetic.shares, strict=True):
+    for judge, item, shares in zip(
+        synthetic.judges, synthetic.items, synthetic.shares, strict=True
+    ):
         expected[item] += weights[judge] * shares
     np.testing.assert_allclose(synthetic.tally(weights), expected)
 
@@ -149,4 +181,6 @@ def test_some_items_are_the_votes_on_them(synthetic: Votes) -> None:
     part = synthetic.only(chosen)
     assert part.shape == (9, chosen.sum(), 2)
     np.testing.assert_allclose(part.tally(np.ones(9)), synthetic.tally(np.ones(9))[chosen])
-    assert part.item_names == [name for name, there in zip(synthetic.item_names, chosen, strict=True) if there]
+    assert part.item_names == [
+        name for name, there in zip(synthetic.item_names, chosen, strict=True) if there
+    ]

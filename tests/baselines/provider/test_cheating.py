@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from roletrust_baselines import Camouflage, Exit, Opportunistic, ReputationLag, ThresholdSurfing, ValueImbalance
+from roletrust_baselines import (
+    Camouflage,
+    Exit,
+    Opportunistic,
+    ReputationLag,
+    ThresholdSurfing,
+    ValueImbalance,
+)
 from roletrust_env import Game, JointPolicy, make_attacker, make_scenario, record
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
@@ -64,7 +71,8 @@ def test_camouflage_wakes_once_and_for_good():
 @pytest.mark.parametrize(
     ("view", "expected"),
     [
-        # Its trust will be (0.5 + 1) / 2 = 0.75; half of that and half of q are 0.45 where q = 0.15.
+        # Its trust will be (0.5 + 1) / 2 = 0.75; half of that and half of q are 0.45 where q =
+        # 0.15.
         (seen(trust=0.5, quality=1), 0.15),
         (seen(trust=0.5, quality=0.3), 0.5),  # 0.4 to come; 0.2 + q / 2 = 0.45
         (seen(trust=0.9, quality=0.9), 0),  # -0.
@@ -78,8 +86,13 @@ def test_threshold_surfing_serves_what_brings_it_to_the_mark(view, expected):
 
 @pytest.mark.parametrize("lam", [0.5, 0.7])
 def test_threshold_surfing_stays_on_the_mark(lam):
-    scenario = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=20, lam=lam)
+    scenario = make_scenario("paper-3x3").change(
+        noise=0.0, perturbations=(), max_cycles=20, lam=lam
+    )
     game = Game(scenario, "mean")
-    history = record(JointPolicy(game, {"sp_0": ThresholdSurfing(threshold=0.3, margin=0.1, lam=lam)}), game.random(0))
+    history = record(
+        JointPolicy(game, {"sp_0": ThresholdSurfing(threshold=0.3, margin=0.1, lam=lam)}),
+        game.random(0),
+    )
     assert history.top[6:, 0] == pytest.approx(0.4)
     assert history.top[:, 0].min() > 0.3

@@ -47,7 +47,10 @@ def test_a_share_of_the_period_is_as_many_rounds(period: int) -> None:
 
 @pytest.mark.parametrize(("period", "duty"), [(8, 0.25), (6, 0.5), (2, 0.5), (10, 0.9)])
 def test_random_spells_have_the_means_of_the_regular_ones(period: int, duty: float) -> None:
-    policy, random = OnOff(period=period, duty=duty, switching="random"), Random(np.random.default_rng(0))
+    policy, random = (
+        OnOff(period=period, duty=duty, switching="random"),
+        Random(np.random.default_rng(0)),
+    )
     games, n = 400, 400
     memory, served = policy.begin(random, (games,)), []
     for t in range(n):
@@ -60,7 +63,9 @@ def test_random_spells_have_the_means_of_the_regular_ones(period: int, duty: flo
     assert bad[0].mean() == pytest.approx(duty, abs=0.08)
 
 
-@pytest.mark.parametrize("like", [np.zeros((), np.float32), np.zeros(()), torch.zeros(()), torch.zeros(()).double()])
+@pytest.mark.parametrize(
+    "like", [np.zeros((), np.float32), np.zeros(()), torch.zeros(()), torch.zeros(()).double()]
+)
 def test_quality_has_the_library_and_precision_of_the_view(like: Any) -> None:
     quality, _ = OnOff(bad=0.1, good=0.7).quality(seen(like + 0), None, None)
     assert isinstance(quality, type(like) | np.generic)

@@ -15,7 +15,9 @@ SERVICE = [0.8, 0.4, 1.0]
 
 def ratings(policy: BadMouthing, round: float = 0.0) -> list[float]:
     service = np.array(SERVICE)
-    view = RaterView(np.array(round), np.array(0.5), service, service, service >= 0, service, service >= 0)
+    view = RaterView(
+        np.array(round), np.array(0.5), service, service, service >= 0, service, service >= 0
+    )
     return policy.ratings(view, None, None)[0].tolist()
 
 
@@ -46,7 +48,9 @@ def test_it_lies_within_its_window_only(targets: tuple[int, ...] | None) -> None
 @pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
 @pytest.mark.parametrize("targets", [None, (0, 2)])
 @pytest.mark.parametrize("lie", ["constant", "relative"])
-def test_a_batch_is_its_games_one_by_one(asarray: Any, targets: tuple[int, ...] | None, lie: str) -> None:
+def test_a_batch_is_its_games_one_by_one(
+    asarray: Any, targets: tuple[int, ...] | None, lie: str
+) -> None:
     service, round = np.random.default_rng(0).random((3, 2, 5)), np.arange(10.0).reshape(2, 5)
     policy = BadMouthing(start=2, stop=7, level=0.3, targets=targets, lie=lie)
 

@@ -23,7 +23,9 @@ from roletrust_env.randomness import Random
 SERVICE = [0.8, 0.4, 1.0]
 
 
-def seen(service: Any = SERVICE, round: float = 0.0, trust: float = 0.5, published: Any = None) -> RaterView:
+def seen(
+    service: Any = SERVICE, round: float = 0.0, trust: float = 0.5, published: Any = None
+) -> RaterView:
     array = np.array(service, float)
     said = array if published is None else np.array(published, float)
     return RaterView(np.array(round), np.array(trust), said, array, array >= 0, array, array >= 0)
@@ -60,7 +62,15 @@ def test_lies(policy: Policy, expected: list[float]) -> None:
 
 def test_flip_flop_takes_turns() -> None:
     views = [seen(round=round) for round in range(7)]
-    assert [given[0] for given in ratings(FlipFlop(period=2, start=1), *views)] == [0.8, 1, 1, 0, 0, 1, 1]
+    assert [given[0] for given in ratings(FlipFlop(period=2, start=1), *views)] == [
+        0.8,
+        1,
+        1,
+        0,
+        0,
+        1,
+        1,
+    ]
     assert ratings(FlipFlop(targets=(1,)), *views[:2]) == [[0.8, 1, 1], [0.8, 0, 1]]
 
 
@@ -71,10 +81,15 @@ def test_random_ratings_are_anything() -> None:
 
 
 def test_a_sleeper_wakes_once_and_for_good() -> None:
-    views = [seen(round=round, trust=trust) for round, trust in enumerate((0.9, 0.9, 0.5, 0.85, 0.2))]
+    views = [
+        seen(round=round, trust=trust) for round, trust in enumerate((0.9, 0.9, 0.5, 0.85, 0.2))
+    ]
     lies = [given == [0.5] * 3 for given in ratings(CamouflageRating(start=2), *views)]
     assert lies == [False, False, False, True, True]
-    lies = [given == [0] * 3 for given in ratings(CamouflageRating(start=2, wakes_at=0, level=0), *views)]
+    lies = [
+        given == [0] * 3
+        for given in ratings(CamouflageRating(start=2, wakes_at=0, level=0), *views)
+    ]
     assert lies == [False, False, True, True, True]
 
 
@@ -95,9 +110,13 @@ def test_rep_trap_flips_the_verdict_that_is_easiest_to_flip() -> None:
     assert ratings(RepTrap(), absent) == [[0.8, 0.4, 0]]
 
 
-@pytest.mark.parametrize("policy", [BallotStuffing(accomplices=(3,)), Complementary(targets=(3,))], ids=str)
+@pytest.mark.parametrize(
+    "policy", [BallotStuffing(accomplices=(3,)), Complementary(targets=(3,))], ids=str
+)
 def test_a_place_that_is_not_there_is_refused(policy: Policy) -> None:
-    with pytest.raises(ValueError, match=r"(accomplices|targets) is \(3,\); the last provider is 2"):
+    with pytest.raises(
+        ValueError, match=r"(accomplices|targets) is \(3,\); the last provider is 2"
+    ):
         ratings(policy, seen())
 
 
@@ -107,4 +126,8 @@ def test_the_opposite_of_neither_good_nor_bad_is_bad() -> None:
 
 def test_a_sleeper_wakes_at_the_trust_it_waits_for() -> None:
     sleeper = CamouflageRating(start=0, wakes_at=0.5, level=0.25)
-    assert ratings(sleeper, seen(trust=0.49), seen(trust=0.5), seen(trust=0.2)) == [SERVICE, [0.25] * 3, [0.25] * 3]
+    assert ratings(sleeper, seen(trust=0.49), seen(trust=0.5), seen(trust=0.2)) == [
+        SERVICE,
+        [0.25] * 3,
+        [0.25] * 3,
+    ]

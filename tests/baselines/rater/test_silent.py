@@ -10,17 +10,26 @@ from roletrust_env.trust import Traits
 from roletrust_env.trust.model import registry
 
 ROUNDS = 15
-RELATIVE = {"eigentrust", "merit-rank", "personalized-pagerank", "power-trust", "sybil-rank"}  # shares of the largest
+RELATIVE = {
+    "eigentrust",
+    "merit-rank",
+    "personalized-pagerank",
+    "power-trust",
+    "sybil-rank",
+}  # shares of the largest
 CENTRAL = [
     name
     for name in trust_models()
-    if Traits.of(registry.factory(name)).family == "central" and name != "power-trust"  # its walk has one more agent
+    if Traits.of(registry.factory(name)).family == "central"
+    and name != "power-trust"  # its walk has one more agent
 ]
 
 
 def played(model: str, silent: Silent | None, raters: int = 4) -> History:
     """The last rater is the silent one; nothing is left to chance."""
-    scenario = Scenario(agents=[{"role": "SR", "count": raters}, {"role": "SP", "count": 3}], max_cycles=ROUNDS)
+    scenario = Scenario(
+        agents=[{"role": "SR", "count": raters}, {"role": "SP", "count": 3}], max_cycles=ROUNDS
+    )
     game = Game(scenario, model)
     policies = {"sp_0": OnOff(period=6, bad=0.3)} | ({f"sr_{raters - 1}": silent} if silent else {})
     return record(JointPolicy(game, policies), game.random(0))
@@ -41,7 +50,8 @@ def test_a_share_of_all_trust_falls_as_others_rise(model: str) -> None:
 
 @pytest.mark.parametrize("model", CENTRAL)
 def test_providers_are_trusted_as_if_it_were_not_there(model: str) -> None:
-    """By who sees all; where every rater is a judge of its own, a silent one has its own view, which is published."""
+    """By who sees all; where every rater is a judge of its own, a silent one has its own view,
+    which is published."""
     with_it, without = played(model, Silent()), played(model, None, raters=3)
     np.testing.assert_allclose(with_it.top, without.top, atol=1e-9)
 

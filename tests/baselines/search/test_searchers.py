@@ -9,9 +9,23 @@ import numpy as np
 import pytest
 
 from roletrust_baselines import BadMouthing, OnOff, RankLies, ThresholdSurfing, Whitewashing
-from roletrust_baselines.search import AgreedCmaEs, CmaEs, GridSearch, PaperAttacks, RandomSearch, ScriptTrial, _leaders
+from roletrust_baselines.search import (
+    AgreedCmaEs,
+    CmaEs,
+    GridSearch,
+    PaperAttacks,
+    RandomSearch,
+    ScriptTrial,
+    _leaders,
+)
 from roletrust_env import Policy
-from roletrust_env.evaluation.attackers import HONEST_POLICY, Both, Scripted, SideBySide, side_by_side
+from roletrust_env.evaluation.attackers import (
+    HONEST_POLICY,
+    Both,
+    Scripted,
+    SideBySide,
+    side_by_side,
+)
 from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.scripts import Scripts, describe_attack, with_paper
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
@@ -26,7 +40,12 @@ PROVIDER = {
     "compromised": ("sp_2",),
     "objective": "exploit",
 }
-CROWD = {"scenario": "crowd-10x10", "max_cycles": 10, "compromised": ("sr_8", "sr_9", "sp_9"), "objective": "damage"}
+CROWD = {
+    "scenario": "crowd-10x10",
+    "max_cycles": 10,
+    "compromised": ("sr_8", "sr_9", "sp_9"),
+    "objective": "damage",
+}
 DUAL = {"scenario": "peers", "max_cycles": 10, "compromised": ("srsp_5",), "objective": "exploit"}
 SEARCHERS = [GridSearch(), RandomSearch(), CmaEs(), AgreedCmaEs()]
 
@@ -71,14 +90,21 @@ def test_the_default_grid_and_cube_are_what_they_have_always_been():
     """Worked out here as before attacks declared their ranges."""
 
     def on_off(x):
-        return OnOff(period=1 + min(int(x[0] * 12), 11), duty=float(x[1]), bad=float(x[2]), good=float(x[3]))
+        return OnOff(
+            period=1 + min(int(x[0] * 12), 11), duty=float(x[1]), bad=float(x[2]), good=float(x[3])
+        )
 
     def lie(x):
         told, number = "constant" if x[0] < 0.5 else "relative", 1 + min(int(x[2] * 9), 8)
         return BadMouthing(lie=told, level=float(x[1]), targets=tuple(range(number)))
 
     space = scripts(CROWD)
-    points = [*np.random.default_rng(5).random((200, 10)), np.full(10, 0.5), np.zeros(10), np.ones(10)]
+    points = [
+        *np.random.default_rng(5).random((200, 10)),
+        np.full(10, 0.5),
+        np.zeros(10),
+        np.ones(10),
+    ]
     for x in points:
         assert space.decode(x) == {"sr_8": lie(x[:3]), "sr_9": lie(x[3:6]), "sp_9": on_off(x[6:])}
 
@@ -86,7 +112,10 @@ def test_the_default_grid_and_cube_are_what_they_have_always_been():
         OnOff(period=period, duty=duty, bad=bad)
         for period, duty, bad in product((2, 3, 5, 10), (0.25, 0.5, 0.75), (0.0, 0.5))
     ]
-    lies = [BadMouthing(level=level, targets=t) for level, t in product((0.0, 0.25, 0.5, 0.75), (None, (0,)))]
+    lies = [
+        BadMouthing(level=level, targets=t)
+        for level, t in product((0.0, 0.25, 0.5, 0.75), (None, (0,)))
+    ]
     assert [attack["sp_2"] for attack in scripts(PROVIDER).grid] == cycles
     assert [(attack["sp_9"], attack["sr_8"]) for attack in space.grid] == [
         *product([*cycles, HONEST_POLICY], [*lies, HONEST_POLICY])
@@ -94,7 +123,8 @@ def test_the_default_grid_and_cube_are_what_they_have_always_been():
 
 
 def test_a_mixture_is_searched_and_its_best_kind_is_found():
-    """The first kind is never bad and earns nothing, the second is a user's own with one parameter."""
+    """The first kind is never bad and earns nothing, the second is a user's own with one
+    parameter."""
     kinds = (partial(OnOff, duty=0.0, good=1.0), Stingy, OnOff)
     space = Scripts.of(make_task(**PROVIDER), kinds)
     assert space.size == 1 + 4
@@ -108,8 +138,12 @@ def test_a_mixture_is_searched_and_its_best_kind_is_found():
 def test_who_has_no_attack_plays_honestly_and_an_attack_that_nobody_can_play_is_refused():
     space = Scripts.of(make_task(**CROWD), (OnOff,))
     assert space.size == 4
-    assert [attack["sr_8"] for attack in (space.default, space.grid[0], space.decode([0.0] * 4))] == [HONEST_POLICY] * 3
-    with pytest.raises(ValueError, match=r"bad-mouthing.*attacks by ratings, on which no compromised agent.*sp_2"):
+    assert [
+        attack["sr_8"] for attack in (space.default, space.grid[0], space.decode([0.0] * 4))
+    ] == [HONEST_POLICY] * 3
+    with pytest.raises(
+        ValueError, match=r"bad-mouthing.*attacks by ratings, on which no compromised agent.*sp_2"
+    ):
         Scripts.of(make_task(**PROVIDER), (OnOff, BadMouthing))
 
 
@@ -170,14 +204,18 @@ def test_searchers_find_what_beats_the_default():
 
 
 def test_more_budget_finds_more():
-    few, many = (found(RandomSearch(), PROVIDER, budget).scores.mean() for budget in (1_000, 20_000))
+    few, many = (
+        found(RandomSearch(), PROVIDER, budget).scores.mean() for budget in (1_000, 20_000)
+    )
     assert many > few
 
 
 @pytest.mark.slow
 def test_cma_es_beats_the_grid():
     """Its own space holds the grid, and it goes on between the grid's lines."""
-    grid, best = (found(method, PROVIDER, 30_000).scores.mean() for method in (GridSearch(), CmaEs()))
+    grid, best = (
+        found(method, PROVIDER, 30_000).scores.mean() for method in (GridSearch(), CmaEs())
+    )
     assert best > 1.01 * grid
 
 
@@ -195,9 +233,16 @@ def test_policies_side_by_side_take_as_many_identities_as_any():
 
 def test_of_the_finalists_the_best_in_new_games_is_returned() -> None:
     """The first scores may be wrong; the games in which the finalists are tried again decide."""
-    arguments = {"scenario": "crowd-10x10", "max_cycles": 10, "compromised": ("sr_8", "sr_9"), "objective": "damage"}
+    arguments = {
+        "scenario": "crowd-10x10",
+        "max_cycles": 10,
+        "compromised": ("sr_8", "sr_9"),
+        "objective": "damage",
+    }
     trial = ScriptTrial(arguments, Budget(20_000), seed=0)
-    weak, strong, middle = ({name: BadMouthing(level=level) for name in ("sr_8", "sr_9")} for level in (1.0, 0.0, 0.6))
+    weak, strong, middle = (
+        {name: BadMouthing(level=level) for name in ("sr_8", "sr_9")} for level in (1.0, 0.0, 0.6)
+    )
     result = trial.best([weak, strong, middle], np.array([0.9, 0.5, 0.1]))
     assert result.attacker.policies == strong
 
@@ -219,7 +264,8 @@ def test_agents_that_agree_play_one_attack_for_each_role():
 
 
 def test_agents_that_agree_search_the_best_kinds_and_their_pair():
-    """A kind for one role is played with the attack of the paper; the best kinds of both roles make a pair."""
+    """A kind for one role is played with the attack of the paper; the best kinds of both roles make
+    a pair."""
     task = make_task(**CROWD)
     groups = [with_paper(task, kind) for kind in (RankLies, ThresholdSurfing, BadMouthing)]
     assert groups == [(RankLies, OnOff), (ThresholdSurfing, BadMouthing), (BadMouthing, OnOff)]

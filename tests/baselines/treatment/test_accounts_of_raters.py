@@ -1,4 +1,5 @@
-"""Providers that treat each rater by the ratings that it gave them, on cases worked by hand and in whole games."""
+"""Providers that treat each rater by the ratings that it gave them, on cases worked by hand and in
+whole games."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,7 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roletrust_baselines import PersonalMilking, PersonalMilkingRing, PersonalSybilRing, QuietDiscrimination, Rotation
+from roletrust_baselines import (
+    PersonalMilking,
+    PersonalMilkingRing,
+    PersonalSybilRing,
+    QuietDiscrimination,
+    Rotation,
+)
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, record
 from roletrust_env.evaluation.scripts import Space
 from roletrust_env.evaluation.specs import parse_attacks
@@ -19,7 +26,9 @@ NAN = float("nan")
 
 
 def test_the_last_rating_stays_while_none_arrives() -> None:
-    accounts = Accounts.begin(np.zeros((2, 1))).hear(np.array([[0.5], [0.25]]), np.array([[True], [True]]))
+    accounts = Accounts.begin(np.zeros((2, 1))).hear(
+        np.array([[0.5], [0.25]]), np.array([[True], [True]])
+    )
     later = accounts.hear(np.array([[1.0], [1.0]]), np.array([[False], [True]]))
     assert later.last.tolist() == [[0.5], [1.0]]
     assert later.mean.tolist() == [[0.5], [0.625]]
@@ -29,7 +38,8 @@ def test_the_last_rating_stays_while_none_arrives() -> None:
 
 
 def treated(policy: Policy, rounds: Sequence[Sequence[float]]) -> list[list[float]]:
-    """What two providers give the raters: the ratings of the first are those of a round, NaN where none arrived.
+    """What two providers give the raters: the ratings of the first are those of a round, NaN where
+    none arrived.
 
     The second one is never rated. The memory of the policy goes from round to round.
     """
@@ -62,26 +72,38 @@ def test_only_raters_that_think_well_of_it_are_cheated(policy: Policy) -> None:
 
 
 def test_of_a_ring_only_the_provider_that_a_rater_thinks_best_of_cheats_it() -> None:
-    """By hand: rater 0 thinks best of the first, rater 1 of the second, rater 2 of both alike, rater 3 well of none."""
+    """By hand: rater 0 thinks best of the first, rater 1 of the second, rater 2 of both alike,
+    rater 3 well of none."""
     ratings, zero = np.array([[1.0, 0.9], [0.7, 0.8], [1.0, 1.0], [0.5, 0.0]]), np.zeros(2)
-    view, random = ProviderView(*[zero] * 4, ratings, ratings >= 0), Random(np.random.default_rng(0))
+    view, random = (
+        ProviderView(*[zero] * 4, ratings, ratings >= 0),
+        Random(np.random.default_rng(0)),
+    )
     ring, alone = PersonalMilkingRing(accomplices=(0, 1)), PersonalMilking()
-    together, apart = (policy.treats(view, policy.begin(random, (2,)), random)[0] for policy in (ring, alone))
+    together, apart = (
+        policy.treats(view, policy.begin(random, (2,)), random)[0] for policy in (ring, alone)
+    )
     assert np.array_equal(together, [[0, 1], [1, 0], [0, 0], [1, 1]])
     assert np.array_equal(apart, [[0, 0], [0, 0], [0, 0], [1, 1]])
 
 
 def test_raters_of_the_ring_sink_the_best_of_the_others_and_lift_the_rest() -> None:
     ring = PersonalMilkingRing(accomplices=(0,), cut=0.4, sink=0.5, lift=0.25)
-    assert ring.lies(np.array([0.8, 0.6, 0.2]), np.array([0.0, 0.5, 1.0])) == pytest.approx([0.4, 0.7, 0.4])
+    assert ring.lies(np.array([0.8, 0.6, 0.2]), np.array([0.0, 0.5, 1.0])) == pytest.approx(
+        [0.4, 0.7, 0.4]
+    )
 
 
 def test_with_a_prior_the_threshold_rises_with_ratings_and_more_of_them_are_better() -> None:
-    """By hand, at 0.8 of a perfect rival, which has 3/4 after one rating, and 5/6 after two: 0.6, and 2/3, is enough.
+    """By hand, at 0.8 of a perfect rival, which has 3/4 after one rating, and 5/6 after two: 0.6,
+    and 2/3, is enough.
 
-    The means of rater 1 are 0.62 and 0.66. Of two providers with ratings 0.85 and 0.85, and 0.9, the first is better.
+    The means of rater 1 are 0.62 and 0.66. Of two providers with ratings 0.85 and 0.85, and 0.9,
+    the first is better.
     """
-    ring, plain = (PersonalMilkingRing(threshold=0.8, prior=prior, accomplices=(0, 1)) for prior in (1.0, 0.0))
+    ring, plain = (
+        PersonalMilkingRing(threshold=0.8, prior=prior, accomplices=(0, 1)) for prior in (1.0, 0.0)
+    )
     rounds = [[1.0, 0.74], [1.0, 0.74]]
     assert treated(ring, rounds) == [[0, 0], [0, 1]]
     assert treated(plain, rounds) == [[0, 1], [0, 1]]
@@ -107,7 +129,11 @@ def test_raters_with_the_fewest_ratings_are_cheated_and_the_first_of_equal_ones(
     rounds = [[NAN, NAN, NAN, NAN], [1, NAN, 1, 1], [NAN, 1, NAN, NAN], [1, 1, NAN, NAN]]
     half = treated(QuietDiscrimination(share=0.5), rounds)
     assert half == [[0, 0, 1, 1], [0, 0, 1, 1], [0, 0, 1, 1], [1, 1, 0, 0]]
-    assert treated(QuietDiscrimination(share=0.1), rounds[:3]) == [[0, 1, 1, 1], [1, 0, 1, 1], [0, 1, 1, 1]]
+    assert treated(QuietDiscrimination(share=0.1), rounds[:3]) == [
+        [0, 1, 1, 1],
+        [1, 0, 1, 1],
+        [0, 1, 1, 1],
+    ]
 
 
 def test_groups_of_raters_are_cheated_in_turn() -> None:
@@ -115,14 +141,20 @@ def test_groups_of_raters_are_cheated_in_turn() -> None:
     two = treated(Rotation(groups=2, turn=2, start=1), nothing)
     first, second = [0, 0, 0, 1, 1], [1, 1, 1, 0, 0]
     assert two == [[1] * 5, first, first, second, second, first, first]
-    assert treated(Rotation(groups=9, turn=1), nothing)[:3] == [[0, 1, 1, 1, 1], [1, 0, 1, 1, 1], [1] * 5]
+    assert treated(Rotation(groups=9, turn=1), nothing)[:3] == [
+        [0, 1, 1, 1, 1],
+        [1, 0, 1, 1, 1],
+        [1] * 5,
+    ]
 
 
 def test_each_provider_of_a_ring_has_accounts_of_its_own() -> None:
-    """By hand, without noise: a provider learns of a service two rounds later, and then has 1, 1, 2/3, 1/2, ..."""
+    """By hand, without noise: a provider learns of a service two rounds later, and then has 1, 1,
+    2/3, 1/2, ..."""
     game = Game(PAPER, "mean")
     history = record(
-        JointPolicy(game, {"sp_0": PersonalMilking(), "sp_1": PersonalMilking(threshold=1.0)}), game.random(0)
+        JointPolicy(game, {"sp_0": PersonalMilking(), "sp_1": PersonalMilking(threshold=1.0)}),
+        game.random(0),
     )
     offered = history.offered[:6]
     assert (offered[:, :, 2] == 1).all()
@@ -133,7 +165,12 @@ def test_each_provider_of_a_ring_has_accounts_of_its_own() -> None:
 
 def test_identities_join_and_are_not_known_yet() -> None:
     scenario = Scenario(
-        agents=[{"role": "SR", "count": 3}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 2}], max_cycles=12
+        agents=[
+            {"role": "SR", "count": 3},
+            {"role": "SP", "count": 2},
+            {"role": "SP", "reserve": 2},
+        ],
+        max_cycles=12,
     )
     game = Game(scenario, "mean")
     ring = PersonalSybilRing(reserve=2, start=3, every=4, accomplices=(2, 3, 4))
@@ -148,8 +185,12 @@ def test_identities_join_and_are_not_known_yet() -> None:
 def test_searches_reach_them_by_their_ranges() -> None:
     """The corners of a cube: an exit by rater is personal milking that starts late."""
     space = Space(PersonalMilking, (0,), (1,), 50)
-    assert space.decode([0.0] * space.size) == PersonalMilking(start=0, threshold=0.0, patience=1, bad=0.0)
-    assert space.decode([1.0] * space.size) == PersonalMilking(start=50, threshold=1.0, patience=10, bad=1.0)
+    assert space.decode([0.0] * space.size) == PersonalMilking(
+        start=0, threshold=0.0, patience=1, bad=0.0
+    )
+    assert space.decode([1.0] * space.size) == PersonalMilking(
+        start=50, threshold=1.0, patience=10, bad=1.0
+    )
     ring = Space(PersonalMilkingRing, (0,), (1,), 50)
     assert ring.decode([0.5] * ring.size).accomplices == (1,)  # type: ignore[attr-defined]
 

@@ -11,7 +11,9 @@ from roletrust_env.game.views import ProviderView
 PAPER = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=40)
 
 
-def treated(attack: Conflicting | Discrimination, raters: int, round: int = 0, trust: float = 0.0) -> list[float]:
+def treated(
+    attack: Conflicting | Discrimination, raters: int, round: int = 0, trust: float = 0.0
+) -> list[float]:
     zero = np.zeros(raters)
     view = ProviderView(np.array(round), np.array(trust), *[np.array(0.0)] * 2, zero, zero > 0)
     treatment = attack.treats(view, None, None)[0]  # type: ignore[arg-type]
@@ -22,7 +24,11 @@ def test_half_of_the_raters_or_those_that_are_named() -> None:
     assert treated(Conflicting(), 4) == [0, 0, 1, 1]
     assert treated(Conflicting(bad=0.2), 3) == [0.2, 0.2, 1]
     assert treated(Conflicting(raters=(1, 3)), 4) == [1, 0, 1, 0]
-    assert treated(Conflicting(start=3, stop=5), 2, round=2) == treated(Conflicting(start=3, stop=5), 2, 5) == [1, 1]
+    assert (
+        treated(Conflicting(start=3, stop=5), 2, round=2)
+        == treated(Conflicting(start=3, stop=5), 2, 5)
+        == [1, 1]
+    )
 
 
 def test_all_but_one_from_a_trust_on() -> None:
@@ -38,7 +44,10 @@ def test_a_few_raters() -> None:
 
 
 def test_a_filter_takes_the_few_for_liars() -> None:
-    crowd = [{"role": "SR", "count": 10, "noise": 0.05}, {"role": "SP", "count": 10, "ability": [0.3, 1.0]}]
+    crowd = [
+        {"role": "SR", "count": 10, "noise": 0.05},
+        {"role": "SP", "count": 10, "ability": [0.3, 1.0]},
+    ]
     scenario = make_scenario("crowd-10x10").change(max_cycles=50, agents=crowd)
     few, half = (
         evaluate("beta-filtered", name, scenario, games=60, share=0.3).utility

@@ -14,7 +14,9 @@ from roletrust_env.benchmarking.learners.suite import SuiteTask
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.evaluation.search import Budget, find
 
-PROVIDER = SuiteTask(task="ProviderAttack", set={"max_cycles": 12, "noise": 0.0, "perturbations": []})
+PROVIDER = SuiteTask(
+    task="ProviderAttack", set={"max_cycles": 12, "noise": 0.0, "perturbations": []}
+)
 DUAL = SuiteTask(task="DualAttack", set={"max_cycles": 12})
 
 
@@ -37,7 +39,13 @@ class Constant:
 
 
 def trained(learner, task=PROVIDER, budget=100, games=3, seed=0):
-    return find(LearnerTraining(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games)
+    return find(
+        LearnerTraining(learner, "mine", task.id),
+        task.arguments(),
+        budget=budget,
+        seed=seed,
+        games=games,
+    )
 
 
 def test_the_policy_is_measured_in_held_out_games():
@@ -51,7 +59,8 @@ def test_the_policy_is_measured_in_held_out_games():
 
 
 def test_the_reward_for_bad_service():
-    """Honest play earns 0. Quality 0.5 earns half the trust from the second round on, and trust follows quality."""
+    """Honest play earns 0. Quality 0.5 earns half the trust from the second round on, and trust
+    follows quality."""
     assert trained(Constant(1.0)).scores.max() == 0
     assert 0.1 < trained(Constant(0.5)).scores.mean() < 0.5
 
@@ -67,7 +76,9 @@ def test_a_step_beyond_the_budget_is_refused():
     games.step(quality)
     games.step(quality)
     for _ in range(2):
-        with pytest.raises(BudgetSpentError, match="2 of 10 rounds are left, and a step of 4 games needs more"):
+        with pytest.raises(
+            BudgetSpentError, match="2 of 10 rounds are left, and a step of 4 games needs more"
+        ):
             games.step(quality)
     assert budget.spent == 8
     games.reset(options={"reset_mask": np.ones(4, bool)})  # uses no budget
@@ -78,7 +89,10 @@ def test_the_games_have_the_seed_of_the_learner():
         observations = ()
 
         def learn(self, env, budget, seed):
-            self.observations = env.reset()[0], env.step(np.ones(env.action_space.shape, np.float32))[0]
+            self.observations = (
+                env.reset()[0],
+                env.step(np.ones(env.action_space.shape, np.float32))[0],
+            )
             return super().learn(env, budget - 4, seed)
 
     recorders = [Recorder() for _ in range(3)]
@@ -106,7 +120,10 @@ def test_a_memory_is_reset_for_every_batch():
 
     first, second = (trained(Learner()).scores for _ in range(2))
     np.testing.assert_array_equal(first, second)
-    attacker, task = LearnedAttacker(Decreasing()), AttackVectorEnv(PROVIDER.id, 2, **PROVIDER.arguments()).task
+    attacker, task = (
+        LearnedAttacker(Decreasing()),
+        AttackVectorEnv(PROVIDER.id, 2, **PROVIDER.arguments()).task,
+    )
     for _ in range(2):
         attacker.begin(task, task.game.random(0), (1, 3))
         assert attacker.play.quality.shape == (3, 1)
@@ -134,8 +151,10 @@ def test_an_invalid_policy_is_refused(policy, message):
 def test_only_classes_of_learners_are_called(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plugin.py").write_text(
-        "called = []\ndef function(**k):\n    called.append(k)\nclass Other:\n    def __init__(self):\n"
-        "        called.append(1)\nclass Fine:\n    def __init__(self, rate=1):\n        self.rate = rate\n"
+        "called = []\ndef function(**k):\n    called.append(k)\nclass Other:\n    def "
+        "__init__(self):\n"
+        "        called.append(1)\nclass Fine:\n    def __init__(self, rate=1):\n        self.rate "
+        "= rate\n"
         "    def learn(self, env, budget, seed):\n        return None\n"
     )
     for name in ("function", "Other"):

@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roletrust_env.benchmarking.learners.results import ALL_TASKS, LearnerRun, aggregate, make_scale, ranking
+from roletrust_env.benchmarking.learners.results import (
+    ALL_TASKS,
+    LearnerRun,
+    aggregate,
+    make_scale,
+    ranking,
+)
 from roletrust_env.metrics.confidence import interquartile_mean
 
 FLOATS = st.floats(-2, 2, allow_nan=False)
@@ -14,7 +20,8 @@ FLOATS = st.floats(-2, 2, allow_nan=False)
 @settings(max_examples=25)
 @given(st.lists(FLOATS, min_size=2, max_size=12), st.lists(FLOATS, min_size=2, max_size=12))
 def test_the_interquartile_mean_is_the_mean_of_the_middle_half(first, second):
-    """The value is the mean of the sorted runs without a quarter (rounded down) at each end, and is in its interval."""
+    """The value is the mean of the sorted runs without a quarter (rounded down) at each end, and is
+    in its interval."""
     runs = sorted(first + second)
     cut = len(runs) // 4
     result = interquartile_mean([np.array(first), np.array(second)])
@@ -62,7 +69,9 @@ RUNS = [
 def test_a_share_lies_between_honest_play_in_the_same_games_and_the_top_score():
     known = make_scale(HONEST_RUNS["a"], {"the exact optimum": 1.05}, RUNS[:4])
     assert known.description == "the exact optimum"
-    assert [known.share(run) for run in RUNS[:2]] == pytest.approx([0.5, 0.4])  # 0.05 is honest play in the mean
+    assert [known.share(run) for run in RUNS[:2]] == pytest.approx(
+        [0.5, 0.4]
+    )  # 0.05 is honest play in the mean
     best = make_scale(HONEST_RUNS["b"], {}, RUNS[4:])
     assert best.description == "the best that was found, by SAC with 10 rounds"
     assert best.share(RUNS[4]) == 1

@@ -22,7 +22,13 @@ def small(**fields) -> LearnersSuite:
         "provider": {"task": "ProviderAttack", "set": SHORT},
         "dual": {"task": "DualAttack", "set": {"max_cycles": 12}},
     }
-    defaults = {"kind": "learners", "tasks": tasks, "learners": ["CMA-ES"], "budgets": [2000, 4000], "games": 4}
+    defaults = {
+        "kind": "learners",
+        "tasks": tasks,
+        "learners": ["CMA-ES"],
+        "budgets": [2000, 4000],
+        "games": 4,
+    }
     return read_suite(defaults | {"seeds": [3, 4]} | fields, "small")
 
 
@@ -68,7 +74,9 @@ def test_the_exact_optimum_is_share_1(tmp_path):
     shares = {(one.task, one.budget): one.share.value for one in results}
     assert 0.3 < shares["provider", 4000] < 1
     assert max(shares["dual", 2000], shares["dual", 4000]) == pytest.approx(1)
-    assert shares[ALL_TASKS, 4000] == pytest.approx((shares["provider", 4000] + shares["dual", 4000]) / 2)
+    assert shares[ALL_TASKS, 4000] == pytest.approx(
+        (shares["provider", 4000] + shares["dual", 4000]) / 2
+    )
     assert Store(tmp_path / "results.sqlite").suite == suite
 
 
@@ -83,7 +91,10 @@ def test_without_honest_play_there_is_no_scale():
     """A run that was stopped early, or whose reference failed, has incomplete results."""
     suite = small()
     row = AttackResult("CMA-ES", "", 0, {}, {"score": [0.5] * 4})
-    stored = [StoredCell(Trial("provider", "CMA-ES", 4000, seed), CellResult((row,), 1.0)) for seed in suite.seeds]
+    stored = [
+        StoredCell(Trial("provider", "CMA-ES", 4000, seed), CellResult((row,), 1.0))
+        for seed in suite.seeds
+    ]
     assert learner_results(suite, stored) == ({}, [])
     honest = AttackResult(HONEST_PLAY, "", 0, {}, {"score": [0.1] * 4})
     stored += [StoredCell(Trial("provider", HONEST_PLAY, 0, 3), CellResult((honest,), 1.0))]
@@ -102,7 +113,9 @@ def test_without_honest_play_there_is_no_scale():
 )
 def test_the_coalitions_are_those_of_the_standard_suite(task, condition):
     arguments = load_suite("learners").tasks[task].arguments()
-    standard = task_arguments(load_suite(SUITES / "two-worlds.toml"), Cell("role-trust", *condition, "PPO", 0))
+    standard = task_arguments(
+        load_suite(SUITES / "two-worlds.toml"), Cell("role-trust", *condition, "PPO", 0)
+    )
     assert {name: arguments[name] for name in ("scenario", "compromised", "objective")} == {
         name: standard[name] for name in ("scenario", "compromised", "objective")
     }
@@ -119,7 +132,9 @@ def test_evolution_learns_from_scratch_or_says_why_it_cannot():
     suite = load_suite("learners")
     (name,) = [name for name in suite.learners if name.startswith("evolution")]
     assert make_search_method(name, suite.tasks["liars"].id).start == "random"
-    assert "too small for evolution" in play_trial(suite, Trial("liars", name, 25_000, 0)).unsuitable
+    assert (
+        "too small for evolution" in play_trial(suite, Trial("liars", name, 25_000, 0)).unsuitable
+    )
     with pytest.raises(ValueError, match="begin"):
         make_search_method("evolution:begin=random", suite.tasks["liars"].id)
 

@@ -32,7 +32,13 @@ def _undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
         path.touch()
 
     if "drawn" not in request.fixturenames:
-        drawing = ("commands.benchmark", "commands.play", "commands.replay", "commands.train", "plots.paper")
+        drawing = (
+            "commands.benchmark",
+            "commands.play",
+            "commands.replay",
+            "commands.train",
+            "plots.paper",
+        )
         for module in (*drawing, "report.figures"):
             monkeypatch.setattr(f"roletrust_experiments.{module}.write_figure", write)
 

@@ -28,9 +28,16 @@ def test_an_audit_says_the_same_on_screen_in_json_and_on_its_page(log: Path, tmp
     assert made.exit_code == 1
     result = made.output
     assert "Failed: a median price is" in result
-    found, page = json.loads((tmp_path / "audit.json").read_text()), (tmp_path / "audit.html").read_text()
+    found, page = (
+        json.loads((tmp_path / "audit.json").read_text()),
+        (tmp_path / "audit.html").read_text(),
+    )
     jsonschema.validate(found, json.loads((tmp_path / "audit.schema.json").read_text()))
-    assert (found["format"], found["model"], list(found["compared"])) == ("roletrust-audit-1", "mean", ["mean", "beta"])
+    assert (found["format"], found["model"], list(found["compared"])) == (
+        "roletrust-audit-1",
+        "mean",
+        ["mean", "beta"],
+    )
     first = found["audit"]["exposures"][0]["cheapest"]
     assert first["price"] == first["accounts"] * 7 + first["ratings"] * 0.5
     for text in ("out of top", "newcomer in", f"{first['price']:,.4g}"):
@@ -42,10 +49,15 @@ def test_an_audit_says_the_same_on_screen_in_json_and_on_its_page(log: Path, tmp
 
 
 def test_prices_may_be_nothing_and_are_no_higher_than_numbers_are_exact(log: Path, tmp_path: Path):
-    nothing = [text for name in ("account", "hijacked", "rating") for text in (f"--price-{name}", "0")]
+    nothing = [
+        text for name in ("account", "hijacked", "rating") for text in (f"--price-{name}", "0")
+    ]
     few = ["--alone", "--target", "5", "--budget", "2", "--model", "mean"]
     printed("audit", log, *SMALL, *few, *nothing, "--out", tmp_path / "out")
-    for options, words in ((["--price-day", "1e300"], "numbers up to 1e+12"), (["--other", "mean"], "--alone")):
+    for options, words in (
+        (["--price-day", "1e300"], "numbers up to 1e+12"),
+        (["--other", "mean"], "--alone"),
+    ):
         assert words in run("audit", str(log), *SMALL, "--alone", *options).output
 
 
@@ -81,12 +93,19 @@ for n, line in enumerate(sys.stdin):
     if "over" not in one:
         given = [r[2] for r in one["ratings"]]
         print(json.dumps({{"providers": [0.5 + 0.4 * sum(given) / (1 + len(given))] * one["providers"]}}), flush=True)
-"""
+"""  # noqa: E501
 
 
 def test_an_audit_of_a_scorer_that_dies_goes_on_where_it_was(log: Path, tmp_path: Path):
     scorer = tmp_path / "scorer.py"
-    arguments = ["audit", str(log), *SMALL, "--alone", "--scorer", f"exec:{sys.executable} {scorer}"]
+    arguments = [
+        "audit",
+        str(log),
+        *SMALL,
+        "--alone",
+        "--scorer",
+        f"exec:{sys.executable} {scorer}",
+    ]
     scorer.write_text(SCORER.format(most=250))
     result = printed(*arguments, "--out", tmp_path / "broken", code=2)
     assert "it has ended with exit code 1: out of memory" in result
@@ -104,7 +123,9 @@ def test_an_audit_of_a_scorer_that_dies_goes_on_where_it_was(log: Path, tmp_path
 
 @pytest.mark.slow
 def test_a_scorer_outside_is_audited_as_a_model_inside(log: Path, tmp_path: Path):
-    outside = f"exec:{sys.executable} -c 'from roletrust_experiments import main; main()' serve mean"
+    outside = (
+        f"exec:{sys.executable} -c 'from roletrust_experiments import main; main()' serve mean"
+    )
     found = []
     for model in ("mean", outside):
         printed("audit", log, *SMALL, "--scorer", model, "--out", tmp_path, "--fail-below", "0.5")
@@ -112,4 +133,7 @@ def test_a_scorer_outside_is_audited_as_a_model_inside(log: Path, tmp_path: Path
     inside, same = found
     assert inside["audit"] == same["audit"]
     assert inside["compared"]["mean"] == same["compared"][outside]
-    assert list(inside["compared"])[1:] == [one for one in same["compared"] if one not in ("mean", outside)][:3]
+    assert (
+        list(inside["compared"])[1:]
+        == [one for one in same["compared"] if one not in ("mean", outside)][:3]
+    )

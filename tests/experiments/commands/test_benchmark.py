@@ -1,4 +1,5 @@
-"""`roletrust benchmark`: what goes wrong in a run is one clear line each, and the rest of it is unharmed."""
+"""`roletrust benchmark`: what goes wrong in a run is one clear line each, and the rest of it is
+unharmed."""
 
 import os
 import shlex
@@ -30,7 +31,7 @@ set = { max_cycles = 5, agents = [{ role = "SR", count = 4 }, { role = "SP", cou
 [tracks.raters]
 roles = ["SR"]
 shares = [0.3]
-"""
+"""  # noqa: E501
 HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
 """What a shell starts in the background does not hear an interrupt."""
 CODE = "from roletrust_experiments import main; main()"
@@ -61,7 +62,10 @@ def test_a_dry_run_shows_the_worlds_of_a_seed(here: Path) -> None:
     first, other = ([line for line in lines if line.startswith("drawn-")] for lines in shown)
     assert len(first) == len(other) == 2
     assert first != other
-    assert "providers 3, lost 0.05, noise 0, bias 0, scale 1, ability 0.3 to 1, access choice 2, 0.1" in first[0]
+    assert (
+        "providers 3, lost 0.05, noise 0, bias 0, scale 1, ability 0.3 to 1, access choice 2, 0.1"
+        in first[0]
+    )
     assert not (here / "out").exists()
 
 
@@ -89,12 +93,20 @@ def test_models_that_misbehave_are_a_line_for_each_cell_and_harm_no_other(here: 
     assert {**board(here)["mean"], "holds": ""} == {**alone, "holds": ""}
 
 
-def test_attackers_that_misbehave_are_told_and_the_others_count(here: Path, in_process: None) -> None:
-    attacks = [f"--attack=benchmark_cases:{name}" for name in ("NanRater", "WildRater", "BrokenRater")]
+def test_attackers_that_misbehave_are_told_and_the_others_count(
+    here: Path, in_process: None
+) -> None:
+    attacks = [
+        f"--attack=benchmark_cases:{name}" for name in ("NanRater", "WildRater", "BrokenRater")
+    ]
     code, lines = benchmark("--attack=bad-mouthing", *attacks)
     assert code == 1, lines
     (told,) = (line for line in lines if line.startswith("mean|market|raters"))
-    for words in ("attack benchmark_cases:NanRater: ", "attack benchmark_cases:WildRater: ", "ZeroDivisionError"):
+    for words in (
+        "attack benchmark_cases:NanRater: ",
+        "attack benchmark_cases:WildRater: ",
+        "ZeroDivisionError",
+    ):
         assert words in told
     assert any(line.endswith("its other 1 attacks count") for line in lines)
     assert board(here)["mean"]["missing"] == "1"
@@ -105,13 +117,19 @@ def test_the_lines_that_say_what_comes_next_work_as_printed(here: Path, in_proce
     """Also for a class that is not installed, and a folder with a space."""
     code, lines = benchmark("--model=benchmark_cases:FirstRaters", "--model=mean", "--out=my run")
     assert code == 0, lines
-    assert any(line.split()[2:3] == ["mean"] and line.split()[-1] == "bad-mouthing" for line in lines)
-    (told,) = (line.partition(": ")[2] for line in lines if line.startswith("What the worst attack does: "))
+    assert any(
+        line.split()[2:3] == ["mean"] and line.split()[-1] == "bad-mouthing" for line in lines
+    )
+    (told,) = (
+        line.partition(": ")[2] for line in lines if line.startswith("What the worst attack does: ")
+    )
     shown = printed(*shlex.split(told)[1:], "--out", "replay")
     assert shown.startswith("benchmark_cases:FirstRaters, market, raters 30%: bad-mouthing")
     (told,) = (line.partition(": ")[2] for line in lines if line.startswith("Next: "))
     printed(*shlex.split(told)[1:])
-    assert "benchmark_cases:FirstRaters" in (here / "my run" / "report" / "report.html").read_text(encoding="utf-8")
+    assert "benchmark_cases:FirstRaters" in (here / "my run" / "report" / "report.html").read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,7 +142,9 @@ def test_the_lines_that_say_what_comes_next_work_as_printed(here: Path, in_proce
         (["--suite", "tidy"], "unknown suite 'tidy'. Known:"),
     ],
 )
-def test_a_name_that_nobody_has_is_refused_before_anything_happens(here: Path, options: list[str], words: str) -> None:
+def test_a_name_that_nobody_has_is_refused_before_anything_happens(
+    here: Path, options: list[str], words: str
+) -> None:
     code, lines = benchmark(*options)
     assert code == 2
     (line,) = lines
@@ -147,7 +167,10 @@ def test_a_file_that_cannot_be_gone_on_with_is_left_as_it_is(here: Path, in_proc
     benchmark()
     path = here / "out" / "results.sqlite"
     whole = path.read_bytes()
-    spoilt = ((truncate, "is damaged or is not a results file"), (other_version, "has the format 99; this version"))
+    spoilt = (
+        (truncate, "is damaged or is not a results file"),
+        (other_version, "has the format 99; this version"),
+    )
     for spoil, words in spoilt:
         path.write_bytes(whole)
         spoil(path)
@@ -181,7 +204,11 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
     text = SUITE.replace("games = 3", "games = 60").replace("[0.3]", "[0.3, 0.4, 0.5]")
     (here / "tiny.toml").write_text(text)
     full = subprocess.run(
-        [sys.executable, "-c", limit + CODE, *options], env=ENVIRONMENT, capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", limit + CODE, *options],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert full.returncode == 2, full.stderr
     assert "Traceback" not in full.stderr
@@ -199,7 +226,15 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
 def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
-    options = ["benchmark", "--suite", "tiny.toml", "--model", "mean", "--model", "benchmark_cases:Hanging"]
+    options = [
+        "benchmark",
+        "--suite",
+        "tiny.toml",
+        "--model",
+        "mean",
+        "--model",
+        "benchmark_cases:Hanging",
+    ]
     (here / "tiny.toml").write_text(SUITE.replace("limit_s = 4", "limit_s = 600"))
     process = subprocess.Popen(
         [sys.executable, "-c", HEARS + CODE, *options, "--out", "out"],

@@ -45,12 +45,25 @@ def here(tmp_path, monkeypatch):
 
 
 def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
-    asked = ["--learner", "all", "--learner", "my_learners:Always:quality=0.4", "--learner", "my_learners:Greedy"]
+    asked = [
+        "--learner",
+        "all",
+        "--learner",
+        "my_learners:Always:quality=0.4",
+        "--learner",
+        "my_learners:Greedy",
+    ]
     result = printed(*TINY, *asked, "--out", "out", code=1)  # the greedy one plays more than it may
     told = result
     assert "provider: 1 is the exact optimum" in told
-    assert "my_learners:Greedy|4000|0: 0 of 4000 rounds are left, and a step of 32 games needs more" in told
-    rows = {(row["task"], row["learner"], row["budget"]): row for row in csv_rows(here / "out" / "learners.csv")}
+    assert (
+        "my_learners:Greedy|4000|0: 0 of 4000 rounds are left, and a step of 32 games needs more"
+        in told
+    )
+    rows = {
+        (row["task"], row["learner"], row["budget"]): row
+        for row in csv_rows(here / "out" / "learners.csv")
+    }
     assert {learner for _, learner, _ in rows} == {"CMA-ES", "my_learners:Always:quality=0.4"}
     cma = rows["provider", "CMA-ES", "4000"]
     assert cma["runs"] == "2"
@@ -60,7 +73,9 @@ def test_a_learner_of_ones_own_beside_the_suites(here, in_process):
     assert set(before) == {"learners.csv", "learners.md", "learners.png"}
     assert f"| 4,000 | `CMA-ES` | {float(cma['share']):.2f} [" in before["learners.md"].decode()
     again = run(*TINY, *asked, "--out", "out")
-    assert "12 of 16 cells are there already" in " ".join(again.output.split())  # the greedy's are tried again
+    assert "12 of 16 cells are there already" in " ".join(
+        again.output.split()
+    )  # the greedy's are tried again
     assert {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")} == before
 
 
@@ -74,11 +89,20 @@ def test_a_dry_run_tells_the_rounds(here):
     ("arguments", "message"),
     [
         (["--model", "mean"], "--model is not for the suite tiny, which is one for learners"),
-        (["--suite", "quick", "--learner", "PPO"], "--learner is not for the suite quick, which is one for robustness"),
+        (
+            ["--suite", "quick", "--learner", "PPO"],
+            "--learner is not for the suite quick, which is one for robustness",
+        ),
         (["--learner", "PPOO"], "unknown learner 'PPOO'; did you mean 'PPO'?"),
         (["--learner", "my_learners:MINE"], "learner 'my_learners:MINE' cannot be loaded"),
-        (["--learner", "os:system:command=touch hacked"], "learner 'os:system' must make a Learner"),
-        (["--suite", "theirs.toml"], "the file names the learner 'my_learners:Always', which is not installed"),
+        (
+            ["--learner", "os:system:command=touch hacked"],
+            "learner 'os:system' must make a Learner",
+        ),
+        (
+            ["--suite", "theirs.toml"],
+            "the file names the learner 'my_learners:Always', which is not installed",
+        ),
     ],
 )
 def test_what_cannot_be_played_is_refused(here, arguments, message):

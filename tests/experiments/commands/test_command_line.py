@@ -34,19 +34,47 @@ def commands():
             yield name, command
 
 
-OPTIONS = [(name, one) for name, command in commands() for one in command.params if one.param_type_name == "option"]
+OPTIONS = [
+    (name, one)
+    for name, command in commands()
+    for one in command.params
+    if one.param_type_name == "option"
+]
 
 
 def test_one_spelling_for_each_concept():
     spelled = {flag for _, one in OPTIONS for flag in one.opts}
-    assert not spelled & {"--trust_model".replace("_", "-"), "--models", "--algo", "--algorithm", "--folder-out"}
-    assert {"--model", "--attack", "--learner", "--out", "--json", "--force", "--seed", "--games", "--set"} <= spelled
+    assert not spelled & {
+        "--trust_model".replace("_", "-"),
+        "--models",
+        "--algo",
+        "--algorithm",
+        "--folder-out",
+    }
+    assert {
+        "--model",
+        "--attack",
+        "--learner",
+        "--out",
+        "--json",
+        "--force",
+        "--seed",
+        "--games",
+        "--set",
+    } <= spelled
 
 
 @pytest.mark.parametrize("flag", ["--model", "--attack", "--learner", "--set"])
 def test_one_grammar_for_each_concept(flag):
-    grammars = {one.metavar for name, one in OPTIONS if flag in one.opts and name not in ("figures", "live demo")}
-    expected = {"--attack": {"AGENT=NAME[:key=value,...]", "NAME[:key=value,...]"}, "--set": {"FIELD=VALUE"}}
+    grammars = {
+        one.metavar
+        for name, one in OPTIONS
+        if flag in one.opts and name not in ("figures", "live demo")
+    }
+    expected = {
+        "--attack": {"AGENT=NAME[:key=value,...]", "NAME[:key=value,...]"},
+        "--set": {"FIELD=VALUE"},
+    }
     assert grammars <= expected.get(flag, {"NAME[:key=value,...]"}), grammars
 
 
@@ -57,7 +85,11 @@ def test_the_help_of_every_option_is_a_sentence_and_flags_have_no_type():
         text = one.help or ""
         assert re.match(r"[A-Z]", text), (name, one.opts, text)
         assert text.endswith((".", "...")), (name, one.opts, text)
-        assert not re.search(r"\bluck\b|^Of |^Who|^What|^That |need be", text), (name, one.opts, text)
+        assert not re.search(r"\bluck\b|^Of |^Who|^What|^That |need be", text), (
+            name,
+            one.opts,
+            text,
+        )
         assert not (one.is_flag and one.metavar), (name, one.opts)
     result = CliRunner().invoke(app, ["play", "--help"], env={"COLUMNS": "80"})
     assert "<bool>" not in result.output
@@ -96,13 +128,18 @@ ROLETRUST = [sys.executable, "-c", "from roletrust_experiments import main; main
 
 def test_letters_that_the_terminal_lacks_and_a_width_that_it_does_not_know_are_no_fault():
     around = {**os.environ, "PYTHONIOENCODING": "ascii", "COLUMNS": "0"}
-    done = subprocess.run([*ROLETRUST, "list", "models"], env=around, capture_output=True, text=True)
+    done = subprocess.run(
+        [*ROLETRUST, "list", "models"], env=around, capture_output=True, text=True
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert r"J\xf8sang" in done.stdout
 
 
 def test_a_closed_input_and_a_reader_that_stops_are_no_fault():
-    script = 'set -o pipefail; "$@" serve mean <&-; "$@" list models | true; [ $? -lt 2 ] || [ $? = 141 ]'
+    script = (
+        'set -o pipefail; "$@" serve mean <&-; "$@" list models | true; [ $? -lt 2 ] || [ $? '
+        "= 141 ]"
+    )
     done = subprocess.run(["bash", "-c", script, "-", *ROLETRUST], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("", "")
 
@@ -113,7 +150,10 @@ def test_a_working_directory_that_is_gone_is_named_in_one_line(tmp_path, monkeyp
     (tmp_path / "gone").rmdir()
     with pytest.raises(SystemExit, match="2"):
         main()
-    assert capsys.readouterr().err == "roletrust needs a working directory, and this one has been deleted\n"
+    assert (
+        capsys.readouterr().err
+        == "roletrust needs a working directory, and this one has been deleted\n"
+    )
 
 
 def printed(table, width):
@@ -142,7 +182,9 @@ def test_a_long_name_is_never_cut(width):
 @pytest.mark.parametrize("width", [60, 80])
 def test_the_claims_of_the_paper_are_never_cut(width):
     claim = Claim(4, "steady: ToR_1,2", "down to 0.6", "0.59 ± 0.06", "0.592, 0.593", [], True)
-    text = printed(claims_table("Su and Saint-Jore (2023), seen through a synthetic service", [claim]), width)
+    text = printed(
+        claims_table("Su and Saint-Jore (2023), seen through a synthetic service", [claim]), width
+    )
     assert "…" not in text
     assert "0.592," in text
     assert "0.593" in text

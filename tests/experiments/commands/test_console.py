@@ -17,7 +17,8 @@ class Screen(io.StringIO):
 
 @pytest.mark.parametrize(("where", "shown"), [(Screen, True), (io.StringIO, False)])
 def test_a_progress_bar_moves_or_is_not_there(where, shown):
-    """A notebook asks for colours, as `force_terminal` does, and keeps all that is printed. Short work needs no log."""
+    """A notebook asks for colours, as `force_terminal` does, and keeps all that is printed. Short
+    work needs no log."""
     console = Console(file=where(), force_terminal=True)
     with progress_bar(console) as progress:
         for _ in progress.track(range(3), description="Playing"):

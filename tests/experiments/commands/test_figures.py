@@ -94,12 +94,18 @@ def test_claims_that_do_not_apply_to_given_frames(clear):
     curves = Curves(np.arange(1, 241) / 2, *[seen] * 5)
     found = claims.for_given_frames(claims.check_on_off(curves, scenario, claims.Window(50, 90)))
     # The person stays recognised in the blur. Without one in clear view no level says anything.
-    assert [claim.ok for claim in found] == ([True, None, None, False, True] if clear else [None] * 5)
+    assert [claim.ok for claim in found] == (
+        [True, None, None, False, True] if clear else [None] * 5
+    )
 
 
 def test_help_says_how_much_footage_is_needed():
     said = " ".join(CliRunner().invoke(app, ["figures", "--help"]).output.replace("│", " ").split())
-    for words in ("120 s of video, or 240 images", "three cameras see the same picture", "--set max_cycles=40"):
+    for words in (
+        "120 s of video, or 240 images",
+        "three cameras see the same picture",
+        "--set max_cycles=40",
+    ):
         assert words in said
 
 
@@ -112,7 +118,9 @@ def test_windows_of_the_claims():
 
 
 def test_frames_that_do_not_exist(tmp_path):
-    result = CliRunner().invoke(app, ["figures", "--frames", "no.mp4", "--out", str(tmp_path / "out")])
+    result = CliRunner().invoke(
+        app, ["figures", "--frames", "no.mp4", "--out", str(tmp_path / "out")]
+    )
     assert result.exit_code == 2
     assert "no.mp4" in result.stderr
     assert "Traceback" not in result.stderr
@@ -131,10 +139,14 @@ def walk(tmp_path):
 
 @pytest.mark.parametrize(("sure", "seen"), [(0.02, False), (0.99, True)])
 def test_looped_frames_with_and_without_a_person(tmp_path, monkeypatch, walk, sure, seen):
-    monkeypatch.setattr(HogService, "perceive", lambda self, *given: np.full(given[3].shape, sure))  # as the noise
+    monkeypatch.setattr(
+        HogService, "perceive", lambda self, *given: np.full(given[3].shape, sure)
+    )  # as the noise
     captions = []
     draw = paper.paper_figure
-    monkeypatch.setattr(paper, "paper_figure", lambda *given: captions.append(given[-1]) or draw(*given))
+    monkeypatch.setattr(
+        paper, "paper_figure", lambda *given: captions.append(given[-1]) or draw(*given)
+    )
     out = tmp_path / "out"
     result = printed("figures", "--frames", walk, "--loop", "--out", out)
     results = json.loads((out / "results.json").read_text())
@@ -144,13 +156,17 @@ def test_looped_frames_with_and_without_a_person(tmp_path, monkeypatch, walk, su
     assert captions == ["the frames of walk, 2 s, are looped"] * 2
     said = result
     assert captions[0] in said
-    assert ("saw nobody in these frames: the mean probability of a person was 0.02" in said) is not seen
+    assert (
+        "saw nobody in these frames: the mean probability of a person was 0.02" in said
+    ) is not seen
     assert ("calm: min of all" in said) is seen
     assert "n/a" not in said.split("n/a: the bound")[0] or seen
 
 
 def test_frames_that_are_too_few_say_that_they_can_be_looped(tmp_path, walk):
-    result = CliRunner().invoke(app, ["figures", "--frames", str(walk), "--out", str(tmp_path / "out")])
+    result = CliRunner().invoke(
+        app, ["figures", "--frames", str(walk), "--out", str(tmp_path / "out")]
+    )
     assert result.exit_code == 2
     assert "use more images or a shorter run, or loop it" in result.stderr
 
@@ -162,6 +178,8 @@ def test_there_is_nothing_to_loop_without_frames(tmp_path):
 
 
 def test_frames_without_hog(tmp_path):
-    result = CliRunner().invoke(app, ["figures", "--service", "synthetic", "--frames", "0", "--out", str(tmp_path)])
+    result = CliRunner().invoke(
+        app, ["figures", "--service", "synthetic", "--frames", "0", "--out", str(tmp_path)]
+    )
     assert result.exit_code == 2
     assert "frames are for the service 'hog'" in result.stderr

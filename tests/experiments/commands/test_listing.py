@@ -56,7 +56,9 @@ def test_list_of_nothing_known():
 @pytest.mark.parametrize("width", [80, 120])
 def test_it_is_readable(width):
     lines = [
-        line for kind in ("scenarios", "models", "attackers") for line in run(kind, width=width).output.splitlines()
+        line
+        for kind in ("scenarios", "models", "attackers")
+        for line in run(kind, width=width).output.splitlines()
     ]
     assert max(map(len, lines)) <= width
     for name in [*scenarios(), *trust_models(), *roletrust_env.attackers()]:
@@ -69,34 +71,49 @@ def test_the_names_fit_a_screen():
     lines = run(width=80).output.splitlines()
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
-    assert {*scenarios(), *trust_models(), *roletrust_env.attackers()} <= set(re.split(r"[\s,]+", "\n".join(lines)))
+    assert {*scenarios(), *trust_models(), *roletrust_env.attackers()} <= set(
+        re.split(r"[\s,]+", "\n".join(lines))
+    )
 
 
 def test_models_say_what_they_are_unfit_for():
     words = re.sub(r"\s+", " ", run("models", width=200).output)
     assert re.search(r" travos .* personal, Teacy et al. \(2006\) .* cost grows as S\^2 P", words)
     assert all_models()["median"]["differentiable"] is False
-    assert words.count("unfit: no trust in raters") == sum(not model["rates_raters"] for model in all_models().values())
+    assert words.count("unfit: no trust in raters") == sum(
+        not model["rates_raters"] for model in all_models().values()
+    )
 
 
 def test_every_parameter_has_a_meaning():
     for name, entry in (all_models() | all_attackers()).items():
         assert all(parameter["meaning"] for parameter in entry["parameters"].values()), name
-    assert all_attackers()["sybil-ring"]["parameters"]["cut"]["meaning"].startswith("Rank down to which")  # of a base
+    assert all_attackers()["sybil-ring"]["parameters"]["cut"]["meaning"].startswith(
+        "Rank down to which"
+    )  # of a base
 
 
 def test_what_is_searched_is_what_attacks_declare():
     attackers = all_attackers()
     on_off, collusion = attackers["on-off"], attackers["collusion"]["parameters"]
     assert on_off["channels"] == ["quality"]
-    said = {"default": 2, "required": False, "allowed": "whole number from 1", "searched": {"low": 1, "high": 12}}
+    said = {
+        "default": 2,
+        "required": False,
+        "allowed": "whole number from 1",
+        "searched": {"low": 1, "high": 12},
+    }
     period = on_off["parameters"]["period"]
     assert period == {**said, "given": False, "meaning": period["meaning"]}
     assert on_off["parameters"]["switching"]["searched"] is None  # it is kept
-    assert attackers["bad-mouthing"]["parameters"]["lie"]["searched"] == {"options": ["constant", "relative"]}
+    assert attackers["bad-mouthing"]["parameters"]["lie"]["searched"] == {
+        "options": ["constant", "relative"]
+    }
     assert attackers["bad-mouthing"]["parameters"]["targets"]["searched"] == "victims"
     assert (collusion["accomplices"]["required"], collusion["accomplices"]["given"]) == (True, True)
-    assert attackers["sybil"]["parameters"]["serves"]["default"].startswith("on-off:period=2,duty=1")
+    assert attackers["sybil"]["parameters"]["serves"]["default"].startswith(
+        "on-off:period=2,duty=1"
+    )
 
 
 def test_plug_ins_are_described_and_a_broken_one_spoils_nothing(install):
@@ -134,7 +151,9 @@ def test_what_others_register_is_listed_as_far_as_it_can_be_read():
     assert document("attackers")["attackers"]["endless"]["parameters"]["wait"]["default"] == "inf"
     mean = all_models()["made-mean"]
     assert mean["rates_raters"] is False  # as the model that it makes says
-    assert mean["parameters"] == {"lam": {"default": 0.7, "required": False, "allowed": "", "meaning": ""}}
+    assert mean["parameters"] == {
+        "lam": {"default": 0.7, "required": False, "allowed": "", "meaning": ""}
+    }
     assert run().exit_code == 0
 
 
@@ -156,7 +175,9 @@ def test_json_holds_all_there_is():
     for name, fields in found["scenarios"].items():
         assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file
     travos = found["models"]["travos"]
-    assert {key: travos[key] for key in ("family", "source", "differentiable", "cost", "rates_raters")} == {
+    assert {
+        key: travos[key] for key in ("family", "source", "differentiable", "cost", "rates_raters")
+    } == {
         "family": "personal",
         "source": "Teacy et al. (2006)",
         "differentiable": False,

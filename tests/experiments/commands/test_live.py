@@ -38,8 +38,9 @@ def test_a_public_key_is_replaced_on_demand_only(tmp_path):
     before = (tmp_path / "keys" / "sr_0.pub").read_bytes()
     refused = run("live", "keys", tmp_path / "keys", "sr_1", "sr_0")
     assert refused.exit_code == 2
-    assert "has the public key of sr_0 without its private key: a new pair would replace it" in " ".join(
-        refused.stderr.split()
+    assert (
+        "has the public key of sr_0 without its private key: a new pair would replace it"
+        in " ".join(refused.stderr.split())
     )
     assert [path.name for path in (tmp_path / "keys").iterdir()] == ["sr_0.pub"]
     assert (tmp_path / "keys" / "sr_0.pub").read_bytes() == before
@@ -50,13 +51,28 @@ def test_a_public_key_is_replaced_on_demand_only(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["agent", "sp_9"], "there is no agent 'sp_9'; the scenario has sr_0, sr_1, sr_2, sp_0, sp_1, sp_2"),
-        (["agent", "sp_0", "--role", "rater"], "there is no rater 'sp_0'; the scenario has sr_0, sr_1, sr_2"),
+        (
+            ["agent", "sp_9"],
+            "there is no agent 'sp_9'; the scenario has sr_0, sr_1, sr_2, sp_0, sp_1, sp_2",
+        ),
+        (
+            ["agent", "sp_0", "--role", "rater"],
+            "there is no rater 'sp_0'; the scenario has sr_0, sr_1, sr_2",
+        ),
         (["agent", "srsp_0", "--scenario", "robots-that-move"], "srsp_0 has both roles"),
         (["agent", "sp_0", "--frames", "no.mp4"], "frames 'no.mp4' do not exist"),
-        (["agent", "sr_0", "--frames", "no.mp4"], "--frames and --loop are for the pictures of a provider"),
-        (["agent", "sp_0", "--attack", "bad-mouthing"], "cannot play bad-mouthing: that attacks by ratings"),
-        (["agent", "sp_0", "--attack", "conflicting"], "cannot play conflicting: that attacks by treatment"),
+        (
+            ["agent", "sr_0", "--frames", "no.mp4"],
+            "--frames and --loop are for the pictures of a provider",
+        ),
+        (
+            ["agent", "sp_0", "--attack", "bad-mouthing"],
+            "cannot play bad-mouthing: that attacks by ratings",
+        ),
+        (
+            ["agent", "sp_0", "--attack", "conflicting"],
+            "cannot play conflicting: that attacks by treatment",
+        ),
         (["agent", "sr_0", "--keys", "nowhere"], "there is no public key in nowhere"),
         (["agent", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),
         (["agent", "sp_0", "--start", "1800000000"], "Invalid value for '--start'"),
@@ -91,8 +107,17 @@ def test_a_demo_without_its_port_leaves_the_last_ones_results(tmp_path):
     ("work_s", "speed", "line"),
     [
         (0.19, 1.0, ""),
-        (0.32, 0.62, "take 0.32 s for its pictures, and have 0.2 s. A round takes 0.81 s instead (--speed 0.62)"),
-        (2.1, None, "raters take 2.1 s for the pictures of a round, and have 2 s even with --speed 0.1"),
+        (
+            0.32,
+            0.62,
+            "take 0.32 s for its pictures, and have 0.2 s. A round takes 0.81 s instead (--speed "
+            "0.62)",
+        ),
+        (
+            2.1,
+            None,
+            "raters take 2.1 s for the pictures of a round, and have 2 s even with --speed 0.1",
+        ),
     ],
 )
 def test_a_demo_measures_first_how_fast_rounds_can_be(work_s, speed, line, monkeypatch, capsys):
@@ -117,13 +142,18 @@ def test_rounds_without_a_rater_or_without_an_end_are_counted(tmp_path):
     for r in range(1, 50):
         for name in TEAM.raters[r % 5 == 0 :]:
             if r % 3:
-                keeper.receive(rating_message(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
+                keeper.receive(
+                    rating_message(name, r, dict.fromkeys(TEAM.providers, 1.0)),
+                    PERIOD * r + 30_000_000,
+                )
         keeper.tick(int(PERIOD * (r + 0.9)))
     entries, timeline = list(read_journal(tmp_path / "journal")), Timeline(PERIOD, PERIOD)
     assert pace.incomplete(entries, timeline, 22 * PERIOD) == 0
     lacking = {r for r in range(1, 50) if not r % 3 or not r % 5}
     for last in range(30, 50):  # round r of the manager is round r - 1 of the timeline
-        assert pace.incomplete(entries, timeline, (last + 3) * PERIOD) == len(lacking & set(range(last - 20, last)))
+        assert pace.incomplete(entries, timeline, (last + 3) * PERIOD) == len(
+            lacking & set(range(last - 20, last))
+        )
 
 
 def test_a_demo_stops_when_most_rounds_lack_a_rater(monkeypatch, tmp_path):
@@ -147,7 +177,9 @@ def test_a_demo_stops_when_most_rounds_lack_a_rater(monkeypatch, tmp_path):
     moments = itertools.count(clock.now(), PERIOD)
     monkeypatch.setattr(clock, "now", lambda: next(moments))
     monkeypatch.setattr(demo.time, "sleep", lambda seconds: None)
-    with pytest.raises(ValueError, match=r"20 of the last 20 rounds lack a rater. Raters take 0.7 s .* 0.5 s"):
+    with pytest.raises(
+        ValueError, match=r"20 of the last 20 rounds lack a rater. Raters take 0.7 s .* 0.5 s"
+    ):
         demo._run_team(plan, tmp_path, None, progress_bar())
 
 
@@ -162,16 +194,22 @@ def test_a_demo_stops_when_most_rounds_lack_a_rater(monkeypatch, tmp_path):
 )
 def test_a_node_that_ends_too_early_is_named(name, code, end, words):
     nodes = NodeProcesses()
-    nodes._processes[name] = _Process(SimpleNamespace(exitcode=code), SimpleNamespace(poll=lambda: False))
+    nodes._processes[name] = _Process(
+        SimpleNamespace(exitcode=code), SimpleNamespace(poll=lambda: False)
+    )
     with nullcontext() if words is None else pytest.raises(ValueError, match=words):
         nodes.check("sp_0", end=end)
 
 
 @pytest.mark.parametrize(
-    ("code", "words"), [(0, None), (-9, "recorder ended with exit code -9"), (None, "recorder did not stop within")]
+    ("code", "words"),
+    [(0, None), (-9, "recorder ended with exit code -9"), (None, "recorder did not stop within")],
 )
 def test_a_node_that_fails_at_the_end_is_named(code, words):
-    with nullcontext() if words is None else pytest.raises(ValueError, match=words), NodeProcesses() as nodes:
+    with (
+        nullcontext() if words is None else pytest.raises(ValueError, match=words),
+        NodeProcesses() as nodes,
+    ):
         node = Mock(exitcode=code)
         nodes._processes["recorder"] = _Process(node, Mock(poll=lambda: False))
     node.terminate.assert_called_once()
@@ -185,18 +223,28 @@ def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):
             for i, name in enumerate(TEAM.raters):
                 row = {p: notes[r, i, j] for j, p in enumerate(TEAM.providers) if mask[r, i, j]}
                 raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
-                recorder.write(RecordedMessage(PERIOD * (r + 1) + i, f"/{name}/ratings", messages.RATINGS, raw))
-    printed("live", "manager", tmp_path / "journal", "--recording", tmp_path / "bag", "--model", "mean")
+                recorder.write(
+                    RecordedMessage(PERIOD * (r + 1) + i, f"/{name}/ratings", messages.RATINGS, raw)
+                )
+    printed(
+        "live", "manager", tmp_path / "journal", "--recording", tmp_path / "bag", "--model", "mean"
+    )
     direct = feed(manager(tmp_path / "direct", model="mean"), notes, mask)
-    assert [entry.trust for entry in read_journal(tmp_path / "journal")] == [entry.trust for entry in direct]
-    assert run("live", "manager", tmp_path / "journal", "--recording", tmp_path / "bag").exit_code == 2
+    assert [entry.trust for entry in read_journal(tmp_path / "journal")] == [
+        entry.trust for entry in direct
+    ]
+    assert (
+        run("live", "manager", tmp_path / "journal", "--recording", tmp_path / "bag").exit_code == 2
+    )
 
 
 def test_the_curves_of_a_journal(tmp_path):
     keeper = manager(tmp_path / "journal")
     for r in (1, 2, 4):
         for name in TEAM.raters:
-            keeper.receive(rating_message(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
+            keeper.receive(
+                rating_message(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000
+            )
     entries = list(read_journal(tmp_path / "journal"))
     curves = curves_from_rounds([entry.published for entry in entries], PERIOD, PERIOD, 0.5)
     assert curves.time_s.tolist() == [0.5, 1.0, 2.0]

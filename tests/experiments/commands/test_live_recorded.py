@@ -23,14 +23,17 @@ from roletrust_experiments import commands
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    """The paper's Figure 4, with what the manager published; in a game, a service is rated in the round after it."""
+    """The paper's Figure 4, with what the manager published; in a game, a service is rated in the
+    round after it."""
     folder = tmp_path_factory.mktemp("recorded")
     said = spoken(make_scenario("paper-3x3"), attackers={"sr_2": BadMouthing(start=41, stop=91)})
     keeper = manager(folder / "journal")
     for name in TEAM.providers:
         keeper.add_provider(name, 0)
     trust = [
-        RecordedMessage(entry.closed, "/trust", messages.TRUST, messages.encode(messages.trust_message(entry)))
+        RecordedMessage(
+            entry.closed, "/trust", messages.TRUST, messages.encode(messages.trust_message(entry))
+        )
         for entry in replay_recording(said, keeper, PERIOD)
     ]
     with Recorder(folder / "bag") as recorder:
@@ -46,22 +49,46 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     scenario = make_scenario(tmp_path / "team.toml")
     assert (scenario.name, scenario.max_cycles, len(scenario.agents)) == ("team", 239, 6)
     assert "# sr_2" in (tmp_path / "team.toml").read_text()
-    attacked = ["--attack", "sr_0=bad-mouthing", "--set", "max_cycles=20", "--out", str(tmp_path / "play")]
+    attacked = [
+        "--attack",
+        "sr_0=bad-mouthing",
+        "--set",
+        "max_cycles=20",
+        "--out",
+        str(tmp_path / "play"),
+    ]
     assert run("play", str(tmp_path / "team.toml"), *attacked).exit_code == 0
-    settings = ["--set", "max_cycles=10", "--learner", "PPO:games=8,hidden=[8],batch_size=40,n_steps=10,n_epochs=1"]
-    settings += ["--scenario", str(tmp_path / "team.toml"), "--steps", "160", "--out", str(tmp_path / "train")]
+    settings = [
+        "--set",
+        "max_cycles=10",
+        "--learner",
+        "PPO:games=8,hidden=[8],batch_size=40,n_steps=10,n_epochs=1",
+    ]
+    settings += [
+        "--scenario",
+        str(tmp_path / "team.toml"),
+        "--steps",
+        "160",
+        "--out",
+        str(tmp_path / "train"),
+    ]
     printed("train", "RaterAttack", *settings)
 
 
 def test_what_reads_a_recording_says_how_far_it_is(bag, tmp_path, monkeypatch):
     monkeypatch.setattr(commands.console, "_PERIOD", 0.0)
     for arguments, stages in (
-        (["scenario", str(bag), "--out", str(tmp_path / "team.toml")], ("Reading bag", "Matching ratings")),
+        (
+            ["scenario", str(bag), "--out", str(tmp_path / "team.toml")],
+            ("Reading bag", "Matching ratings"),
+        ),
         (["manager", str(tmp_path / "journal"), "--recording", str(bag)], ("Playing bag",)),
     ):
         lines = run("live", *arguments).output.splitlines()
         for stage in stages:
-            shares = [line.removeprefix(stage).split()[0] for line in lines if line.startswith(stage)]
+            shares = [
+                line.removeprefix(stage).split()[0] for line in lines if line.startswith(stage)
+            ]
             assert len(shares) > 100, lines
             assert shares[-1] == "100%"
 
@@ -72,7 +99,10 @@ def test_what_reads_a_recording_says_how_far_it_is(bag, tmp_path, monkeypatch):
         (["live", "scenario", "nowhere"], "nowhere cannot be read"),
         (["live", "scenario", "nowhere", "--out", "team.txt"], "must end in .toml"),
         (["live", "scenario", "nowhere", "--out", "there.toml"], "there.toml exists already"),
-        (["live", "demo", "--seconds", "30"], "seconds is 30; with bad-mouthing it must be from 40 to 120"),
+        (
+            ["live", "demo", "--seconds", "30"],
+            "seconds is 30; with bad-mouthing it must be from 40 to 120",
+        ),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(arguments, reason, tmp_path, monkeypatch):
@@ -127,7 +157,13 @@ def test_a_stamp_of_another_time_makes_no_scenario_longer(stamp, tmp_path):
 def test_who_has_no_key_is_in_no_scenario_of_a_team_with_keys(tmp_path):
     make_keys(tmp_path / "keys", ["sr_0", "sr_1"])
     unsigned = [said(name, r, {"sp_0": 0.5}) for r in range(12) for name in ("sr_0", "mallory")]
-    asked = [recorded(tmp_path / "bag", unsigned), "--keys", str(tmp_path / "keys"), "--out", str(tmp_path / "a.toml")]
+    asked = [
+        recorded(tmp_path / "bag", unsigned),
+        "--keys",
+        str(tmp_path / "keys"),
+        "--out",
+        str(tmp_path / "a.toml"),
+    ]
     done = run("live", "scenario", *asked)
     assert done.exit_code == 2
     assert "less than two rounds of ratings" in done.stderr
@@ -135,7 +171,9 @@ def test_who_has_no_key_is_in_no_scenario_of_a_team_with_keys(tmp_path):
 
 def test_a_recording_of_too_little_is_refused_in_one_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = run("live", "scenario", recorded(tmp_path / "bag", [said("sr_0", r, {}) for r in range(5)]))
+    done = run(
+        "live", "scenario", recorded(tmp_path / "bag", [said("sr_0", r, {}) for r in range(5)])
+    )
     assert done.exit_code == 2, done.output
     assert "no rating whose stamp is near" in " ".join(done.stderr.split())
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
@@ -147,12 +185,19 @@ def test_a_replay_of_nothing_leaves_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("source", ["game", "robots"])
-def test_a_recorded_team_is_a_scenario_of_the_benchmark(source, bag, tmp_path, monkeypatch, in_process):
-    """The suite is that of the guide; the recording of robots is that of the tutorial, of a live run."""
+def test_a_recorded_team_is_a_scenario_of_the_benchmark(
+    source, bag, tmp_path, monkeypatch, in_process
+):
+    """The suite is that of the guide; the recording of robots is that of the tutorial, of a live
+    run."""
     recording = bag if source == "game" else HOUSE / "docs" / "tutorials" / "recording"
     monkeypatch.chdir(tmp_path)
     assert run("live", "scenario", str(recording), "--out", "team.toml").exit_code == 0
-    (suite,) = (block for block in blocks(HOUSE / "docs" / "guide" / "robots.md", "toml") if "team.toml" in block)
+    (suite,) = (
+        block
+        for block in blocks(HOUSE / "docs" / "guide" / "robots.md", "toml")
+        if "team.toml" in block
+    )
     quick = suite.replace(', "median"', "")
     Path("robots.toml").write_text(f"games = 2\nbudget = 500\n{quick}")
     printed("benchmark", "--suite", "robots.toml", "--out", "out")
@@ -166,11 +211,21 @@ def test_unsigned_ratings_and_pictures_of_a_team_with_keys_are_ignored(tmp_path)
     for r in range(12):
         moment = PERIOD * (1000 + r)
         for name in ("sr_0", "sr_1"):
-            message = messages.ratings_message(name, moment, {"sp_0": 0.5}, Signer(tmp_path / "keys", name))
-            signed.append(RecordedMessage(moment + 5, f"/{name}/ratings", messages.RATINGS, messages.encode(message)))
+            message = messages.ratings_message(
+                name, moment, {"sp_0": 0.5}, Signer(tmp_path / "keys", name)
+            )
+            signed.append(
+                RecordedMessage(
+                    moment + 5, f"/{name}/ratings", messages.RATINGS, messages.encode(message)
+                )
+            )
         for name, signer in (("sp_0", Signer(tmp_path / "keys", "sp_0")), ("z0", None)):
             picture = messages.encode(messages.picture_message(moment, name, shade, signer))
-            signed.append(RecordedMessage(moment + 5, f"/{name}/image_raw/compressed", messages.IMAGE, picture))
+            signed.append(
+                RecordedMessage(
+                    moment + 5, f"/{name}/image_raw/compressed", messages.IMAGE, picture
+                )
+            )
     own = recorded(tmp_path / "own", signed)
     assert run("live", "scenario", own, *keys, "--out", str(tmp_path / "own.toml")).exit_code == 0
     assert "z0" not in (tmp_path / "own.toml").read_text()

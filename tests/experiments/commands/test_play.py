@@ -15,7 +15,12 @@ from roletrust_experiments.plots.curves import curve_figure
 
 
 def test_one_game_with_two_attackers(tmp_path, drawn):
-    attacks = ["--attack", "sp_2=on-off:start=3,period=4", "--attack", "sr_1=bad-mouthing:level=0.2,targets=[0,1]"]
+    attacks = [
+        "--attack",
+        "sp_2=on-off:start=3,period=4",
+        "--attack",
+        "sr_1=bad-mouthing:level=0.2,targets=[0,1]",
+    ]
     results, printed = play(tmp_path, *attacks)
     assert results["attackers"]["sp_2"]["parameters"]["period"] == 4
     assert results["attackers"]["sr_1"]["parameters"]["targets"] == [0, 1]
@@ -52,24 +57,39 @@ def test_seed_decides(tmp_path):
 def test_every_kind_of_scenario(tmp_path, name):
     attack = {"peers": "srsp_8=on-off"}.get(name, "sr_?=bad-mouthing")
     results, _ = play(tmp_path, name, "--games", "2", "--attack", attack, "--model", "mean:lam=0.8")
-    made = {"class": "roletrust_env.trust.models.central.means.Mean", "parameters": {"lam": 0.8, "initial": 0.5}}
+    made = {
+        "class": "roletrust_env.trust.models.central.means.Mean",
+        "parameters": {"lam": 0.8, "initial": 0.5},
+    }
     assert results["trust_models"] == {"mean:lam=0.8": made}
 
 
 def test_models_are_compared_under_one_attack(tmp_path):
     models = ["--model", "role-trust", "--model", "mean"]
-    results, printed = play(tmp_path, *models, "--games", "2", "--attack", "sr_0=bad-mouthing:level=0")
-    damages = [results["measured"][model]["damage"]["3 sp"]["mean"] for model in ("role-trust", "mean")]
+    results, printed = play(
+        tmp_path, *models, "--games", "2", "--attack", "sr_0=bad-mouthing:level=0"
+    )
+    damages = [
+        results["measured"][model]["damage"]["3 sp"]["mean"] for model in ("role-trust", "mean")
+    ]
     assert damages[0] != damages[1]
     assert min(damages) > 0.1
     assert printed.count("damage, 3 sp") == 2
     assert (tmp_path / "curves-role-trust.png").exists()
     assert (tmp_path / "curves-mean.png").exists()
-    assert {row["trust_model"] for row in csv_rows(tmp_path / "curves.csv")} == {"role-trust", "mean"}
+    assert {row["trust_model"] for row in csv_rows(tmp_path / "curves.csv")} == {
+        "role-trust",
+        "mean",
+    }
 
 
 def test_who_is_cut_off_is_counted(tmp_path):
-    cutting = ["--set", "admission={threshold=0.4, rounds=2}", "--attack", "sp_2=on-off:start=4,duty=1"]
+    cutting = [
+        "--set",
+        "admission={threshold=0.4, rounds=2}",
+        "--attack",
+        "sp_2=on-off:start=4,duty=1",
+    ]
     results, printed = play(tmp_path, *cutting)
     groups = results["measured"]["role-trust"]["groups"]
     assert groups["sp_2, on-off"]["present at the end"]["mean"] == 0
@@ -133,7 +153,9 @@ def test_own_model_and_attacker(tmp_path, monkeypatch):
     assert "sr_0, liar" in printed
 
 
-@pytest.mark.parametrize(("games", "absent", "said"), [(1, 8, "gone"), (4, 30, "in 0 of 4 games"), (4, 0, None)])
+@pytest.mark.parametrize(
+    ("games", "absent", "said"), [(1, 8, "gone"), (4, 30, "in 0 of 4 games"), (4, 0, None)]
+)
 def test_curves_tell_who_is_gone(games, absent, said):
     game = Game(make_scenario("paper-3x3").change(max_cycles=60))
     full = Curves(np.arange(1, 61) / 2, *[np.full((60, n, games), 0.9) for n in (3, 3, 6, 6, 3)])
@@ -186,13 +208,19 @@ def test_video(tmp_path):
         (["--set", "colour=blue"], "there is no field 'colour'"),
         (["--set", "lam=0.6", "--set", "lam=0.7"], "twice"),
         (["--set", "max_cycle=9"], "did you mean 'max_cycles'"),
-        (["--set", "lam=0.6", "--model", "role-trust:lam=0.8"], "role-trust:lam=0.8 contradicts --set lam=0.6"),
+        (
+            ["--set", "lam=0.6", "--model", "role-trust:lam=0.8"],
+            "role-trust:lam=0.8 contradicts --set lam=0.6",
+        ),
         (["--model", "mean", "--model", "mean"], "twice"),
         (["--model", "mine"], "'roletrust_env.trust_models'"),
         (["--model", "no_such:Mean"], "'no_such:Mean' cannot be loaded"),
         (["--model", "roletrust_baselines:OnOff"], "must make a TrustModel"),
         (["--attack", "sr_0=roletrust_env.trust:Mean"], "must make a Policy"),
-        (["--attack", "sr_0=bad-mouthing:targets=[sp_0,sp_7]"], "targets has 'sp_7'; the providers are sp_0"),
+        (
+            ["--attack", "sr_0=bad-mouthing:targets=[sp_0,sp_7]"],
+            "targets has 'sp_7'; the providers are sp_0",
+        ),
     ],
 )
 def test_bad_input_is_one_clean_error_and_writes_nothing(tmp_path, arguments, said):
@@ -227,7 +255,9 @@ def test_students_interval():
 
 def test_identities_in_reserve_count_as_their_attackers(tmp_path):
     mine = tmp_path / "mine.toml"
-    mine.write_text('agents = [{role = "SR", count = 5}, {role = "SP", count = 3}, {role = "SP", reserve = 2}]')
+    mine.write_text(
+        'agents = [{role = "SR", count = 5}, {role = "SP", count = 3}, {role = "SP", reserve = 2}]'
+    )
     short, out = ["--set", "max_cycles=30"], tmp_path / "out"
     for attack, seats in (("sp_*=on-off", 4), ("sp_3=whitewashing:reserve=2", 1)):
         printed("play", mine, "--attack", attack, "--games", "3", *short, "--out", out, "--force")

@@ -16,17 +16,29 @@ from roletrust_experiments.playing.group_measures import under_attack
 
 
 def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
-    results, printed = play(tmp_path, "--games", "3", "--attack", "sr_2=bad-mouthing:start=4,stop=7")
+    results, printed = play(
+        tmp_path, "--games", "3", "--attack", "sr_2=bad-mouthing:start=4,stop=7"
+    )
     found = results["measured"]["role-trust"]["metrics"]
     roles = ["AUC under the attack, sr", "AUC at the end, sr"]
-    assert list(found) == [*roles, "false alarms", "utility", "utility, no attack", "recovery, rounds"]
+    assert list(found) == [
+        *roles,
+        "false alarms",
+        "utility",
+        "utility, no attack",
+        "recovery, rounds",
+    ]
     for name in ("AUC, sr", "false alarms", "utility", "utility, no attack", "recovery, rounds"):
         assert f" {name} " in printed.replace("\n", " \n ")
     rules = make_scenario("paper-3x3").change(max_cycles=12)
     game = Game(rules)
-    joint_policies = [JointPolicy(game, attackers) for attackers in ({"sr_2": BadMouthing(start=4, stop=7)}, {})]
+    joint_policies = [
+        JointPolicy(game, attackers) for attackers in ({"sr_2": BadMouthing(start=4, stop=7)}, {})
+    ]
     with progress_bar(errors) as progress:
-        curves, twin = (track_curves(joint_policy, 0, progress, "", games=3) for joint_policy in joint_policies)
+        curves, twin = (
+            track_curves(joint_policy, 0, progress, "", games=3) for joint_policy in joint_policies
+        )
     scores = {
         "AUC under the attack, sr": metrics.auc(curves.trust[4:7, :3].mean(axis=0), [2]),
         "AUC at the end, sr": metrics.auc(curves.trust[-1, :3], [2]),
@@ -45,13 +57,20 @@ def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
     [
         ("start=4", {"recovery, rounds": "the attack lasts to the end"}),
         ("start=11,stop=12", {"recovery, rounds": "the attack lasts to the end"}),
-        ("start=40,stop=50", dict.fromkeys(["AUC under the attack, sp", "recovery, rounds"], "the attack never began")),
+        (
+            "start=40,stop=50",
+            dict.fromkeys(
+                ["AUC under the attack, sp", "recovery, rounds"], "the attack never began"
+            ),
+        ),
     ],
 )
 def test_what_is_undefined_is_null_with_the_reason(tmp_path, window, undefined):
     results, printed = play(tmp_path, "--attack", f"sp_0=on-off:{window}")
     found = results["measured"]["role-trust"]["metrics"]
-    assert {name: value["why"] for name, value in found.items() if value["mean"] is None} == undefined
+    assert {
+        name: value["why"] for name, value in found.items() if value["mean"] is None
+    } == undefined
     for name, why in undefined.items():
         assert f"{name}: undefined: {why}" in printed.replace("\n", " ")
 
@@ -60,9 +79,13 @@ def test_what_is_undefined_is_null_with_the_reason(tmp_path, window, undefined):
 def test_an_attack_in_words_and_what_comes_next(tmp_path, monkeypatch, out):
     """The line plays the same games, in the same folder."""
     monkeypatch.chdir(tmp_path)
-    result = run("play", *TINY, "--attack", "sr_2=bad-mouthing:start=4", "--games", "2", "--seed", "3", *out)
+    result = run(
+        "play", *TINY, "--attack", "sr_2=bad-mouthing:start=4", "--games", "2", "--seed", "3", *out
+    )
     (folder,) = (file.parent for file in tmp_path.rglob("results.json"))
-    harm = json.loads((folder / "results.json").read_text())["measured"]["role-trust"]["damage"]["all 5 honest"]["mean"]
+    harm = json.loads((folder / "results.json").read_text())["measured"]["role-trust"]["damage"][
+        "all 5 honest"
+    ]["mean"]
     assert f"role-trust: the attack costs honest agents {harm:.3f}" in result.output
     (line,) = (line for line in result.output.splitlines() if line.startswith("Next: "))
     printed(*shlex.split(line)[2:])
@@ -87,19 +110,32 @@ def test_undefined_in_some_games_only():
     trust[3:, :, 1] = 0.2  # in the second game trust is not back
     found = under_attack(roster, full._replace(trust=trust), full, {"sr_0": BadMouthing(stop=3)})
     assert found["recovery, rounds"].mean == 0
-    assert found["recovery, rounds"].why == "trust did not recover before the game ended, in 1 of 2 games"
+    assert (
+        found["recovery, rounds"].why
+        == "trust did not recover before the game ended, in 1 of 2 games"
+    )
     everybody = dict.fromkeys(roster.names[:3], BadMouthing())
-    assert "no honest agents" in under_attack(roster, full, None, everybody)["AUC at the end, sr"].why
+    assert (
+        "no honest agents" in under_attack(roster, full, None, everybody)["AUC at the end, sr"].why
+    )
     assert "live camera" in under_attack(roster, full, None, everybody)["utility, no attack"].why
 
 
 def test_of_raters_that_a_model_does_not_judge_nothing_is_said(tmp_path):
     """Its trust in them reads 1 whatever they do: in a mean over all it would hide harm."""
-    results, printed = play(tmp_path, "--model", "mean", "--games", "2", "--attack", "sr_2=bad-mouthing:stop=9")
+    results, printed = play(
+        tmp_path, "--model", "mean", "--games", "2", "--attack", "sr_2=bad-mouthing:stop=9"
+    )
     found = results["measured"]["mean"]
     why = "the model has no trust in raters"
-    unjudged = [found["damage"]["2 sr"], found["damage"]["all 5 honest"], found["groups"]["2 sr, honest"]["mean trust"]]
-    unjudged += [found["metrics"][name] for name in ("AUC under the attack, sr", "AUC at the end, sr")]
+    unjudged = [
+        found["damage"]["2 sr"],
+        found["damage"]["all 5 honest"],
+        found["groups"]["2 sr, honest"]["mean trust"],
+    ]
+    unjudged += [
+        found["metrics"][name] for name in ("AUC under the attack, sr", "AUC at the end, sr")
+    ]
     assert unjudged == [{"mean": None, "half_95": None, "why": why}] * 5
     assert found["groups"]["2 sr, honest"]["present at the end"]["mean"] == 2
     assert found["damage"]["3 sp"]["mean"] > 0.1
@@ -107,9 +143,13 @@ def test_of_raters_that_a_model_does_not_judge_nothing_is_said(tmp_path):
     with_raters.trust[:, 3:] = 0.2
     roster = Roster.of(make_scenario("paper-3x3"))
     for rates_raters, alarms in ((True, 3 / 5), (False, 1.0)):
-        score = under_attack(roster, with_raters, None, {"sr_0": BadMouthing()}, rates_raters)["false alarms"]
+        score = under_attack(roster, with_raters, None, {"sr_0": BadMouthing()}, rates_raters)[
+            "false alarms"
+        ]
         assert score.mean == pytest.approx(alarms)
-    assert "no trust in raters: mean: false alarms and recovery are of providers only" in " ".join(printed.split())
+    assert "no trust in raters: mean: false alarms and recovery are of providers only" in " ".join(
+        printed.split()
+    )
 
 
 def test_json_is_all_that_is_printed(tmp_path, monkeypatch):
@@ -121,7 +161,9 @@ def test_json_is_all_that_is_printed(tmp_path, monkeypatch):
     assert kept.exit_code == 0
     assert "Written to out" in kept.stderr
     assert (
-        json.loads(alone.stdout) == json.loads(kept.stdout) == json.loads((tmp_path / "out/results.json").read_text())
+        json.loads(alone.stdout)
+        == json.loads(kept.stdout)
+        == json.loads((tmp_path / "out/results.json").read_text())
     )
     assert run(*asked, "--video").exit_code == 2
     assert "--video needs a folder" in run(*asked, "--video").stderr

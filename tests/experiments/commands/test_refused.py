@@ -1,4 +1,5 @@
-"""Agents and seats that are not allowed: one line, from a command as from Python, before anything is written."""
+"""Agents and seats that are not allowed: one line, from a command as from Python, before anything
+is written."""
 
 from pathlib import Path
 from typing import Any
@@ -30,18 +31,40 @@ def told(*arguments: str, out: Path) -> str:
             "sp_0",
             "bad-mouthing",
             {},
-            "'sp_0' cannot play bad-mouthing: that attacks by ratings, .* only .* on presence and quality",
+            "'sp_0' cannot play bad-mouthing: that attacks by ratings, .* only .* on presence and "
+            "quality",
         ),
-        ("sr_0", "on-off", {}, "'sr_0' cannot play on-off: that attacks by quality, .* only decides on ratings"),
-        ("sp_1", "whitewashing", {"reserve": 3}, "'sp_1' .* whitewashing: that needs a reserve of 3, .* has 1 here"),
+        (
+            "sr_0",
+            "on-off",
+            {},
+            "'sr_0' cannot play on-off: that attacks by quality, .* only decides on ratings",
+        ),
+        (
+            "sp_1",
+            "whitewashing",
+            {"reserve": 3},
+            "'sp_1' .* whitewashing: that needs a reserve of 3, .* has 1 here",
+        ),
         (
             "sr_0",
             "sybil",
             {},
-            "'sr_0' cannot play sybil: that needs a reserve of 1, and the agent has 0 here; .* by reserve = 1",
+            "'sr_0' cannot play sybil: that needs a reserve of 1, and the agent has 0 here; .* by "
+            "reserve = 1",
         ),
-        ("sp_2", "on-off", {}, "'sp_2' is an identity in reserve of 'sp_0'; name the policy of that"),
-        ("sp_7", "on-off", {}, "there is no agent 'sp_7'; the scenario has sr_0, sp_0, sp_1, sp_2, sp_3"),
+        (
+            "sp_2",
+            "on-off",
+            {},
+            "'sp_2' is an identity in reserve of 'sp_0'; name the policy of that",
+        ),
+        (
+            "sp_7",
+            "on-off",
+            {},
+            "there is no agent 'sp_7'; the scenario has sr_0, sp_0, sp_1, sp_2, sp_3",
+        ),
     ],
 )
 def test_a_seat_without_the_channel_or_the_reserve(
@@ -71,8 +94,16 @@ _BIAS = _SHARE.replace(r"\[0,", r"\[-1,")
         ("SR: bias = 2", 2, rf"agents.1.bias is 2: {_BIAS}"),
         ("SR: bias = [-2, 0]", (-2, 0), rf"agents.1.bias is \[-2, 0\]: {_BIAS}"),
         ("SR: scale = -1", -1, r"agents.1.scale is -1: it must be a number in \[0, 1e6\], .*"),
-        ("SR: ability = 0.5", 0.5, "agents.1: ability is 0.5; it is for agents that provide, not for the role 'SR'"),
-        ("SP: bias = 0.5", 0.5, "agents.0: bias is 0.5 .* they are for raters, not for the role 'SP'"),
+        (
+            "SR: ability = 0.5",
+            0.5,
+            "agents.1: ability is 0.5; it is for agents that provide, not for the role 'SR'",
+        ),
+        (
+            "SP: bias = 0.5",
+            0.5,
+            "agents.0: bias is 0.5 .* they are for raters, not for the role 'SP'",
+        ),
         ("SP: reserve = -1", -1, "agents.0.reserve is -1: .* greater than or equal to 0"),
         ("SP: reserve = 1001", 1001, "agents.0.reserve is 1001: .* less than or equal to 1000"),
     ],

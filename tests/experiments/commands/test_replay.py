@@ -42,13 +42,19 @@ def test_every_attack_has_the_utility_of_the_file_again(file: Path) -> None:
             assert bool(row.record) == (cell.method != "scripted")
             for record in {"", row.record}:  # searched again, and as recorded
                 found = Replay.of(SUITE, cell, row.attack, record)
-                assert found.score == pytest.approx(np.array(row.measured["utility"], float), nan_ok=True)
+                assert found.score == pytest.approx(
+                    np.array(row.measured["utility"], float), nan_ok=True
+                )
                 played += 1
     assert played > 6
 
 
 def test_the_states_are_those_of_the_game_that_was_measured() -> None:
-    cell = next(cell for cell in SUITE.cells() if cell.method == "random search" and cell.model == "role-trust")
+    cell = next(
+        cell
+        for cell in SUITE.cells()
+        if cell.method == "random search" and cell.model == "role-trust"
+    )
     found = Replay.of(SUITE, cell, "random search")
     whole = watch(found.found.task, found.found.batch.attacker, cell.seed, (1, 2 * SUITE.games))
     for game in (0, SUITE.games - 1):
@@ -64,7 +70,11 @@ def test_believed_is_the_share_of_rounds_in_which_an_accomplice_is_on_top() -> N
     roster = found.found.task.game.roster
     mine = sum(name in found.found.task.identities for name in roster.provider_names)
     assert found.believed == pytest.approx(mine / roster.n_providers)  # all are trusted alike
-    assert [side.label for side in found.sides] == ["honest raters", "honest providers", "providers of the attacker"]
+    assert [side.label for side in found.sides] == [
+        "honest raters",
+        "honest providers",
+        "providers of the attacker",
+    ]
 
 
 def test_the_command_plays_the_worst_case_of_the_leaderboard(file: Path, tmp_path: Path) -> None:
@@ -80,7 +90,11 @@ def test_the_command_plays_the_worst_case_of_the_leaderboard(file: Path, tmp_pat
 
 def test_names_are_neither_markup_nor_formulas(tmp_path: Path, drawn: None) -> None:
     track = "liars $_$ [red]"
-    suite = small(models=["mean"], attacks=["bad-mouthing"], tracks={track: {"roles": ["SR"], "shares": [0.5]}})
+    suite = small(
+        models=["mean"],
+        attacks=["bad-mouthing"],
+        tracks={track: {"roles": ["SR"], "shares": [0.5]}},
+    )
     with Store(tmp_path / "results.sqlite", suite) as store:
         for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))

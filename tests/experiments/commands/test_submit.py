@@ -15,7 +15,12 @@ from command_line import printed, run
 from roletrust_env.benchmarking import verification
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.submission import CellClaim, ClaimedMetrics, model_scores, suite_hash
+from roletrust_env.benchmarking.submission import (
+    CellClaim,
+    ClaimedMetrics,
+    model_scores,
+    suite_hash,
+)
 from roletrust_env.benchmarking.suite_files import load_suite, read_suite
 from roletrust_env.benchmarking.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
@@ -49,7 +54,9 @@ def verified(tmp_path: Path, text: str) -> Callable[..., tuple[int, str]]:
         change(said)
         path = tmp_path / "theirs.json"
         path.write_text(json.dumps(said))
-        result = run("verify", str(path), "--own-suite", "--seed", "7", *(options or ("--cells", "0")))
+        result = run(
+            "verify", str(path), "--own-suite", "--seed", "7", *(options or ("--cells", "0"))
+        )
         return result.exit_code, " ".join(result.output.split())
 
     return verify
@@ -63,7 +70,9 @@ def test_what_is_true_is_found_so(verified: Callable) -> None:
     assert f"{len(SUITE.cells())} of {len(SUITE.cells())} cells played again" in told
 
 
-def test_games_with_a_new_seed_are_played_unless_left_out(in_process: None, verified: Callable) -> None:
+def test_games_with_a_new_seed_are_played_unless_left_out(
+    in_process: None, verified: Callable
+) -> None:
     code, told = verified(lambda said: None, "--cells", "4", "--workers", "1")
     assert code == 0, told
     assert "in games with a new seed" in told
@@ -85,7 +94,15 @@ def test_a_seed_draws_the_same_cells(tmp_path: Path, text: str) -> None:
     (tmp_path / "true.json").write_text(text)
     found, _ = read_submission(tmp_path / "true.json")
     assert verification.sample_claims(found, 2, 7) == verification.sample_claims(found, 2, 7)
-    assert len({tuple(claim.cell for claim in verification.sample_claims(found, 2, seed)) for seed in range(20)}) > 5
+    assert (
+        len(
+            {
+                tuple(claim.cell for claim in verification.sample_claims(found, 2, seed))
+                for seed in range(20)
+            }
+        )
+        > 5
+    )
 
 
 def test_all_that_is_measured_is_claimed() -> None:
@@ -100,7 +117,9 @@ def better(said: Any) -> None:
     """A model that nobody harmed, and all that follows from it."""
     for one in said["cells"]:
         for attack in one["attacks"] if one["model"] == "mean" else ():
-            attack["chosen"] = attack["measured"]["utility"]["mean"] = attack["measured"]["published"]["mean"] = 1.0
+            attack["chosen"] = attack["measured"]["utility"]["mean"] = attack["measured"][
+                "published"
+            ]["mean"] = 1.0
     for name in ("clean", "worst", "alike", "published", "ensemble", "open_worst"):
         said["standings"]["mean"][name]["mean"] = 1.0
 
@@ -121,11 +140,20 @@ def other_versions(said: Any) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda said: said["standings"]["mean"]["worst"].update(mean=0.99), "scores of mean worst: claimed 0.9900"),
+        (
+            lambda said: said["standings"]["mean"]["worst"].update(mean=0.99),
+            "scores of mean worst: claimed 0.9900",
+        ),
         (lambda said: said.update(suite_sha256="0" * 64), "its hash is not the stated one"),
         (lambda said: said["suite"].update(games=4), "its hash is not the stated one"),
-        (lambda said: said["models"]["mean"].update(sha256="0" * 64), "model mean another source than here"),
-        (lambda said: said["attacks"]["on-off"].update(version="9"), "other source, from roletrust-env 9"),
+        (
+            lambda said: said["models"]["mean"].update(sha256="0" * 64),
+            "model mean another source than here",
+        ),
+        (
+            lambda said: said["attacks"]["on-off"].update(version="9"),
+            "other source, from roletrust-env 9",
+        ),
     ],
 )
 def test_what_is_not_as_said_is_told_without_playing(
@@ -143,7 +171,9 @@ def test_what_is_not_as_said_is_told_without_playing(
 
 
 @pytest.mark.parametrize("forgotten", [False, True])
-def test_numbers_that_were_made_up_are_found(in_process: None, verified: Callable, forgotten: bool) -> None:
+def test_numbers_that_were_made_up_are_found(
+    in_process: None, verified: Callable, forgotten: bool
+) -> None:
     def change(said: Any) -> None:
         better(said)
         if forgotten:
@@ -157,7 +187,9 @@ def test_numbers_that_were_made_up_are_found(in_process: None, verified: Callabl
     assert "scores of mean worst case 1.0000" in told  # which goes with the rest of the file
 
 
-def test_on_other_software_means_have_to_be_within_the_intervals(in_process: None, verified: Callable) -> None:
+def test_on_other_software_means_have_to_be_within_the_intervals(
+    in_process: None, verified: Callable
+) -> None:
     def near(said: Any) -> None:
         other_versions(said)
         cell(said)["attacks"][0]["measured"]["blind"]["mean"] += 1e-6
@@ -188,7 +220,9 @@ def test_an_edited_choice_of_the_worst_case_is_found(in_process: None, verified:
     assert "claimed 2." in told  # the best possible is 1
 
 
-def test_utilities_that_are_a_little_too_high_everywhere_are_found(in_process: None, verified: Callable) -> None:
+def test_utilities_that_are_a_little_too_high_everywhere_are_found(
+    in_process: None, verified: Callable
+) -> None:
     def change(said: Any) -> None:
         other_versions(said)
         for one in said["cells"]:
@@ -198,7 +232,9 @@ def test_utilities_that_are_a_little_too_high_everywhere_are_found(in_process: N
 
     code, told = verified(change, "--cells", "100", "--workers", "1")
     assert code == 1
-    assert "claimed" not in told.partition("cell mean")[2].partition("bias of")[0]  # each is within its interval
+    assert (
+        "claimed" not in told.partition("cell mean")[2].partition("bias of")[0]
+    )  # each is within its interval
     assert "not ok bias of utility" in told
     assert "ok bias of chosen utility" in told
 
@@ -274,14 +310,20 @@ def test_a_file_imports_only_what_the_user_allows(tmp_path: Path, mine: str) -> 
     path, out = str(played(tmp_path, suite)), str(tmp_path / "mine.json")
     del sys.modules["model_of_mine"]
     (tmp_path / "imported").unlink()
-    for command in (["submit", path, "--out", out], ["report", path, "--out", str(tmp_path / "report")]):
+    for command in (
+        ["submit", path, "--out", out],
+        ["report", path, "--out", str(tmp_path / "report")],
+    ):
         assert "which is not installed" in " ".join(run(*command).output.split())
     assert not (tmp_path / "imported").exists()
     assert run("submit", path, "--model", mine, "--out", out).exit_code == 0  # named by the user
     del sys.modules["model_of_mine"]
     (tmp_path / "imported").unlink()
     refused = run("verify", out)
-    assert (refused.exit_code, "which is not installed" in " ".join(refused.output.split())) == (2, True)
+    assert (refused.exit_code, "which is not installed" in " ".join(refused.output.split())) == (
+        2,
+        True,
+    )
     assert not (tmp_path / "imported").exists()
     printed("verify", out, "--allow-code", "--own-suite", "--cells", "0")
     assert not (tmp_path / "imported").exists()  # only processes that play it import it
@@ -291,7 +333,9 @@ def renamed(name: str) -> Callable[[Any], None]:
     """A submission whose model `mean` is called otherwise everywhere."""
 
     def change(said: Any) -> None:
-        said["suite"]["models"] = [name if one == "mean" else one for one in said["suite"]["models"]]
+        said["suite"]["models"] = [
+            name if one == "mean" else one for one in said["suite"]["models"]
+        ]
         for part in ("models", "standings"):
             said[part][name] = said[part].pop("mean")
         for one in said["cells"]:
@@ -307,33 +351,67 @@ def renamed(name: str) -> Callable[[Any], None]:
         (renamed("os:system:command=touch hacked"), "which is not installed"),
         (renamed("../../etc/passwd"), "String should match pattern"),
         (renamed("mean\x1b[2J"), "String should match pattern"),
-        (lambda said: said["suite"]["attacks"].__setitem__(0, "os:system"), "attacks: not those of the suite"),
-        (lambda said: said["suite"]["scenarios"]["market"].update(preset="/etc/passwd.toml"), "preset is '/etc/passwd"),
-        (lambda said: said["suite"]["scenarios"]["market"]["set"].update(frames="/dev/video0"), "must not use files"),
-        (lambda said: said["suite"]["tracks"]["honest"].update(set={"frames": 0}), "must not use files"),
-        (lambda said: said["suite"]["scenarios"]["market"]["set"].update(max_cycles=10**9), "too many"),
-        (lambda said: said["suite"].update(seeds=list(range(1000))), "cells: there are 6; the suite has 6000"),
+        (
+            lambda said: said["suite"]["attacks"].__setitem__(0, "os:system"),
+            "attacks: not those of the suite",
+        ),
+        (
+            lambda said: said["suite"]["scenarios"]["market"].update(preset="/etc/passwd.toml"),
+            "preset is '/etc/passwd",
+        ),
+        (
+            lambda said: said["suite"]["scenarios"]["market"]["set"].update(frames="/dev/video0"),
+            "must not use files",
+        ),
+        (
+            lambda said: said["suite"]["tracks"]["honest"].update(set={"frames": 0}),
+            "must not use files",
+        ),
+        (
+            lambda said: said["suite"]["scenarios"]["market"]["set"].update(max_cycles=10**9),
+            "too many",
+        ),
+        (
+            lambda said: said["suite"].update(seeds=list(range(1000))),
+            "cells: there are 6; the suite has 6000",
+        ),
         (lambda said: said["suite"].update(models="all"), "with its models and attacks by name"),
         (lambda said: said["suite"].update(kind="learners"), "suite: "),
-        (lambda said: said["suite"].update(tracks=[]), "the number of scenarios and that of tracks must be 1 to 100"),
+        (
+            lambda said: said["suite"].update(tracks=[]),
+            "the number of scenarios and that of tracks must be 1 to 100",
+        ),
         (lambda said: said["suite"].update(tracks={"a": 1}), "neither a scenario nor a track"),
         (lambda said: said["suite"].update(ghost=1), "there is no field 'ghost'"),
         (lambda said: said.update(ghost=1), "ghost is 1: Extra inputs are not permitted"),
         (lambda said: said.update(format=1), "format is 1"),
         (lambda said: said.update(cells={}), "cells is {}"),
         (lambda said: said["cells"].pop(), "cells: there are 5; the suite has 6"),
-        (lambda said: said["cells"].__setitem__(0, said["cells"][1]), "cells: not those of the suite"),
+        (
+            lambda said: said["cells"].__setitem__(0, said["cells"][1]),
+            "cells: not those of the suite",
+        ),
         (lambda said: cell(said)["attacks"][0].update(chosen="0.5"), "chosen is '0.5'"),
         (lambda said: cell(said)["attacks"][0].update(chosen=True), "chosen is True"),
         (lambda said: cell(said)["attacks"][0].update(chosen=float("nan")), "the JSON has NaN"),
-        (lambda said: said["standings"]["mean"]["worst"].update(mean=float("inf")), "the JSON has Infinity"),
-        (lambda said: cell(said)["attacks"][0]["measured"]["utility"].update(mean=None), "is undefined"),
+        (
+            lambda said: said["standings"]["mean"]["worst"].update(mean=float("inf")),
+            "the JSON has Infinity",
+        ),
+        (
+            lambda said: cell(said)["attacks"][0]["measured"]["utility"].update(mean=None),
+            "is undefined",
+        ),
         (lambda said: cell(said, "honest").update(attacks=[]), "all agents are honest there"),
         (lambda said: said["software"].update(python=["3"] * 10**6), "python is ['3', '3'"),
     ],
 )
 def test_a_hostile_file_is_one_line(
-    verified: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable, words: str
+    verified: Callable,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    change: Callable,
+    words: str,
 ) -> None:
     def never(*_: object) -> None:
         raise AssertionError("something was run for the sake of a file")
@@ -352,18 +430,35 @@ def test_a_hostile_file_is_one_line(
         (lambda text: text[: len(text) // 2], "Expecting|Unterminated|delimiter"),
         (lambda text: "[" * 200_000, "nested too deeply"),
         (lambda text: '{"cells": ' * 200_000, "nested too deeply"),
-        (lambda text: text.replace('"format": 4', '"format": 4, "format": 4'), "two fields of one name"),
-        (lambda text: text.replace('"chosen": 0', '"chosen": 1e999, "x": 0', 1), "chosen is inf|ghost|x is"),
+        (
+            lambda text: text.replace('"format": 4', '"format": 4, "format": 4'),
+            "two fields of one name",
+        ),
+        (
+            lambda text: text.replace('"chosen": 0', '"chosen": 1e999, "x": 0', 1),
+            "chosen is inf|ghost|x is",
+        ),
         (lambda text: "", "Expecting value"),
         (lambda text: "\udcff", "utf-8"),
         (lambda text: "1" * 10_000, "Exceeds the limit"),
-        (lambda text: text.replace("market", "\\ud800"), r"has \\ud800, which is no character of Unicode"),
+        (
+            lambda text: text.replace("market", "\\ud800"),
+            r"has \\ud800, which is no character of Unicode",
+        ),
         (lambda text: f"[{'{},' * 1_500_000}{{}}]", "more than 3,000,000 values"),
-        (lambda text: json.dumps({f"{k}": 0 for k in range(10_001)}), "an object of more than 10,000 fields"),
-        (lambda text: '{"cells": [' + "{}," * 1_000 + "{}]}", r"cells\.0\.model is missing.*; and \d more$"),
+        (
+            lambda text: json.dumps({f"{k}": 0 for k in range(10_001)}),
+            "an object of more than 10,000 fields",
+        ),
+        (
+            lambda text: '{"cells": [' + "{}," * 1_000 + "{}]}",
+            r"cells\.0\.model is missing.*; and \d more$",
+        ),
     ],
 )
-def test_a_file_that_is_no_json_is_one_line(tmp_path: Path, text: str, spoil: Callable, words: str) -> None:
+def test_a_file_that_is_no_json_is_one_line(
+    tmp_path: Path, text: str, spoil: Callable, words: str
+) -> None:
     path = tmp_path / "theirs.json"
     path.write_bytes(spoil(text).encode("utf-8", "surrogateescape"))
     with pytest.raises(ValueError, match=words) as error:
@@ -371,12 +466,18 @@ def test_a_file_that_is_no_json_is_one_line(tmp_path: Path, text: str, spoil: Ca
     assert "\n" not in str(error.value)
 
 
-def test_a_file_that_is_too_large_or_none_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_is_too_large_or_none_is_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(verification, "MAX_BYTES", 1000)
     (tmp_path / "large.json").write_text(" " * 1001)
     with pytest.raises(ValueError, match="has more than 1000 bytes"):
         read_submission(tmp_path / "large.json")
     os.mkfifo(tmp_path / "pipe.json")
-    for name, wrong in {"pipe.json": "there is no file", "none.json": "there is no file", ".": "is a folder"}.items():
+    for name, wrong in {
+        "pipe.json": "there is no file",
+        "none.json": "there is no file",
+        ".": "is a folder",
+    }.items():
         with pytest.raises(ValueError, match=wrong):
             read_submission(tmp_path / name)

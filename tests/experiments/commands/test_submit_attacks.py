@@ -21,7 +21,7 @@ set = { max_cycles = 5, agents = [{ role = "SR", count = 4 }, { role = "SP", cou
 [tracks.raters]
 roles = ["SR"]
 shares = [0.5]
-"""
+"""  # noqa: E501
 
 
 @pytest.fixture
@@ -31,7 +31,8 @@ def folder(in_process: None, tmp_path: Path) -> Path:
     (folder / "tiny.toml").write_text(SUITE)
     printed("benchmark", "--suite", folder / "tiny.toml", "--workers", "1", "--out", folder / "run")
     told = printed(
-        *("submit", folder / "run/results.sqlite", "--attacks"), *("--finder", "A. Author", "--out", folder / "a.json")
+        *("submit", folder / "run/results.sqlite", "--attacks"),
+        *("--finder", "A. Author", "--out", folder / "a.json"),
     )
     assert "a.json, 1 attacks" in told
     return folder
@@ -44,19 +45,30 @@ def test_attacks_of_one_run_play_in_another(folder: Path) -> None:
     suite, known = ("--suite", folder / "tiny.toml"), ("--known", folder / "a.json")
     printed("benchmark", *suite, *known, "--model", "median", "--workers", "1", "--out", again)
     with Store(again / "results.sqlite") as store:
-        rows = [row for cell, result in store.all() if cell.method == "known" for row in result.rows]
+        rows = [
+            row for cell, result in store.all() if cell.method == "known" for row in result.rows
+        ]
         assert isinstance(store.suite, Suite)
         assert store.suite.known == (attack,)
-    assert [(row.attack, row.words) for row in rows] == [(attack.name, "known attack, found by A. Author")]
+    assert [(row.attack, row.words) for row in rows] == [
+        (attack.name, "known attack, found by A. Author")
+    ]
     assert "found by A. Author" in printed(
-        "replay", again / "results.sqlite", "--cell", "median|market|raters|0.5|known|0", "--out", folder / "r"
+        "replay",
+        again / "results.sqlite",
+        "--cell",
+        "median|market|raters|0.5|known|0",
+        "--out",
+        folder / "r",
     )
 
 
 def test_what_cannot_be_is_one_line(folder: Path) -> None:
     file, out = folder / "run/results.sqlite", ("--out", folder / "b.json")
     assert "--finder is for --attacks" in printed("submit", file, "--finder", "me", *out, code=2)
-    assert "no trust model 'men'" in printed("submit", file, "--attacks", "--model", "men", *out, code=2)
+    assert "no trust model 'men'" in printed(
+        "submit", file, "--attacks", "--model", "men", *out, code=2
+    )
     (folder / "d.json").write_text((folder / "a.json").read_text().replace('"raters"', '"nowhere"'))
     for suite, known, words in (
         ("learners", "a.json", "--known is not for the suite learners"),

@@ -22,7 +22,10 @@ pytestmark = pytest.mark.usefixtures("in_process")
 @pytest.fixture(scope="module")
 def found_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A true submission of another machine, whose searches find other attackers than those here."""
-    folder, suite = tmp_path_factory.mktemp("elsewhere"), tiny(methods=["random search"], budget=2000, models=["mean"])
+    folder, suite = (
+        tmp_path_factory.mktemp("elsewhere"),
+        tiny(methods=["random search"], budget=2000, models=["mean"]),
+    )
     with Store(folder / "results.sqlite", suite) as store:
         for cell in suite.cells():
             other = play_cell(suite, cell._replace(seed=99)).rows[0].record
@@ -39,11 +42,15 @@ def verified_text(path: Path, text: str) -> tuple[int, str]:
     return made.exit_code, " ".join(made.output.split())
 
 
-def test_attackers_that_were_found_on_another_machine_are_played(tmp_path: Path, found_elsewhere: str) -> None:
+def test_attackers_that_were_found_on_another_machine_are_played(
+    tmp_path: Path, found_elsewhere: str
+) -> None:
     code, told = verified_text(tmp_path / "theirs.json", found_elsewhere)
     assert code == 0, told
     said = json.loads(found_elsewhere)
-    code, told = verified_text(tmp_path / "theirs.json", json.dumps(said | {"processor": processor()}))
+    code, told = verified_text(
+        tmp_path / "theirs.json", json.dumps(said | {"processor": processor()})
+    )
     assert code == 1, told  # a claim to be of this machine is taken at its word
     for claim in said["cells"]:
         for attack in claim["attacks"]:
@@ -55,9 +62,14 @@ def test_attackers_that_were_found_on_another_machine_are_played(tmp_path: Path,
 
 @pytest.mark.parametrize(
     ("record", "words"),
-    [("{}", "failed here: the record"), ('{"kind":"scripts","policies":{}}', "random search, utility: claimed")],
+    [
+        ("{}", "failed here: the record"),
+        ('{"kind":"scripts","policies":{}}', "random search, utility: claimed"),
+    ],
 )
-def test_a_record_of_another_attacker_is_found(tmp_path: Path, found_elsewhere: str, record: str, words: str) -> None:
+def test_a_record_of_another_attacker_is_found(
+    tmp_path: Path, found_elsewhere: str, record: str, words: str
+) -> None:
     said = json.loads(found_elsewhere)
     for claim in said["cells"]:
         for attack in claim["attacks"] if claim["track"] != "honest" else ():
@@ -67,7 +79,9 @@ def test_a_record_of_another_attacker_is_found(tmp_path: Path, found_elsewhere: 
     assert words in told
 
 
-def test_a_search_has_one_attack_and_others_have_no_record(tmp_path: Path, found_elsewhere: str) -> None:
+def test_a_search_has_one_attack_and_others_have_no_record(
+    tmp_path: Path, found_elsewhere: str
+) -> None:
     def refused(change: str) -> str:
         said = json.loads(found_elsewhere)
         for claim in said["cells"]:
@@ -99,12 +113,13 @@ with Store(Path("results.sqlite"), suite) as store:
         store.add(cell, play_cell(suite, cell))
 made = run("submit", "results.sqlite", "--out", "theirs.json")
 assert made.exit_code == 0, made.output
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.slow
 def test_an_honest_entry_of_a_machine_that_rounds_otherwise_is_accepted(tmp_path: Path) -> None:
-    """The same software on a machine with fewer instructions: sums differ in their last bits, and searches in all."""
+    """The same software on a machine with fewer instructions: sums differ in their last bits, and
+    searches in all."""
     build: Any = np.show_config(mode="dicts")
     if not (known := build["SIMD Extensions"].get("found")):
         pytest.skip("NumPy uses no instructions here that can be left out")
@@ -113,7 +128,13 @@ def test_an_honest_entry_of_a_machine_that_rounds_otherwise_is_accepted(tmp_path
         "OPENBLAS_CORETYPE": "PRESCOTT",
         "PYTHONPATH": os.pathsep.join(sys.path),
     }
-    subprocess.run([sys.executable, "-c", PLAY], cwd=tmp_path, env={**os.environ, **fewer}, check=True, timeout=300)
+    subprocess.run(
+        [sys.executable, "-c", PLAY],
+        cwd=tmp_path,
+        env={**os.environ, **fewer},
+        check=True,
+        timeout=300,
+    )
     text = (tmp_path / "theirs.json").read_text()
     code, told = verified_text(tmp_path / "theirs.json", text)
     assert code == 0, told

@@ -20,7 +20,12 @@ from typer.testing import CliRunner
 from roletrust_agents.learned.methods import learned_methods
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import ZOO, load_attacker
-from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
+from roletrust_agents.training.learners import (
+    make_model,
+    network_of,
+    parameters_bytes,
+    set_parameters,
+)
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_agents.training.settings import make_settings
 from roletrust_agents.training.yardsticks import Yardstick
@@ -36,7 +41,10 @@ PPO = [*TINY, "--learner", f"PPO:{SMALL},n_steps=10,n_epochs=1", "--steps", "160
 @pytest.fixture(autouse=True)
 def _few_yardsticks(monkeypatch):
     """Which have a test of their own, and take longer than these trainings."""
-    found = [Yardstick("honest play", 0.0), Yardstick("best script (sp_2: on-off:raters=[0,1])", 0.2)]
+    found = [
+        Yardstick("honest play", 0.0),
+        Yardstick("best script (sp_2: on-off:raters=[0,1])", 0.2),
+    ]
     monkeypatch.setattr("roletrust_agents.training.yardsticks.yardsticks", lambda attacker: found)
 
 
@@ -60,27 +68,51 @@ def test_a_run_and_what_it_leaves_behind(tmp_path, drawn):
     assert len(list((tmp_path / "checkpoints").iterdir())) == 2
     score, card = attacker.card.score, attacker.card
     assert f"score {score.mean:.4f}" in printed
-    assert "In the same games: honest play 0.0000, best script (sp_2: on-off:raters=[0,1]) 0.2000 Written" in printed
+    assert (
+        "In the same games: honest play 0.0000, best script (sp_2: on-off:raters=[0,1]) 0.2000 "
+        "Written" in printed
+    )
     _, _, shown = printed.partition("Next: roletrust ")
     shorter = ["--set", "max_cycles=4", "--out", str(tmp_path / "played")]
-    assert CliRunner().invoke(app, [*shlex.split(shown.removesuffix("--video")), *shorter]).exit_code == 0
+    assert (
+        CliRunner().invoke(app, [*shlex.split(shown.removesuffix("--video")), *shorter]).exit_code
+        == 0
+    )
     again = play_task(attacker.task(), attacker.network, games=score.games, seed=score.seed)
     assert again.mean() == pytest.approx(score.mean)
     assert score.mean >= max(float(row["score"]) for row in rows) - 1e-6
-    assert (card.task.compromised, card.scenario.max_cycles, card.training.steps) == (("sp_2",), 10, 1600)
-    assert card.training.rounds == 1600 + 20 * 16 * 10 + 16 * 10  # learned from, 20 scores, games to normalise by
+    assert (card.task.compromised, card.scenario.max_cycles, card.training.steps) == (
+        ("sp_2",),
+        10,
+        1600,
+    )
+    assert (
+        card.training.rounds == 1600 + 20 * 16 * 10 + 16 * 10
+    )  # learned from, 20 scores, games to normalise by
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac", "recurrent-ppo"])
 def test_the_same_seed_learns_the_same_to_the_last_bit(algo):
-    """Where luck has a part, that of the games which the observations are normalised by included."""
+    """Where luck has a part, that of the games which the observations are normalised by
+    included."""
     learned = []
     for seed in (3, 3, 4):
         env = AttackVecEnv(make_task("paper-3x3", ("sr_2",), max_cycles=10), 4)
-        changes = {"n_steps": 5, "n_epochs": 1} if algo != "sac" else {"learning_starts": 8, "buffer_size": 100}
-        model = make_model(algo, make_settings("any", algo, {"hidden": (8,), "batch_size": 20, **changes}), env, seed)
+        changes = (
+            {"n_steps": 5, "n_epochs": 1}
+            if algo != "sac"
+            else {"learning_starts": 8, "buffer_size": 100}
+        )
+        model = make_model(
+            algo,
+            make_settings("any", algo, {"hidden": (8,), "batch_size": 20, **changes}),
+            env,
+            seed,
+        )
         learned.append(network_of(model.learn(40)))
-    one, again, other = (np.concatenate([n.mean, n.variance, *map(np.ravel, n.weights.values())]) for n in learned)
+    one, again, other = (
+        np.concatenate([n.mean, n.variance, *map(np.ravel, n.weights.values())]) for n in learned
+    )
     assert np.array_equal(one, again)
     assert not np.array_equal(one, other)
 
@@ -99,8 +131,26 @@ def test_runs_of_several_seeds_have_a_folder_each(tmp_path):
 
 
 def test_options_decide_what_is_learned(tmp_path):
-    who = ["--compromised", "sr_0", "--objective", "promote", "--accomplice", "sp_1", "--knowledge", "grey_box"]
-    price = ["--stealth-weight", 2, "--stealth-tolerance", 0.2, "--model", "mean", "--scenario", "crowd-10x10"]
+    who = [
+        "--compromised",
+        "sr_0",
+        "--objective",
+        "promote",
+        "--accomplice",
+        "sp_1",
+        "--knowledge",
+        "grey_box",
+    ]
+    price = [
+        "--stealth-weight",
+        2,
+        "--stealth-tolerance",
+        0.2,
+        "--model",
+        "mean",
+        "--scenario",
+        "crowd-10x10",
+    ]
     attacker, _ = train(tmp_path, "RoleTrust/RaterAttack-v0", *PPO, *who, *price, "--steps", 80)
     task = attacker.card.task
     assert (task.compromised, task.objective, task.accomplices, task.knowledge) == (
@@ -117,7 +167,9 @@ def test_options_decide_what_is_learned(tmp_path):
 
 @pytest.mark.parametrize("algo", [pytest.param("sac", marks=pytest.mark.slow), "recurrent-ppo"])
 def test_other_learners_stop_and_go_on(tmp_path, algo):
-    settings = "learning_starts=40,buffer_size=200" if algo == "sac" else "n_steps=10,n_epochs=1,lstm=4"
+    settings = (
+        "learning_starts=40,buffer_size=200" if algo == "sac" else "n_steps=10,n_epochs=1,lstm=4"
+    )
     arguments = ["RaterAttack", *TINY, "--learner", f"{algo}:{SMALL},{settings}", "--steps", 320]
     attacker, _ = train(tmp_path, *arguments)
     assert attacker.card.architecture.lstm == (0 if algo == "sac" else 4)
@@ -134,7 +186,9 @@ def test_other_learners_stop_and_go_on(tmp_path, algo):
 def test_the_saved_network_plays_as_the_learner_does(algo):
     task = make_task("paper-3x3", ("sr_2",), max_cycles=10)
     env = AttackVecEnv(task, 4, seed=0)
-    settings = make_settings("any", algo, {"hidden": (8, 8), **({"lstm": 4} if algo == "recurrent-ppo" else {})})
+    settings = make_settings(
+        "any", algo, {"hidden": (8, 8), **({"lstm": 4} if algo == "recurrent-ppo" else {})}
+    )
     model, other = make_model(algo, settings, env, 0), make_model(algo, settings, env, 1)
     set_parameters(other, parameters_bytes(model))
     network, seen, states, starts = network_of(other), env.reset(), None, np.ones(4, bool)
@@ -155,7 +209,11 @@ def test_what_is_asked_wrongly(tmp_path):
         "holds another run": ["ProviderAttack", *PPO, "--steps", 160, "--resume"],
         "unknown task": ["Provider"],
         "unknown task 'RateAttack'; did you mean 'RaterAttack'?": ["RateAttack"],
-        "ppo has no setting 'gama'; did you mean 'gamma'?": ["ProviderAttack", "--learner", "PPO:gama=0.9"],
+        "ppo has no setting 'gama'; did you mean 'gamma'?": [
+            "ProviderAttack",
+            "--learner",
+            "PPO:gama=0.9",
+        ],
         "unknown learner 'recurent-PPO'; did you mean 'recurrent-PPO'?": [
             "ProviderAttack",
             "--learner",
@@ -201,7 +259,9 @@ def test_a_killed_run_goes_on(tmp_path):
     command = [sys.executable, "-c", "from roletrust_experiments.cli import main; main()", "train"]
     arguments = ["ProviderAttack", *PPO, "--steps", "16000", "--out", str(tmp_path)]
     process = subprocess.Popen(
-        [*command, *arguments], stdout=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": "1"}
+        [*command, *arguments],
+        stdout=subprocess.DEVNULL,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
     until = time.monotonic() + 600
     while not list(tmp_path.glob("checkpoints/0*")):
@@ -213,7 +273,9 @@ def test_a_killed_run_goes_on(tmp_path):
     process.wait()
     killed_at = RunFolder(tmp_path).last()
     assert killed_at is not None
-    (tmp_path / "checkpoints" / f".000000000001.{platform.node()}-{process.pid}").mkdir()  # it might have been at it
+    (
+        tmp_path / "checkpoints" / f".000000000001.{platform.node()}-{process.pid}"
+    ).mkdir()  # it might have been at it
     attacker, _ = train(tmp_path, "--resume")
     assert not list(tmp_path.rglob(".*"))
     steps = [int(row["steps"]) for row in csv_rows(tmp_path / "curve.csv")]
@@ -242,13 +304,20 @@ def test_the_zoo_scores_what_it_says():
 
 
 def test_the_zoo_says_what_is_damaged_and_what_does_not_hold(tmp_path):
-    text, data = ((ZOO / "provider-3x3").with_suffix(s).read_bytes() for s in (".json", ".safetensors"))
+    text, data = (
+        (ZOO / "provider-3x3").with_suffix(s).read_bytes() for s in (".json", ".safetensors")
+    )
     card = json.loads(text)
     card["score"]["mean"] += 0.1
-    for name, json_bytes, weights in (("damaged", text, data[:-1]), ("boaster", json.dumps(card).encode(), data)):
+    for name, json_bytes, weights in (
+        ("damaged", text, data[:-1]),
+        ("boaster", json.dumps(card).encode(), data),
+    ):
         (tmp_path / f"{name}.json").write_bytes(json_bytes)
         (tmp_path / f"{name}.safetensors").write_bytes(weights)
-    result = CliRunner().invoke(app, ["list", "zoo", "--games", "2", "--folder", str(tmp_path)], env={"COLUMNS": "160"})
+    result = CliRunner().invoke(
+        app, ["list", "zoo", "--games", "2", "--folder", str(tmp_path)], env={"COLUMNS": "160"}
+    )
     assert result.exit_code == 1
     assert "digest" in result.output
     assert "no" in result.output.split("boaster")[1]
@@ -261,7 +330,9 @@ def test_a_wrong_first_command_leaves_nothing_behind(tmp_path):
 
 def test_a_model_without_a_name_cannot_be_trained_against(tmp_path):
     model = "roletrust_env.trust.models.central.means:Mean"
-    refused = printed("train", "ProviderAttack", "--model", model, "--out", tmp_path / "run", code=2)
+    refused = printed(
+        "train", "ProviderAttack", "--model", model, "--out", tmp_path / "run", code=2
+    )
     assert "entry point" in refused
 
 

@@ -1,4 +1,5 @@
-"""`roletrust train` of coalitions, by evolution, a strategy or gradients: saved, continued, and played by others."""
+"""`roletrust train` of coalitions, by evolution, a strategy or gradients: saved, continued, and
+played by others."""
 
 import json
 
@@ -19,12 +20,32 @@ from roletrust_agents.training import coalition_loop
 from roletrust_env.evaluation.search import Budget
 from roletrust_experiments.cli import app
 
-TINY = ["--set", "max_cycles=10", "--objective", "mislead", "--compromised", "sr_8", "--compromised", "sp_9"]
-EVOLUTION = ["--learner", "evolution:population=4,games=2,units=3,validation=4,validate_every=2,start=random"]
-STRATEGY = ["--learner", "evolution-strategy:pairs=2,games=2,units=3,validation=4,validate_every=2,start=random"]
+TINY = [
+    "--set",
+    "max_cycles=10",
+    "--objective",
+    "mislead",
+    "--compromised",
+    "sr_8",
+    "--compromised",
+    "sp_9",
+]
+EVOLUTION = [
+    "--learner",
+    "evolution:population=4,games=2,units=3,validation=4,validate_every=2,start=random",
+]
+STRATEGY = [
+    "--learner",
+    "evolution-strategy:pairs=2,games=2,units=3,validation=4,validate_every=2,start=random",
+]
 GRADIENTS = ["--learner", "gradients:games=16,units=3,validation=4,validate_every=2,start=random"]
 PPO = ["--learner", "coalition-PPO:games=4,units=3,validation=4,validate_every=2,start=random"]
-LEARNERS = {"evolution": EVOLUTION, "evolution-strategy": STRATEGY, "gradients": GRADIENTS, "coalition-ppo": PPO}
+LEARNERS = {
+    "evolution": EVOLUTION,
+    "evolution-strategy": STRATEGY,
+    "gradients": GRADIENTS,
+    "coalition-ppo": PPO,
+}
 EACH = pytest.mark.parametrize(
     "learner",
     [
@@ -54,19 +75,32 @@ def weights(path):
 @EACH
 def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
     name = learner[1].partition(":")[0].lower()
-    printed = train(tmp_path / "one", "CollusionAttack", *TINY, *learner, "--steps", 2000, "--model", "beta")
+    printed = train(
+        tmp_path / "one", "CollusionAttack", *TINY, *learner, "--steps", 2000, "--model", "beta"
+    )
     attacker = load_attacker(tmp_path / "one")
     card = attacker.card
-    assert (card.training.algorithm, card.trust_model.name, card.observation) == (name, "beta", None)
+    assert (card.training.algorithm, card.trust_model.name, card.observation) == (
+        name,
+        "beta",
+        None,
+    )
     assert f"score {card.score.mean:.4f}" in printed
     rows = csv_rows(tmp_path / "one" / "curve.csv")
     assert int(rows[-1]["steps"]) == card.training.rounds >= 2000
-    elsewhere = {"scenario": "paper-3x3", "compromised": ("sr_2",), "objective": "damage", "max_cycles": 5}
+    elsewhere = {
+        "scenario": "paper-3x3",
+        "compromised": ("sr_2",),
+        "objective": "damage",
+        "max_cycles": 5,
+    }
     result = Learned(tmp_path / "one").search(elsewhere, Budget(0), 0)
     assert result.rounds == card.training.rounds
     with pytest.raises(ValueError, match="coalition"):
         learned(str(tmp_path / "one"))
-    checked = CliRunner().invoke(app, ["list", "zoo", "--folder", str(tmp_path / "one"), "--games", "8", "--json"])
+    checked = CliRunner().invoke(
+        app, ["list", "zoo", "--folder", str(tmp_path / "one"), "--games", "8", "--json"]
+    )
     assert "beta" in json.dumps(card.model_dump(mode="json"))
     assert name in checked.output
 
@@ -94,7 +128,18 @@ def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch, learn
 
 @EACH
 def test_it_trains_against_several_models_in_turn(tmp_path, learner):
-    train(tmp_path / "two", "CollusionAttack", *TINY, *learner, "--steps", 1500, "--model", "beta", "--model", "qor")
+    train(
+        tmp_path / "two",
+        "CollusionAttack",
+        *TINY,
+        *learner,
+        "--steps",
+        1500,
+        "--model",
+        "beta",
+        "--model",
+        "qor",
+    )
     card = load_attacker(tmp_path / "two").card
     assert [one.name for one in (card.trust_model, *card.further_models)] == ["beta", "qor"]
     refused = train(tmp_path / "ppo", "ProviderAttack", "--model", "beta", "--model", "qor", code=2)
@@ -119,17 +164,34 @@ def test_what_a_training_of_a_coalition_cannot_do_is_refused(tmp_path):
     assert "a rollout of one round is too short for PPO; give more games" in refused
     refused = train(tmp_path / "box", *few, *STRATEGY, "--knowledge", "white_box", code=2)
     assert "a coalition has black_box knowledge" in refused
-    assert "candidates" in train(tmp_path / "many", *few, "--learner", "coalition-PPO:candidates=9", code=2)
+    assert "candidates" in train(
+        tmp_path / "many", *few, "--learner", "coalition-PPO:candidates=9", code=2
+    )
 
 
 def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):
-    assert "population" in train(tmp_path, "ProviderAttack", "--learner", "evolution:population=1", code=2)
+    assert "population" in train(
+        tmp_path, "ProviderAttack", "--learner", "evolution:population=1", code=2
+    )
     assert "gama" in train(tmp_path, "ProviderAttack", "--learner", "evolution:gama=1", code=2)
-    assert "temperature" in train(tmp_path, "ProviderAttack", "--learner", "gradients:temperature=0", code=2)
-    flat = train(tmp_path / "flat", "RaterAttack", *GRADIENTS, "--model", "constant", "--objective", "mislead", code=2)
+    assert "temperature" in train(
+        tmp_path, "ProviderAttack", "--learner", "gradients:temperature=0", code=2
+    )
+    flat = train(
+        tmp_path / "flat",
+        "RaterAttack",
+        *GRADIENTS,
+        "--model",
+        "constant",
+        "--objective",
+        "mislead",
+        code=2,
+    )
     assert "under Constant" in flat
     train(tmp_path / "one", "CollusionAttack", *TINY, *EVOLUTION, "--steps", 500)
-    text, data = ((tmp_path / "one" / f"attacker.{kind}").read_bytes() for kind in ("json", "safetensors"))
+    text, data = (
+        (tmp_path / "one" / f"attacker.{kind}").read_bytes() for kind in ("json", "safetensors")
+    )
     card = json.loads(text)
     card["architecture"]["units"] = 200
     with pytest.raises(ValueError, match="shape"):

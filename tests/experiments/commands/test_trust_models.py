@@ -23,7 +23,8 @@ QUICK = ("role-trust", "own-experience", "median")  # central, personal, and one
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=() if one in QUICK else pytest.mark.slow) for one in trust_models()]
+    "name",
+    [pytest.param(one, marks=() if one in QUICK else pytest.mark.slow) for one in trust_models()],
 )
 def test_an_attacker_learns_against_it_and_is_saved_with_it(tmp_path, name):
     run("train", name, *LEARNER, "--steps", 8, "--out", tmp_path)

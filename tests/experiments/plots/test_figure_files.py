@@ -28,7 +28,9 @@ def drawn() -> Figure:
 
 def texts(path: Path) -> list[str]:
     """The texts of an SVG file; a text that is drawn as a formula is none of them."""
-    return [node.text or "" for node in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")]
+    return [
+        node.text or "" for node in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")
+    ]
 
 
 def test_names_are_no_formulas_and_numbers_of_logarithmic_axes_are(tmp_path: Path) -> None:
@@ -40,7 +42,9 @@ def test_names_are_no_formulas_and_numbers_of_logarithmic_axes_are(tmp_path: Pat
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
-def test_equal_figures_give_equal_bytes(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_equal_figures_give_equal_bytes(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with rc_context({"svg.hashsalt": "it"}):
         for name, time in (("one", "0"), ("other", "1000000000")):
             monkeypatch.setenv("SOURCE_DATE_EPOCH", time)

@@ -9,7 +9,9 @@ from roletrust_experiments.cli import app
 
 
 def play(out, *arguments):
-    return CliRunner().invoke(app, ["play", "--set", "max_cycles=12", *arguments, "--video", "--out", str(out)])
+    return CliRunner().invoke(
+        app, ["play", "--set", "max_cycles=12", *arguments, "--video", "--out", str(out)]
+    )
 
 
 def test_ffmpeg_says_nothing_where_all_is_well(tmp_path, capfd):

@@ -20,7 +20,11 @@ NAMES = ["breakdown", "curves", "heatmap", "leaderboard", "learners", "tradeoff"
 @pytest.fixture(scope="module")
 def content() -> Content:
     suite = large_run.large(
-        models=MODELS, attacks=[ATTACK], methods=["scripted"], name="odd\n\\input{x}", scenarios={"market": MARKET}
+        models=MODELS,
+        attacks=[ATTACK],
+        methods=["scripted"],
+        name="odd\n\\input{x}",
+        scenarios={"market": MARKET},
     )
     learners = large_run.learners()
     return Content(
@@ -38,7 +42,9 @@ def folder(content: Content, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def svg(path: Path) -> list[str]:
     """The texts of a file."""
-    return [node.text or "" for node in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")]
+    return [
+        node.text or "" for node in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")
+    ]
 
 
 def test_every_figure_has_its_text_as_text(folder: Path) -> None:
@@ -55,5 +61,7 @@ def test_a_heat_map_has_the_worst_cases_in_hundredths(folder: Path, content: Con
     assert content.robustness is not None
     columns = content.robustness.tables["worst_cases"].columns()
     found = [text for text in svg(folder / "heatmap.svg") if re.fullmatch(r"\d+", text)]
-    attacked = [score for score, share in zip(columns["score"], columns["share"], strict=True) if share]
+    attacked = [
+        score for score, share in zip(columns["score"], columns["share"], strict=True) if share
+    ]
     assert sorted(found) == sorted(f"{100 * score:.0f}" for score in attacked)

@@ -27,10 +27,18 @@ class Team:
     """A listener that receives what a test publishes."""
 
     def __init__(self):
-        self.rounds, self.pictures, self.last_heard, self.reports, self.refusals = [], {}, {}, {}, {}
+        self.rounds, self.pictures, self.last_heard, self.reports, self.refusals = (
+            [],
+            {},
+            {},
+            {},
+            {},
+        )
 
     def say(self, round, tor, missing=()):
-        self.rounds.append(PublishedTrust(round, 10**18 + round * 500_000_000, tor, {"sp_0": 0.75}, missing))
+        self.rounds.append(
+            PublishedTrust(round, 10**18 + round * 500_000_000, tor, {"sp_0": 0.75}, missing)
+        )
         self.last_heard |= dict.fromkeys([MANAGER, *set(tor) - set(missing)], NOW_S)
 
 
@@ -96,7 +104,11 @@ def test_the_state_of_the_round(team, dashboard):
 def test_a_silent_agent_is_gone_before_two_periods_are_over(team, dashboard):
     team.say(0, {"sr_0": 0.5, "sr_1": 0.5})
     team.pictures = {"sp_0": b"jpeg", "sp_1": b"jpeg"}
-    team.last_heard |= {"sp_0": NOW_S, "sp_1": NOW_S - 1.7 * PERIOD_S, "sr_1": NOW_S - 1.7 * PERIOD_S}
+    team.last_heard |= {
+        "sp_0": NOW_S,
+        "sp_1": NOW_S - 1.7 * PERIOD_S,
+        "sr_1": NOW_S - 1.7 * PERIOD_S,
+    }
     shown = parts(dashboard)
     assert [name in shown.cameras for name in ("sp_0: gone", "sp_1: gone")] == [False, True]
     assert [name in shown.raters for name in ("sr_0: gone", "sr_1: gone")] == [False, True]
@@ -105,7 +117,10 @@ def test_a_silent_agent_is_gone_before_two_periods_are_over(team, dashboard):
 
 def test_refusals_are_shown_with_their_reason(team, dashboard):
     assert "Nothing was refused" in parts(dashboard).refused
-    team.reports = {"sr_0": {"sp_0: unsigned": "2"}, MANAGER: {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"}}
+    team.reports = {
+        "sr_0": {"sp_0: unsigned": "2"},
+        MANAGER: {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"},
+    }
     team.refusals = {(MANAGER, RefusalReason.MIS_SIGNED): 3}
     rows = [
         '<th scope="row">sr_1</th><td>out of range</td><td>7</td><td>manager</td>',
@@ -133,11 +148,15 @@ def test_all_viewers_share_the_same_parts(team, dashboard):
     documents = [Document() for _ in range(3)]
     for document in documents:
         make_page(dashboard, document)
-    texts = [[root.text for root in document.roots if isinstance(root, Div)] for document in documents]
+    texts = [
+        [root.text for root in document.roots if isinstance(root, Div)] for document in documents
+    ]
     assert texts[0] == texts[1] == texts[2] == list(shared)
 
 
-def test_a_page_answers_before_the_live_page_and_no_request_is_refused_between_them(team, dashboard, caplog):
+def test_a_page_answers_before_the_live_page_and_no_request_is_refused_between_them(
+    team, dashboard, caplog
+):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -157,7 +176,9 @@ def test_a_page_answers_before_the_live_page_and_no_request_is_refused_between_t
             assert "RoleTrust, live" in body
             assert "cdn." not in body  # the browser needs no other server
             session = loop.run_sync(
-                lambda: loop.run_in_executor(None, lambda: pull_session(url=f"http://localhost:{port}/"))
+                lambda: loop.run_in_executor(
+                    None, lambda: pull_session(url=f"http://localhost:{port}/")
+                )
             )
             assert session.document.title == "RoleTrust, live"
         finally:

@@ -1,4 +1,5 @@
-"""A tape in C plays what it plays in Python, to the bit; shared objects are kept between processes."""
+"""A tape in C plays what it plays in Python, to the bit; shared objects are kept between
+processes."""
 
 import ctypes
 import math
@@ -48,8 +49,12 @@ def c_round(tape, inputs, outputs, real="double"):
     """Return the round in C as a function of a list of numbers, which returns an array."""
     types = {"f": "real", "i": "whole", "b": "flag"}
     places = {symbol: f"({types[symbol.kind]})in[{k}]" for k, symbol in enumerate(inputs)}
-    lines, tables = c_body(tape, places, [(f"out[{k}]", one) for k, one in enumerate(outputs)], real)
-    source = "\n".join([prelude(real), *tables, "void play(const double *in, double *out) {", *lines, "}"])
+    lines, tables = c_body(
+        tape, places, [(f"out[{k}]", one) for k, one in enumerate(outputs)], real
+    )
+    source = "\n".join(
+        [prelude(real), *tables, "void play(const double *in, double *out) {", *lines, "}"]
+    )
     library = SharedObject(source).load()
     assert library is not None, source
 
@@ -76,8 +81,14 @@ def test_a_round_in_c_is_that_in_python_to_the_bit(tmp_path, monkeypatch):
                     continue
                 (expected,) = in_python((x, y, place, flag))
                 found = in_c((x, y, place, flag))
-                wrong = np.flatnonzero(found.view(np.int64) != np.array(expected, float).view(np.int64))
-                assert all(math.isnan(found[k]) and math.isnan(expected[k]) for k in wrong), (x, y, wrong)
+                wrong = np.flatnonzero(
+                    found.view(np.int64) != np.array(expected, float).view(np.int64)
+                )
+                assert all(math.isnan(found[k]) and math.isnan(expected[k]) for k in wrong), (
+                    x,
+                    y,
+                    wrong,
+                )
 
 
 @needs_compiler
@@ -93,12 +104,15 @@ def test_what_calls_numpy_has_no_c():
 @needs_compiler
 def test_shared_objects_are_kept_between_processes(tmp_path):
     code = (
-        "from roletrust_env.game.traced.compiler import SharedObject; one = SharedObject('int f(void) {return 3;}');"
+        "from roletrust_env.game.traced.compiler import SharedObject; one = SharedObject('int "
+        "f(void) {return 3;}');"
         "print(one._process is None, one.load().f(), one._path.parent)"
     )
     environment = {"PATH": "/usr/bin:/bin", "XDG_CACHE_HOME": str(tmp_path)}
     said = [
-        subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True).stdout.split()
+        subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True
+        ).stdout.split()
         for _ in range(2)
     ]
     assert [one[:2] for one in said] == [["False", "3"], ["True", "3"]], said
@@ -128,7 +142,10 @@ def test_a_shared_object_that_was_cut_off_is_compiled_again(tmp_path, monkeypatc
     first = SharedObject(source)
     path = first._path
     assert first.load().f() == 4
-    for content in (b"", b"\x7fELF" + bytes(99)):  # to load a longer part of it would end the process
+    for content in (
+        b"",
+        b"\x7fELF" + bytes(99),
+    ):  # to load a longer part of it would end the process
         path.unlink(missing_ok=True)  # this process may have loaded it
         path.write_bytes(content)
         again = SharedObject(source)

@@ -38,7 +38,8 @@ def play(game, state, actions, key):
 
 
 def worst_difference(game, games, rounds, threads=1, begin=0):
-    """Return the largest difference of a kernel to NumPy in any number of any round from that of the beginning on."""
+    """Return the largest difference of a kernel to NumPy in any number of any round from that of
+    the beginning on."""
     numpy, random = partial(play, game), game.random(1)
     kernel = Kernel(numpy, threads)
     state = other = game.start(game.draw(random, (games,), start=True))
@@ -53,12 +54,16 @@ def worst_difference(game, games, rounds, threads=1, begin=0):
             assert (one.shape, one.dtype) == (two.shape, two.dtype)
             same = (one == two) | (np.isnan(one) & np.isnan(two))
             with np.errstate(invalid="ignore"):
-                worst = max(worst, np.where(same, 0.0, np.abs(one.astype(float) - two)).max(initial=0.0))
+                worst = max(
+                    worst, np.where(same, 0.0, np.abs(one.astype(float) - two)).max(initial=0.0)
+                )
     return worst
 
 
 def test_a_kernel_plays_as_numpy_does_in_either_precision(monkeypatch):
-    monkeypatch.setattr(kernels, "_SLICE", 128)  # so that a small batch has slices, of which the last is short
+    monkeypatch.setattr(
+        kernels, "_SLICE", 128
+    )  # so that a small batch has slices, of which the last is short
     for dtype, rounding in ((np.float32, 1e-5), (np.float64, 1e-12)):
         game = Game(make_scenario("paper-3x3"), "mean", like=np.zeros((), dtype))
         assert worst_difference(game, 300, 40, threads=2) < rounding, dtype
@@ -66,7 +71,8 @@ def test_a_kernel_plays_as_numpy_does_in_either_precision(monkeypatch):
 
 @pytest.mark.slow
 def test_all_models_have_a_kernel_or_a_reason():
-    """The first two rounds have forms of their own, and to compile them takes most of the time: in one precision."""
+    """The first two rounds have forms of their own, and to compile them takes most of the time: in
+    one precision."""
     for name in trust_models():
         for dtype, rounding, begin in ((np.float32, 3e-5, 0), (np.float64, 1e-12, 2)):
             game = Game(make_scenario("paper-3x3"), name, like=np.zeros((), dtype))
@@ -81,8 +87,17 @@ def test_all_models_have_a_kernel_or_a_reason():
 def test_masks_schedules_and_movement_have_kernels():
     ways: list[dict] = [
         {"agents": [{"role": "SR+SP", "count": 2}], "ratings": {"lost": 0.2, "late": 0.3}},
-        {"agents": [{"role": "SR+SP", "count": 1, "turns": ["SR", "SP"]}, {"role": "SR+SP", "count": 2}]},
-        {"agents": [{"role": "SR+SP", "count": 2}], "access": {"kind": "in-range"}, "values": [0.5, 1.0]},
+        {
+            "agents": [
+                {"role": "SR+SP", "count": 1, "turns": ["SR", "SP"]},
+                {"role": "SR+SP", "count": 2},
+            ]
+        },
+        {
+            "agents": [{"role": "SR+SP", "count": 2}],
+            "access": {"kind": "in-range"},
+            "values": [0.5, 1.0],
+        },
     ]
     for way in ways:
         game = Game(Scenario(**way, max_cycles=60), like=np.zeros((), np.float64))
@@ -90,7 +105,9 @@ def test_masks_schedules_and_movement_have_kernels():
 
 
 def test_the_games_of_a_vector_environment_end_and_begin_as_on_numpy():
-    make = partial(AttackVectorEnv, "RoleTrust/ProviderAttack-v0", 5, trust_model="mean", max_episode_steps=4)
+    make = partial(
+        AttackVectorEnv, "RoleTrust/ProviderAttack-v0", 5, trust_model="mean", max_episode_steps=4
+    )
     envs = make(autoreset_mode="SameStep"), make(autoreset_mode="SameStep", threads=2)
     for env in envs:
         env.reset(seed=1)
@@ -101,16 +118,22 @@ def test_the_games_of_a_vector_environment_end_and_begin_as_on_numpy():
                 env.reset(options={"reset_mask": mask.copy()})
         action = random.random(envs[0].action_space.shape, np.float32)
         expected, found = (env.step(action) for env in envs)
-        for one, two in zip((*expected[:4], *expected[4].values()), (*found[:4], *found[4].values()), strict=True):
+        for one, two in zip(
+            (*expected[:4], *expected[4].values()), (*found[:4], *found[4].values()), strict=True
+        ):
             if not isinstance(one, dict):
                 np.testing.assert_allclose(one, two, atol=1e-5)
         assert expected[4].keys() == found[4].keys()
 
 
 def test_stable_baselines_plays_kernels():
-    task = partial(make_task, "paper-3x3", ("sp_2",), trust_model="mean", like=np.zeros((), np.float32))
+    task = partial(
+        make_task, "paper-3x3", ("sp_2",), trust_model="mean", like=np.zeros((), np.float32)
+    )
     envs = [AttackVecEnv(task(), 5, seed=1, threads=threads) for threads in (0, 1)]
-    actions = np.random.default_rng(0).uniform(-1, 1, (4, *envs[0].reset().shape[:1], *envs[0].action_space.shape))
+    actions = np.random.default_rng(0).uniform(
+        -1, 1, (4, *envs[0].reset().shape[:1], *envs[0].action_space.shape)
+    )
     envs[1].reset()
     for action in actions.astype(np.float32):
         expected, found = (env.step(action) for env in envs)
@@ -120,7 +143,9 @@ def test_stable_baselines_plays_kernels():
 
 
 def test_refusals_say_why(monkeypatch):
-    with pytest.raises(ValueError, match=r"no kernel for these games: .* calls NumPy: C has no solve"):
+    with pytest.raises(
+        ValueError, match=r"no kernel for these games: .* calls NumPy: C has no solve"
+    ):
         AttackVectorEnv("RoleTrust/ProviderAttack-v0", 2, trust_model="eigentrust", threads=1)
     with pytest.raises(ValueError, match="threads is -1"):
         AttackVectorEnv("RoleTrust/ProviderAttack-v0", 2, threads=-1)

@@ -1,4 +1,5 @@
-"""Traced rounds are those of the rules to the last bit, however a game goes on; what is not traced says so."""
+"""Traced rounds are those of the rules to the last bit, however a game goes on; what is not traced
+says so."""
 
 import copy
 import pickle
@@ -23,18 +24,40 @@ UNTRACED = {"beta-filtered", "iterative-filtering", "travos"}
 """Models that branch on values."""
 
 BOTH = {"role": "SR+SP", "count": 2, "noise": 0.1, "ability": (0.5, 1.0), "scale": (0.8, 1.0)}
-RATERS, PROVIDERS = {"role": "SR", "count": 2, "noise": 0.1, "bias": 0.05}, {"role": "SP", "count": 2}
+RATERS, PROVIDERS = (
+    {"role": "SR", "count": 2, "noise": 0.1, "bias": 0.05},
+    {"role": "SP", "count": 2},
+)
 FEATURES: dict[str, dict[str, Any]] = {
     "two roles, differences": {"agents": [RATERS, PROVIDERS, BOTH]},
-    "roles in turn": {"agents": [RATERS, PROVIDERS, BOTH | {"turns": ["SR", "SP"], "turn_length": 3}]},
+    "roles in turn": {
+        "agents": [RATERS, PROVIDERS, BOTH | {"turns": ["SR", "SP"], "turn_length": 3}]
+    },
     "joins and leaves": {
-        "agents": [RATERS, PROVIDERS, RATERS | {"joins": 4, "leaves": 9}, PROVIDERS | {"join_rate": 0.3}],
+        "agents": [
+            RATERS,
+            PROVIDERS,
+            RATERS | {"joins": 4, "leaves": 9},
+            PROVIDERS | {"join_rate": 0.3},
+        ],
         "admission": {"threshold": 0.45, "rounds": 3},
     },
-    "losses and delays": {"agents": [RATERS, PROVIDERS], "ratings": {"lost": 0.2, "late": 0.3, "delay": 2}},
-    "in range": {"agents": [RATERS, PROVIDERS, BOTH], "access": {"kind": "in-range", "radius": 4.0, "arena": 9.0}},
-    "choice": {"agents": [RATERS, PROVIDERS], "access": {"kind": "choice", "providers": 1, "temperature": 0.1}},
-    "encounters": {"agents": [RATERS, PROVIDERS, BOTH], "access": {"kind": "encounters", "providers": 2}},
+    "losses and delays": {
+        "agents": [RATERS, PROVIDERS],
+        "ratings": {"lost": 0.2, "late": 0.3, "delay": 2},
+    },
+    "in range": {
+        "agents": [RATERS, PROVIDERS, BOTH],
+        "access": {"kind": "in-range", "radius": 4.0, "arena": 9.0},
+    },
+    "choice": {
+        "agents": [RATERS, PROVIDERS],
+        "access": {"kind": "choice", "providers": 1, "temperature": 0.1},
+    },
+    "encounters": {
+        "agents": [RATERS, PROVIDERS, BOTH],
+        "access": {"kind": "encounters", "providers": 2},
+    },
     "values": {"agents": [RATERS, PROVIDERS], "values": [1.0, 3.0]},
 }
 
@@ -42,14 +65,17 @@ FEATURES: dict[str, dict[str, Any]] = {
 def bits(seen: Any) -> list[bytes]:
     """What an environment returned, to the bit."""
     if isinstance(seen, dict):
-        return [part for key, value in sorted(seen.items()) for part in (key.encode(), *bits(value))]
+        return [
+            part for key, value in sorted(seen.items()) for part in (key.encode(), *bits(value))
+        ]
     if isinstance(seen, tuple | list):
         return [part for value in seen for part in bits(value)]
     return [np.asarray(seen).tobytes(), str(np.asarray(seen).dtype).encode()]
 
 
 def played(env: RoleTrustParallelEnv, seed: int = 3, n: int = 99) -> list[Any]:
-    """What n rounds of an environment return, with the state after each, and its arrays after every fifth."""
+    """What n rounds of an environment return, with the state after each, and its arrays after every
+    fifth."""
     rng, seen = np.random.default_rng(seed), [env.reset(seed=seed)]
     while env.agents and n:
         n -= 1
@@ -74,7 +100,10 @@ def test_every_model_plays_to_the_bit_as_untraced(monkeypatch: pytest.MonkeyPatc
         scenario = Scenario(agents=[RATERS, PROVIDERS], max_cycles=9)
         traced, plain = both_ways(monkeypatch, lambda: parallel_env(scenario, model))  # noqa: B023
         assert bits(played(traced)) == bits(played(plain)), model
-        assert repr(traced.rounds).startswith("untraced" if model in UNTRACED else "traced"), (model, traced)
+        assert repr(traced.rounds).startswith("untraced" if model in UNTRACED else "traced"), (
+            model,
+            traced,
+        )
         assert bool(traced.rounds.forms) == (model not in UNTRACED)
         assert "untraced: ROLETRUST_TRACED is 0" in repr(plain)
         pairs += 1
@@ -94,7 +123,8 @@ def test_every_feature_of_a_scenario_plays_to_the_bit_as_untraced(
 
 
 def check_compiled(scenario: Scenario, model: str, patch: pytest.MonkeyPatch) -> int:
-    """Compare compiled rounds with those of the rules; return the number of forms that are compiled."""
+    """Compare compiled rounds with those of the rules; return the number of forms that are
+    compiled."""
     env, plain = both_ways(patch, lambda: parallel_env(scenario, model))
     played(env)
     env.rounds.compile()
@@ -110,7 +140,9 @@ def test_compiled_rounds_play_to_the_bit_as_untraced(monkeypatch: pytest.MonkeyP
 
 
 @needs_compiler
-def test_copies_and_refusals_in_the_middle_of_compiled_rounds_go_on_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_copies_and_refusals_in_the_middle_of_compiled_rounds_go_on_to_the_bit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(rounds, "_KNOWN", {})
     env, plain = both_ways(monkeypatch, parallel_env)
     played(env)
@@ -133,9 +165,13 @@ def test_copies_and_refusals_in_the_middle_of_compiled_rounds_go_on_to_the_bit(m
 
 @needs_compiler
 @pytest.mark.slow
-def test_every_model_and_feature_plays_to_the_bit_when_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_model_and_feature_plays_to_the_bit_when_compiled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     n_compiled = {
-        model: check_compiled(Scenario(agents=[RATERS, PROVIDERS], max_cycles=24), model, monkeypatch)
+        model: check_compiled(
+            Scenario(agents=[RATERS, PROVIDERS], max_cycles=24), model, monkeypatch
+        )
         for model in registry.names()
     }
     assert {model for model, n in n_compiled.items() if not n} == UNTRACED
@@ -160,7 +196,9 @@ def test_a_copy_in_the_middle_of_an_episode_goes_on_to_the_bit(clone: Any) -> No
         assert bits([env.step(actions), env.state()]) == bits([twin.step(actions), twin.state()])
 
 
-def test_a_pickle_goes_by_the_switch_of_the_process_that_loads_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pickle_goes_by_the_switch_of_the_process_that_loads_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     traced, plain = both_ways(monkeypatch, parallel_env)
     kept = pickle.dumps([traced, plain])
     assert [repr(env.rounds) for env in pickle.loads(kept)] == ["traced"] * 2
@@ -172,21 +210,32 @@ def test_zeros_keep_the_sign_that_numpy_gives_them(monkeypatch: pytest.MonkeyPat
     choices = np.array([-0.0, 0.0, 1.0], np.float32)
     for model in ("role-trust", "trimmed-mean", "power-trust", "own-experience"):
         seen = []
-        traced, plain = both_ways(monkeypatch, lambda: parallel_env(max_cycles=20, noise=0.0, trust_model=model))  # noqa: B023
+        traced, plain = both_ways(
+            monkeypatch,
+            lambda: parallel_env(max_cycles=20, noise=0.0, trust_model=model),  # noqa: B023
+        )
         for env in (traced, plain):
             rng = np.random.default_rng(0)
             seen.append(bits(env.reset(seed=1)))
             while env.agents:
-                seen[-1] += bits(env.step({a: rng.choice(choices, env.action_space(a).shape) for a in env.agents}))
+                seen[-1] += bits(
+                    env.step(
+                        {a: rng.choice(choices, env.action_space(a).shape) for a in env.agents}
+                    )
+                )
         assert seen[0] == seen[1], model
         assert repr(traced.rounds).startswith("traced")
 
 
 @pytest.mark.parametrize("knowledge", ["black_box", "grey_box", "white_box"])
 @pytest.mark.parametrize("objective", ["damage", "mislead"])
-def test_tasks_play_to_the_bit_as_untraced(knowledge: str, objective: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tasks_play_to_the_bit_as_untraced(
+    knowledge: str, objective: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def make() -> RaterAttackEnv:
-        return RaterAttackEnv(knowledge=knowledge, objective=objective, stealth={"weight": 0.5}, max_cycles=20)
+        return RaterAttackEnv(
+            knowledge=knowledge, objective=objective, stealth={"weight": 0.5}, max_cycles=20
+        )
 
     seen = []
     for env in both_ways(monkeypatch, make):
@@ -319,7 +368,9 @@ def test_a_division_by_zero_is_played_by_the_rules(monkeypatch: pytest.MonkeyPat
 
 def test_a_round_that_differs_from_the_rules_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rounds, "_KNOWN", {})
-    monkeypatch.setattr("roletrust_env.game.traced.tape._sin", lambda: lambda angle: np.nextafter(np.sin(angle), 2))
+    monkeypatch.setattr(
+        "roletrust_env.game.traced.tape._sin", lambda: lambda angle: np.nextafter(np.sin(angle), 2)
+    )
     env = parallel_env()
     seen = bits(played(env, n=9))
     assert "untraced: a written round differs" in repr(env)
@@ -342,14 +393,18 @@ def test_what_is_not_traced_says_why(make: Any, reason: str) -> None:
 
 
 def test_the_page_shows_the_round_that_is_written() -> None:
-    (code,), (shown,) = (blocks(HOUSE / "docs/how/traced.md", language) for language in ("python", "text"))
+    (code,), (shown,) = (
+        blocks(HOUSE / "docs/how/traced.md", language) for language in ("python", "text")
+    )
     names: dict[str, Any] = {}
     exec(code.replace("print(", "written = ("), names)
     assert names["written"] == shown
 
 
 def test_sums_are_in_the_order_of_numpy() -> None:
-    scenario = Scenario(agents=[{"role": "SR", "count": 11, "noise": 0.2}, {"role": "SP", "count": 9}], max_cycles=9)
+    scenario = Scenario(
+        agents=[{"role": "SR", "count": 11, "noise": 0.2}, {"role": "SP", "count": 9}], max_cycles=9
+    )
     env = roletrust_env.parallel_env(scenario)
     played(env)
     assert repr(env.rounds).startswith("traced")

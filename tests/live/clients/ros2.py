@@ -1,7 +1,9 @@
-"""A rater for ROS 2, written with rclpy alone, which also lists nodes and topics. It needs a Python with ROS 2.
+"""A rater for ROS 2, written with rclpy alone, which also lists nodes and topics. It needs a Python
+with ROS 2.
 
-`python ros2.py NAME KEY LEVEL ROUNDS REPORT` runs the rater NAME. It signs with that key and rates every
-camera LEVEL. After that many rounds it writes the received messages and the visible nodes and topics to the report.
+`python ros2.py NAME KEY LEVEL ROUNDS REPORT` runs the rater NAME. It signs with that key and rates
+every camera LEVEL. After that many rounds it writes the received messages and the visible nodes and
+topics to the report.
 """
 
 import json
@@ -27,15 +29,23 @@ class Assess(Node):
 
     def __init__(self, name, key, level):
         super().__init__("assess", namespace=f"/{name}")
-        self._name, self._key, self._level = name, load_pem_private_key(key.read_bytes(), password=None), level
+        self._name, self._key, self._level = (
+            name,
+            load_pem_private_key(key.read_bytes(), password=None),
+            level,
+        )
         self._seen = defaultdict(set)
         self._voice = self.create_publisher(Ratings, "ratings", 10)
         self.images, self.trust, self.numbers = defaultdict(list), [], []
         for camera in CAMERAS:
             topic = f"/{camera}/image_raw/compressed"
-            self.create_subscription(CompressedImage, topic, lambda image, camera=camera: self.look(camera, image), 10)
+            self.create_subscription(
+                CompressedImage, topic, lambda image, camera=camera: self.look(camera, image), 10
+            )
         self.create_subscription(Trust, "/trust", self.hear, 10)
-        self.create_subscription(Float64, f"/{name}/tor", lambda number: self.numbers.append(number.data), 10)
+        self.create_subscription(
+            Float64, f"/{name}/tor", lambda number: self.numbers.append(number.data), 10
+        )
 
     def look(self, camera, image):
         """Rate a round when its last picture has arrived."""
@@ -43,13 +53,23 @@ class Assess(Node):
         self.images[camera].append([stamp, bytes(image.data[:2]).hex(), image.format])
         self._seen[stamp].add(camera)
         if self._seen[stamp] == set(CAMERAS):
-            message = Ratings(rater=self._name, providers=CAMERAS, values=[self._level] * len(CAMERAS))
+            message = Ratings(
+                rater=self._name, providers=CAMERAS, values=[self._level] * len(CAMERAS)
+            )
             message.header.stamp = image.header.stamp
             message.signature = self._key.sign(to_sign(message))
             self._voice.publish(message)
 
     def hear(self, trust):
-        self.trust.append([trust.round, list(trust.raters), list(trust.tor), list(trust.providers), list(trust.top)])
+        self.trust.append(
+            [
+                trust.round,
+                list(trust.raters),
+                list(trust.tor),
+                list(trust.providers),
+                list(trust.top),
+            ]
+        )
 
     def around(self):
         """Return the nodes, the topics and types, and the hashes of the types that ROS 2 sees."""
@@ -58,9 +78,14 @@ class Assess(Node):
         ends = {topic: self.get_publishers_info_by_topic(topic) for topic in topics}
         return {
             "topics": topics,
-            "hashes": {topic: sorted({str(end.topic_type_hash) for end in found}) for topic, found in ends.items()},
+            "hashes": {
+                topic: sorted({str(end.topic_type_hash) for end in found})
+                for topic, found in ends.items()
+            },
             "nodes": {
-                f"{namespace.rstrip('/')}/{name}": dict(self.get_publisher_names_and_types_by_node(name, namespace))
+                f"{namespace.rstrip('/')}/{name}": dict(
+                    self.get_publisher_names_and_types_by_node(name, namespace)
+                )
                 for name, namespace in nodes
             },
         }
@@ -101,7 +126,12 @@ def main(name, key, level, rounds, report):
     end = time.monotonic() + PATIENCE_S
     while min(len(node.trust), len(node.numbers)) < int(rounds) and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)
-    found = {"around": node.around(), "images": node.images, "trust": node.trust, "numbers": node.numbers}
+    found = {
+        "around": node.around(),
+        "images": node.images,
+        "trust": node.trust,
+        "numbers": node.numbers,
+    }
     Path(report).write_text(json.dumps(found), encoding="utf-8")
     rclpy.shutdown()
 

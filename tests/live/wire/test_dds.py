@@ -5,7 +5,11 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
+from cyclonedds.builtin import (
+    BuiltinDataReader,
+    BuiltinTopicDcpsPublication,
+    BuiltinTopicDcpsSubscription,
+)
 from cyclonedds.sub import DataReader
 from domains import own_dds_domain
 from fake_wire import FixedSigner
@@ -36,7 +40,10 @@ def until(holds):
     [
         (messages.NUMBER, lambda: messages.make(messages.NUMBER, data=0.25)),
         (messages.IMAGE, lambda: messages.picture_message(5, "sp_0", bytes(range(250)) * 160)),
-        (messages.RATINGS, lambda: messages.ratings_message("sr_0", 5, {"sp_0": 0.5}, FixedSigner(b"signed"))),
+        (
+            messages.RATINGS,
+            lambda: messages.ratings_message("sr_0", 5, {"sp_0": 0.5}, FixedSigner(b"signed")),
+        ),
     ],
 )
 def test_bytes_arrive_as_they_were_sent(kind, made):
@@ -65,7 +72,8 @@ def test_publications_are_discovered_by_their_names_in_ros():
 
 @pytest.mark.parametrize("builtin", [BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription])
 def test_types_are_announced_by_name_alone(builtin):
-    """Fast DDS asks for a definition that is announced, and never connects if the answer is lost."""
+    """Fast DDS asks for a definition that is announced, and never connects if the answer is
+    lost."""
     looks, speaks = Node("looks"), Node("speaks")
     announced = BuiltinDataReader(looks._participant, builtin)
     kinds = [messages.TRUST, messages.RATINGS, messages.RATINGS]
@@ -83,7 +91,10 @@ def test_types_are_announced_by_name_alone(builtin):
 
 def test_waiting_ends_when_a_message_arrives():
     speaks, hears = Node("speaks", "/c"), Node("hears", "/d")
-    writer, reader = speaks.writer("/wakes", messages.NUMBER), hears.reader("/wakes", messages.NUMBER)
+    writer, reader = (
+        speaks.writer("/wakes", messages.NUMBER),
+        hears.reader("/wakes", messages.NUMBER),
+    )
     assert until(lambda: writer.readers == 1 and reader.writers == 1)
     hears.discover()
     writer.write(messages.make(messages.NUMBER, data=1.0))
@@ -96,14 +107,18 @@ def test_waiting_ends_when_a_message_arrives():
 def test_nodes_announce_their_topics():
     looks, cam = Node("looks"), Node("cam", "/sp_7")
     kind = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-    reader = Reader(make_endpoint(DataReader, looks._participant, "ros_discovery_info", kind, _ONCE)[0])
+    reader = Reader(
+        make_endpoint(DataReader, looks._participant, "ros_discovery_info", kind, _ONCE)[0]
+    )
     cam.writer("/sp_7/image_raw/compressed", messages.IMAGE)
     nodes = []
 
     def complete():
         for raw in reader.take():
             nodes.extend(messages.decode(raw, kind).node_entities_info_seq)
-        return any(node.node_namespace == "/sp_7" and len(node.writer_gid_seq) == 1 for node in nodes)
+        return any(
+            node.node_namespace == "/sp_7" and len(node.writer_gid_seq) == 1 for node in nodes
+        )
 
     assert until(complete)
 
@@ -111,7 +126,11 @@ def test_nodes_announce_their_topics():
 @pytest.mark.parametrize(
     ("name", "said", "reason"),
     [
-        ("ROS_DOMAIN_ID", "seven", "ROS_DOMAIN_ID is 'seven'; it must be a whole number from 0 to 232"),
+        (
+            "ROS_DOMAIN_ID",
+            "seven",
+            "ROS_DOMAIN_ID is 'seven'; it must be a whole number from 0 to 232",
+        ),
         ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID is '233'"),
         ("ROS_DOMAIN_ID", "-1", "ROS_DOMAIN_ID is '-1'"),
         ("CYCLONEDDS_URI", "file:///nowhere.xml", "CYCLONEDDS_URI is 'file:///nowhere.xml'"),
@@ -134,11 +153,15 @@ def test_an_empty_variable_does_not_open_the_network(monkeypatch):
     assert "127.0.0.1" in began[0]
 
 
-@pytest.mark.parametrize("topic", ["rt/a b/ratings", "rt/\x1b[31m/ratings", "rt//ratings", "rt/<b>/ratings", "rt/7/x"])
+@pytest.mark.parametrize(
+    "topic", ["rt/a b/ratings", "rt/\x1b[31m/ratings", "rt//ratings", "rt/<b>/ratings", "rt/7/x"]
+)
 def test_topic_names_that_ros_does_not_allow_are_ignored(topic, monkeypatch):
     looks = Node("looks")
     samples = {"type_name": "a::msg::dds_::B_", "participant_key": 7}
-    found = [SimpleNamespace(topic_name=name, key=name, **samples) for name in (topic, "rt/sr_0/ratings")]
+    found = [
+        SimpleNamespace(topic_name=name, key=name, **samples) for name in (topic, "rt/sr_0/ratings")
+    ]
     monkeypatch.setattr(looks, "_builtin_reader", SimpleNamespace(take=lambda _: found))
     assert looks.discover() == [Publication("/sr_0/ratings", "a/msg/B", "7")]
 
@@ -178,7 +201,8 @@ def test_a_pause_of_the_reader_is_no_flood_of_the_writer():
 
 def test_messages_over_the_quota_are_counted():
     samples = [
-        SimpleNamespace(raw=bytes([k]), sample_info=SimpleNamespace(publication_handle=k % 2)) for k in range(10)
+        SimpleNamespace(raw=bytes([k]), sample_info=SimpleNamespace(publication_handle=k % 2))
+        for k in range(10)
     ]
     reader = Reader(SimpleNamespace(take=lambda _: samples), Quota(2))
     assert reader.take() == [bytes([k]) for k in range(4)]

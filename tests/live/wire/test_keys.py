@@ -43,7 +43,9 @@ def test_an_invalid_name_makes_no_keys(tmp_path, name):
 
 
 def test_missing_and_invalid_keys_are_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"no private key .*sr_0.key; `roletrust live keys` makes one"):
+    with pytest.raises(
+        ValueError, match=r"no private key .*sr_0.key; `roletrust live keys` makes one"
+    ):
         Signer(tmp_path, "sr_0")
     with pytest.raises(ValueError, match="no public key in"):
         PublicKeys(tmp_path)

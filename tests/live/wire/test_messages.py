@@ -15,11 +15,18 @@ NAMES = st.from_regex(r"[a-z_0-9]{1,12}", fullmatch=True)
 
 @pytest.mark.parametrize("stamp", [2**31 * 10**9, -(2**31) * 10**9 - 1, 10**30])
 def test_a_time_that_is_no_stamp_of_ros_is_an_error_of_one_line(stamp):
-    with pytest.raises(ValueError, match="stamps of ROS 2 end on 2038-01-19, so set the clock right"):
+    with pytest.raises(
+        ValueError, match="stamps of ROS 2 end on 2038-01-19, so set the clock right"
+    ):
         messages.ratings_message("sr_0", stamp, {})
 
 
-@given(NAMES, st.integers(0, 2**31 * 10**9 - 1), st.dictionaries(NAMES, st.floats(width=64)), st.binary(max_size=64))
+@given(
+    NAMES,
+    st.integers(0, 2**31 * 10**9 - 1),
+    st.dictionaries(NAMES, st.floats(width=64)),
+    st.binary(max_size=64),
+)
 def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
     raw = messages.encode(messages.ratings_message(rater, stamp, ratings, FixedSigner(signature)))
     read = messages.read_ratings(raw)
@@ -41,7 +48,11 @@ def test_invalid_bytes_raise_a_value_error(raw):
 @given(st.integers(0, 100), st.integers(0, 255))
 def test_a_wrong_byte_gives_another_message_or_an_error(place, byte):
     raw = bytearray(
-        messages.encode(messages.ratings_message("sr_0", 10**18, {"sp_0": 0.5, "sp_1": 1.0}, FixedSigner(b"x" * 16)))
+        messages.encode(
+            messages.ratings_message(
+                "sr_0", 10**18, {"sp_0": 0.5, "sp_1": 1.0}, FixedSigner(b"x" * 16)
+            )
+        )
     )
     raw[place % len(raw)] = byte
     with suppress(ValueError):
@@ -58,7 +69,9 @@ def test_as_many_ratings_as_providers_are_read():
 
 def test_trust_is_read_as_it_was_written():
     team = Team(("sr_0", "both"), ("sp_0", "both"))
-    entry = JournalEntry(7, 1_500_000_001, 0, team, {}, ("sr_0",), Trust((0.25, 0.5), (0.75, 1.0), (0.6,)))
+    entry = JournalEntry(
+        7, 1_500_000_001, 0, team, {}, ("sr_0",), Trust((0.25, 0.5), (0.75, 1.0), (0.6,))
+    )
     read = messages.decode(messages.encode(messages.trust_message(entry)), messages.TRUST)
     assert (read.round, messages.stamp_of(read)) == (7, 1_500_000_001)
     assert (read.raters, read.providers, read.both, read.missing) == (
@@ -67,13 +80,20 @@ def test_trust_is_read_as_it_was_written():
         ["both"],
         ["sr_0"],
     )
-    assert (read.tor.tolist(), read.top.tolist(), read.toa.tolist()) == ([0.25, 0.5], [0.75, 1.0], [0.6])
+    assert (read.tor.tolist(), read.top.tolist(), read.toa.tolist()) == (
+        [0.25, 0.5],
+        [0.75, 1.0],
+        [0.6],
+    )
 
 
 @pytest.mark.parametrize(
     ("kind", "known"),
     [  # hashes of ROS 2 Kilted
-        (messages.NUMBER, "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a"),
+        (
+            messages.NUMBER,
+            "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
+        ),
         (messages.IMAGE, "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a"),
     ],
 )
@@ -92,12 +112,20 @@ def test_the_package_for_colcon_has_every_message():
 def test_diagnostics_warn_of_refused_ratings(warns):
     message = messages.diagnostics_message(5, "manager", warns, {"next round": "7"}, None)
     (status,) = messages.decode(messages.encode(message), messages.DIAGNOSTICS).status
-    assert (status.level, status.name, status.message) == (int(warns), "manager", "refuses ratings" if warns else "OK")
+    assert (status.level, status.name, status.message) == (
+        int(warns),
+        "manager",
+        "refuses ratings" if warns else "OK",
+    )
     assert [(pair.key, pair.value) for pair in status.values] == [("next round", "7")]
 
 
 def test_a_picture_names_its_camera():
     message = messages.picture_message(1_500_000_001, "sp_0", bytes(range(9)))
     read = messages.decode(messages.encode(message), messages.IMAGE)
-    assert (read.header.frame_id, read.format, bytes(read.data)) == ("sp_0", "jpeg", bytes(range(9)))
+    assert (read.header.frame_id, read.format, bytes(read.data)) == (
+        "sp_0",
+        "jpeg",
+        bytes(range(9)),
+    )
     assert messages.stamp_of(read) == 1_500_000_001

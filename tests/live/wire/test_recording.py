@@ -9,15 +9,27 @@ from mcap_ros2.decoder import DecoderFactory
 
 from roletrust_env.live.nodes.manager_node import receive_raw, replay_recording
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.recording import RecordedMessage, Recorder, read_recording, recover_recording
+from roletrust_env.live.wire.recording import (
+    RecordedMessage,
+    Recorder,
+    read_recording,
+    recover_recording,
+)
 
 RATINGS = [
-    messages.encode(messages.ratings_message(f"sr_{k % 3}", k, dict.fromkeys(TEAM.providers, 0.5))) for k in range(50)
+    messages.encode(messages.ratings_message(f"sr_{k % 3}", k, dict.fromkeys(TEAM.providers, 0.5)))
+    for k in range(50)
 ]
 SOME = [
-    *(RecordedMessage(10**18 + k, f"/sr_{k % 3}/ratings", messages.RATINGS, raw) for k, raw in enumerate(RATINGS)),
+    *(
+        RecordedMessage(10**18 + k, f"/sr_{k % 3}/ratings", messages.RATINGS, raw)
+        for k, raw in enumerate(RATINGS)
+    ),
     RecordedMessage(
-        10**18 + 100, "/sp_0/top", messages.NUMBER, messages.encode(messages.make(messages.NUMBER, data=0.25))
+        10**18 + 100,
+        "/sp_0/top",
+        messages.NUMBER,
+        messages.encode(messages.make(messages.NUMBER, data=0.25)),
     ),
 ]
 
@@ -55,7 +67,9 @@ def test_all_flushed_messages_of_a_killed_recorder_are_recovered(cut, tmp_path):
     assert count >= 50 - cut / 50 - 7
 
 
-@pytest.mark.parametrize(("field", "value"), [("files", ""), ("version", "x"), ("relative_file_paths", 7)])
+@pytest.mark.parametrize(
+    ("field", "value"), [("files", ""), ("version", "x"), ("relative_file_paths", 7)]
+)
 def test_another_index_of_a_recording_is_one_error(tmp_path, field, value):
     write(tmp_path / "bag", SOME)
     index = tmp_path / "bag" / "metadata.yaml"
@@ -82,12 +96,18 @@ def test_a_recording_through_the_manager_gives_the_trust_that_was_published(mode
     said = []
     for r in range(40):
         for i, name in enumerate(TEAM.raters):
-            row = {provider: values[r, i, j] for j, provider in enumerate(TEAM.providers) if mask[r, i, j]}
+            row = {
+                provider: values[r, i, j]
+                for j, provider in enumerate(TEAM.providers)
+                if mask[r, i, j]
+            }
             if row and random.random() > 0.1:
                 raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
                 late = random.choice([0.05, 0.3, 0.9, 1.4], p=[0.7, 0.1, 0.1, 0.1])
                 said.append(
-                    RecordedMessage(int(PERIOD * (r + 1 + late)) + i, f"/{name}/ratings", messages.RATINGS, raw)
+                    RecordedMessage(
+                        int(PERIOD * (r + 1 + late)) + i, f"/{name}/ratings", messages.RATINGS, raw
+                    )
                 )
     said.sort()
     live, published, now = manager(tmp_path / "live", model=model), [], said[0].time
@@ -133,7 +153,9 @@ def test_a_damaged_record_costs_no_other(tmp_path):
     write(tmp_path / "bag", SOME, flushed=1, closed=False)
     (path,) = (tmp_path / "bag").glob("*.mcap")
     path.write_bytes(path.read_bytes().replace(b"roletrust_msgs/msg/Ratings", b"\xff" * 26, 1))
-    assert recover_recording(tmp_path / "bag", tmp_path / "saved") == 1  # the message of the other type
+    assert (
+        recover_recording(tmp_path / "bag", tmp_path / "saved") == 1
+    )  # the message of the other type
     assert list(read_recording(tmp_path / "saved")) == SOME[-1:]
 
 
@@ -162,14 +184,20 @@ def test_a_replay_after_a_pause_gives_the_trust_that_was_published(tmp_path):
     recorded, published, live = [], [], manager(tmp_path / "live")
     for r, raters in [(1, "012"), (2, "01"), (3, "0"), (12, "01"), (13, "01"), (14, "012")]:
         for k in map(int, raters):
-            raw = messages.encode(messages.ratings_message(f"sr_{k}", PERIOD * r, {"sp_0": 0.5 + k / 10}))
+            raw = messages.encode(
+                messages.ratings_message(f"sr_{k}", PERIOD * r, {"sp_0": 0.5 + k / 10})
+            )
             recorded.append(RecordedMessage(PERIOD * r, f"/sr_{k}/ratings", messages.RATINGS, raw))
     for before, message in zip([recorded[0], *recorded], recorded, strict=False):
         for moment in range(before.time, message.time, PERIOD // 20):
             published += live.tick(moment)
         published += receive_raw(live, message.topic[1:5], message.raw, message.time)
     published += live.tick(recorded[-1].time + 2 * PERIOD)
-    assert [sorted(entry.ratings) for entry in published[:3]] == [["sr_0", "sr_1", "sr_2"], ["sr_0", "sr_1"], ["sr_0"]]
+    assert [sorted(entry.ratings) for entry in published[:3]] == [
+        ["sr_0", "sr_1", "sr_2"],
+        ["sr_0", "sr_1"],
+        ["sr_0"],
+    ]
     assert list(replay_recording(recorded, manager(tmp_path / "again"), PERIOD)) == published
 
 

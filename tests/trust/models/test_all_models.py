@@ -1,4 +1,5 @@
-"""What every trust model with a name keeps to, on NumPy; what it computes is tested beside this file."""
+"""What every trust model with a name keeps to, on NumPy; what it computes is tested beside this
+file."""
 
 from collections.abc import Callable
 from typing import Any
@@ -46,7 +47,9 @@ def games(draw: st.DrawFn) -> list[RoundRatings]:
     shape = draw(st.tuples(st.integers(1, 4), st.integers(1, 4)))
     dtype = draw(st.sampled_from([np.float32, np.float64]))
     note = st.floats(0, 1, width=8 * dtype().itemsize) | st.sampled_from([0.0, 0.5, 1.0])
-    one_round = st.builds(RoundRatings.of, arrays(dtype, shape, elements=note), arrays(np.bool_, shape))
+    one_round = st.builds(
+        RoundRatings.of, arrays(dtype, shape, elements=note), arrays(np.bool_, shape)
+    )
     return draw(st.lists(one_round, min_size=1, max_size=4))
 
 
@@ -74,8 +77,11 @@ def test_trust_of_a_peer_whom_all_rate_0_is_in_range(name: str) -> None:
 
 
 @EVERY_MODEL
-def test_update_leaves_its_inputs_alone_and_takes_rounds_without_ratings_and_without_a_mask(name: str) -> None:
-    """Full and partial rounds in any order, so that the time since a rating is 1 here and more there."""
+def test_update_leaves_its_inputs_alone_and_takes_rounds_without_ratings_and_without_a_mask(
+    name: str,
+) -> None:
+    """Full and partial rounds in any order, so that the time since a rating is 1 here and more
+    there."""
     check_purity(named(name), (3, 2, 4))
     check_silence(named(name), (3, 2, 4))
     for shape in ((3, 3), (1, 1), (2, 5, 6)):
@@ -110,22 +116,31 @@ def test_the_order_of_two_halves_of_raters_does_not_matter(name: str) -> None:
         ratings = np.zeros((raters, 3), dtype)
         ratings[: raters // 2, :2] = ratings[raters // 2 :, 2] = 1
         order = np.random.default_rng(raters).permutation(raters)
-        peers, like, full = np.zeros(ratings.shape, bool), asarray(np.zeros_like(ratings)), ratings >= 0
+        peers, like, full = (
+            np.zeros(ratings.shape, bool),
+            asarray(np.zeros_like(ratings)),
+            ratings >= 0,
+        )
         one, other = (
             [
                 np.asarray(trust)
-                for trust in read(model, play(model, [RoundRatings(f, full)] * 30, like, peers, asarray))
+                for trust in read(
+                    model, play(model, [RoundRatings(f, full)] * 30, like, peers, asarray)
+                )
             ]
             for f in (ratings, ratings[order])
         )
         assert_close(other, (one[0][order], one[1]), tolerance)
 
 
-# --- what there is to say before, without and after ratings -----------------------------------------
+# --- what there is to say before, without and after ratings
+# -----------------------------------------
 
 
 @EVERY_MODEL
-def test_before_any_rating_providers_have_the_initial_trust_and_who_is_not_rated_keeps_it(name: str) -> None:
+def test_before_any_rating_providers_have_the_initial_trust_and_who_is_not_rated_keeps_it(
+    name: str,
+) -> None:
     model = named(name)
     for shape in SHAPES:
         start = read(model, play(model, [], np.zeros(shape)))
@@ -148,24 +163,30 @@ def test_where_nobody_rates_trust_stays_or_is_forgotten(name: str) -> None:
             assert np.all(abs(new - origin) <= abs(old - origin) + 1e-12)
 
 
-# --- what a model says of itself ----------------------------------------------------------------------
+# --- what a model says of itself
+# ----------------------------------------------------------------------
 
 
 @EVERY_MODEL
-def test_the_family_is_the_folder_and_raters_are_trusted_by_a_model_that_does_not_rate_them(name: str) -> None:
+def test_the_family_is_the_folder_and_raters_are_trusted_by_a_model_that_does_not_rate_them(
+    name: str,
+) -> None:
     model, shape = named(name), (4, 3, 5)
     assert f".models.{Traits.of(model).family}." in type(model).__module__
     raters, _ = read(model, play(model, random_rounds(shape), np.zeros(shape)))
     assert model.rates_raters or np.all(raters == 1)
 
 
-# --- parameters ---------------------------------------------------------------------------------------
+# --- parameters
+# ---------------------------------------------------------------------------------------
 
 
 @EVERY_MODEL
 def test_parameters_out_of_range_unknown_or_not_taken_are_refused(name: str) -> None:
     for lam, initial in ((0.5, 0), (0.999, 1)):
-        assert make_trust_model(name, **registry.accepted_parameters(name, {"lam": lam, "initial": initial}))
+        assert make_trust_model(
+            name, **registry.accepted_parameters(name, {"lam": lam, "initial": initial})
+        )
     wrong = [("lam", value, "[0.5, 1)") for value in (-1.0, 0.49, 1.0, 2.0, float("nan"))]
     wrong += [("initial", value, "[0, 1]") for value in (-0.01, 1.01, float("nan"))]
     for field, value, allowed in wrong:
@@ -197,7 +218,12 @@ REFUSED = {
 
 @pytest.mark.parametrize(
     ("name", "field", "value"),
-    [(name, field, one) for name, fields in REFUSED.items() for field, values in fields.items() for one in values],
+    [
+        (name, field, one)
+        for name, fields in REFUSED.items()
+        for field, values in fields.items()
+        for one in values
+    ],
 )
 def test_parameters_out_of_range_are_refused(name: str, field: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"\b{field} is {value}: "):

@@ -18,7 +18,12 @@ def slow(rounds, peers, keep=0.9, initial=0.5):
             if notes:
                 good[j] = keep * good[j] + sum(notes)
                 bad[j] = keep * bad[j] + sum(1 - f for f in notes)
-        found.append(([1.0 for _ in raters], [(good[j] + 2 * initial) / (good[j] + bad[j] + 2) for j in providers]))
+        found.append(
+            (
+                [1.0 for _ in raters],
+                [(good[j] + 2 * initial) / (good[j] + bad[j] + 2) for j in providers],
+            )
+        )
     return found
 
 
@@ -28,7 +33,8 @@ def test_it_is_the_formula(parameters) -> None:
 
 
 def test_two_rounds_by_hand() -> None:
-    """Notes 1 and 0.5, then 0: r = 1.5, s = 0.5, and then r = 0.9 * 1.5 = 1.35, s = 0.9 * 0.5 + 1 = 1.45."""
+    """Notes 1 and 0.5, then 0: r = 1.5, s = 0.5, and then r = 0.9 * 1.5 = 1.35, s = 0.9 * 0.5 + 1 =
+    1.45."""
     model = make_trust_model("beta")
     state = model.update(model.start(np.zeros((2, 1))), Ratings(np.array([[1.0], [0.5]])))
     assert model.provider_trust(state) == pytest.approx([2.5 / 4])
@@ -38,7 +44,12 @@ def test_two_rounds_by_hand() -> None:
 
 @pytest.mark.parametrize("levels", [2, 5, 10])
 def test_it_is_the_point_estimate_of_dirichlet_reputation_of_ratings_on_levels(levels: int) -> None:
-    rng, values, keep, evidence = np.random.default_rng(0), np.linspace(0, 1, levels), 0.9, np.zeros((levels, 3))
+    rng, values, keep, evidence = (
+        np.random.default_rng(0),
+        np.linspace(0, 1, levels),
+        0.9,
+        np.zeros((levels, 3)),
+    )
     model = make_trust_model("beta", keep=keep)
     state = model.start(np.zeros((4, 3)))
     for _ in range(5):

@@ -17,7 +17,8 @@ def mean(raters, good, bad, initial):
 
 
 def heard(good, bad, q, initial):
-    """Whom the filter keeps, of the successes and failures of one provider by rater; it ends by itself."""
+    """Whom the filter keeps, of the successes and failures of one provider by rater; it ends by
+    itself."""
     kept = [i for i in range(len(good)) if good[i] + bad[i] > 0]
     while True:
         center = mean(kept, good, bad, initial)
@@ -65,7 +66,8 @@ def played(name: str, ratings: np.ndarray, rounds: int = 20):
 
 
 def test_one_of_two_raters_is_dropped() -> None:
-    """Thirty good ratings by one, three bad ones by the other: the mean is beyond the quantiles of the second."""
+    """Thirty good ratings by one, three bad ones by the other: the mean is beyond the quantiles of
+    the second."""
     model = make_trust_model("beta-filtered", keep=1.0)
     state = model.start(np.zeros((2, 1)))
     state = state._replace(successes=np.array([[29.0], [0.0]]), failures=np.array([[0.0], [2.0]]))
@@ -84,7 +86,8 @@ def test_a_lone_liar_is_dropped() -> None:
 
 
 def test_the_majority_has_its_way_and_camps_of_like_size_stay() -> None:
-    """Liars who are four of five drop the honest one; where they are three, the mean is too far from both camps."""
+    """Liars who are four of five drop the honest one; where they are three, the mean is too far
+    from both camps."""
     notes = np.array([[1.0], [0], [0], [0], [0]])
     assert played("beta-filtered", notes)[0].tolist() == [0, 1, 1, 1, 1]
     notes[1] = 1
@@ -93,11 +96,14 @@ def test_the_majority_has_its_way_and_camps_of_like_size_stay() -> None:
 
 def test_where_nobody_is_dropped_it_is_beta_reputation() -> None:
     notes = np.clip(0.6 + np.random.default_rng(0).normal(0, 0.05, (6, 3)), 0, 1)
-    np.testing.assert_allclose(played("beta-filtered", notes)[1], played("beta", notes)[1], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        played("beta-filtered", notes)[1], played("beta", notes)[1], rtol=0, atol=1e-12
+    )
 
 
 def test_a_pass_that_would_drop_everybody_drops_nobody() -> None:
-    """Each of 151 raters speaks for Beta(11, 1), of which 99% lie below 0.9991, and the mean is above that."""
+    """Each of 151 raters speaks for Beta(11, 1), of which 99% lie below 0.9991, and the mean is
+    above that."""
     notes = np.ones((151, 1))
     _, top = played("beta-filtered", notes, 100)
     assert top[0] > special.betaincinv(11, 1, 0.99)
@@ -114,4 +120,7 @@ def test_twelve_passes_are_enough_for_thirty_raters(monkeypatch: pytest.MonkeyPa
     kept, _ = model._filter(pairs, rates * evidence, (1 - rates) * evidence)
     for passes, same in ((29, True), (5, False)):
         monkeypatch.setattr(beta_reputation, "_PASSES", passes)
-        assert np.array_equal(model._filter(pairs, rates * evidence, (1 - rates) * evidence)[0], kept) == same
+        assert (
+            np.array_equal(model._filter(pairs, rates * evidence, (1 - rates) * evidence)[0], kept)
+            == same
+        )

@@ -16,7 +16,10 @@ def slow(history: History, lam: float, initial: float, threshold: float) -> Trus
     trust = [[initial for _ in providers] for _ in raters]
     found = []
     for now, current in enumerate(history, 1):
-        past = [[[at[i][j] for at in history[:now] if at[i][j] is not None] for j in providers] for i in raters]
+        past = [
+            [[at[i][j] for at in history[:now] if at[i][j] is not None] for j in providers]
+            for i in raters
+        ]
         vectors = [[mean(notes, -1) for notes in row] for row in past]
 
         def both(i: int, k: int, past: list = past) -> list[int]:
@@ -38,14 +41,21 @@ def slow(history: History, lam: float, initial: float, threshold: float) -> Trus
             for j in providers:
                 heard = [current[k][j] for k in clusters[i] if current[k][j] is not None]
                 trust[i][j] = lam * mean(heard, trust[i][j]) + (1 - lam) * trust[i][j]
-        credence = [[1.0 if k in clusters[i] else 0.0 if both(i, k) else initial for k in raters] for i in raters]
+        credence = [
+            [1.0 if k in clusters[i] else 0.0 if both(i, k) else initial for k in raters]
+            for i in raters
+        ]
         tor = [mean([credence[i][k] for i in raters if i != k], 1.0) for k in raters]
         found.append((tor, [mean([trust[i][j] for i in raters], 0) for j in providers]))
     return found
 
 
 @pytest.mark.parametrize(
-    "parameters", [{"lam": 0.5, "initial": 0.5, "threshold": 0.3}, {"lam": 0.7, "initial": 0.2, "threshold": 0.12}]
+    "parameters",
+    [
+        {"lam": 0.5, "initial": 0.5, "threshold": 0.3},
+        {"lam": 0.7, "initial": 0.2, "threshold": 0.12},
+    ],
 )
 def test_it_is_the_rule(parameters: dict[str, float]) -> None:
     assert_matches(make_trust_model("clustering", **parameters), by_history(slow, **parameters))
@@ -57,7 +67,8 @@ def test_raters_at_the_threshold_are_linked() -> None:
 
 
 def test_liars_are_a_cluster_of_their_own_by_hand() -> None:
-    """Three rate 1 and two 0: an honest judge hears 1, a liar 0, and the liars are two of five judges."""
+    """Three rate 1 and two 0: an honest judge hears 1, a liar 0, and the liars are two of five
+    judges."""
     model = make_trust_model("clustering", lam=0.5)
     tor, top = read(model, play(model, [[1], [1], [1], [0], [0]]))
     assert tor == pytest.approx([2 / 4, 2 / 4, 2 / 4, 1 / 4, 1 / 4])

@@ -1,4 +1,5 @@
-"""The control: what is rated changes nothing, so an attack does no harm, and trust is of no use to anybody."""
+"""The control: what is rated changes nothing, so an attack does no harm, and trust is of no use to
+anybody."""
 
 import numpy as np
 import pytest
@@ -10,10 +11,13 @@ from roletrust_env.metrics import auc, damage, present_trust, recovery, rounds_t
 
 
 def histories(trust_model: str) -> tuple[History, History]:
-    """Sixty rounds of the market, whose sellers differ, without an attack and under one by a seller and a buyer."""
+    """Sixty rounds of the market, whose sellers differ, without an attack and under one by a seller
+    and a buyer."""
     game = Game(make_scenario("market").change(max_cycles=60, initial_trust=0.4), trust_model)
     attack = {"sp_0": OnOff(), "sr_2": BadMouthing()}
-    honest, attacked = (record(JointPolicy(game, policies), game.random(0), (30,)) for policies in ({}, attack))
+    honest, attacked = (
+        record(JointPolicy(game, policies), game.random(0), (30,)) for policies in ({}, attack)
+    )
     return honest, attacked
 
 
@@ -35,6 +39,8 @@ def test_choosing_by_it_is_choosing_at_random() -> None:
     """Its utility is that of the mean seller, and less than what a model gives that listens."""
     honest, _ = histories("constant")
     listening, _ = histories("mean")
-    at_random = honest.offered[1:].mean(axis=1).sum(axis=0) / honest.offered[1:].max(axis=1).sum(axis=0)
+    at_random = honest.offered[1:].mean(axis=1).sum(axis=0) / honest.offered[1:].max(axis=1).sum(
+        axis=0
+    )
     assert utility(honest.top, honest.offered).value == pytest.approx(at_random)
     assert utility(listening.top, listening.offered).value.mean() > at_random.mean() + 0.15

@@ -12,7 +12,9 @@ from roletrust_env.trust import Ratings, make_trust_model
 LAM, INITIAL = 0.7, 0.3  # of `named`
 
 
-def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
+def reference(
+    rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix
+) -> Iterator[tuple[Vector, Vector]]:
     raters, providers = range(len(peers)), range(len(peers[0]))
     tor, top = [INITIAL for _ in raters], [INITIAL for _ in providers]
     for ratings, mask in rounds:
@@ -32,7 +34,8 @@ def test_the_model_matches_its_reference() -> None:
 
 
 def test_a_lone_liar_counts_less() -> None:
-    """Of three, one rates 0: the average is 2/3, so the honest are 1/3 away and the liar 2/3; 4/3 of 5/3 are honest."""
+    """Of three, one rates 0: the average is 2/3, so the honest are 1/3 away and the liar 2/3; 4/3
+    of 5/3 are honest."""
     model = make_trust_model("deviation-weighted")
     ratings = np.array([[0.0], [1.0], [1.0]])
     state = model.start(ratings)

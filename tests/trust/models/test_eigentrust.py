@@ -12,7 +12,9 @@ from roletrust_env.trust import Ratings, make_trust_model
 from roletrust_env.trust.model import start_model
 
 
-def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
+def reference(
+    rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix
+) -> Iterator[tuple[Vector, Vector]]:
     n = numbers(peers)[2]
     scores = [[0.0 for _ in row] for row in peers]
     for ratings, mask in rounds:
@@ -44,7 +46,8 @@ def test_it_is_the_pagerank_of_the_graph_of_contentment(shape: tuple[int, int]) 
 
 
 def test_three_raters_of_three_good_providers_by_hand() -> None:
-    """Three of six agents, the raters get R = 1/4 Q of the providers' Q by empty rows, and 1/4 by p: R = .4, Q = .6."""
+    """Three of six agents, the raters get R = 1/4 Q of the providers' Q by empty rows, and 1/4 by
+    p: R = .4, Q = .6."""
     ratings = np.ones((3, 3))
     model = make_trust_model("eigentrust")
     state = model.update(model.start(ratings, ratings < 0), Ratings(ratings, ratings > 0))

@@ -25,7 +25,12 @@ class Slow:
     """The formulas, judge by judge; everybody keeps every rating it gave with its round."""
 
     def __init__(
-        self, raters: int, providers: int, tolerance: float = 0.5, credibility: float = 0.5, initial: float = 0.5
+        self,
+        raters: int,
+        providers: int,
+        tolerance: float = 0.5,
+        credibility: float = 0.5,
+        initial: float = 0.5,
     ) -> None:
         self.judges, self.providers = range(raters), range(providers)
         self.tolerance, self.unknown, self.now = tolerance, credibility, 0
@@ -80,8 +85,9 @@ def test_it_is_the_formula(parameters: dict[str, float]) -> None:
 def test_by_hand() -> None:
     """Three raters, one provider; the third lies, and is off by 2, more than 0.5.
 
-    The honest find each other's credibility to be 1 and the liar's -1, so its word weighs 0. One rating of weight 1 has
-    the reliability 1 - exp(-g) = 0.5 and makes T = 1; the liar, who believes no witness, has T = 0.
+    The honest find each other's credibility to be 1 and the liar's -1, so its word weighs 0. One
+    rating of weight 1 has the reliability 1 - exp(-g) = 0.5 and makes T = 1; the liar, who believes
+    no witness, has T = 0.
     """
     model = make_trust_model("fire")
     state = play(model, [[1], [1], [0]])
@@ -90,7 +96,8 @@ def test_by_hand() -> None:
 
 
 def test_a_witness_at_the_tolerance_is_not_within_it() -> None:
-    """Ratings 0.25 apart differ by 0.5 on the scale from -1 to 1, which is not below the tolerance 0.5."""
+    """Ratings 0.25 apart differ by 0.5 on the scale from -1 to 1, which is not below the tolerance
+    0.5."""
     state = play(make_trust_model("fire"), [[0.5], [0.75]])
     assert state.credibility[0, 1] == -1
 
@@ -98,7 +105,8 @@ def test_a_witness_at_the_tolerance_is_not_within_it() -> None:
 def test_witnesses_of_unknown_credibility_by_hand() -> None:
     """The judge rated 1, and a round later a stranger rates 0.
 
-    Own: value 1, weight .5^(1/5). Witness: value -1, weight .5 (the default). Neither deviates from itself.
+    Own: value 1, weight .5^(1/5). Witness: value -1, weight .5 (the default). Neither deviates from
+        itself.
     """
     model = make_trust_model("fire")
     state = play(model, [[1], [None]], [[None], [0]])
@@ -113,7 +121,8 @@ def test_the_last_ten_ratings_count() -> None:
 
 
 def test_evidence_that_faded_beyond_all_numbers_leaves_trust_as_it_was() -> None:
-    """The judge knew the provider long ago, and all that it hears since is a witness of no credibility."""
+    """The judge knew the provider long ago, and all that it hears since is a witness of no
+    credibility."""
     model = make_trust_model("fire")
     first = [[0.9, 1.0], [None, 0.0]]
     later = [[None, 1.0], [None, 0.0]]

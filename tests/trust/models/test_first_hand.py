@@ -27,18 +27,29 @@ class Slow:
         patience: float = 0.0,
     ) -> None:
         self.raters, self.providers = range(raters), range(providers)
-        self.keep, self.own, self.limit, self.repeats, self.patience = keep, own, limit, repeats, patience
+        self.keep, self.own, self.limit, self.repeats, self.patience = (
+            keep,
+            own,
+            limit,
+            repeats,
+            patience,
+        )
         self.given: dict[tuple[int, int], list[float]] = {}
 
     def weights(self, i: int, j: int) -> list[float]:
         count = len(self.given.get((i, j), []))
-        return [self.keep ** float(count - 1 - at) * (1 + self.repeats * (at > 0)) for at in range(count)]
+        return [
+            self.keep ** float(count - 1 - at) * (1 + self.repeats * (at > 0))
+            for at in range(count)
+        ]
 
     def number(self, i: int, j: int) -> float:
         return sum(self.weights(i, j))
 
     def mean(self, i: int, j: int) -> float:
-        return sum(w * f for w, f in zip(self.weights(i, j), self.given[i, j], strict=True)) / self.number(i, j)
+        return sum(
+            w * f for w, f in zip(self.weights(i, j), self.given[i, j], strict=True)
+        ) / self.number(i, j)
 
     def voice(self, i: int, j: int) -> float:
         return self.number(i, j) / (1 + self.limit * self.number(i, j))
@@ -57,7 +68,11 @@ class Slow:
         for k in self.raters:
             if (k, j) in self.given:
                 n = self.number(k, j)
-                w = self.own * n * n / (n + self.patience) if k == i else self.credence(i, k) * self.voice(k, j)
+                w = (
+                    self.own * n * n / (n + self.patience)
+                    if k == i
+                    else self.credence(i, k) * self.voice(k, j)
+                )
                 said, weight = said + w * self.mean(k, j), weight + w
         return said / weight
 
@@ -72,7 +87,9 @@ class Slow:
         )
 
 
-@pytest.mark.parametrize("parameters", [{}, {"keep": 0.7, "own": 1, "limit": 1, "repeats": 3, "patience": 2}])
+@pytest.mark.parametrize(
+    "parameters", [{}, {"keep": 0.7, "own": 1, "limit": 1, "repeats": 3, "patience": 2}]
+)
 def test_it_is_the_formula(parameters: dict[str, float]) -> None:
     assert_matches(make_trust_model("first-hand", **parameters), round_by_round(Slow, **parameters))
 
@@ -88,7 +105,8 @@ def judged(model: Any, *rounds: Any) -> np.ndarray:
 
 
 def test_a_majority_of_liars_misleads_nobody_who_has_met_the_providers() -> None:
-    """Two honest raters of seven: each has the right order of what it has met, and of what it has not."""
+    """Two honest raters of seven: each has the right order of what it has met, and of what it has
+    not."""
     honest, lie = [0.9, 0.1, None], [0.1, 0.9, 0.1]
     trust = judged(make_trust_model("first-hand"), *[[honest, [0.9, 0.1, 0.8], *[lie] * 5]] * 3)
     assert trust[0, 0] > 0.85
@@ -97,7 +115,9 @@ def test_a_majority_of_liars_misleads_nobody_who_has_met_the_providers() -> None
 
 
 def test_a_newcomer_without_experience_believes_the_majority() -> None:
-    trust = judged(make_trust_model("first-hand"), *[[[None, None], *[[0.9, 0.1]] * 2, *[[0.1, 0.9]] * 3]] * 3)
+    trust = judged(
+        make_trust_model("first-hand"), *[[[None, None], *[[0.9, 0.1]] * 2, *[[0.1, 0.9]] * 3]] * 3
+    )
     assert trust[0, 0] < trust[0, 1]
 
 
@@ -110,10 +130,13 @@ def test_nobody_is_believed_more_for_repeating_itself_without_end(lies: int) -> 
 
 
 def test_judges_that_were_cheated_warn_one_that_was_not_yet() -> None:
-    """A provider serves each of four judges well once, and cheats it from then on; the last one has not come back."""
+    """A provider serves each of four judges well once, and cheats it from then on; the last one has
+    not come back."""
     honest = [0.6, 0.8, 0.3, 0.7]
     rounds = [[[0.9, *honest]] * 4, *[[*[[0.0, *honest]] * 3, [None, *honest]]] * 2]
-    plain, wary = (judged(make_trust_model("first-hand", **extra), *rounds)[:, 0] for extra in ({}, WARY))
+    plain, wary = (
+        judged(make_trust_model("first-hand", **extra), *rounds)[:, 0] for extra in ({}, WARY)
+    )
     assert plain[3] > 0.65
     assert wary[3] < 0.2
     assert (wary[:3] < plain[:3]).all()

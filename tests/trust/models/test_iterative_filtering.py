@@ -21,8 +21,11 @@ WEIGHTINGS: dict[str, Callable[[Vector], Vector]] = {
 EACH = pytest.mark.parametrize("weighting", WEIGHTINGS)
 
 
-def filtered(notes: list[dict[int, float]], weighting: str, steps: int) -> tuple[dict[int, float], dict[int, float]]:
-    """The weights of the raters as shares of the largest, and the worth of providers, of whom there are notes."""
+def filtered(
+    notes: list[dict[int, float]], weighting: str, steps: int
+) -> tuple[dict[int, float], dict[int, float]]:
+    """The weights of the raters as shares of the largest, and the worth of providers, of whom there
+    are notes."""
     raters = [i for i, own in enumerate(notes) if own]
     providers = sorted({j for own in notes for j in own})
     weights = dict.fromkeys(raters, 1.0)
@@ -59,7 +62,8 @@ def test_the_model_matches_its_reference(weighting: str) -> None:
 
 @EACH
 def test_the_steps_come_to_rest(weighting: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Twenty times as many change nothing by more than 1e-6, of honest raters and liars in any number."""
+    """Twenty times as many change nothing by more than 1e-6, of honest raters and liars in any
+    number."""
     rng, shape = np.random.default_rng(0), (5, 3, 200)
     honest = rng.normal(0.8, 0.1, shape).clip(0, 1)
     lies = np.arange(5)[:, None, None] < rng.integers(0, 5, 200)
@@ -84,7 +88,8 @@ def test_two_who_disagree_stay_equals(weighting: str) -> None:
 def test_a_lone_liar_of_three_by_hand() -> None:
     """It rates 0, the others 1, and all agree on r: with "power", r = 2 u / (2 u + w).
 
-    The honest weigh u = 1 / sqrt((1 - r)^2 + 0.05) and the liar w = 1 / sqrt(r^2 + 0.05); r = 0.8762 solves it.
+    The honest weigh u = 1 / sqrt((1 - r)^2 + 0.05) and the liar w = 1 / sqrt(r^2 + 0.05); r =
+    0.8762 solves it.
     """
     ratings = np.array([[0.0], [1.0], [1.0]])
     model = make_trust_model("iterative-filtering", weighting="power")

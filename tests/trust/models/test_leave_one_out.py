@@ -17,7 +17,11 @@ INITIAL, KEEP, PRIOR, POWER, DOUBT = 0.3, 0.9, 0.2, 6.0, 0.8  # of `named`
 
 
 def reference(
-    rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix, own: float = 0.0, limit: float = 1.0, modesty: float = 1.0
+    rounds: Sequence[tuple[Matrix, Matrix]],
+    peers: Matrix,
+    own: float = 0.0,
+    limit: float = 1.0,
+    modesty: float = 1.0,
 ) -> Iterator[tuple[Vector, Vector]]:
     raters, providers = range(len(peers)), range(len(peers[0]))
     tor = [DOUBT**POWER for _ in raters]
@@ -25,13 +29,18 @@ def reference(
     for ratings, mask in rounds:
         met = [(i, j) for i in raters for j in providers if mask[i][j]]
         rated = {j for _, j in met}
-        said = {(i, j): tuple(KEEP * x if j in rated else x for x in pair) for (i, j), pair in said.items()}  # type: ignore[misc]
+        said = {
+            (i, j): tuple(KEEP * x if j in rated else x for x in pair)
+            for (i, j), pair in said.items()
+        }  # type: ignore[misc]
         for i, j in met:
             total, count = said.get((i, j), (0.0, 0.0))
             said[i, j] = total + ratings[i][j], count + 1
 
         def weigh(tor: Vector, said: Any = said) -> dict[tuple[int, int], tuple[float, float]]:
-            return {(i, j): (n / (1 + limit * n) * tor[i], s / n) for (i, j), (s, n) in said.items()}
+            return {
+                (i, j): (n / (1 + limit * n) * tor[i], s / n) for (i, j), (s, n) in said.items()
+            }
 
         def base(weights: Any) -> float:
             means = []
@@ -48,7 +57,9 @@ def reference(
             agreed, compared = DOUBT, 1.0
             for j in [k for h, k in said if h == i]:
                 others = [
-                    ((own if h == i else 1) * w, x) for (h, k), (w, x) in weights.items() if k == j and (own or h != i)
+                    ((own if h == i else 1) * w, x)
+                    for (h, k), (w, x) in weights.items()
+                    if k == j and (own or h != i)
                 ]
                 heard = sum(w for w, _ in others)
                 view = (PRIOR * b + sum(w * x for w, x in others)) / (PRIOR + heard)
@@ -69,7 +80,9 @@ def test_the_model_matches_its_reference() -> None:
     assert_matches(named("leave-one-out"), reference)
 
 
-@pytest.mark.parametrize("parts", [{"own": 0.5}, {"limit": 0.0}, {"modesty": 0.0}, {"own": 1.0, "limit": 0.3}], ids=str)
+@pytest.mark.parametrize(
+    "parts", [{"own": 0.5}, {"limit": 0.0}, {"modesty": 0.0}, {"own": 1.0, "limit": 0.3}], ids=str
+)
 def test_without_a_part_it_matches_it_too(parts: dict[str, float]) -> None:
     model = make_trust_model("leave-one-out", initial=INITIAL, **parts)
     assert_matches(model, lambda rounds, peers: reference(rounds, peers, **parts))
@@ -97,7 +110,9 @@ def test_a_minority_of_liars_loses_its_weight() -> None:
     assert raters[:3] == pytest.approx([raters[0]] * 3)
     assert raters[3] < raters[0] / 100
     assert providers == pytest.approx([1, 1, 1], abs=0.1)
-    assert after(lies, power=0)[1] == pytest.approx([0.75] * 3, abs=0.05)  # every rater counts alike
+    assert after(lies, power=0)[1] == pytest.approx(
+        [0.75] * 3, abs=0.05
+    )  # every rater counts alike
 
 
 def test_who_repeats_itself_does_not_outvote_the_others() -> None:

@@ -12,7 +12,9 @@ from roletrust_env.trust import Ratings, make_trust_model
 LAM, INITIAL = 0.7, 0.3  # of `named`
 
 
-def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
+def reference(
+    rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix
+) -> Iterator[tuple[Vector, Vector]]:
     raters, top = range(len(peers)), [INITIAL for _ in peers[0]]
     for ratings, mask in rounds:
         for j, trust in enumerate(top):
@@ -34,5 +36,7 @@ def test_mean_is_an_exponential_mean_of_the_average_rating() -> None:
     state = model.update(state, Ratings(ratings, mask))
     assert model.provider_trust(state) == pytest.approx([0.75 * 0.75 + 0.25 * 0.2, 0.2])
     state = model.update(state, Ratings(ratings, ~mask))
-    assert model.provider_trust(state) == pytest.approx([0.25 * (0.75 * 0.75 + 0.25 * 0.2), 0.75 * 0.8 + 0.05])
+    assert model.provider_trust(state) == pytest.approx(
+        [0.25 * (0.75 * 0.75 + 0.25 * 0.2), 0.75 * 0.8 + 0.05]
+    )
     assert np.array_equal(model.rater_trust(state), np.ones(3))

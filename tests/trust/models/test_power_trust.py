@@ -30,7 +30,9 @@ def reference(
                 if rated and not peers[i][j]:
                     latest[i][j] = ratings[i][j]
                     heard[j] += 1
-        yield published(walk(links(latest, peers), advance(heard, peers, power_nodes), a=0.15), peers)
+        yield published(
+            walk(links(latest, peers), advance(heard, peers, power_nodes), a=0.15), peers
+        )
 
 
 @pytest.mark.parametrize("power_nodes", [1, 3])
@@ -47,7 +49,9 @@ def test_it_is_a_pagerank() -> None:
     weights = np.array(links(np.where(mask, ratings, 0).tolist(), peers.tolist()))
     graph = networkx.from_numpy_array(weights, create_using=networkx.DiGraph)
     anybody = dict.fromkeys(graph, 1.0)
-    ranks = networkx.pagerank(graph, 0.85, dict(enumerate(start)), dangling=anybody, tol=1e-14, max_iter=1000)
+    ranks = networkx.pagerank(
+        graph, 0.85, dict(enumerate(start)), dangling=anybody, tol=1e-14, max_iter=1000
+    )
     expected = published([ranks[k] for k in graph], peers.tolist())
     model = make_trust_model("power-trust", power_nodes=2)
     state = model.update(model.start(ratings, peers), Ratings(ratings, mask))
@@ -56,9 +60,11 @@ def test_it_is_a_pagerank() -> None:
 
 
 def test_who_is_rated_most_has_an_advance_by_hand() -> None:
-    """Two raters, two providers: v of the raters is x each, and what they follow, 2 x, goes 3 : 1 to the first.
+    """Two raters, two providers: v of the raters is x each, and what they follow, 2 x, goes 3 : 1
+    to the first.
 
-    Of four agents, those that rate nobody send on 1 - 2 x, a quarter to each, so x = .85 (1 - 2 x) / 4 = .85 / 5.7.
+    Of four agents, those that rate nobody send on 1 - 2 x, a quarter to each, so x = .85 (1 - 2 x)
+    / 4 = .85 / 5.7.
     """
     ratings, mask = np.array([[1.0, 1.0], [1.0, 0.0]]), np.array([[True, True], [True, False]])
     model = make_trust_model("power-trust")
@@ -72,7 +78,10 @@ def test_who_is_rated_most_has_an_advance_by_hand() -> None:
 
 def test_if_every_rating_is_0_providers_have_trust_1_and_so_has_every_peer() -> None:
     """Trust is relative to the most trusted agent, and none is better than another."""
-    for peers, raters in ((np.eye(3, dtype=bool), [1] * 3), (np.zeros((4, 3), bool), [0.85 / 1.2] * 4)):
+    for peers, raters in (
+        (np.eye(3, dtype=bool), [1] * 3),
+        (np.zeros((4, 3), bool), [0.85 / 1.2] * 4),
+    ):
         model, nothing = make_trust_model("power-trust"), np.zeros(peers.shape)
         state = model.start(nothing, peers)
         for _ in range(3):

@@ -10,7 +10,9 @@ from roletrust_env.trust import make_trust_model
 class Slow:
     """The formulas, judge by judge; every note and every QR is kept with its round."""
 
-    def __init__(self, raters: int, providers: int, theta: float = 0.7, initial: float = 0.5) -> None:
+    def __init__(
+        self, raters: int, providers: int, theta: float = 0.7, initial: float = 0.5
+    ) -> None:
         self.judges, self.providers = range(raters), range(providers)
         self.theta, self.now = theta, 0
         self.notes: Matrix = [[[] for _ in self.providers] for _ in self.judges]
@@ -22,7 +24,9 @@ class Slow:
         note = [[2 * f[i][j] - 1 for j in self.providers] for i in self.judges]
         for i in self.judges:
             for k in self.judges:
-                right = [1 - abs(note[k][j] - note[i][j]) for j in self.providers if m[i][j] and m[k][j]]
+                right = [
+                    1 - abs(note[k][j] - note[i][j]) for j in self.providers if m[i][j] and m[k][j]
+                ]
                 if right:
                     self.feedback(self.quality[i][k], sum(right) / len(right))
             for j in self.providers:
@@ -32,7 +36,9 @@ class Slow:
             if any(m[i][j] for i in self.judges):
                 for i in self.judges:
                     self.trust[i][j] = (self.worth(i, j) + 1) / 2
-        return Published.by(self.trust, [[(past[-1][1] + 1) / 2 for past in row] for row in self.quality])
+        return Published.by(
+            self.trust, [[(past[-1][1] + 1) / 2 for past in row] for row in self.quality]
+        )
 
     def feedback(self, past: list[tuple[int, float]], right: float) -> None:
         """Append the new QR to the past ones."""
@@ -59,14 +65,19 @@ def test_it_is_the_formula(parameters: dict[str, float]) -> None:
 def test_by_hand() -> None:
     """Three raters, one provider; the third lies: r = 1 - 2 = -1.
 
-    QR among the honest stays 1; that of the liar becomes (0.7 * 1 - 1) / (0.7 + 1) = -0.3 / 1.7, so its note of -1
-    speaks a little for the provider: T = (1 + 1 + 0.3 / 1.7) / 3 on [-1, 1]. The liar's is (-1 - 2 * 0.3 / 1.7) / 3.
+    QR among the honest stays 1; that of the liar becomes (0.7 * 1 - 1) / (0.7 + 1) = -0.3 / 1.7, so
+    its note of -1 speaks a little for the provider: T = (1 + 1 + 0.3 / 1.7) / 3 on [-1, 1]. The
+    liar's is (-1 - 2 * 0.3 / 1.7) / 3.
     """
     state = play(make_trust_model("qor"), [[1], [1], [0]])
     qr = -0.3 / 1.7
     assert state.quality[0] == pytest.approx([1, 1, qr])
-    assert 2 * state.trust[:, 0] - 1 == pytest.approx([(2 - qr) / 3, (2 - qr) / 3, (-1 + 2 * qr) / 3])
-    assert make_trust_model("qor").rater_trust(state) == pytest.approx([(3 + qr) / 4, (3 + qr) / 4, (1 + qr) / 2])
+    assert 2 * state.trust[:, 0] - 1 == pytest.approx(
+        [(2 - qr) / 3, (2 - qr) / 3, (-1 + 2 * qr) / 3]
+    )
+    assert make_trust_model("qor").rater_trust(state) == pytest.approx(
+        [(3 + qr) / 4, (3 + qr) / 4, (1 + qr) / 2]
+    )
 
 
 def test_the_next_quality_by_hand() -> None:

@@ -24,31 +24,42 @@ def slow(history: History, lam: float, initial: float, ridge: float) -> Trusts:
             ]
             center = mean([x for x, _ in pairs], 0.0)
             rows = [[1.0, x - center] for x, _ in pairs] + [[ridge**0.5, 0.0], [0.0, ridge**0.5]]
-            shift, slope = np.linalg.lstsq(np.array(rows), np.array([y - x for x, y in pairs] + [0, 0]))[0]
+            shift, slope = np.linalg.lstsq(
+                np.array(rows), np.array([y - x for x, y in pairs] + [0, 0])
+            )[0]
             return min(1.0, max(0.0, note + shift + slope * (note - center)))
 
         for i in raters:
             for j in providers:
                 heard = [aligned(i, k, current[k][j]) for k in raters if current[k][j] is not None]
                 trust[i][j] = lam * mean(heard, trust[i][j]) + (1 - lam) * trust[i][j]
-        found.append(([1.0 for _ in raters], [mean([trust[i][j] for i in raters], 0) for j in providers]))
+        found.append(
+            ([1.0 for _ in raters], [mean([trust[i][j] for i in raters], 0) for j in providers])
+        )
     return found
 
 
 @pytest.mark.parametrize(
-    "parameters", [{"lam": 0.5, "initial": 0.5, "ridge": 1.0}, {"lam": 0.8, "initial": 0.3, "ridge": 0.05}]
+    "parameters",
+    [{"lam": 0.5, "initial": 0.5, "ridge": 1.0}, {"lam": 0.8, "initial": 0.3, "ridge": 0.05}],
 )
 def test_it_is_a_ridge_regression_for_each_pair(parameters: dict[str, float]) -> None:
-    assert_matches(make_trust_model("regression-aligned", **parameters), by_history(slow, **parameters))
+    assert_matches(
+        make_trust_model("regression-aligned", **parameters), by_history(slow, **parameters)
+    )
 
 
 def test_a_constant_difference_is_unlearnt_by_hand() -> None:
-    """One rates 1 and the other 0.5, so b = N / 2 / (N + 1), downwards for the one and upwards for the other.
+    """One rates 1 and the other 0.5, so b = N / 2 / (N + 1), downwards for the one and upwards for
+    the other.
 
-    Round 1: both hear 0.75. Round 2, N = 1, b = 1/4: the one hears (1 + 0.75) / 2, the other (0.75 + 0.5) / 2.
-    Round 4, N = 3, b = 3/8: the one hears (1 + 0.875) / 2, the other (0.625 + 0.5) / 2.
+    Round 1: both hear 0.75. Round 2, N = 1, b = 1/4: the one hears (1 + 0.75) / 2, the other (0.75
+        + 0.5) / 2. Round 4, N = 3, b = 3/8: the one hears (1 + 0.875) / 2, the other (0.625 + 0.5)
+        / 2.
     """
-    model = make_trust_model("regression-aligned", lam=0.999)  # so that the newest round is all but alone
+    model = make_trust_model(
+        "regression-aligned", lam=0.999
+    )  # so that the newest round is all but alone
     apart = []
     for rounds in (1, 2, 4):
         apart.append(play(model, *[[[1.0], [0.5]]] * rounds).trust[:, 0].tolist())

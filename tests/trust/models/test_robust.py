@@ -1,4 +1,5 @@
-"""Median, trimmed and Huber mean against loops, against other libraries, and what theory says of liars."""
+"""Median, trimmed and Huber mean against loops, against other libraries, and what theory says of
+liars."""
 
 from collections.abc import Callable, Iterator, Sequence
 from statistics import fmean, median
@@ -18,7 +19,9 @@ LAM, INITIAL = 0.7, 0.3  # of `named`
 def by_centre(centre: Callable[[Vector], float]) -> Callable[..., Iterator[tuple[Vector, Vector]]]:
     """The reference of a model that takes such a centre of the ratings of a provider."""
 
-    def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
+    def reference(
+        rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix
+    ) -> Iterator[tuple[Vector, Vector]]:
         raters, providers = range(len(peers)), range(len(peers[0]))
         tor, top = [INITIAL for _ in raters], [INITIAL for _ in providers]
         for ratings, mask in rounds:
@@ -78,7 +81,8 @@ def test_centres_match_scipy(seed: int) -> None:
 
 
 def left_to_go(notes: Vector, width: float) -> float:
-    """How far the Huber mean is from its fixed point, where the pulls of all ratings, clipped, are in balance."""
+    """How far the Huber mean is from its fixed point, where the pulls of all ratings, clipped, are
+    in balance."""
     found = centre(make_trust_model("huber-mean", width=width), notes)
     pull = lambda c: np.clip(np.array(notes) - c, -width, width).sum()  # noqa: E731
     side = np.sign(pull(found)) if abs(pull(found)) > 1e-12 else 0
@@ -123,13 +127,16 @@ def test_the_median_holds_at_two_liars_of_five_and_falls_at_three() -> None:
 
 def test_the_trimmed_mean_holds_up_to_its_share_of_liars() -> None:
     assert steady("trimmed-mean", 1, share=0.2)[1] == pytest.approx([1])
-    assert steady("trimmed-mean", 2, share=0.2)[1] == pytest.approx([2 / 3])  # one of three that are left
+    assert steady("trimmed-mean", 2, share=0.2)[1] == pytest.approx(
+        [2 / 3]
+    )  # one of three that are left
     assert steady("trimmed-mean", 2, share=0.4)[1] == pytest.approx([1])
     assert steady("trimmed-mean", 2, share=0)[1] == pytest.approx([3 / 5])  # the mean
 
 
 def test_the_huber_mean_gives_way_a_little() -> None:
-    """Two liars pull with 0.1 each, three honest raters with what they are away: 3 (1 - c) = 2 x 0.1."""
+    """Two liars pull with 0.1 each, three honest raters with what they are away: 3 (1 - c) = 2 x
+    0.1."""
     raters, providers = steady("huber-mean", 2)
     assert providers == pytest.approx([1 - 0.2 / 3])
     assert raters == pytest.approx([0.2 / 3] * 2 + [1 - 0.2 / 3] * 3)

@@ -12,7 +12,9 @@ from roletrust_env.trust import Ratings, make_trust_model, provider_trust, rater
 LAM, INITIAL = 0.7, 0.3  # of `named`
 
 
-def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
+def reference(
+    rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix
+) -> Iterator[tuple[Vector, Vector]]:
     tor, top = [INITIAL for _ in peers], [INITIAL for _ in peers[0]]
     last, elapsed = [[0.0 for _ in row] for row in peers], [[0.0 for _ in row] for row in peers]
     for ratings, mask in rounds:
@@ -42,7 +44,9 @@ def test_role_trust_is_the_two_algorithms_and_their_memory(shape: tuple[int, ...
         state = model.update(state, Ratings(ratings, mask))
         elapsed = np.where(when < 0, 0, now - when)
         tor = rater_trust(ratings, mask, previous=tor, lam=0.6)
-        top = provider_trust(ratings, mask, tor=tor, previous=top, lam=0.6, last_ratings=last, elapsed=elapsed)
+        top = provider_trust(
+            ratings, mask, tor=tor, previous=top, lam=0.6, last_ratings=last, elapsed=elapsed
+        )
         last, when = np.where(mask, ratings, last), np.where(mask, now, when)
         np.testing.assert_allclose(model.rater_trust(state), tor, rtol=0, atol=1e-12)
         np.testing.assert_allclose(model.provider_trust(state), top, rtol=0, atol=1e-12)

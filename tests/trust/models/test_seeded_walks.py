@@ -1,4 +1,5 @@
-"""Personalized PageRank, MeritRank and SybilRank against loops, another library and worked examples."""
+"""Personalized PageRank, MeritRank and SybilRank against loops, another library and worked
+examples."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -11,7 +12,11 @@ from model_cases import Matrix, Vector, assert_matches
 from walks import numbers
 
 from roletrust_env.trust import Ratings
-from roletrust_env.trust.models.central.seeded_walks import MeritRank, PersonalizedPageRank, SybilRank
+from roletrust_env.trust.models.central.seeded_walks import (
+    MeritRank,
+    PersonalizedPageRank,
+    SybilRank,
+)
 from roletrust_env.trust.run import EdgeRun
 
 Graph = dict[int, dict[int, float]]
@@ -37,7 +42,9 @@ def graphs(rounds: Rounds, peers: Matrix, back: bool) -> Iterator[tuple[Graph, s
         yield links, mute
 
 
-def published(found: dict[int, float], peers: Matrix, named: set[int], links: Graph) -> tuple[Vector, Vector]:
+def published(
+    found: dict[int, float], peers: Matrix, named: set[int], links: Graph
+) -> tuple[Vector, Vector]:
     raters, providers, _ = numbers(peers)
     most = max((value for agent, value in found.items() if agent not in named), default=0.0)
     if not any(links.values()):
@@ -65,7 +72,9 @@ def places(seeds: Sequence[int], peers: Matrix) -> tuple[set[int], dict[int, flo
     return there, {agent: 1 / len(there) for agent in there}
 
 
-def pagerank(rounds: Rounds, peers: Matrix, seeds: Sequence[int], back: bool) -> Iterator[tuple[Vector, Vector]]:
+def pagerank(
+    rounds: Rounds, peers: Matrix, seeds: Sequence[int], back: bool
+) -> Iterator[tuple[Vector, Vector]]:
     there, start = places(seeds, peers)
     for links, _ in graphs(rounds, peers, back):
         yield published(walked(links, start), peers, there if seeds else set(), links)
@@ -81,14 +90,20 @@ def reached(links: Graph, seeds: set[int], without: int | None) -> set[int]:
     return found
 
 
-def merit_rank(rounds: Rounds, peers: Matrix, seeds: Sequence[int], gamma: float) -> Iterator[tuple[Vector, Vector]]:
+def merit_rank(
+    rounds: Rounds, peers: Matrix, seeds: Sequence[int], gamma: float
+) -> Iterator[tuple[Vector, Vector]]:
     """Bridges are agents without which another is not reached."""
     there, start = places(seeds, peers)
     merits: dict[int, float] = {}
     for links, _ in graphs(rounds, peers, True):
         found = walked(links, start)
         counted = {
-            a: 0.0 if seeds and a in there else max(found[a] - start.get(a, 0.0), 0.0) if found[a] else 0.0
+            a: 0.0
+            if seeds and a in there
+            else max(found[a] - start.get(a, 0.0), 0.0)
+            if found[a]
+            else 0.0
             for a in links
         }
         all_visits, everybody = sum(counted.values()), reached(links, there, None)
@@ -122,11 +137,18 @@ def agreed(links: Graph, mute: set[int], peers: Matrix, a: int, b: int) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("seeds", "back", "gamma", "steps"), [((), True, 1.0, None), ((0,), True, 1.0, None), ((0, 2, 99), False, 0.3, 3)]
+    ("seeds", "back", "gamma", "steps"),
+    [((), True, 1.0, None), ((0,), True, 1.0, None), ((0, 2, 99), False, 0.3, 3)],
 )
-def test_the_models_match_their_references(seeds: tuple[int, ...], back: bool, gamma: float, steps: int | None) -> None:
-    assert_matches(PersonalizedPageRank(seeds, ALPHA, back), partial(pagerank, seeds=seeds, back=back), 3)
-    assert_matches(MeritRank(seeds, ALPHA, gamma=gamma), partial(merit_rank, seeds=seeds, gamma=gamma), 3)
+def test_the_models_match_their_references(
+    seeds: tuple[int, ...], back: bool, gamma: float, steps: int | None
+) -> None:
+    assert_matches(
+        PersonalizedPageRank(seeds, ALPHA, back), partial(pagerank, seeds=seeds, back=back), 3
+    )
+    assert_matches(
+        MeritRank(seeds, ALPHA, gamma=gamma), partial(merit_rank, seeds=seeds, gamma=gamma), 3
+    )
     assert_matches(SybilRank(seeds, steps), partial(sybil_rank, seeds=seeds, steps=steps), 3)
 
 
@@ -147,14 +169,17 @@ def random_digraph(seed: int, n: int, each: int) -> list[tuple[int, int]]:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_large_graphs_against_another_library(seed: int) -> None:
-    """PageRank with dangling agents that go to the seeds, and dominators of a flow graph, which are bridges."""
+    """PageRank with dangling agents that go to the seeds, and dominators of a flow graph, which are
+    bridges."""
     n, seeds, edges = 80, (0, 1), random_digraph(seed, 80, 2)
     graph = networkx.DiGraph(edges)
     graph.add_nodes_from(range(n))
     ranks = networkx.pagerank(graph, 0.85, personalization={0: 1, 1: 1}, tol=1e-14, max_iter=1000)
     most = max(ranks[k] for k in range(2, n))
     found = play(PersonalizedPageRank(seeds), n, edges)
-    assert [found[k] for k in range(2, n)] == pytest.approx([ranks[k] / most for k in range(2, n)], abs=1e-9)
+    assert [found[k] for k in range(2, n)] == pytest.approx(
+        [ranks[k] / most for k in range(2, n)], abs=1e-9
+    )
     graph.add_edges_from([("root", 0), ("root", 1)])
     dominators = networkx.immediate_dominators(graph, "root")
     plain, decayed = (play(MeritRank(seeds, beta=beta), n, edges) for beta in (0.0, 1.0))
@@ -166,13 +191,16 @@ def test_large_graphs_against_another_library(seed: int) -> None:
 
 @pytest.mark.parametrize("seeds", [(0,), (0, 5, 9)])
 def test_sybil_rank_is_powers_of_the_matrix_of_agreed_edges(seeds: tuple[int, ...]) -> None:
-    """The published code of BrightID multiplies step by step, too, and divides by degrees in the end."""
+    """The published code of BrightID multiplies step by step, too, and divides by degrees in the
+    end."""
     n, edges = 60, random_digraph(7, 60, 20)
     graph = networkx.DiGraph(edges).to_undirected(reciprocal=True)
     matrix = networkx.to_numpy_array(graph, range(n))
     degrees = matrix.sum(axis=0)
     start = np.isin(np.arange(n), seeds) / len(seeds)
-    landed = np.linalg.matrix_power(matrix / np.maximum(degrees, 1), 6) @ start / np.maximum(degrees, 1)
+    landed = (
+        np.linalg.matrix_power(matrix / np.maximum(degrees, 1), 6) @ start / np.maximum(degrees, 1)
+    )
     others = [k for k in range(n) if k not in seeds]
     found = play(SybilRank(seeds), n, edges)
     assert [found[k] for k in others] == pytest.approx(list(landed[others] / landed[others].max()))
@@ -180,10 +208,11 @@ def test_sybil_rank_is_powers_of_the_matrix_of_agreed_edges(seeds: tuple[int, ..
 
 
 def test_a_star_of_friends_by_hand() -> None:
-    """Four agents, so two steps: from the seed 0 to its friends 1 and 2, and on: 1 sends half to 3, all else returns.
+    """Four agents, so two steps: from the seed 0 to its friends 1 and 2, and on: 1 sends half to 3,
+    all else returns.
 
-    Agent 3 has 1/4 and one friend, agents 1 and 2 have none after an even number of steps. Without the answer of 3
-    there is no edge, and nobody but the seed has trust, which tells nobody apart.
+    Agent 3 has 1/4 and one friend, agents 1 and 2 have none after an even number of steps. Without
+    the answer of 3 there is no edge, and nobody but the seed has trust, which tells nobody apart.
     """
     mutual = [(0, 1), (1, 0), (0, 2), (2, 0)]
     assert play(SybilRank((0,)), 4, [*mutual, (1, 3), (3, 1)]) == {0: 1, 1: 0, 2: 0, 3: 1}
@@ -195,8 +224,8 @@ def test_a_star_of_friends_by_hand() -> None:
 def test_sybils_in_a_line_a_cycle_and_side_by_side_by_hand() -> None:
     """The seed 0 trusts the attacker 1 and an honest agent 2. A step has 9 in 10 walks.
 
-    In a line and side by side the Sybils have in all .9 / (1 - .9) or .9 of the attacker's visits; a cycle sends those
-    back, which is .9^2 of its visits, so that these are 1 / (1 - .81) as many.
+    In a line and side by side the Sybils have in all .9 / (1 - .9) or .9 of the attacker's visits;
+    a cycle sends those back, which is .9^2 of its visits, so that these are 1 / (1 - .81) as many.
     """
     shapes = {
         "line": [(1, 3), (3, 4), (4, 5)],
@@ -208,7 +237,9 @@ def test_sybils_in_a_line_a_cycle_and_side_by_side_by_hand() -> None:
         for beta in (0.0, 0.5):
             found = play(MeritRank((0,), alpha=0.1, beta=beta), 6, [(0, 1), (0, 2), *edges])
             assert found[2] / found[1] == pytest.approx(1 - 0.81 if shape == "cycle" else 1)
-            assert [found[k] / found[1] for k in (3, 4, 5)] == pytest.approx([(1 - beta) * x for x in of_sybils[shape]])
+            assert [found[k] / found[1] for k in (3, 4, 5)] == pytest.approx(
+                [(1 - beta) * x for x in of_sybils[shape]]
+            )
 
 
 def test_a_second_honest_agent_makes_a_way_around_the_bridge() -> None:
@@ -219,10 +250,15 @@ def test_a_second_honest_agent_makes_a_way_around_the_bridge() -> None:
 
 
 def test_trust_ends_where_providers_cannot_rate_unless_walks_go_back() -> None:
-    """The seed likes the first product, and rater 1 likes both, for which it needs no help: so it lifts the second."""
+    """The seed likes the first product, and rater 1 likes both, for which it needs no help: so it
+    lifts the second."""
     ratings, mask = np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([[True, False], [True, True]])
     backward = [PersonalizedPageRank((0,)), MeritRank((0,)), SybilRank((0,), steps=3)]
     for model in [*backward, PersonalizedPageRank((0,), back=False), MeritRank((0,), back=False)]:
         state = model.update(model.start(ratings, ratings < 0), Ratings(ratings, mask))
         assert model.rater_trust(state)[0] == 1
-        assert (model.rater_trust(state)[1] > 0) == (model.provider_trust(state)[1] > 0) == (model in backward)
+        assert (
+            (model.rater_trust(state)[1] > 0)
+            == (model.provider_trust(state)[1] > 0)
+            == (model in backward)
+        )

@@ -45,7 +45,9 @@ class Slow:
             if any(m[i][j] for i in self.judges):
                 for i in self.judges:
                     self.trust[i][j] = self.expected(self.judge(i, j))
-        credence = [[self.expected(self.of(self.alike[i][k])) for k in self.judges] for i in self.judges]
+        credence = [
+            [self.expected(self.of(self.alike[i][k])) for k in self.judges] for i in self.judges
+        ]
         return Published.by(self.trust, credence)
 
     def of(self, evidence: list[float]) -> Three:
@@ -64,14 +66,17 @@ class Slow:
 
 @pytest.mark.parametrize("parameters", [{}, {"initial": 0.9}])
 def test_it_is_the_formula(parameters: dict[str, float]) -> None:
-    assert_matches(make_trust_model("subjective-logic", **parameters), round_by_round(Slow, **parameters))
+    assert_matches(
+        make_trust_model("subjective-logic", **parameters), round_by_round(Slow, **parameters)
+    )
 
 
 def test_by_hand() -> None:
     """Two raters who agree on one provider: every opinion is from one success, (1/3, 0, 2/3).
 
-    Discounted (1/9, 0, 8/9); fused with one's own k = 2/3 + 8/9 - 16/27 = 26/27, u = (16/27) / (26/27) = 8/13,
-    b = (1/3 * 8/9 + 1/9 * 2/3) / (26/27) = 5/13, and E = 5/13 + 4/13 = 9/13. Each trusts the other 1/3 + 1/3.
+    Discounted (1/9, 0, 8/9); fused with one's own k = 2/3 + 8/9 - 16/27 = 26/27, u = (16/27) /
+    (26/27) = 8/13, b = (1/3 * 8/9 + 1/9 * 2/3) / (26/27) = 5/13, and E = 5/13 + 4/13 = 9/13. Each
+    trusts the other 1/3 + 1/3.
     """
     model = make_trust_model("subjective-logic")
     state = play(model, [[1], [1]])
@@ -80,7 +85,8 @@ def test_by_hand() -> None:
 
 
 def test_an_adviser_that_was_always_wrong_is_not_heard() -> None:
-    """Its opinion, discounted by (0, d, u), is vacuous: the judge's own two successes make 1/2 + 1/4."""
+    """Its opinion, discounted by (0, d, u), is vacuous: the judge's own two successes make 1/2 +
+    1/4."""
     state = play(make_trust_model("subjective-logic"), *[[[1], [0]]] * 2)
     assert state.trust[:, 0] == pytest.approx([3 / 4, 1 / 4])
 

@@ -68,7 +68,10 @@ def slow(rounds, peers, error=0.2, threshold=0.95, bins=5):
         for k in raters:
             held = [opinion(k, j) for j in providers if opinion(k, j) is not None]
             judges = [i for i in raters if i != k]
-            credence = [sum(rho(i, k, part) for part in held) / len(held) if held else 1 / bins for i in judges]
+            credence = [
+                sum(rho(i, k, part) for part in held) / len(held) if held else 1 / bins
+                for i in judges
+            ]
             tor.append(sum(credence) / len(judges) if judges else 1.0)
         found.append((tor, top))
     return found
@@ -80,10 +83,12 @@ def test_it_is_the_formula(parameters) -> None:
 
 
 def test_a_first_round_by_hand() -> None:
-    """The first of two saw one success, so mu = 2/3, and the mass of Beta(2, 1) above 7/15 and below 13/15 is 8/15.
+    """The first of two saw one success, so mu = 2/3, and the mass of Beta(2, 1) above 7/15 and
+    below 13/15 is 8/15.
 
-    It asks the second, which saw one failure: mu = 1/3, sd = 1 / sqrt(18), in the second bin, which holds 1/5 of what
-    has never been tried. So mu' = 7/15 and sd' = 0.8 / sqrt(12) + 0.2 / sqrt(18) = 0.27808.
+    It asks the second, which saw one failure: mu = 1/3, sd = 1 / sqrt(18), in the second bin, which
+        holds 1/5 of what has never been tried. So mu' = 7/15 and sd' = 0.8 / sqrt(12) + 0.2 /
+        sqrt(18) = 0.27808.
     """
     model = make_trust_model("travos")
     state = model.update(model.start(np.zeros((2, 1))), Ratings(np.array([[1.0], [0.0]])))
@@ -96,7 +101,8 @@ def test_a_first_round_by_hand() -> None:
 
 
 def test_a_liar_loses_credence_and_its_say() -> None:
-    """Two providers are good and one is bad, and it says the contrary; a judge that never saw the first is told."""
+    """Two providers are good and one is bad, and it says the contrary; a judge that never saw the
+    first is told."""
     model = make_trust_model("travos")
     notes = np.array([[1.0, 1.0, 0.0]] * 4 + [[0.0, 0.0, 1.0]])
     mask = np.ones(notes.shape, bool)
@@ -114,7 +120,9 @@ def test_with_a_threshold_of_1_even_who_is_certain_asks() -> None:
     """All of the distribution lies within 1 of its mean, so confidence is 1."""
     rounds = np.array([[1.0], [0.0]])
     asks, asks_nobody = (make_trust_model("travos", error=1.0, threshold=x) for x in (1.0, 0.999))
-    alone, advised = (m.update(m.start(rounds), Ratings(rounds)).trust[:, 0] for m in (asks_nobody, asks))
+    alone, advised = (
+        m.update(m.start(rounds), Ratings(rounds)).trust[:, 0] for m in (asks_nobody, asks)
+    )
     assert alone == pytest.approx([2 / 3, 1 / 3])
     assert advised[0] < 0.66
     assert advised[1] > 0.34

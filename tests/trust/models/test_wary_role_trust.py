@@ -21,7 +21,9 @@ def weighted(notes: Vector, weights: Vector) -> float:
     return sum(w * f for w, f in zip(weights, notes, strict=True)) / sum(weights)
 
 
-def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
+def reference(
+    rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix
+) -> Iterator[tuple[Vector, Vector]]:
     raters, providers = range(len(peers)), range(len(peers[0]))
     tor, top = [INITIAL for _ in raters], [INITIAL for _ in providers]
     last: dict[tuple[int, int], float] = {}
@@ -31,14 +33,18 @@ def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterato
         last |= {(i, j): ratings[i][j] for i, j in met}
         when |= dict.fromkeys(met, now)
 
-        def opinions(j: int, tor: Vector, when: Any = when, now: int = now) -> tuple[list[int], list[float]]:
+        def opinions(
+            j: int, tor: Vector, when: Any = when, now: int = now
+        ) -> tuple[list[int], list[float]]:
             who = [i for i in raters if (i, j) in when]
             return who, [KEEP ** (now - when[i, j]) * max(tor[i], 0.01) ** POWER for i in who]
 
         gaps: dict[int, list[float]] = {}
         for i, j in met:
             who, weights = opinions(j, tor)
-            gap = abs(weighted([ratings[i][j] - last[k, j] for k in who], weights))  # exactly 0 where all agree
+            gap = abs(
+                weighted([ratings[i][j] - last[k, j] for k in who], weights)
+            )  # exactly 0 where all agree
             gaps.setdefault(i, []).append(sqrt(gap))
         tor = list(tor)
         for i, of in gaps.items():
@@ -71,7 +77,8 @@ def after(rounds: Sequence[Any], **parameters: float) -> tuple[np.ndarray, np.nd
 
 
 def test_a_round_by_hand() -> None:
-    """Three raters who are equally trusted at first rate 1, 1 and 0; c is 2/3, and the gaps are 1/3, 1/3 and 2/3."""
+    """Three raters who are equally trusted at first rate 1, 1 and 0; c is 2/3, and the gaps are
+    1/3, 1/3 and 2/3."""
     raters, providers = after([np.array([[1.0], [1.0], [0.0]])])
     honest, liar = 0.25 + 0.5 * (1 - sqrt(1 / 3)), 0.25 + 0.5 * (1 - sqrt(2 / 3))
     assert raters == pytest.approx([honest, honest, liar])
@@ -79,8 +86,12 @@ def test_a_round_by_hand() -> None:
     assert providers == pytest.approx([0.5 + 0.1 * 0.5 * (quality - 0.5)])
 
 
-@pytest.mark.parametrize(("quality", "trust"), [(0.9, 0.885), (0.8, 0.748), (0.7, 0.601), (0.5, 0.318)])
-def test_steady_service_among_the_honest_has_the_trust_that_role_trust_gives_it(quality: float, trust: float) -> None:
+@pytest.mark.parametrize(
+    ("quality", "trust"), [(0.9, 0.885), (0.8, 0.748), (0.7, 0.601), (0.5, 0.318)]
+)
+def test_steady_service_among_the_honest_has_the_trust_that_role_trust_gives_it(
+    quality: float, trust: float
+) -> None:
     raters, providers = after([np.full((3, 3), quality)] * 300)
     assert providers == pytest.approx([trust] * 3, abs=1e-3)
     assert raters == pytest.approx([1] * 3)
@@ -95,12 +106,15 @@ def test_good_and_bad_service_in_turn_leaves_a_tenth() -> None:
 
 
 def test_a_minority_of_liars_costs_a_provider_next_to_nothing_in_the_end() -> None:
-    """Of role-trust it would leave 0.28, see `tests/trust/test_facts.py`; the liar's weight tends to 0.01 ** 2."""
+    """Of role-trust it would leave 0.28, see `tests/trust/test_facts.py`; the liar's weight tends
+    to 0.01 ** 2."""
     lies = [np.array([[1.0] * 3, [1.0] * 3, [0.0] * 3])] * 200
     raters, providers = after(lies)
     assert providers == pytest.approx([1, 1, 1], abs=1e-3)
     assert raters == pytest.approx([1, 1, 0], abs=1e-2)  # of a gap of 0.01 ** 2, the root
-    assert after(lies, power=0)[1] == pytest.approx([2 / 3] * 3, abs=1e-4)  # every rater counts alike
+    assert after(lies, power=0)[1] == pytest.approx(
+        [2 / 3] * 3, abs=1e-4
+    )  # every rater counts alike
 
 
 def test_trust_falls_at_once_and_rises_slowly() -> None:
@@ -118,7 +132,9 @@ def test_what_strikes_all_at_once_is_nobodys_fault() -> None:
     good, dark = np.ones((3, 4)), np.zeros((3, 4))
     dark[:, 0] = np.nan  # nobody met it
     assert after([good] * 199 + [dark] * 4)[1] == pytest.approx([1, *[0.95**4] * 3], abs=1e-3)
-    assert after([good] * 199 + [dark] * 4, shock=1)[1] == pytest.approx([1, *[0.5**4] * 3], abs=1e-3)
+    assert after([good] * 199 + [dark] * 4, shock=1)[1] == pytest.approx(
+        [1, *[0.5**4] * 3], abs=1e-3
+    )
 
 
 @pytest.mark.parametrize(("fell", "left"), [(1, 0.5), (2, 0.5), (3, 0.95)])
@@ -133,7 +149,8 @@ def test_one_provider_alone_is_not_the_world() -> None:
 
 
 def test_a_rater_has_its_say_where_it_was_and_is_not() -> None:
-    """Two who found a provider good outweigh one liar who is alone there later; and less so, the longer ago it was."""
+    """Two who found a provider good outweigh one liar who is alone there later; and less so, the
+    longer ago it was."""
     notes, lie = np.ones((3, 1)), np.array([[np.nan], [np.nan], [0.0]])
     nobody = np.full((3, 1), np.nan)
     alone = after([notes] * 30 + [lie], keep=0)[1][0]
@@ -147,16 +164,23 @@ def test_a_rater_has_its_say_where_it_was_and_is_not() -> None:
     [(np.float32, np.asarray), (np.float64, np.asarray), (np.float32, torch.asarray)],
     ids=["numpy", "numpy64", "torch"],
 )
-def test_no_half_of_the_raters_wins(notes: Vector, dtype: type, asarray: Callable[..., Any]) -> None:
+def test_no_half_of_the_raters_wins(
+    notes: Vector, dtype: type, asarray: Callable[..., Any]
+) -> None:
     """Whatever their order, and however much their trust counts."""
     for each, power in product((1, 2, 3, 5, 15, 250), (2.0, 8.0)):
-        ratings = np.random.default_rng(each).permutation(np.array([notes] * each, dtype).reshape(-1, 1))
+        ratings = np.random.default_rng(each).permutation(
+            np.array([notes] * each, dtype).reshape(-1, 1)
+        )
         ratings = asarray(np.concatenate([ratings, 1 - ratings], axis=1))  # a provider of each half
         raters, providers = after([ratings] * 50, power=power)
         assert np.ptp(raters) == 0
         gap = (dtype(notes[1]) - dtype(notes[0])) / 2
         assert raters[0] == pytest.approx(1 - sqrt(gap), abs=1e-5)
-        middle = np.mean([sinc(1 - note) * note for note in notes]), np.mean([sinc(f) * (1 - f) for f in notes])
+        middle = (
+            np.mean([sinc(1 - note) * note for note in notes]),
+            np.mean([sinc(f) * (1 - f) for f in notes]),
+        )
         assert providers == pytest.approx(middle, abs=0.05)  # on its way there
 
 

@@ -11,7 +11,9 @@ from roletrust_env.trust import Ratings, make_trust_model
 class Slow:
     """The formula, judge by judge; a judge keeps every rating it gave."""
 
-    def __init__(self, raters: int, providers: int, beta: float = 0.5, memory: int = 10, initial: float = 0.5) -> None:
+    def __init__(
+        self, raters: int, providers: int, beta: float = 0.5, memory: int = 10, initial: float = 0.5
+    ) -> None:
         self.judges, self.providers = range(raters), range(providers)
         self.beta, self.memory = beta, memory
         self.given: Matrix = [[[] for _ in self.providers] for _ in self.judges]
@@ -53,9 +55,10 @@ def test_it_is_the_formula(parameters: dict[str, float]) -> None:
 def test_by_hand() -> None:
     """Three raters, one provider; the third lies.
 
-    After a round C = 1 among the honest and 1 - 0.5 * 1 = 0.5 between each of them and the liar, whom the honest
-    therefore give a mean credence of 0.5, and each other of (1 + 0.5) / 2. Honest: h = 0.1, local = 1,
-    advice = (1 * 1 + 0.5 * 0) / 1.5 = 2/3, T = 0.1 + 0.9 * 2/3 = 0.7. Liar: 0.1 * 0 + 0.9 * 1 = 0.9.
+    After a round C = 1 among the honest and 1 - 0.5 * 1 = 0.5 between each of them and the liar,
+    whom the honest therefore give a mean credence of 0.5, and each other of (1 + 0.5) / 2. Honest:
+    h = 0.1, local = 1, advice = (1 * 1 + 0.5 * 0) / 1.5 = 2/3, T = 0.1 + 0.9 * 2/3 = 0.7. Liar: 0.1
+    * 0 + 0.9 * 1 = 0.9.
     """
     model = make_trust_model("yu-singh")
     state = play(model, [[1], [1], [0]])
@@ -79,7 +82,8 @@ def test_after_ten_experiences_advice_counts_no_more() -> None:
 def test_credences_that_fell_beyond_all_numbers_still_weigh() -> None:
     """In float32 both 0.5^400 and 0.75^400 are 0, and so is the one over the other.
 
-    The first rater believes the third, who was less wrong, and the second where nobody else has anything to say.
+    The first rater believes the third, who was less wrong, and the second where nobody else has
+    anything to say.
     """
     model = make_trust_model("yu-singh", memory=1000)
     state = model.start(np.zeros((3, 2), np.float32))

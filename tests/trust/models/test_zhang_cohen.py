@@ -1,4 +1,5 @@
-"""The personalised model of Zhang and Cohen against its formula, loop by loop, and a case worked by hand."""
+"""The personalised model of Zhang and Cohen against its formula, loop by loop, and a case worked by
+hand."""
 
 from math import log
 
@@ -9,7 +10,9 @@ from model_cases import assert_matches, read
 from roletrust_env.trust import make_trust_model
 
 
-def slow(history: History, lam: float, initial: float, tolerance: float, confidence: float, error: float) -> Trusts:
+def slow(
+    history: History, lam: float, initial: float, tolerance: float, confidence: float, error: float
+) -> Trusts:
     raters, providers = range(len(history[0])), range(len(history[0][0]))
     enough = -log((1 - confidence) / 2) / (2 * error**2)
     trust = [[initial for _ in providers] for _ in raters]
@@ -22,7 +25,10 @@ def slow(history: History, lam: float, initial: float, tolerance: float, confide
                 for j in providers:
                     beside = [at[i][j] for i in raters if i != k and at[i][j] is not None]
                     if at[k][j] is not None and beside:
-                        every, near = every + 1, near + (abs(at[k][j] - mean(beside, 0)) <= tolerance)
+                        every, near = (
+                            every + 1,
+                            near + (abs(at[k][j] - mean(beside, 0)) <= tolerance),
+                        )
             public.append((near + 1) / (every + 2))
 
         def credence(i: int, k: int, now: int = now, public: list[float] = public) -> float:
@@ -38,7 +44,11 @@ def slow(history: History, lam: float, initial: float, tolerance: float, confide
 
         for i in raters:
             for j in providers:
-                said = [(1.0 if k == i else credence(i, k), current[k][j]) for k in raters if current[k][j] is not None]
+                said = [
+                    (1.0 if k == i else credence(i, k), current[k][j])
+                    for k in raters
+                    if current[k][j] is not None
+                ]
                 if said:
                     opinion = sum(c * f for c, f in said) / sum(c for c, _ in said)
                     trust[i][j] = lam * opinion + (1 - lam) * trust[i][j]
@@ -65,9 +75,10 @@ def test_n_min_is_that_of_the_paper() -> None:
 def test_one_round_with_a_liar_by_hand() -> None:
     """Three rate one provider 1, 1 and 0, so that N = 1 of each pair and w = 1 / 18.42 = 0.0543.
 
-    Nobody is within 0.1 of the mean of the two others, so public = 1/3 for all. Private is 2/3 among the honest and
-    1/3 with the liar. C(honest, honest) = 0.0543 * 2/3 + 0.9457 * 1/3 = 0.3514, and every other is 1/3.
-    An honest judge hears (1 + 0.3514) / (1 + 0.3514 + 1/3) = 0.8021, the liar (2/3) / (1 + 2/3) = 0.4.
+    Nobody is within 0.1 of the mean of the two others, so public = 1/3 for all. Private is 2/3
+    among the honest and 1/3 with the liar. C(honest, honest) = 0.0543 * 2/3 + 0.9457 * 1/3 =
+    0.3514, and every other is 1/3. An honest judge hears (1 + 0.3514) / (1 + 0.3514 + 1/3) =
+    0.8021, the liar (2/3) / (1 + 2/3) = 0.4.
     """
     model = make_trust_model("zhang-cohen", lam=0.5)
     tor, top = read(model, play(model, [[1], [1], [0]]))

@@ -50,7 +50,9 @@ def test_the_fit_is_the_maximum_of_the_likelihood():
 def test_how_many_frames_are_drawn_does_not_change_the_fit(calibration_set):
     margins, labels = calibration_set
     np.testing.assert_allclose(
-        fit_calibration(margins, labels), fit_calibration(np.tile(margins, 5), np.tile(labels, 5)), rtol=1e-6
+        fit_calibration(margins, labels),
+        fit_calibration(np.tile(margins, 5), np.tile(labels, 5)),
+        rtol=1e-6,
     )
 
 
@@ -83,7 +85,13 @@ def test_frames_with_nothing_in_them():
 def test_probability_falls_with_quality():
     scene = RenderedScene(0)
     means = [
-        np.mean([seen(degrade(scene.frame(c, t), q, (c, k))) for c in range(3) for k, t in enumerate(range(3))])
+        np.mean(
+            [
+                seen(degrade(scene.frame(c, t), q, (c, k)))
+                for c in range(3)
+                for k, t in enumerate(range(3))
+            ]
+        )
         for q in (1.0, 0.6, 0.5, 0.4, 0.0)
     ]
     assert means == sorted(means, reverse=True)

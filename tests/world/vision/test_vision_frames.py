@@ -28,7 +28,9 @@ def write_video(path, seconds, width=320, height=240, codec="MJPG"):
 
 def write_images(folder, count):
     for k in range(count):
-        cv2.imwrite(str(folder / f"{k:03}.png"), np.full((90, 160, 3), (0, 0, 10 * k), np.uint8))  # red, in BGR
+        cv2.imwrite(
+            str(folder / f"{k:03}.png"), np.full((90, 160, 3), (0, 0, 10 * k), np.uint8)
+        )  # red, in BGR
     (folder / "notes.txt").write_text("not an image")
     return folder
 
@@ -51,7 +53,9 @@ def test_a_video_just_as_long_as_the_run_will_do(tmp_path):
 
 
 def test_a_video_that_ends_early_is_refused_up_front(tmp_path):
-    with pytest.raises(FramesError, match=r"walk\.avi lasts 1\.0 s and ends before the run, which lasts 2\.0 s"):
+    with pytest.raises(
+        FramesError, match=r"walk\.avi lasts 1\.0 s and ends before the run, which lasts 2\.0 s"
+    ):
         opened(write_video(tmp_path / "walk.avi", 1.0))
 
 
@@ -60,7 +64,8 @@ def test_a_video_that_lied_about_its_length_is_refused_where_it_ends(tmp_path):
     source = opened(path)
     source._count = 1000  # what a broken header would promise
     with pytest.raises(
-        FramesError, match=r"ends after 30 of 1000 frames \(3\.0 s\), but the run needs a frame at 5\.0 s"
+        FramesError,
+        match=r"ends after 30 of 1000 frames \(3\.0 s\), but the run needs a frame at 5\.0 s",
     ):
         source.frame(0, 5.0, 0.0)
 
@@ -73,11 +78,14 @@ def test_a_file_that_is_no_video(tmp_path):
 
 
 def test_a_broken_video_is_one_error_and_no_line_of_ffmpeg(tmp_path):
-    # In a process of its own: what OpenCV and ffmpeg say goes past Python, and how much is settled once.
+    # In a process of its own: what OpenCV and ffmpeg say goes past Python, and how much is settled
+    # once.
     whole = tmp_path / "whole.mp4"
     with imageio.get_writer(whole, fps=FPS, macro_block_size=1, ffmpeg_log_level="quiet") as film:
         for k in range(30):
-            film.append_data(np.random.default_rng(k).integers(0, 256, (240, 320, 3), dtype=np.uint8))
+            film.append_data(
+                np.random.default_rng(k).integers(0, 256, (240, 320, 3), dtype=np.uint8)
+            )
     data = bytearray(whole.read_bytes())
     (tmp_path / "cut.mp4").write_bytes(data[: len(data) // 2])
     at = slice(len(data) // 3, len(data) // 3 + 20_000)
@@ -91,10 +99,14 @@ def test_a_broken_video_is_one_error_and_no_line_of_ffmpeg(tmp_path):
         "    except FramesError as error: print(error)"
     )
     films = [str(tmp_path / f"{name}.mp4") for name in ("cut", "bad", "whole")]
-    run = subprocess.run([sys.executable, "-c", code, *films], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", code, *films], capture_output=True, text=True, check=True
+    )
     assert run.stderr == ""
     for said, (name, fault) in zip(
-        run.stdout.splitlines(), (("cut.mp4", "cannot be opened"), ("bad.mp4", "of 30 frames")), strict=True
+        run.stdout.splitlines(),
+        (("cut.mp4", "cannot be opened"), ("bad.mp4", "of 30 frames")),
+        strict=True,
     ):
         assert name in said
         assert fault in said
@@ -117,9 +129,13 @@ def test_a_video_that_is_looped_begins_again(tmp_path):
 @pytest.mark.parametrize("count", [0, -1, 30])
 def test_a_run_without_an_end_needs_frames_without_one(count, monkeypatch, tmp_path):
     (tmp_path / "walk.avi").write_bytes(b"")
-    capture = SimpleNamespace(isOpened=lambda: True, get={cv2.CAP_PROP_FPS: 10.0, cv2.CAP_PROP_FRAME_COUNT: count}.get)
+    capture = SimpleNamespace(
+        isOpened=lambda: True, get={cv2.CAP_PROP_FPS: 10.0, cv2.CAP_PROP_FRAME_COUNT: count}.get
+    )
     monkeypatch.setattr(cv2, "VideoCapture", lambda _: capture)
-    with pytest.raises(FramesError, match=r"walk.avi .* has no end; loop it, or give the run an end"):
+    with pytest.raises(
+        FramesError, match=r"walk.avi .* has no end; loop it, or give the run an end"
+    ):
         opened(tmp_path / "walk.avi", duration_s=inf)
     opened(tmp_path / "walk.avi", duration_s=inf, loop=True)
 
@@ -135,10 +151,14 @@ def test_an_image_folder_that_is_looped_begins_again(tmp_path):
     source = opened(write_images(tmp_path, 3), loop=True)
     assert source.loop_length_s == 1.5
     for k in (2, 3, 10):
-        np.testing.assert_allclose(source.frame(1, 0.5 * k, 0.0).mean((0, 1)), (10 * (k % 3), 0, 0), atol=1)
+        np.testing.assert_allclose(
+            source.frame(1, 0.5 * k, 0.0).mean((0, 1)), (10 * (k % 3), 0, 0), atol=1
+        )
 
 
-@pytest.mark.parametrize(("source", "named"), [(None, "the rendered scene"), (3, "camera 3"), ("3", "camera 3")])
+@pytest.mark.parametrize(
+    ("source", "named"), [(None, "the rendered scene"), (3, "camera 3"), ("3", "camera 3")]
+)
 def test_what_has_no_end_is_not_looped(source, named):
     with pytest.raises(FramesError, match=f"{named} cannot be looped"):
         opened(source, loop=True)
@@ -156,7 +176,10 @@ def test_image_folders_that_will_not_do(tmp_path):
     with pytest.raises(FramesError, match=r"holds no images; allowed are .*\.png"):
         opened(tmp_path)
     write_images(tmp_path, 3)
-    with pytest.raises(FramesError, match="holds 3 images, one for each round, and ends before the run, which has 4"):
+    with pytest.raises(
+        FramesError,
+        match="holds 3 images, one for each round, and ends before the run, which has 4",
+    ):
         opened(tmp_path)
     (tmp_path / "000.png").write_text("broken")
     with pytest.raises(FramesError, match=r"000\.png cannot be read"):
@@ -170,7 +193,9 @@ def test_frames_too_narrow_for_the_detector(tmp_path):
 
 
 def test_what_does_not_exist():
-    with pytest.raises(FramesError, match=r"'no/such/walk\.mp4' do not exist; allowed are a video file, a folder"):
+    with pytest.raises(
+        FramesError, match=r"'no/such/walk\.mp4' do not exist; allowed are a video file, a folder"
+    ):
         opened("no/such/walk.mp4")
 
 
@@ -201,7 +226,9 @@ def test_a_video_of_the_scene_gets_the_ratings_of_the_scene(tmp_path):
     rendered = HogService(2, 1, period_s=0.5, max_cycles=3)
     noise = np.random.default_rng(0).standard_normal((2, 1))
     for k in range(3):
-        np.testing.assert_array_equal(recorded.perceive([1.0], 0.0, k, noise), rendered.perceive([1.0], 0.0, k, noise))
+        np.testing.assert_array_equal(
+            recorded.perceive([1.0], 0.0, k, noise), rendered.perceive([1.0], 0.0, k, noise)
+        )
 
 
 class OneCamera:

@@ -70,7 +70,10 @@ def test_quality_one_is_untouched_and_zero_is_a_covered_lens(scene):
 def test_degrading_is_smooth_and_seeded(scene):
     frame = scene.frame(0, 2.0)
     kept = frame.copy()
-    changes = [np.abs(degrade(frame, q, (1,)).astype(float) - frame).mean() for q in (0.999, 0.9, 0.7, 0.5, 0.2, 0.0)]
+    changes = [
+        np.abs(degrade(frame, q, (1,)).astype(float) - frame).mean()
+        for q in (0.999, 0.9, 0.7, 0.5, 0.2, 0.0)
+    ]
     assert changes[0] < 2
     assert changes == sorted(changes)
     np.testing.assert_array_equal(degrade(frame, 0.5, (1, 2)), degrade(frame, 0.5, (1, 2)))

@@ -35,7 +35,9 @@ def test_honest_and_calm_every_rater_is_sure_and_raters_differ_slightly(service)
 
 
 def test_a_fast_target_is_a_dip_for_every_camera(service):
-    seen = np.stack([service.perceive(CALM[0], 1.0, k, noise(k, 3, 3)) for k in range(36, 60, 3)]).mean((0, 1))
+    seen = np.stack(
+        [service.perceive(CALM[0], 1.0, k, noise(k, 3, 3)) for k in range(36, 60, 3)]
+    ).mean((0, 1))
     assert (seen > 0.1).all()
     assert (seen < 0.8).all()
 
@@ -99,9 +101,11 @@ def test_more_providers_than_the_paper_has():
 
 
 def test_a_round_of_nine_takes_little_more_than_opencvs_own_nine_detections(service):
-    """In processor time of one core, the least of each, so that other work on the machine counts little.
+    """In processor time of one core, the least of each, so that other work on the machine counts
+    little.
 
-    The reference is the detector as OpenCV has it by default, on nine frames of the size that the service searches.
+    The reference is the detector as OpenCV has it by default, on nine frames of the size that the
+    service searches.
     """
     hog = cv2.HOGDescriptor()
     hog.setSVMDetector(cv2.HOGDescriptor.getDefaultPeopleDetector())

@@ -1,4 +1,6 @@
-"""The pace of rounds on this machine: how long the work of a round takes, and whether rounds keep up."""
+"""The pace of rounds on this machine: how long the work of a round takes, and whether rounds keep
+up.
+"""
 
 import time
 from collections.abc import Sequence
@@ -20,7 +22,9 @@ _LATE = 3  # rounds until one is certainly closed
 
 
 def work_s(raters: int, providers: int) -> float:
-    """Return the longest time in seconds, of a few trials, that raters took for the pictures of all providers."""
+    """Return the longest time in seconds, of a few trials, that raters took for the pictures of all
+    providers.
+    """
     cv2.setNumThreads(1)  # as in the nodes
     frame = open_frames(None, duration_s=1.0, period_s=1.0, loop=False).frame(0, 0.0, 0.0)
     taken_s = []
@@ -38,7 +42,8 @@ def work_s(raters: int, providers: int) -> float:
 
 
 def incomplete(entries: Sequence[JournalEntry], timeline: Timeline, now: int) -> int:
-    """Return how many of the last `WINDOW` rounds lack a rater, or were not closed at all; 0 before so many rounds.
+    """Return how many of the last `WINDOW` rounds lack a rater, or were not closed at all; 0 before
+    so many rounds.
 
     Args:
         entries: Rounds in the journal.

@@ -11,7 +11,9 @@ from roletrust_env.interrupts import without_interrupts
 from roletrust_env.live import clock
 from roletrust_env.live.nodes.run_loop import run_with_parent
 
-_NODES = [f"roletrust_env.live.nodes.{name}" for name in ("agent_nodes", "manager_node", "recorder_node")]
+_NODES = [
+    f"roletrust_env.live.nodes.{name}" for name in ("agent_nodes", "manager_node", "recorder_node")
+]
 _READY_S = 120.0  # time for a process to start, even on a busy machine
 _STOP_S = 20.0  # time for a process to end, even on a busy machine
 
@@ -19,7 +21,9 @@ Run = Callable[..., object]
 
 
 def node_context() -> Any:
-    """Return a context of `multiprocessing` whose processes start quickly: each is a copy of one with all modules."""
+    """Return a context of `multiprocessing` whose processes start quickly: each is a copy of one
+    with all modules.
+    """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
@@ -37,7 +41,8 @@ class NodeProcesses:
 
     They also end if the process that started them is killed.
 
-    Each process runs a function until SIGTERM. It reports that it is ready once the function's module is imported.
+    Each process runs a function until SIGTERM. It reports that it is ready once the function's
+    module is imported.
     """
 
     def __init__(self) -> None:
@@ -46,7 +51,9 @@ class NodeProcesses:
         self._ready: set[str] = set()
 
     def start(self, name: str, run: Run, /, **arguments: Any) -> None:
-        """Start a process that waits for `begin`, and then calls `run` with the arguments of both."""
+        """Start a process that waits for `begin`, and then calls `run` with the arguments of
+        both.
+        """
         here, there = self._context.Pipe()
         process = self._context.Process(
             target=run_with_parent, args=(_run_child, there, run, arguments), name=name, daemon=True
@@ -121,7 +128,10 @@ class NodeProcesses:
             process.kill()
         if failure is None:
             if late:
-                raise ValueError(f"{', '.join(late)} did not stop within {_STOP_S:g} s, and may have lost something")
+                raise ValueError(
+                    f"{', '.join(late)} did not stop within {_STOP_S:g} s, and may have lost "
+                    "something"
+                )
             self.check(*self.names)
 
 

@@ -9,24 +9,37 @@ from rich.markup import escape
 
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.scenario_files import printable, write_scenario
-from roletrust_experiments.commands.console import console, errors, number_table, progress_bar, stage, tell, tracked
+from roletrust_experiments.commands.console import (
+    console,
+    errors,
+    number_table,
+    progress_bar,
+    stage,
+    tell,
+    tracked,
+)
 from roletrust_experiments.commands.extras import require, require_live
 from roletrust_experiments.commands.live.options import Keys, Network
 
 
 def record(
     folder: Annotated[Path, typer.Argument(help="New folder.")],
-    images: Annotated[bool, typer.Option("--images/--no-images", help="Whether to record the pictures.")] = True,
+    images: Annotated[
+        bool, typer.Option("--images/--no-images", help="Whether to record the pictures.")
+    ] = True,
     network: Network = False,
     recover: Annotated[
         Path | None,
-        typer.Option(metavar="PATH", help="Damaged recording whose readable messages are saved; no new ones are."),
+        typer.Option(
+            metavar="PATH",
+            help="Damaged recording whose readable messages are saved; no new ones are.",
+        ),
     ] = None,
 ) -> None:
     """Record [bold]all messages[/] until Ctrl-C, as MCAP in the format of `ros2 bag`.
 
-    A recording whose process was killed lacks its index, and ordinary readers refuse it. With --recover, its readable
-    messages are written to a new folder.
+    A recording whose process was killed lacks its index, and ordinary readers refuse it. With
+    --recover, its readable messages are written to a new folder.
 
     [bold]Examples[/]
 
@@ -53,16 +66,18 @@ def scenario(
     keys: Keys = None,
     every: Annotated[float, typer.Option(help="Length of a round of a log, seconds.")] = 60.0,
     scale: Annotated[
-        tuple[float, float], typer.Option(help="Worst and best rating of a log.", metavar="WORST BEST")
+        tuple[float, float],
+        typer.Option(help="Worst and best rating of a log.", metavar="WORST BEST"),
     ] = (0.0, 1.0),
 ) -> None:
     """Make a [bold]scenario[/] from a recording, to train attackers against the recorded team.
 
-    The scenario has the rounds in which each agent was present, the share of lost ratings, the disturbances of all
-    services, the ability of each provider, and the bias and noise of each rater. A scenario cannot express everything,
-    and the command reports the rest: a rating that arrived too late counts as lost, and an agent that was absent for
-    a while is present throughout. Attackers are treated like other agents; an attack in less than a third of the
-    rounds hardly changes the estimates. A log, such as the export of a trust manager, is read as `roletrust rate
+    The scenario has the rounds in which each agent was present, the share of lost ratings, the
+    disturbances of all services, the ability of each provider, and the bias and noise of each
+    rater. A scenario cannot express everything, and the command reports the rest: a rating that
+    arrived too late counts as lost, and an agent that was absent for a while is present throughout.
+    Attackers are treated like other agents; an attack in less than a third of the rounds hardly
+    changes the estimates. A log, such as the export of a trust manager, is read as `roletrust rate
     --same-agents` reads it; raters that are silent in a round count as lost ratings.
 
     [bold]Examples[/]
@@ -92,7 +107,13 @@ def scenario(
             from roletrust_env.service.log_team import observe_log
 
             log = read_ratings(
-                recording, Columns(time="time"), scale=scale, same_agents=True, every=every, advance=advance, tell=tell
+                recording,
+                Columns(time="time"),
+                scale=scale,
+                same_agents=True,
+                every=every,
+                advance=advance,
+                tell=tell,
             )
             observation = observe_log(log, every)
         else:
@@ -102,7 +123,11 @@ def scenario(
         inferred = infer_scenario(observation, out.stem)
     write_scenario(out, inferred.scenario, inferred.names)
     table = number_table(
-        escape(f"{recording.name}, {inferred.scenario.max_cycles} rounds"), "with 95% intervals", "value", "from", "to"
+        escape(f"{recording.name}, {inferred.scenario.max_cycles} rounds"),
+        "with 95% intervals",
+        "value",
+        "from",
+        "to",
     )
     table.add_row("ratings that did not count", *_numbers(inferred.lost))
     for names, kind, values in (

@@ -8,14 +8,23 @@ import typer
 from roletrust_env import make_scenario
 from roletrust_experiments.commands.console import errors, tell
 from roletrust_experiments.commands.extras import require, require_live
-from roletrust_experiments.commands.live.options import Browser, Keys, Network, Port, Scenario, Speed
+from roletrust_experiments.commands.live.options import (
+    Browser,
+    Keys,
+    Network,
+    Port,
+    Scenario,
+    Speed,
+)
 
 
 def view(
     port: Port = 5006,
     url: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Show the agents of a trust manager, see `roletrust serve --store`."),
+        typer.Option(
+            metavar="URL", help="Show the agents of a trust manager, see `roletrust serve --store`."
+        ),
     ] = None,
     scenario: Scenario = "paper-3x3",
     keys: Keys = None,
@@ -23,10 +32,12 @@ def view(
     browser: Browser = True,
     network: Network = False,
 ) -> None:
-    """Show a running team [bold]in the browser[/]: trust, missing raters, refused ratings and the cameras' pictures.
+    """Show a running team [bold]in the browser[/]: trust, missing raters, refused ratings and the
+    cameras' pictures.
 
-    With --keys, the page shows nothing that is not signed, and counts what it refuses. With --url, it shows the
-    best providers of a trust manager. It can be opened on this machine only. It ends with Ctrl-C.
+    With --keys, the page shows nothing that is not signed, and counts what it refuses. With --url,
+    it shows the best providers of a trust manager. It can be opened on this machine only. It ends
+    with Ctrl-C.
 
     [bold]Examples[/]
 
@@ -40,7 +51,10 @@ def view(
     if url is not None:
         require("roletrust live view --url", "mcp", "httpx2", "jwt")
     elif keys is None:
-        tell("view: WITHOUT KEYS: everybody on this network can forge what the page shows", where=errors)
+        tell(
+            "view: WITHOUT KEYS: everybody on this network can forge what the page shows",
+            where=errors,
+        )
     rules = make_scenario(scenario)
     from roletrust_experiments.view.waiting import WaitingPage
 
@@ -52,7 +66,12 @@ def view(
         from roletrust_experiments.view.page import run_view_server, serve_until_signal
 
         if url is None:
-            settings: Any = {"team": Team.of(rules), "keys": keys, "speed": speed, "network": network}
+            settings: Any = {
+                "team": Team.of(rules),
+                "keys": keys,
+                "speed": speed,
+                "network": network,
+            }
             run_view_server(page.listening, rules.period_s / speed, take=page.leave, **settings)
             return
         from roletrust_env.service.manager_listener import ManagerListener

@@ -1,4 +1,5 @@
-"""A team of cameras, raters and a manager: `ros2 launch roletrust_nodes team.launch.py keys:=keys raters:=sr_0,sr_1`.
+"""A team of cameras, raters and a manager: `ros2 launch roletrust_nodes team.launch.py keys:=keys
+raters:=sr_0,sr_1`.
 
 The nodes are those of `roletrust live`, so the command `roletrust` must be in the path.
 """
@@ -24,7 +25,8 @@ PARAMETERS = {
 def generate_launch_description():
     """Return the description of the launch."""
     declared = [
-        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in PARAMETERS.items()
+        DeclareLaunchArgument(name, default_value=value, description=text)
+        for name, (value, text) in PARAMETERS.items()
     ]
     return LaunchDescription([*declared, OpaqueFunction(function=nodes)])
 
@@ -35,11 +37,21 @@ def nodes(context):
     shared = ["--scenario", given["scenario"], "--speed", given["speed"]]
     shared += ["--keys", given["keys"]] if given["keys"] else []
     shared += ["--network"] if given["network"] == "true" else []
-    commands = [["manager", given["journal"], "--model", given["model"]]] if given["journal"] else []
+    commands = (
+        [["manager", given["journal"], "--model", given["model"]]] if given["journal"] else []
+    )
     end = ["--rounds", given["rounds"]] if given["rounds"] else []
-    commands += [["agent", name, "--role", "provider", *end] for name in given["cameras"].split(",") if name]
-    commands += [["agent", name, "--role", "rater", *end] for name in given["raters"].split(",") if name]
+    commands += [
+        ["agent", name, "--role", "provider", *end] for name in given["cameras"].split(",") if name
+    ]
+    commands += [
+        ["agent", name, "--role", "rater", *end] for name in given["raters"].split(",") if name
+    ]
     return [
-        ExecuteProcess(cmd=["roletrust", "live", *command, *shared], name=command[1].replace("/", "_"), output="screen")
+        ExecuteProcess(
+            cmd=["roletrust", "live", *command, *shared],
+            name=command[1].replace("/", "_"),
+            output="screen",
+        )
         for command in commands
     ]

@@ -1,4 +1,6 @@
-"""Beta reputation: a provider's trust is the mean of the Beta distribution that follows from its ratings."""
+"""Beta reputation: a provider's trust is the mean of the Beta distribution that follows from its
+ratings.
+"""
 
 from typing import Annotated, NamedTuple
 
@@ -7,7 +9,15 @@ from roletrust_env.parameters import Share, Tail, checked_dataclass
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import between_quantiles, reputation
 from roletrust_env.trust.model import Published
-from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings, occurred
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Ratings,
+    occurred,
+)
 
 
 class BetaState(NamedTuple):
@@ -31,18 +41,20 @@ class Beta(Published):
         r[j] <- keep r[j] + sum over raters i of f[i, j],   s[j] <- keep s[j] + sum of 1 - f[i, j]
         T[j]  = (r[j] + 2 initial) / (r[j] + s[j] + 2)
 
-    Jøsang and Ismail, "The Beta Reputation System" (2002): a rating f is f of a success and 1 - f of a failure. Their
-    prior is uniform, here `initial` = 0.5; another value is the base rate of Jøsang's later papers. In the paper
-    evidence fades with every rating. Here the ratings of a round arrive together, and evidence fades once in each round
-    in which the provider is rated. The discounting of raters by their own reputation is left out, since only providers
-    are rated.
+    Jøsang and Ismail, "The Beta Reputation System" (2002): a rating f is f of a success and 1 - f
+    of a failure. Their prior is uniform, here `initial` = 0.5; another value is the base rate of
+    Jøsang's later papers. In the paper evidence fades with every rating. Here the ratings of a
+    round arrive together, and evidence fades once in each round in which the provider is rated. The
+    discounting of raters by their own reputation is left out, since only providers are rated.
 
-    Where ratings are K equally spaced levels f[1] = 0 to f[K] = 1, this is also Dirichlet reputation, Jøsang and Haller
-    (2007), with their prior weight C = 2 and equal base rates: the point estimate, the sum over the levels of
-    f[k] (R[k] + C / K) / (C + sum of R), where R[k] is the number of ratings of level k, faded.
+    Where ratings are K equally spaced levels f[1] = 0 to f[K] = 1, this is also Dirichlet
+    reputation, Jøsang and Haller (2007), with their prior weight C = 2 and equal base rates: the
+    point estimate, the sum over the levels of f[k] (R[k] + C / K) / (C + sum of R), where R[k] is
+    the number of ratings of level k, faded.
 
     Attributes:
-        keep: Share of the evidence of earlier rounds that is kept each round, in [0, 1]; 1 forgets nothing.
+        keep: Share of the evidence of earlier rounds that is kept each round, in [0, 1]; 1 forgets
+            nothing.
         initial: Trust before any rating, in [0, 1].
     """
 
@@ -72,12 +84,15 @@ class Beta(Published):
 
 
 def remaining(keep: float, ratings: Ratings) -> Array:
-    """Return the share of each provider's earlier evidence that is kept, shape (P, ...); 1 for an unrated provider."""
+    """Return the share of each provider's earlier evidence that is kept, shape (P, ...); 1 for an
+    unrated provider.
+    """
     return 1 - (1 - keep) * occurred(ratings.count(PROVIDER))
 
 
 _PASSES = 12
-"""Maximum number of filter passes. Each drops some raters and none drops all, so S - 1 suffice; 30 raters took 9."""
+"""Maximum number of filter passes. Each drops some raters and none drops all, so S - 1 suffice; 30
+raters took 9."""
 
 
 class BetaFilteredState(NamedTuple):
@@ -87,8 +102,8 @@ class BetaFilteredState(NamedTuple):
         successes: Evidence r, by rater and provider, shape (S, P, ...).
         failures: Evidence s, shape (S, P, ...).
         top: Trust of the providers, shape (P, ...): Beta reputation by the raters that count.
-        tor: Trust of the raters, shape (S, ...): share of the providers for which a rater counts, and `initial` if it
-            rated none.
+        tor: Trust of the raters, shape (S, ...): share of the providers for which a rater counts,
+            and `initial` if it rated none.
     """
 
     successes: Annotated[PerPair, AMOUNTS]
@@ -99,22 +114,26 @@ class BetaFilteredState(NamedTuple):
 
 @checked_dataclass
 class BetaFiltered(Published):
-    """Filtered Beta reputation: raters whose ratings make the overall mean too unlikely do not count.
+    """Filtered Beta reputation: raters whose ratings make the overall mean too unlikely do not
+    count.
 
-    Whitby, Jøsang and Indulska, "Filtering Out Unfair Ratings in Bayesian Reputation Systems" (2004). A rater's ratings
-    of a provider give Beta(1 + r, 1 + s). For each provider, the filter drops all raters whose distribution has its `q`
-    quantile above the aggregate mean or its 1 - `q` quantile below it. It repeats this with the mean of the remaining
-    raters until it drops no more, at most 12 times. Only crowds may need more. All raters take part again in the next
-    round.
+    Whitby, Jøsang and Indulska, "Filtering Out Unfair Ratings in Bayesian Reputation Systems"
+    (2004). A rater's ratings of a provider give Beta(1 + r, 1 + s). For each provider, the filter
+    drops all raters whose distribution has its `q` quantile above the aggregate mean or its 1 - `q`
+    quantile below it. It repeats this with the mean of the remaining raters until it drops no more,
+    at most 12 times. Only crowds may need more. All raters take part again in the next round.
 
-    Evidence is counted, fades and has a base rate as in `Beta`. Where no rater is dropped, the model equals `Beta`.
+    Evidence is counted, fades and has a base rate as in `Beta`. Where no rater is dropped, the
+    model equals `Beta`.
 
-    The paper leaves two things open. It has no trust in raters: here, that is the share of the providers rated by a
-    rater for which the filter did not drop it. And a pass that would drop all raters ends the filter and drops none: in
-    a crowd of over a hundred raters with perfect ratings, the mean is nearer to 1 than the upper quantile of any rater.
+    The paper leaves two things open. It has no trust in raters: here, that is the share of the
+    providers rated by a rater for which the filter did not drop it. And a pass that would drop all
+    raters ends the filter and drops none: in a crowd of over a hundred raters with perfect ratings,
+    the mean is nearer to 1 than the upper quantile of any rater.
 
     Attributes:
-        keep: Share of the evidence of earlier rounds that is kept each round, in [0, 1]; 1 forgets nothing.
+        keep: Share of the evidence of earlier rounds that is kept each round, in [0, 1]; 1 forgets
+            nothing.
         initial: Trust before any rating, in [0, 1].
         q: Probability that is cut off at either end of a rater's distribution, in [1e-6, 0.5).
     """
@@ -129,7 +148,9 @@ class BetaFiltered(Published):
     def start(self, like: Array) -> BetaFilteredState:
         """Return the state without evidence. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
-        return BetaFilteredState(nothing, nothing, nothing[0] + self.initial, nothing[:, 0, ...] + self.initial)
+        return BetaFilteredState(
+            nothing, nothing, nothing[0] + self.initial, nothing[:, 0, ...] + self.initial
+        )
 
     def update(self, state: BetaFilteredState, ratings: Ratings) -> BetaFilteredState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
@@ -140,23 +161,32 @@ class BetaFiltered(Published):
         successes = remains * state.successes + values
         failures = remains * state.failures + (count - values)
         heard, top = self._filter(pairs, successes, failures)
-        return BetaFilteredState(successes, failures, top, self._share_heard(pairs, heard, successes + failures))
+        return BetaFilteredState(
+            successes, failures, top, self._share_heard(pairs, heard, successes + failures)
+        )
 
     def _reputation(self, pairs: Ratings, heard: Array, successes: Array, failures: Array) -> Array:
         """Return the Beta reputation of each provider by the raters that count, shape (P, ...)."""
         return reputation(
-            pairs.reduce(heard * successes, PROVIDER), pairs.reduce(heard * failures, PROVIDER), self.initial
+            pairs.reduce(heard * successes, PROVIDER),
+            pairs.reduce(heard * failures, PROVIDER),
+            self.initial,
         )
 
     def _filter(self, pairs: Ratings, successes: Array, failures: Array) -> tuple[Array, Array]:
-        """Return 1 for each pair whose rater counts for the provider, 0 for the others; and the providers' trust."""
+        """Return 1 for each pair whose rater counts for the provider, 0 for the others; and the
+        providers' trust.
+        """
         xp = namespace(successes)
         is_likely = between_quantiles(self.q, 1 + successes, 1 + failures)
         evident = cast(successes + failures > 0, successes.dtype)
         heard = xp.ones_like(successes)
         mean = self._reputation(pairs, heard, successes, failures)
         for _ in range(min(pairs.shape[0] - 1, _PASSES)):
-            before, still = heard, heard * cast(is_likely(pairs.gather(mean, PROVIDER)), heard.dtype)
+            before, still = (
+                heard,
+                heard * cast(is_likely(pairs.gather(mean, PROVIDER)), heard.dtype),
+            )
             anyone = pairs.reduce(still * evident, PROVIDER) > 0
             heard = xp.where(pairs.gather(anyone, PROVIDER), still, heard)
             if not is_compiling(heard) and bool(xp.all(heard == before)):
@@ -165,8 +195,12 @@ class BetaFiltered(Published):
         return heard, mean
 
     def _share_heard(self, pairs: Ratings, heard: Array, evidence: Array) -> Array:
-        """Return the share of the providers rated by each rater for which it was not dropped, shape (S, ...)."""
+        """Return the share of the providers rated by each rater for which it was not dropped, shape
+        (S, ...).
+        """
         xp = namespace(heard)
         rated = cast(evidence > 0, heard.dtype)
         count = pairs.reduce(rated, RATER)
-        return xp.where(count > 0, pairs.reduce(heard * rated, RATER) / xp.clip(count, 1, None), self.initial)
+        return xp.where(
+            count > 0, pairs.reduce(heard * rated, RATER) / xp.clip(count, 1, None), self.initial
+        )

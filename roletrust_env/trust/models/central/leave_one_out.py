@@ -1,4 +1,6 @@
-"""Leave-one-out trust: each rater is compared with the others, and has one voice about each provider."""
+"""Leave-one-out trust: each rater is compared with the others, and has one voice about each
+provider.
+"""
 
 from typing import Annotated, NamedTuple
 
@@ -8,7 +10,16 @@ from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
 from roletrust_env.trust.algorithms import lower_median, safe_power
 from roletrust_env.trust.model import Published
 from roletrust_env.trust.models.central.beta_reputation import remaining
-from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    TINY,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Ratings,
+    weighted_mean,
+)
 
 
 class LeaveOneOutState(NamedTuple):
@@ -28,7 +39,8 @@ class LeaveOneOutState(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """The comparison of each rater with the others, in one round. Ratings are means of a pair, less `initial`.
+    """The comparison of each rater with the others, in one round. Ratings are means of a pair, less
+    `initial`.
 
     Attributes:
         above: Mean rating x of each pair, shape (S, P, ...).
@@ -49,38 +61,42 @@ class Compared(NamedTuple):
 
 @checked_dataclass
 class LeaveOneOut(Published):
-    """Leave-one-out trust: a rater is trusted as far as it agrees with the others, a provider as trusted raters say.
+    """Leave-one-out trust: a rater is trusted as far as it agrees with the others, a provider as
+    trusted raters say.
 
-        s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1        f and 1 only where i rated j
-        x[i, j]  = s[i, j] / n[i, j],   v[i, j] = n[i, j] / (1 + limit n[i, j]),   w[i, j] = v[i, j] ToR[i]
-        m[j]     = sum over i of w[i, j] x[i, j] / sum of w[i, j]
-        b        = initial - modesty max(initial - median over the rated providers j of m[j], 0)
-        c[i, j]  = (prior b + sum over k of w[k, j] x[k, j]) / (prior + W[i, j]),   W[i, j] = sum over k of w[k, j],
+        s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1        f and 1 only where i
+        rated j x[i, j]  = s[i, j] / n[i, j],   v[i, j] = n[i, j] / (1 + limit n[i, j]),   w[i, j] =
+        v[i, j] ToR[i] m[j]     = sum over i of w[i, j] x[i, j] / sum of w[i, j] b        = initial
+        - modesty max(initial - median over the rated providers j of m[j], 0) c[i, j]  = (prior b +
+        sum over k of w[k, j] x[k, j]) / (prior + W[i, j]),   W[i, j] = sum over k of w[k, j],
                    both without i itself, or with the share `own` of its weight
-        e[i, j]  = v[i, j] W[i, j] / (W[i, j] + prior)
-        ToR[i]   = ((doubt + sum over j of e[i, j] (1 - |x[i, j] - c[i, j]|)) / (1 + sum over j of e[i, j]))^power
-        ToP[j]   = (prior b + sum over i of w[i, j] x[i, j]) / (prior + sum over i of w[i, j])
+        e[i, j]  = v[i, j] W[i, j] / (W[i, j] + prior) ToR[i]   = ((doubt + sum over j of e[i, j] (1
+        - |x[i, j] - c[i, j]|)) / (1 + sum over j of e[i, j]))^power ToP[j]   = (prior b + sum over
+        i of w[i, j] x[i, j]) / (prior + sum over i of w[i, j])
 
-    ToR is of the raters of the round; others keep theirs. ToP has w and b with ToR as just updated. The ratings of a
-    provider fade in each round in which it is rated. The median is the upper of two.
+    ToR is of the raters of the round; others keep theirs. ToP has w and b with ToR as just updated.
+    The ratings of a provider fade in each round in which it is rated. The median is the upper of
+    two.
 
-    - `own`: A rater is not compared with itself. A rating that is alone is no evidence for its rater, since nobody else
-      was there. With 1 the rater is in the view that it is compared with.
-    - `limit`: A pair has one voice of at most 1 / limit, however often the rater repeats itself. With 0 every rating is
-      a voice.
-    - `modesty`: The prior is no higher than the median provider, so that nobody outranks more than half of the rated
-      providers by being unrated. With 0 the prior is `initial`.
-    - `power`: A rater that is somewhat further from the others counts for far less. With 0 all raters count alike, and
-      their trust is 1.
+    - `own`: A rater is not compared with itself. A rating that is alone is no evidence for its
+      rater, since nobody else was there. With 1 the rater is in the view that it is compared with.
+    - `limit`: A pair has one voice of at most 1 / limit, however often the rater repeats itself.
+      With 0 every rating is a voice.
+    - `modesty`: The prior is no higher than the median provider, so that nobody outranks more than
+      half of the rated providers by being unrated. With 0 the prior is `initial`.
+    - `power`: A rater that is somewhat further from the others counts for far less. With 0 all
+      raters count alike, and their trust is 1.
     - `keep`: Old ratings fade. With 1 none is forgotten.
     - `prior`: Few ratings move trust little.
 
     Attributes:
         initial: Trust in a provider before any rating, in [0, 1].
-        keep: Share of a rating's weight that remains when its provider is rated in another round, in [0, 1].
+        keep: Share of a rating's weight that remains when its provider is rated in another round,
+            in [0, 1].
         prior: Number of voices that the prior counts, at least 0.001.
         power: Exponent that turns agreement into trust in a rater, in [0, 8].
-        doubt: Agreement of a rater that was compared with nobody, in [0, 1]; it counts as one comparison.
+        doubt: Agreement of a rater that was compared with nobody, in [0, 1]; it counts as one
+            comparison.
         own: Share of a rater's own weight in the view that it is compared with, in [0, 1].
         limit: Inverse of the largest weight of a pair, in [0, 1].
         modesty: Share of the way from `initial` down to the median provider, in [0, 1].
@@ -116,16 +132,22 @@ class LeaveOneOut(Published):
         # The view of the others: all weights and ratings of a provider, less the rater's own.
         own, apart = (1 - self.own) * weights, above - base
         heard = xp.clip(pairs.gather(pairs.reduce(weights, PROVIDER), PROVIDER) - own, 0.0, None)
-        view = (pairs.gather(pairs.reduce(weights * apart, PROVIDER), PROVIDER) - own * apart) / (heard + self.prior)
+        view = (pairs.gather(pairs.reduce(weights * apart, PROVIDER), PROVIDER) - own * apart) / (
+            heard + self.prior
+        )
         evidence = voice * heard / (heard + self.prior)
         agreed = self.doubt + pairs.reduce(evidence * (1 - abs(apart - view)), RATER)
         agreement = xp.clip(agreed / (1 + pairs.reduce(evidence, RATER)), 0.0, 1.0)
         compared = Compared(above, apart, view, voice, evidence, agreement)
         tor = xp.where(ratings.rated(RATER), self.believed(pairs, compared), state.tor)
-        return LeaveOneOutState(tor, self._trust(pairs, above, voice, voice * pairs.gather(tor, RATER)), sums, counts)
+        return LeaveOneOutState(
+            tor, self._trust(pairs, above, voice, voice * pairs.gather(tor, RATER)), sums, counts
+        )
 
     def believed(self, pairs: Ratings, compared: Compared) -> Array:
-        """Return the trust of each rater of the round from its comparison with the others, shape (S, ...)."""
+        """Return the trust of each rater of the round from its comparison with the others, shape
+        (S, ...).
+        """
         return safe_power(compared.agreement, self.power)
 
     def _base(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
@@ -134,7 +156,11 @@ class LeaveOneOut(Published):
         return self.modesty * lower_median(pairs, mean, pairs.reduce(voice, PROVIDER) > 0)
 
     def _trust(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
-        """Return ToP, shape (P, ...), from the ratings less `initial` and the weights of the pairs."""
+        """Return ToP, shape (P, ...), from the ratings less `initial` and the weights of the
+        pairs.
+        """
         xp, base = namespace(above), self._base(pairs, above, voice, weights)
         said = pairs.reduce(weights * above, PROVIDER) + self.prior * base
-        return xp.clip(self.initial + said / (pairs.reduce(weights, PROVIDER) + self.prior), 0.0, 1.0)
+        return xp.clip(
+            self.initial + said / (pairs.reduce(weights, PROVIDER) + self.prior), 0.0, 1.0
+        )

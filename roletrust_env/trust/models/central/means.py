@@ -1,4 +1,6 @@
-"""Means of each provider's ratings, smoothed over the rounds: plain, weighted by agreement, robust; and the control."""
+"""Means of each provider's ratings, smoothed over the rounds: plain, weighted by agreement, robust;
+and the control.
+"""
 
 from abc import ABC, abstractmethod
 
@@ -31,7 +33,8 @@ class Smoothed(Published):
 
 @checked_dataclass
 class Constant(Published):
-    """Control: all agents keep the initial trust, so no attack does harm and no choice by trust is informed.
+    """Control: all agents keep the initial trust, so no attack does harm and no choice by trust is
+    informed.
 
     Attributes:
         initial: Trust of all agents, in [0, 1].
@@ -55,12 +58,16 @@ class Constant(Published):
 
 @checked_dataclass
 class Mean(Smoothed):
-    """Undefended baseline: exponential mean of a provider's average rating, in which all raters count alike."""
+    """Undefended baseline: exponential mean of a provider's average rating, in which all raters
+    count alike.
+    """
 
     rates_raters = False
 
     def start(self, like: Array) -> Trusts:
-        """Return the initial trust of the providers, and 1 for every rater. See `TrustModel.start`."""
+        """Return the initial trust of the providers, and 1 for every rater. See
+        `TrustModel.start`.
+        """
         nobody, top = super().start(like)
         return Trusts(0 * nobody + 1, top)
 
@@ -72,14 +79,15 @@ class Mean(Smoothed):
 
 @checked_dataclass
 class DeviationWeighted(Smoothed):
-    """Deviation-weighted mean: the less a rater has deviated from the average rating, the more it counts.
+    """Deviation-weighted mean: the less a rater has deviated from the average rating, the more it
+    counts.
 
-        fbar[j] = mean over the raters i of j of f[i, j]
-        R[i]   <- lam (1 - mean over the providers j that i rated of |f[i, j] - fbar[j]|) + (1 - lam) R[i]
-        T[j]   <- lam (sum over the raters i of j of R[i] f[i, j] / sum of R[i]) + (1 - lam) T[j],   R as just updated
+        fbar[j] = mean over the raters i of j of f[i, j] R[i]   <- lam (1 - mean over the providers
+        j that i rated of |f[i, j] - fbar[j]|) + (1 - lam) R[i] T[j]   <- lam (sum over the raters i
+        of j of R[i] f[i, j] / sum of R[i]) + (1 - lam) T[j],   R as just updated
 
-    The literature has many models of this kind, such as that of Liu et al. (2011). This one claims to match none of
-    them, and is named for what it does.
+    The literature has many models of this kind, such as that of Liu et al. (2011). This one claims
+    to match none of them, and is named for what it does.
     """
 
     def update(self, state: Trusts, ratings: Ratings) -> Trusts:
@@ -88,19 +96,23 @@ class DeviationWeighted(Smoothed):
         distance = mean(ratings, abs(ratings.values - ratings.gather(average, PROVIDER)), RATER)
         tor = smooth(1 - distance, state.tor, self.lam, ratings.count(RATER))
         # A rating is nearer than 1 to an average that includes it, so weights are above 0.
-        quality = weighted_mean(ratings, ratings.values, ratings.weigh(ratings.gather(tor, RATER)), PROVIDER)
+        quality = weighted_mean(
+            ratings, ratings.values, ratings.weigh(ratings.gather(tor, RATER)), PROVIDER
+        )
         return Trusts(tor, smooth(quality, state.top, self.lam, ratings.count(PROVIDER)))
 
 
 def middle_mean(ratings: Ratings, cut: Array) -> Array:
-    """Return the mean of each provider's n ratings after cutting some of the lowest and as many of the highest.
+    """Return the mean of each provider's n ratings after cutting some of the lowest and as many of
+    the highest.
 
-    A rating may be cut in part and then counts with the rest of its weight. With (n - 1) / 2 cut per side, the mean is
-    the median.
+    A rating may be cut in part and then counts with the rest of its weight. With (n - 1) / 2 cut
+    per side, the mean is the median.
 
     Args:
         ratings: Ratings of the round.
-        cut: Number of ratings to cut per side, shape (P, ...) or one number, less than n / 2 where n > 0.
+        cut: Number of ratings to cut per side, shape (P, ...) or one number, less than n / 2 where
+            n > 0.
 
     Returns:
         Shape (P, ...); 0 where there are no ratings.
@@ -109,26 +121,33 @@ def middle_mean(ratings: Ratings, cut: Array) -> Array:
     pairs, values, place = ratings.sorted_by_provider()
     above, below = (pairs.gather(edge, PROVIDER) - place for edge in (count - cut, cut))
     weights = xp.clip(above, 0, 1) - xp.clip(below, 0, 1)
-    return weighted_mean(pairs, xp.where(place < pairs.gather(count, PROVIDER), values, 0.0), weights, PROVIDER)
+    return weighted_mean(
+        pairs, xp.where(place < pairs.gather(count, PROVIDER), values, 0.0), weights, PROVIDER
+    )
 
 
 def median(ratings: Ratings) -> Array:
-    """Return the median of each provider's ratings, shape (P, ...); of an even number, the mean of the middle two."""
+    """Return the median of each provider's ratings, shape (P, ...); of an even number, the mean of
+    the middle two.
+    """
     return middle_mean(ratings, (ratings.count(PROVIDER) - 1) / 2)
 
 
 @checked_dataclass
 class ByCentre(Smoothed, ABC):
-    """Base of trust models that are defined by a centre of each provider's ratings. Both trusts follow from it.
+    """Base of trust models that are defined by a centre of each provider's ratings. Both trusts
+    follow from it.
 
-    centre[j] = the model's own, of f[i, j] over the raters i of j
-    T[j]     <- lam centre[j] + (1 - lam) T[j]
-    R[i]     <- lam (1 - mean over the providers j that i rated of |f[i, j] - centre[j]|) + (1 - lam) R[i]
+    centre[j] = the model's own, of f[i, j] over the raters i of j T[j]     <- lam centre[j] + (1 -
+    lam) T[j] R[i]     <- lam (1 - mean over the providers j that i rated of |f[i, j] - centre[j]|)
+    + (1 - lam) R[i]
     """
 
     @abstractmethod
     def centre(self, ratings: Ratings) -> Array:
-        """Return the centre of each provider's ratings, shape (P, ...), in [0, 1] also for an unrated provider."""
+        """Return the centre of each provider's ratings, shape (P, ...), in [0, 1] also for an
+        unrated provider.
+        """
 
     def update(self, state: Trusts, ratings: Ratings) -> Trusts:
         """Return the state after one round of ratings. See `TrustModel.update`."""
@@ -146,7 +165,9 @@ class Median(ByCentre):
     """
 
     source = "Huber (1981)"
-    differentiable = False  # the middle rating changes from one rater to another, and the others have no slope
+    differentiable = (
+        False  # the middle rating changes from one rater to another, and the others have no slope
+    )
     cost = "S log S P"
 
     def centre(self, ratings: Ratings) -> Array:
@@ -156,11 +177,12 @@ class Median(ByCentre):
 
 @checked_dataclass
 class TrimmedMean(ByCentre):
-    """Trimmed mean: a share of the lowest ratings of a provider and as many of the highest do not count.
+    """Trimmed mean: a share of the lowest ratings of a provider and as many of the highest do not
+    count.
 
-    Exactly `share` n of n ratings are cut per side, so a rating at the edge may count in part. Rounded down to a whole
-    number, a quarter of three raters would be none. The model is robust up to a share of liars of `share`. Smoothing
-    and the trust of raters are those of `ByCentre`.
+    Exactly `share` n of n ratings are cut per side, so a rating at the edge may count in part.
+    Rounded down to a whole number, a quarter of three raters would be none. The model is robust up
+    to a share of liars of `share`. Smoothing and the trust of raters are those of `ByCentre`.
 
     Attributes:
         share: Share of the ratings that is cut per side, in [0, 0.5).
@@ -179,24 +201,27 @@ class TrimmedMean(ByCentre):
 STEPS = 30
 """Number of reweighting steps.
 
-Of up to 15 ratings drawn at random, the centre is then within 5e-5 of its fixed point. It is further away where few
-ratings lie between two large camps: up to 6e-2 was seen with 100 raters.
+Of up to 15 ratings drawn at random, the centre is then within 5e-5 of its fixed point. It is
+further away where few ratings lie between two large camps: up to 6e-2 was seen with 100 raters.
 """
 
 
 @checked_dataclass
 class HuberMean(ByCentre):
-    """Huber mean: ratings near a provider's centre count in full, and others less the further away they are.
+    """Huber mean: ratings near a provider's centre count in full, and others less the further away
+    they are.
 
     Huber (1964), with a fixed width in place of an estimated scale, since ratings have one already:
 
-        centre = sum over raters i of w[i] f[i] / sum of w[i],   w[i] = min(1, width / |f[i] - centre|)
+        centre = sum over raters i of w[i] f[i] / sum of w[i],   w[i] = min(1, width / |f[i] -
+        centre|)
 
-    The centre is computed by 30 such steps from the median, see `STEPS` for how near they come. Smoothing and the trust
-    of raters are those of `ByCentre`.
+    The centre is computed by 30 such steps from the median, see `STEPS` for how near they come.
+    Smoothing and the trust of raters are those of `ByCentre`.
 
     Attributes:
-        width: Distance from the centre up to which a rating counts in full, above 0; from 1 on, this is the mean.
+        width: Distance from the centre up to which a rating counts in full, above 0; from 1 on,
+            this is the mean.
     """
 
     width: PositiveAmount = 0.1

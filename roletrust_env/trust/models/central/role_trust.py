@@ -7,7 +7,17 @@ from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import provider_quality, rater_quality
 from roletrust_env.trust.model import Published
-from roletrust_env.trust.ratings import PROVIDER, RATER, PairAge, PerPair, PerProvider, PerRater, Ratings, aged, smooth
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    PairAge,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Ratings,
+    aged,
+    smooth,
+)
 
 
 class RoleTrustState(NamedTuple):
@@ -18,7 +28,8 @@ class RoleTrustState(NamedTuple):
         top: Trust of the providers, ToP, shape (P, ...).
         last: Last rating that i gave j, shape (S, P, ...).
         elapsed: Number of service periods since then, shape (S, P, ...), 0 where i never rated j.
-        full: Whether every rater rated every provider in the last round, so that `elapsed` is 1 everywhere.
+        full: Whether every rater rated every provider in the last round, so that `elapsed` is 1
+            everywhere.
     """
 
     tor: Annotated[PerRater, SHARES]
@@ -30,10 +41,12 @@ class RoleTrustState(NamedTuple):
 
 @checked_dataclass
 class RoleTrust(Published):
-    """Role-based trust: raters by their distance to the average rating, providers by good, steady, trusted ratings.
+    """Role-based trust: raters by their distance to the average rating, providers by good, steady,
+    trusted ratings.
 
-    Su and Saint-Jore (EWSN 2023), Algorithms 1 and 2. The game computes an agent's ToA (Algorithm 3) from the two
-    read-outs, since only the game knows which rater and which provider are one agent.
+    Su and Saint-Jore (EWSN 2023), Algorithms 1 and 2. The game computes an agent's ToA (Algorithm
+    3) from the two read-outs, since only the game knows which rater and which provider are one
+    agent.
 
     Attributes:
         lam: Weight of the newest round, in [0.5, 1), for raters and providers alike.
@@ -47,7 +60,9 @@ class RoleTrust(Published):
     local = True
 
     def start(self, like: Array) -> RoleTrustState:
-        """Return the state before any rating, with initial trust for all. See `TrustModel.start`."""
+        """Return the state before any rating, with initial trust for all. See
+        `TrustModel.start`.
+        """
         xp = namespace(like)
         last, elapsed = xp.zeros_like(like), xp.zeros_like(like)
         return RoleTrustState(last[:, 0, ...] + self.initial, last[0] + self.initial, last, elapsed)

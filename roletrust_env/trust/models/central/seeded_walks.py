@@ -1,12 +1,15 @@
-"""Models in which trust flows from seeds: raters that are trusted beforehand, as walkers start from them.
+"""Models in which trust flows from seeds: raters that are trusted beforehand, as walkers start from
+them.
 
-A walker at a rater goes to a provider that satisfies it, as in `eigentrust`. Where that provider is a rater, too, the
-walker goes on from there. A provider that cannot rate is a dead end: in a log of users and products, trust would end at
-what the seeds have rated themselves. Walkers therefore go back from it to one of the raters that it satisfies, which
-trusts raters that like what the seeds like. This has a price: to praise a good product costs nothing, so that a Sybil
-reaches the seeds without any honest agent's help. Among peers it is an honest agent that must be won.
+A walker at a rater goes to a provider that satisfies it, as in `eigentrust`. Where that provider is
+a rater, too, the walker goes on from there. A provider that cannot rate is a dead end: in a log of
+users and products, trust would end at what the seeds have rated themselves. Walkers therefore go
+back from it to one of the raters that it satisfies, which trusts raters that like what the seeds
+like. This has a price: to praise a good product costs nothing, so that a Sybil reaches the seeds
+without any honest agent's help. Among peers it is an honest agent that must be won.
 
-Without names of seeds, every rater is one. Then nobody is trusted beforehand, and Sybils are seeds, too.
+Without names of seeds, every rater is one. Then nobody is trusted beforehand, and Sybils are seeds,
+too.
 """
 
 import math
@@ -33,7 +36,15 @@ from roletrust_env.trust.models.central.random_walks import (
     satisfaction,
     shared,
 )
-from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    TINY,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Ratings,
+)
 
 _REST = 1e-15  # a relative step this small is rounding
 
@@ -60,7 +71,9 @@ class Graph(NamedTuple):
     start: PerRater
 
     def of_raters(self, values: PerRater) -> Trusts:
-        """Return values of raters as values of agents: a provider that rates has that of its other role."""
+        """Return values of raters as values of agents: a provider that rates has that of its other
+        role.
+        """
         return Trusts(values, own_rating_role(self.pairs, values, self.peers))
 
     def joined(self, of_raters: PerRater, of_providers: PerProvider) -> Trusts:
@@ -69,7 +82,9 @@ class Graph(NamedTuple):
         return Trusts(tor, own_rating_role(self.pairs, tor, self.peers) + self.mute * of_providers)
 
     def backward(self) -> Array:
-        """Return the satisfaction along which walkers go back: that of pairs with a provider that cannot rate."""
+        """Return the satisfaction along which walkers go back: that of pairs with a provider that
+        cannot rate.
+        """
         return self.links * self.pairs.gather(self.mute, PROVIDER)
 
 
@@ -79,12 +94,13 @@ class BySeeds(Published, ABC):
 
         s[i, j] = sum over the ratings that i gave j of f - (1 - f),   l[i, j] = max(s[i, j], 0)
 
-    A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all before anybody is
-    satisfied, and if no trust has reached any of them.
+    A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all
+    before anybody is satisfied, and if no trust has reached any of them.
 
     Attributes:
-        seeds: Places of the raters that are trusted beforehand, from 0. One that is not among the raters yet counts
-            from when it is. Without names every rater is a seed, and none has trust 1 for that.
+        seeds: Places of the raters that are trusted beforehand, from 0. One that is not among the
+            raters yet counts from when it is. Without names every rater is a seed, and none has
+            trust 1 for that.
     """
 
     seeds: tuple[NonNegativeInt, ...] = ()
@@ -114,7 +130,9 @@ class BySeeds(Published, ABC):
         links = not_self(pairs, peers) * satisfaction(state.scores)
         nobody = 0 * pairs.reduce(links, RATER)
         flags = np.zeros(len(nobody))
-        flags[[place for place in self.seeds if place < len(flags)] if self.seeds else slice(None)] = 1
+        flags[
+            [place for place in self.seeds if place < len(flags)] if self.seeds else slice(None)
+        ] = 1
         flag = xp.asarray(flags, dtype=links.dtype, device=device_of(links))
         seeds = nobody + flag.reshape(-1, *[1] * (nobody.ndim - 1))
         mute = 1 - own_rating_role(pairs, nobody + 1, peers)
@@ -131,10 +149,17 @@ class BySeeds(Published, ABC):
         """Return what reaches each agent, at least 0, by any measure."""
 
     def _published(self, graph: Graph, reached: Trusts) -> Trusts:
-        """Return 1 for seeds that are named, and for others the share of the largest; see the class."""
-        xp, others = namespace(graph.links), [(1 - sure) * x for x, sure in zip(reached, graph.known, strict=True)]
+        """Return 1 for seeds that are named, and for others the share of the largest; see the
+        class.
+        """
+        xp, others = (
+            namespace(graph.links),
+            [(1 - sure) * x for x, sure in zip(reached, graph.known, strict=True)],
+        )
         most = xp.maximum(*map(largest, others))
-        most = most * xp.astype(largest(graph.pairs.reduce(graph.links, RATER, "max")) > 0, most.dtype)
+        most = most * xp.astype(
+            largest(graph.pairs.reduce(graph.links, RATER, "max")) > 0, most.dtype
+        )
         most, all_alike = xp.where(most > 0, most, most + 1), 1 - xp.astype(most > 0, most.dtype)
         shares = [x / most + all_alike + sure for x, sure in zip(others, graph.known, strict=True)]
         return Trusts(*(xp.clip(share, 0.0, 1.0) for share in shares))
@@ -143,11 +168,13 @@ class BySeeds(Published, ABC):
 def visits(graph: Graph, alpha: float, back: bool) -> Trusts:
     """Return how often a walker visits each agent on average, the start included.
 
-        v = p + (1 - alpha) C^T v,   C[i, j] = l[i, j] / sum over j of l[i, j],   p the shares of walkers at the start
+        v = p + (1 - alpha) C^T v,   C[i, j] = l[i, j] / sum over j of l[i, j],   p the shares of
+        walkers at the start
 
-    over the agents. A provider j that cannot rate has C[j, i] = l[i, j] / sum over i of l[i, j] if `back`, and else an
-    empty row. A walk ends at an agent with an empty row, and in each step with probability alpha. On a grid the
-    equations are solved. On edges walkers walk until they are at rest.
+    over the agents. A provider j that cannot rate has C[j, i] = l[i, j] / sum over i of l[i, j] if
+    `back`, and else an empty row. A walk ends at an agent with an empty row, and in each step with
+    probability alpha. On a grid the equations are solved. On edges walkers walk until they are at
+    rest.
 
     Args:
         graph: Graph of the agents.
@@ -180,15 +207,17 @@ class PersonalizedPageRank(BySeeds):
 
         v = (1 - alpha) C^T v + alpha p,   C[i, j] = l[i, j] / sum over j of l[i, j]
 
-    over the agents, with p the same for each seed and 0 for others, and l as in `eigentrust`: the satisfaction, at
-    least 0. From an agent with an empty row a walker starts anew from a seed. From a provider that cannot rate it goes
-    back to a rater that it satisfies, C[j, i] = l[i, j] / sum over i of l[i, j], as in random walks between users and
-    items. This is not in the paper, where all are peers. It lets raters be trusted where nobody rates them, and lets
-    Sybils in that praise what seeds like; without `back` only the ratings of seeds, and of the raters that they trust,
-    count. With alpha = 1/2 and without `back` it is EigenTrust, of which the pre-trusted peers are the seeds.
+    over the agents, with p the same for each seed and 0 for others, and l as in `eigentrust`: the
+    satisfaction, at least 0. From an agent with an empty row a walker starts anew from a seed. From
+    a provider that cannot rate it goes back to a rater that it satisfies, C[j, i] = l[i, j] / sum
+    over i of l[i, j], as in random walks between users and items. This is not in the paper, where
+    all are peers. It lets raters be trusted where nobody rates them, and lets Sybils in that praise
+    what seeds like; without `back` only the ratings of seeds, and of the raters that they trust,
+    count. With alpha = 1/2 and without `back` it is EigenTrust, of which the pre-trusted peers are
+    the seeds.
 
-    A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all before anybody is
-    satisfied, and if no trust has reached any of them.
+    A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all
+    before anybody is satisfied, and if no trust has reached any of them.
 
     Attributes:
         alpha: Probability that a walker starts anew in a step, in [0.001, 0.999].
@@ -242,18 +271,22 @@ class MeritRank(BySeeds):
         r[j] = visits of j after the start of a walk / all such visits of agents other than seeds
         R[j] <- (1 - gamma) R[j] + (1 - beta b[j]) r[j],   b[j] = 1 behind a bridge, else 0
 
-    - Transitivity decay `alpha`: a walk ends in each step with this probability, and at an agent without links.
-    - Connectivity decay `beta`: an agent is behind a bridge if all walks that reach it have passed one other agent that
-      is no seed, such as an attacker with all of its Sybils behind it. Where every rater is a seed, nobody is.
-    - Epoch decay `gamma`: an epoch is a round. With 1 only the present graph counts, in which no rating is forgotten.
+    - Transitivity decay `alpha`: a walk ends in each step with this probability, and at an agent
+      without links.
+    - Connectivity decay `beta`: an agent is behind a bridge if all walks that reach it have passed
+      one other agent that is no seed, such as an attacker with all of its Sybils behind it. Where
+      every rater is a seed, nobody is.
+    - Epoch decay `gamma`: an epoch is a round. With 1 only the present graph counts, in which no
+      rating is forgotten.
 
-    The authors sample walks; here r is exact and bridges are those of the graph. Their experiments decay an agent by
-    the largest share of its walks that pass one other agent, if that is 1. Later code of their group does so above a
-    threshold of 0.95. Walks go back from providers that cannot rate, as in `personalized-pagerank`, of which this is
-    the same for named seeds with beta = 0 and gamma = 1.
+    The authors sample walks; here r is exact and bridges are those of the graph. Their experiments
+    decay an agent by the largest share of its walks that pass one other agent, if that is 1. Later
+    code of their group does so above a threshold of 0.95. Walks go back from providers that cannot
+    rate, as in `personalized-pagerank`, of which this is the same for named seeds with beta = 0 and
+    gamma = 1.
 
-    A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all before anybody is
-    satisfied, and if no trust has reached any of them.
+    A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all
+    before anybody is satisfied, and if no trust has reached any of them.
 
     Attributes:
         alpha: Probability that a walk ends in a step, in [0.001, 0.999].
@@ -275,7 +308,9 @@ class MeritRank(BySeeds):
     def _after(self, graph: Graph, state: Any) -> Any:
         new = zip(state.merits, self._reached(graph), strict=True)
         merits = Merits(*((1 - self.gamma) * old + one for old, one in new))
-        return MeritRankState(*self._published(graph, Trusts(*merits)), state.scores, state.peers, merits)
+        return MeritRankState(
+            *self._published(graph, Trusts(*merits)), state.scores, state.peers, merits
+        )
 
     def _reached(self, graph: Graph) -> Trusts:
         """Return (1 - beta b) r."""
@@ -284,16 +319,20 @@ class MeritRank(BySeeds):
         tor, top = ((1 - sure) * xp.clip(x - first, 0.0, None) for x, first, sure in found)
         visited = total(tor, 0) + total(graph.mute * top, 0) + TINY
         bridged = behind_bridges(graph, self.back) if self.seeds else Trusts(0 * tor, 0 * top)
-        return Trusts(*((1 - self.beta * b) * x / visited for b, x in zip(bridged, (tor, top), strict=True)))
+        return Trusts(
+            *((1 - self.beta * b) * x / visited for b, x in zip(bridged, (tor, top), strict=True))
+        )
 
 
 def behind_bridges(graph: Graph, back: bool) -> Trusts:
-    """Return 1 for each agent that walks from the seeds reach through one other agent only, which is no seed; else 0.
+    """Return 1 for each agent that walks from the seeds reach through one other agent only, which
+    is no seed; else 0.
 
-    It is a search from the seeds. Agents that a seed has a link to are heads: no other agent is on all walks to them.
-    Each head sends its own label on, and others send on the label that has reached them. Where two labels meet, two
-    walks meet that have no agent in common but seeds: this agent is a head, too, and the search begins again. In the
-    end all others have the label of the head that all of their walks pass. Where every rater is a seed, all are heads.
+    It is a search from the seeds. Agents that a seed has a link to are heads: no other agent is on
+    all walks to them. Each head sends its own label on, and others send on the label that has
+    reached them. Where two labels meet, two walks meet that have no agent in common but seeds: this
+    agent is a head, too, and the search begins again. In the end all others have the label of the
+    head that all of their walks pass. Where every rater is a seed, all are heads.
 
     Args:
         graph: Graph of the agents.
@@ -322,12 +361,16 @@ def behind_bridges(graph: Graph, back: bool) -> Trusts:
     heads = Trusts(*((1 - seed) * near for seed, near in zip(seeds, received(seeds), strict=True)))
     labels = Trusts(0 * names.tor, 0 * names.top)
     for _ in range(2 * (n_raters + n_providers)) if is_compiling(graph.links) else count():
-        sent = [xp.where(head > 0, name, label) for head, name, label in zip(heads, names, labels, strict=True)]
+        sent = [
+            xp.where(head > 0, name, label)
+            for head, name, label in zip(heads, names, labels, strict=True)
+        ]
         high = received(Trusts(*sent))
         low = received(Trusts(*(xp.where(x > 0, last - x, 0.0) for x in sent)))
         free = [(1 - seed) * (1 - head) for seed, head in zip(seeds, heads, strict=True)]
         met = [
-            xp.where((one > 0) & (one + other != last), x, 0.0) for one, other, x in zip(high, low, free, strict=True)
+            xp.where((one > 0) & (one + other != last), x, 0.0)
+            for one, other, x in zip(high, low, free, strict=True)
         ]
         again = xp.maximum(largest(met[0]), largest(met[1])) > 0
         after = Trusts(*(xp.where(again, 0.0, x * one) for x, one in zip(free, high, strict=True)))
@@ -340,7 +383,8 @@ def behind_bridges(graph: Graph, back: bool) -> Trusts:
 
 @checked_dataclass
 class SybilRank(BySeeds):
-    """SybilRank: short random walks from the seeds rarely cross the few edges between honest agents and Sybils.
+    """SybilRank: short random walks from the seeds rarely cross the few edges between honest agents
+    and Sybils.
 
     Cao, Sirivianos, Yang and Pregueiro (2012), over the undirected graph of the agents:
 
@@ -348,14 +392,15 @@ class SybilRank(BySeeds):
         T_k[v] = sum over the neighbours u of v of T_(k - 1)[u] / deg[u]
         trust[v] = T_w[v] / deg[v],   w = log2 of the number of agents, rounded up
 
-    In the paper both sides have agreed to an edge. Here two agents that both can rate are neighbours if each is
-    satisfied with the other. Where one of them cannot rate, the satisfaction of the other makes the edge: a Sybil then
-    has as many edges to honest providers as it likes, and the assumption of the paper fails. Where no agent has both
-    roles, all walkers are among the raters after an even number of steps, and among the providers after an odd one; the
-    trust of each side is then that of the last step in which they are there.
+    In the paper both sides have agreed to an edge. Here two agents that both can rate are
+    neighbours if each is satisfied with the other. Where one of them cannot rate, the satisfaction
+    of the other makes the edge: a Sybil then has as many edges to honest providers as it likes, and
+    the assumption of the paper fails. Where no agent has both roles, all walkers are among the
+    raters after an even number of steps, and among the providers after an odd one; the trust of
+    each side is then that of the last step in which they are there.
 
-    A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all before anybody is
-    satisfied, and if no trust has reached any of them.
+    A seed has trust 1. The trust of others is relative to the most trusted of them. It is 1 for all
+    before anybody is satisfied, and if no trust has reached any of them.
 
     Attributes:
         steps: Number of steps w. None is that of the paper.
@@ -385,7 +430,9 @@ class SybilRank(BySeeds):
 
 
 def _agreed(graph: Graph) -> Array:
-    """Return the weight of the edge of each pair: half of that of two peers, which is in both of their pairs."""
+    """Return the weight of the edge of each pair: half of that of two peers, which is in both of
+    their pairs.
+    """
     pairs, xp = graph.pairs, namespace(graph.links)
     linked = xp.astype(graph.links > 0, graph.links.dtype)
     provides = own_role(pairs, 1 + 0 * graph.mute, graph.peers)
@@ -394,7 +441,9 @@ def _agreed(graph: Graph) -> Array:
 
 
 def _returned(graph: Graph, values: Array) -> Array:
-    """Return, for each pair of two peers, the value of the pair in which they have the other roles; 0 for others."""
+    """Return, for each pair of two peers, the value of the pair in which they have the other roles;
+    0 for others.
+    """
     pairs, xp = graph.pairs, namespace(values)
     if pairs.raters is None or pairs.providers is None:
         here, there = (0, 1), (-2, -1)

@@ -1,1 +1,3 @@
-"""Trust models in which every rater has its own view. The published trust is the mean of these views."""
+"""Trust models in which every rater has its own view. The published trust is the mean of these
+views.
+"""

@@ -1,4 +1,6 @@
-"""BLADE: judges learn what each adviser says of a service of each quality, and read advice backwards by Bayes' rule."""
+"""BLADE: judges learn what each adviser says of a service of each quality, and read advice
+backwards by Bayes' rule.
+"""
 
 from typing import Annotated, NamedTuple
 
@@ -16,10 +18,11 @@ class BladeState(NamedTuple):
     """Memory of the judges of BLADE.
 
     Attributes:
-        evidence: Parameters n of the Dirichlet distribution of provider j's services as judge i sees them, shape
-            (S, levels, P, ...).
-        common: Parameters m of the distributions of what adviser k says where judge i sees each level, shape
-            (S, levels, S, levels, ...): judge, level that it saw, adviser, level that was said.
+        evidence: Parameters n of the Dirichlet distribution of provider j's services as judge i
+            sees them, shape (S, levels, P, ...).
+        common: Parameters m of the distributions of what adviser k says where judge i sees each
+            level, shape (S, levels, S, levels, ...): judge, level that it saw, adviser, level that
+            was said.
         trust: Trust of judge i in provider j, shape (S, P, ...).
         credence: Credence of judge i in adviser k, shape (S, S, ...).
     """
@@ -32,35 +35,41 @@ class BladeState(NamedTuple):
 
 @checked_dataclass
 class Blade(Personal):
-    """BLADE: a Bayesian network of services and of what each adviser says of them, which turns lies into information.
+    """BLADE: a Bayesian network of services and of what each adviser says of them, which turns lies
+    into information.
 
-    Regan, Poupart and Cohen, "Bayesian Reputation Modeling in E-Marketplaces Sensitive to Subjectivity, Deception and
-    Change" (2006). Nobody is filtered or discounted: who always says the contrary tells as much as who is honest. For
-    each judge i, the service of provider j in a round has a level x, which i sees if it rates j, and which is hidden
-    otherwise; adviser k says level r. Both distributions are learned, with Dirichlet priors that are uniform:
+    Regan, Poupart and Cohen, "Bayesian Reputation Modeling in E-Marketplaces Sensitive to
+    Subjectivity, Deception and Change" (2006). Nobody is filtered or discounted: who always says
+    the contrary tells as much as who is honest. For each judge i, the service of provider j in a
+    round has a level x, which i sees if it rates j, and which is hidden otherwise; adviser k says
+    level r. Both distributions are learned, with Dirichlet priors that are uniform:
 
         P(x)       = n[i, j, x] / sum over y of n[i, j, y]
         P(r | x)   = m[i, k, x, r] / sum over s of m[i, k, x, s]
         q(x)       ~ P(x) * product over the advisers k that rated j of P(r[k, j] | x)
         T[i, j]    = sum over x of P(x) times the rating that x stands for
 
-    Where i rated j it counts one n[i, j, x], and one m[i, k, x, r] for each k that rated j, too. Where i did not, the
-    exact distribution of the services of j is a mixture of the Dirichlet distributions with one more x, each with its
-    probability q(x). The model keeps the Dirichlet distribution with the mixture's mean and mean square:
+    Where i rated j it counts one n[i, j, x], and one m[i, k, x, r] for each k that rated j, too.
+    Where i did not, the exact distribution of the services of j is a mixture of the Dirichlet
+    distributions with one more x, each with its probability q(x). The model keeps the Dirichlet
+    distribution with the mixture's mean and mean square:
 
-        n <- (n + q) D / (D + (N + 2) g),   N = sum of n,   D = sum of n (N - n + 2 (1 - q)),   g = sum of q (1 - q)
+        n <- (n + q) D / (D + (N + 2) g),   N = sum of n,   D = sum of n (N - n + 2 (1 - q)),   g =
+        sum of q (1 - q)
 
     It counts one more if q is certain, and nothing if advice says nothing.
 
-    The paper's are the network, the Dirichlet distributions and Bayes' rule. How it treats mixtures and change could
-    not be checked, so that is ours. Ours are also the levels, see `roletrust_env.trust.dirichlet`; that evidence fades
-    as new evidence comes; that P(r | x) is learned only from services that the judge has seen; that a round's services
-    are taken one by one; and the credence, which the network has not: 1 less the mean distance of x and r
-    over m. The paper has several properties of a provider; here there is one, its quality.
+    The paper's are the network, the Dirichlet distributions and Bayes' rule. How it treats mixtures
+    and change could not be checked, so that is ours. Ours are also the levels, see
+    `roletrust_env.trust.dirichlet`; that evidence fades as new evidence comes; that P(r | x) is
+    learned only from services that the judge has seen; that a round's services are taken one by
+    one; and the credence, which the network has not: 1 less the mean distance of x and r over m.
+    The paper has several properties of a provider; here there is one, its quality.
 
     Attributes:
         levels: Number of levels of ratings, at least 2.
-        keep: Share of the evidence that remains when one more observation comes, in (0, 1]; with 1 nothing fades.
+        keep: Share of the evidence that remains when one more observation comes, in (0, 1]; with 1
+            nothing fades.
     """
 
     levels: Annotated[int, Field(ge=2, le=100)] = 3
@@ -70,7 +79,9 @@ class Blade(Personal):
     cost = "S^2 P"
 
     def start(self, like: Array) -> BladeState:
-        """Return the state without experience: all levels are equally probable. See `TrustModel.start`."""
+        """Return the state without experience: all levels are equally probable. See
+        `TrustModel.start`.
+        """
         xp, levels, device = namespace(like), self.levels, device_of(like)
         raters, batch = like.shape[0], like.shape[2:]
         evidence = xp.ones((raters, levels, *like.shape[1:]), dtype=like.dtype, device=device)
@@ -95,18 +106,23 @@ class Blade(Personal):
         return BladeState(evidence, common, trust, self._credence(common, like))
 
     def _faded(self, evidence: Array, gain: Array) -> Array:
-        """Return evidence after it has grown by a number of observations; what exceeds the prior, 1, fades."""
+        """Return evidence after it has grown by a number of observations; what exceeds the prior,
+        1, fades.
+        """
         return evidence + (self.keep**gain - 1) * (evidence - 1)
 
     def _credence(self, common: Array, like: Array) -> Array:
-        """Return the mean agreement of each judge with each adviser, shape (S, S, ...), in [0, 1]."""
+        """Return the mean agreement of each judge with each adviser, shape (S, S, ...), in [0,
+        1].
+        """
         values = level_values(self.levels, like)
         near = (1 - abs(values - values.swapaxes(0, 1)))[:, None, ...]
         return total(total(near * common, 3), 1) / total(total(common, 3), 1)
 
 
 def _advised(evidence: Array, likely: Array) -> Array:
-    """Return the evidence about providers after advice on one service of each that the judge did not see.
+    """Return the evidence about providers after advice on one service of each that the judge did
+    not see.
 
     Args:
         evidence: Parameters n before, shape (S, levels, P, ...).

@@ -50,25 +50,27 @@ class FireState(NamedTuple):
 class Fire(Personal):
     """FIRE's interaction trust and witness reputation, each weighted by its reliability.
 
-    Huynh, Jennings and Shadbolt, "An integrated trust and reputation model for open multi-agent systems" (2006), with
-    v = 2f - 1 in [-1, 1], ages dt in rounds, l = -5 / ln .5 and g = -ln .5:
+    Huynh, Jennings and Shadbolt, "An integrated trust and reputation model for open multi-agent
+    systems" (2006), with v = 2f - 1 in [-1, 1], ages dt in rounds, l = -5 / ln .5 and g = -ln .5:
 
-        component   = sum w v / sum w,   reliability = (1 - exp(-g sum w)) (1 - half of sum w |v - component| / sum w)
-        interaction:  i's own last 10 ratings of j, w = exp(-dt / l)
-        witness:      the newest rating that each k gave j, w = max(credibility, 0) exp(-dt / l)
-        T           = sum of weight * reliability * component / sum of weight * reliability,   weights 2 and 1
+        component   = sum w v / sum w,   reliability = (1 - exp(-g sum w)) (1 - half of sum w |v -
+        component| / sum w) interaction:  i's own last 10 ratings of j, w = exp(-dt / l) witness:
+        the newest rating that each k gave j, w = max(credibility, 0) exp(-dt / l) T           = sum
+        of weight * reliability * component / sum of weight * reliability,   weights 2 and 1
 
-    Each time that i and k rate a provider in the same round, k gets a credibility rating of `1 - |v_k - v_i|` if that
-    difference is below `tolerance`, else of -1; its credibility is sum w v / sum w over all of these. The model
-    publishes trust and credibility mapped to [0, 1].
+    Each time that i and k rate a provider in the same round, k gets a credibility rating of `1 -
+    |v_k - v_i|` if that difference is below `tolerance`, else of -1; its credibility is sum w v /
+    sum w over all of these. The model publishes trust and credibility mapped to [0, 1].
 
-    Not included: role-based trust, certified reputation, and how witnesses are found. The values of `tolerance`,
-    `credibility` and the component weights could not be checked in the paper. Added where the paper leaves something
+    Not included: role-based trust, certified reputation, and how witnesses are found. The values of
+        `tolerance`, `credibility` and the component weights could not be checked in the paper.
+        Added where the paper leaves something
     open: T is updated for providers that were rated in the round; it stays where all weights are 0.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
-        tolerance: Error on [-1, 1] up to which a witness is partly right, called i in the paper, above 0.
+        tolerance: Error on [-1, 1] up to which a witness is partly right, called i in the paper,
+            above 0.
         credibility: Credibility of a witness that is not judged yet, in [0, 1].
     """
 
@@ -81,7 +83,9 @@ class Fire(Personal):
     cost = "S^2 P"
 
     def start(self, like: Array) -> FireState:
-        """Return initial trust, the default credibility and no experience. See `TrustModel.start`."""
+        """Return initial trust, the default credibility and no experience. See
+        `TrustModel.start`.
+        """
         nothing = nothing_yet(like, _MEMORY)
         credibility = credences(like, self.credibility)
         return FireState(nothing[0] + self.initial, credibility, 0 * credibility, nothing, nothing)
@@ -90,22 +94,32 @@ class Fire(Personal):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         outcomes, met = ratings.values, ratings.weights
         judged, count = _FADE * state.judged, in_common(ratings)
-        credibility = absorb(state.credibility, judged, compare_opinions(ratings, self._credible), count)
+        credibility = absorb(
+            state.credibility, judged, compare_opinions(ratings, self._credible), count
+        )
         values = push(state.values, 2 * outcomes - 1, ratings)
         weights = push(_FADE * state.weights, met, ratings)
         own, own_weight = _interaction(values, weights)
         heard, heard_weight = _witnesses(credibility, values[0], weights[0])
         weight = _INTERACTION * own_weight + _WITNESS * heard_weight
-        trust = 0.5 + 0.5 * mean(_INTERACTION * own_weight * own + _WITNESS * heard_weight * heard, weight)
-        trust = namespace(ratings.values).where(ratings.rated(PROVIDER) & (weight > _FORGOTTEN), trust, state.trust)
+        trust = 0.5 + 0.5 * mean(
+            _INTERACTION * own_weight * own + _WITNESS * heard_weight * heard, weight
+        )
+        trust = namespace(ratings.values).where(
+            ratings.rated(PROVIDER) & (weight > _FORGOTTEN), trust, state.trust
+        )
         return FireState(trust, credibility, judged + count, values, weights)
 
     def _credible(self, apart: Array) -> Array:
-        """Return the credibility rating of a witness by its distance from the outcome, both in [0, 1]."""
+        """Return the credibility rating of a witness by its distance from the outcome, both in [0,
+        1].
+        """
         return namespace(apart).where(2 * apart < self.tolerance, 1 - 2 * apart, -1.0)
 
     def rater_trust(self, state: FireState) -> Array:
-        """Return the mean credibility of each rater with the others, mapped from [-1, 1] to [0, 1], shape (S, ...)."""
+        """Return the mean credibility of each rater with the others, mapped from [-1, 1] to [0, 1],
+        shape (S, ...).
+        """
         return published_raters(0.5 + 0.5 * state.credibility)
 
 

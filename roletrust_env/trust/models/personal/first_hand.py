@@ -1,4 +1,6 @@
-"""First-hand trust: each judge goes by its own ratings first, and by others as far as they agree with these."""
+"""First-hand trust: each judge goes by its own ratings first, and by others as far as they agree
+with these.
+"""
 
 from typing import Annotated, NamedTuple
 
@@ -6,7 +8,15 @@ from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Power, Ridge, Share, Weighting, checked_dataclass
 from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
 from roletrust_env.trust.algorithms import safe_power
-from roletrust_env.trust.personal import Personal, by_pairs, credence_sum, credences, mean, others, product
+from roletrust_env.trust.personal import (
+    Personal,
+    by_pairs,
+    credence_sum,
+    credences,
+    mean,
+    others,
+    product,
+)
 from roletrust_env.trust.ratings import Ratings, occurred
 
 
@@ -28,7 +38,8 @@ class FirstHandState(NamedTuple):
 
 @checked_dataclass
 class FirstHand(Personal):
-    """First-hand trust: what a judge has seen itself counts most, and agreement with it makes others count.
+    """First-hand trust: what a judge has seen itself counts most, and agreement with it makes
+    others count.
 
         s[i, j] <- keep s[i, j] + w f[i, j],   n[i, j] <- keep n[i, j] + w      only where i rated j
         w        = 1 for the first rating of a pair, 1 + repeats for later ones
@@ -39,25 +50,29 @@ class FirstHand(Personal):
         T[i, j]  = (prior initial + o[i, j] x[i, j] + sum over k of C[i, k] v[k, j] x[k, j])
                     / (prior + o[i, j] + sum over k of C[i, k] v[k, j]),   k other than i
 
-    It is `leave-one-out` for a judge that has experience of its own: a liar that is the majority misleads nobody who
-    has met the provider, and who contradicts a judge in one place is not believed by it in others. Credence is
-    computed anew from all ratings, so a lie of long ago that the judge now sees through counts, too.
+    It is `leave-one-out` for a judge that has experience of its own: a liar that is the majority
+    misleads nobody who has met the provider, and who contradicts a judge in one place is not
+    believed by it in others. Credence is computed anew from all ratings, so a lie of long ago that
+    the judge now sees through counts, too.
 
-    A provider may serve each judge well until that one has rated it well, and cheat it from then on. First ratings then
-    tell nothing, and judges that were cheated know best. With `repeats`, later ratings of a pair count more than its
-    first. With `patience`, a judge with few ratings of its own listens to others more; with many, as little as ever.
+    A provider may serve each judge well until that one has rated it well, and cheat it from then
+    on. First ratings then tell nothing, and judges that were cheated know best. With `repeats`,
+    later ratings of a pair count more than its first. With `patience`, a judge with few ratings of
+    its own listens to others more; with many, as little as ever.
 
     Attributes:
         initial: Trust without any rating, in [0, 1].
-        keep: Share of a rating's weight that remains when its rater rates its provider again, in [0, 1].
+        keep: Share of a rating's weight that remains when its rater rates its provider again, in
+            [0, 1].
         prior: Number of voices that the prior counts, at least 0.001.
         own: Number of voices that a rating of the judge's own counts, at least 0.001.
         power: Exponent that turns agreement into credence, in [0, 8].
-        doubt: Agreement with a rater that has rated no provider of the judge's, in [0, 1]; it counts as one comparison.
+        doubt: Agreement with a rater that has rated no provider of the judge's, in [0, 1]; it
+            counts as one comparison.
         limit: Inverse of the largest weight of a pair, in [0, 1].
         repeats: Further weight of a rating whose rater has rated its provider before, in [0, 1000].
-        patience: Number of ratings of the judge's own with which each counts half of `own`, in [0, 1000]. With
-            0 each counts in full from the first one on.
+        patience: Number of ratings of the judge's own with which each counts half of `own`, in [0,
+            1000]. With 0 each counts in full from the first one on.
     """
 
     initial: Share = 0.5
@@ -75,7 +90,9 @@ class FirstHand(Personal):
     def start(self, like: Array) -> FirstHandState:
         """Return the initial trust and credence of all judges. See `TrustModel.start`."""
         none = namespace(like).zeros_like(like)
-        return FirstHandState(none, none, none + self.initial, credences(like, self.doubt**self.power))
+        return FirstHandState(
+            none, none, none + self.initial, credences(like, self.doubt**self.power)
+        )
 
     def update(self, state: FirstHandState, ratings: Ratings) -> FirstHandState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
@@ -93,7 +110,10 @@ class FirstHand(Personal):
         compared = product(voice, voice.swapaxes(0, 1))
         agreement = xp.clip((self.doubt + by_pairs(agree, voice)) / (1 + compared), 0.0, 1.0)
         credence = safe_power(agreement, self.power)
-        heard, own = others(voice) * credence, self.own * counts * mean(counts, counts + self.patience)
+        heard, own = (
+            others(voice) * credence,
+            self.own * counts * mean(counts, counts + self.patience),
+        )
         said = self.prior * self.initial + own * means + credence_sum(heard, voice * means)
         trust = said / (self.prior + own + credence_sum(heard, voice))
         return FirstHandState(sums, counts, xp.clip(trust, 0.0, 1.0), credence)

@@ -1,4 +1,6 @@
-"""HABIT: what a judge saw of other providers predicts one that all agents' ratings say is like them."""
+"""HABIT: what a judge saw of other providers predicts one that all agents' ratings say is like
+them.
+"""
 
 import math
 from typing import Annotated, NamedTuple
@@ -18,7 +20,8 @@ class HabitState(NamedTuple):
     """Memory of HABIT.
 
     Attributes:
-        counts: Number of ratings of each level n that agent k gave provider j, shape (S, levels, P, ...).
+        counts: Number of ratings of each level n that agent k gave provider j, shape (S, levels, P,
+            ...).
         trust: Trust of judge i in provider j, shape (S, P, ...).
     """
 
@@ -28,35 +31,41 @@ class HabitState(NamedTuple):
 
 @checked_dataclass
 class Habit(Personal):
-    """HABIT: a hierarchical Bayesian model, in which providers that agents rate alike are expected to behave alike.
+    """HABIT: a hierarchical Bayesian model, in which providers that agents rate alike are expected
+    to behave alike.
 
-    Teacy, Luck, Rogers and Jennings, "An efficient and versatile approach to trust and reputation using hierarchical
-    Bayesian modelling" (2012), with its discrete opinions: agent k saw n[k, j, x] services of level x of provider j,
-    so its opinion of j is the Dirichlet distribution with parameters 1 + n[k, j]. The reputation model is a Dirichlet
-    process: provider j is like provider l, or like none, with probabilities
+    Teacy, Luck, Rogers and Jennings, "An efficient and versatile approach to trust and reputation
+    using hierarchical Bayesian modelling" (2012), with its discrete opinions: agent k saw n[k, j,
+    x] services of level x of provider j, so its opinion of j is the Dirichlet distribution with
+    parameters 1 + n[k, j]. The reputation model is a Dirichlet process: provider j is like provider
+    l, or like none, with probabilities
 
-        w[j, l]    ~ product over all k of  B(1 + n[k, j] + n[k, l]) B(1) / (B(1 + n[k, j]) B(1 + n[k, l]))
-        w[j, none] ~ alpha,     B(a) = product of Gamma(a[x]) / Gamma(sum of a)
-        T[i, j]    = sum over l of w[j, l] * mean level under 1 + n[i, j] + n[i, l],   of none under 1 + n[i, j]
+        w[j, l]    ~ product over all k of  B(1 + n[k, j] + n[k, l]) B(1) / (B(1 + n[k, j]) B(1 +
+        n[k, l])) w[j, none] ~ alpha,     B(a) = product of Gamma(a[x]) / Gamma(sum of a) T[i, j]
+        = sum over l of w[j, l] * mean level under 1 + n[i, j] + n[i, l],   of none under 1 + n[i,
+        j]
 
-    where l is any other provider with ratings. The weight of l is the probability of the ratings of j given those of l,
-    relative to that without them. For an adviser it is the integral over p of its two opinions' densities,
-    B(a + b - 1) / (B(a) B(b)) with a = 1 + n[k, j] and b = 1 + n[k, l]; for the judge it is the marginal likelihood of
-    what it saw of j after what it saw of l. With the same uniform prior for all, both come to the factor above, up to
-    one that is the same for all l. So all judges have the same weights, and differ in what they saw.
+    where l is any other provider with ratings. The weight of l is the probability of the ratings of
+    j given those of l, relative to that without them. For an adviser it is the integral over p of
+    its two opinions' densities, B(a + b - 1) / (B(a) B(b)) with a = 1 + n[k, j] and b = 1 + n[k,
+    l]; for the judge it is the marginal likelihood of what it saw of j after what it saw of l. With
+    the same uniform prior for all, both come to the factor above, up to one that is the same for
+    all l. So all judges have the same weights, and differ in what they saw.
 
-    Nobody is discounted. A liar that says one thing of all good providers and another of all bad ones tells them apart
-    as well as who is honest; one that lies about a single provider makes it like none, and then a judge that has not
-    met it expects the mean.
+    Nobody is discounted. A liar that says one thing of all good providers and another of all bad
+    ones tells them apart as well as who is honest; one that lies about a single provider makes it
+    like none, and then a judge that has not met it expects the mean.
 
-    The equations could not be read in the paper itself; they were derived from its model, and the public code of its
-    first author was read, which has B(a + b + 1) where the integral gives B(a + b - 1). Levels are ours, see
-    `roletrust_env.trust.dirichlet`; and that providers without ratings are no l. Not included: groups of trustees,
-    continuous behaviour, and opinions in another form than the judge's.
+    The equations could not be read in the paper itself; they were derived from its model, and the
+    public code of its first author was read, which has B(a + b + 1) where the integral gives B(a +
+    b - 1). Levels are ours, see `roletrust_env.trust.dirichlet`; and that providers without ratings
+    are no l. Not included: groups of trustees, continuous behaviour, and opinions in another form
+    than the judge's.
 
     Attributes:
         levels: Number of levels of ratings, at least 2.
-        alpha: Concentration of the Dirichlet process: weight of a provider that is like none, at least 0.001.
+        alpha: Concentration of the Dirichlet process: weight of a provider that is like none, at
+            least 0.001.
     """
 
     levels: Annotated[int, Field(ge=2, le=100)] = 3
@@ -68,7 +77,9 @@ class Habit(Personal):
     def start(self, like: Array) -> HabitState:
         """Return the state without ratings. See `TrustModel.start`."""
         xp, shape = namespace(like), (like.shape[0], self.levels, *like.shape[1:])
-        return HabitState(xp.zeros(shape, dtype=like.dtype, device=device_of(like)), xp.zeros_like(like) + 0.5)
+        return HabitState(
+            xp.zeros(shape, dtype=like.dtype, device=device_of(like)), xp.zeros_like(like) + 0.5
+        )
 
     def update(self, state: HabitState, ratings: Ratings) -> HabitState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
@@ -78,9 +89,13 @@ class Habit(Personal):
         sums = total(level_values(self.levels, ratings.values) * counts, 1)
 
         def expected(judges: slice) -> Array:
-            """Return the judges' trust, shape (judges, P, ...); axis 1 is j, axis 2 is l, which is summed out."""
+            """Return the judges' trust, shape (judges, P, ...); axis 1 is j, axis 2 is l, which is
+            summed out.
+            """
             own, seen = sums[judges] + self.levels / 2, number[judges] + self.levels
-            as_others = (own[:, :, None, ...] + sums[judges, None]) / (seen[:, :, None, ...] + number[judges, None])
+            as_others = (own[:, :, None, ...] + sums[judges, None]) / (
+                seen[:, :, None, ...] + number[judges, None]
+            )
             return none * own / seen + total(like * as_others, 2)
 
         trust = by_judges(expected, number)
@@ -91,10 +106,15 @@ class Habit(Personal):
         return 0 * state.trust[:, 0] + 1
 
     def _likeness(self, counts: Array) -> tuple[Array, Array]:
-        """Return w[j, l], shape (P, P, ...), 0 for a provider and itself; and w[j, none], shape (P, ...)."""
+        """Return w[j, l], shape (P, P, ...), 0 for a provider and itself; and w[j, none], shape (P,
+        ...).
+        """
         xp = namespace(counts)
         known = xp.moveaxis(counts, 2, 0)  # (P, S, levels, ...)
-        alone, nothing = _log_beta(known + 1, 2), -math.lgamma(self.levels)  # the latter is log B(1)
+        alone, nothing = (
+            _log_beta(known + 1, 2),
+            -math.lgamma(self.levels),
+        )  # the latter is log B(1)
 
         def together(these: slice, those: slice) -> Array:
             """Return the logarithm of the product in w[j, l], shape (these, those, ...)."""

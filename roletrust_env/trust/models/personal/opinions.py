@@ -1,6 +1,8 @@
-"""Subjective logic: own evidence, fused with reports of advisers that are discounted by the trust in them.
+"""Subjective logic: own evidence, fused with reports of advisers that are discounted by the trust
+in them.
 
-The algebra is that of Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006).
+The algebra is that of Jøsang, Hayward and Pope, "Trust network analysis with subjective logic"
+(2006).
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -8,7 +10,14 @@ from typing import Annotated, Any, NamedTuple
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trees import AMOUNTS, SHARES
-from roletrust_env.trust.personal import Personal, by_judges, compare_opinions, credences, others, published_raters
+from roletrust_env.trust.personal import (
+    Personal,
+    by_judges,
+    compare_opinions,
+    credences,
+    others,
+    published_raters,
+)
 from roletrust_env.trust.ratings import PROVIDER, Ratings
 
 
@@ -18,7 +27,8 @@ class Opinion(NamedTuple):
     Attributes:
         belief: Belief b, in [0, 1].
         disbelief: Disbelief d, in [0, 1].
-        uncertainty: Uncertainty u, in [0, 1]; above 0 for an opinion from evidence, which is finite.
+        uncertainty: Uncertainty u, in [0, 1]; above 0 for an opinion from evidence, which is
+            finite.
     """
 
     belief: Array
@@ -27,7 +37,8 @@ class Opinion(NamedTuple):
 
     @classmethod
     def of(cls, successes: Array, failures: Array) -> "Opinion":
-        """Return the opinion from evidence, (r, s, 2) / (r + s + 2); without evidence, the vacuous one, (0, 0, 1).
+        """Return the opinion from evidence, (r, s, 2) / (r + s + 2); without evidence, the vacuous
+        one, (0, 0, 1).
 
         Example:
             >>> Opinion.of(6.0, 2.0)
@@ -41,7 +52,8 @@ class Opinion(NamedTuple):
         return Opinion(self.belief[index], self.disbelief[index], self.uncertainty[index])
 
     def discounted(self, adviser: "Opinion") -> "Opinion":
-        """Return this opinion, reported by an adviser, discounted by a judge's opinion of the adviser.
+        """Return this opinion, reported by an adviser, discounted by a judge's opinion of the
+        adviser.
 
         Example:
             >>> Opinion(0.5, 0.25, 0.25).discounted(adviser=Opinion(0.5, 0.5, 0.0))
@@ -54,8 +66,9 @@ class Opinion(NamedTuple):
     def fused(self, other: "Opinion") -> "Opinion":
         """Return the opinion from the evidence of both opinions.
 
-        With k = u1 + u2 - u1 u2, b = (b1 u2 + b2 u1) / k, d likewise, and u = u1 u2 / k. For two opinions
-        without uncertainty k is 0; the result is then their mean, the limit of equally certain opinions.
+        With k = u1 + u2 - u1 u2, b = (b1 u2 + b2 u1) / k, d likewise, and u = u1 u2 / k. For two
+        opinions without uncertainty k is 0; the result is then their mean, the limit of equally
+        certain opinions.
 
         Example:
             >>> Opinion(0.5, 0.0, 0.5).fused(Opinion(0.0, 0.5, 0.5)).belief == 1 / 3
@@ -105,20 +118,24 @@ class SubjectiveLogicState(NamedTuple):
 
 @checked_dataclass
 class SubjectiveLogic(Personal):
-    """Subjective logic (TNA-SL): own opinion of a provider, fused with opinions of advisers discounted by trust.
+    """Subjective logic (TNA-SL): own opinion of a provider, fused with opinions of advisers
+    discounted by trust.
 
-    Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006); the algebra is that of
-    `roletrust_env.trust.models.personal.opinions`:
+    Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006); the algebra is
+    that of `roletrust_env.trust.models.personal.opinions`:
 
-        own[i, j]     from evidence: each rating f counts as f of a success and 1 - f of a failure, and none fades
-        adviser[i, k] from evidence: each time that both rate a provider in one round, 1 - |f[i, j] - f[k, j]| of a
+        own[i, j]     from evidence: each rating f counts as f of a success and 1 - f of a failure,
+        and none fades adviser[i, k] from evidence: each time that both rate a provider in one
+        round, 1 - |f[i, j] - f[k, j]| of a
                       success, the rest of a failure
-        T[i, j]       = expectation of own[i, j] fused with each own[k, j] discounted by adviser[i, k]
+        T[i, j]       = expectation of own[i, j] fused with each own[k, j] discounted by adviser[i,
+        k]
 
-    An adviser reports its whole opinion, which follows from its ratings so far. An adviser does not count before the
-    judge has compared ratings with it.
+    An adviser reports its whole opinion, which follows from its ratings so far. An adviser does not
+    count before the judge has compared ratings with it.
 
-    Not included: networks of more than one adviser between judge and provider. Added where the paper leaves something
+    Not included: networks of more than one adviser between judge and provider. Added where the
+        paper leaves something
     open: the evidence about advisers; T is updated for providers that were rated in the round.
 
     Attributes:
@@ -148,7 +165,9 @@ class SubjectiveLogic(Personal):
             advice = own.at(None).discounted(adviser.at((judges, slice(None), None)))
             return own.at(judges).fused(advice.fused_along(1)).expectation(self.initial)
 
-        trust = namespace(ratings.values).where(ratings.rated(PROVIDER), by_judges(judged, outcomes), state.trust)
+        trust = namespace(ratings.values).where(
+            ratings.rated(PROVIDER), by_judges(judged, outcomes), state.trust
+        )
         return SubjectiveLogicState(trust, agreed, differed, successes, failures)
 
     def rater_trust(self, state: SubjectiveLogicState) -> Array:

@@ -45,23 +45,28 @@ class QorState(NamedTuple):
 
 @checked_dataclass
 class QualityOfRecommendation(Personal):
-    """Quality of recommendation: faded ratings, each multiplied by the quality of its rater's earlier ratings.
+    """Quality of recommendation: faded ratings, each multiplied by the quality of its rater's
+    earlier ratings.
 
-    Ben Saied, Olivereau, Zeghlache and Laurent, "Trust management system design for the Internet of Things: a
-    context-aware and multi-service approach" (2013), with ratings N = 2f - 1 in [-1, 1] of age dt in rounds:
+    Ben Saied, Olivereau, Zeghlache and Laurent, "Trust management system design for the Internet of
+    Things: a context-aware and multi-service approach" (2013), with ratings N = 2f - 1 in [-1, 1]
+    of age dt in rounds:
 
-        T[i, j]   = sum over k and its ratings of w QR[i, k] N / sum of w,   w = theta^((s + 1) dt),  s = (N^2 - N) / 2
-        r         = 1 - |N[k, j] - N[i, j]|,  the mean over the providers j that both rated in the round
-        QR[i, k] <- (sum of c QR over all QR[i, k] so far + r) / (sum of c + 1),  c = theta^dt,  1 at first
+        T[i, j]   = sum over k and its ratings of w QR[i, k] N / sum of w,   w = theta^((s + 1) dt),
+        s = (N^2 - N) / 2 r         = 1 - |N[k, j] - N[i, j]|,  the mean over the providers j that
+        both rated in the round QR[i, k] <- (sum of c QR over all QR[i, k] so far + r) / (sum of c +
+        1),  c = theta^dt,  1 at first
 
-    A rating of -1 fades twice as fast as one of 0 or 1. A judge's own ratings count with QR 1. The model publishes T
-    and QR mapped to [0, 1].
+    A rating of -1 fades twice as fast as one of 0 or 1. A judge's own ratings count with QR 1. The
+    model publishes T and QR mapped to [0, 1].
 
-    Not included: contexts, since services have none here (their distance d is 0 in a further factor l^d of w).
-    Uncertain: in the only public code r is inside the sum, once for each of its terms. Added where the paper leaves
-    something open: r weighs 1, as C_F, since a judge's own feedback does; there is one QR per round, whatever the order
-    of the services; the last 10 ratings of a rater for a provider count; T is updated for providers that were rated in
-    the round.
+    Not included: contexts, since services have none here (their distance d is 0 in a further factor
+        l^d of w).
+    Uncertain: in the only public code r is inside the sum, once for each of its terms. Added where
+        the paper leaves
+    something open: r weighs 1, as C_F, since a judge's own feedback does; there is one QR per
+        round, whatever the order of the services; the last 10 ratings of a rater for a provider
+        count; T is updated for providers that were rated in the round.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
@@ -75,7 +80,9 @@ class QualityOfRecommendation(Personal):
     cost = "S^2 P"
 
     def start(self, like: Array) -> QorState:
-        """Return the state with initial trust, full quality of all raters and no ratings. See `TrustModel.start`."""
+        """Return the state with initial trust, full quality of all raters and no ratings. See
+        `TrustModel.start`.
+        """
         nothing, quality = nothing_yet(like, _MEMORY), credences(like, 1.0)
         return QorState(nothing[0] + self.initial, quality, quality, quality, nothing, nothing)
 
@@ -88,7 +95,9 @@ class QualityOfRecommendation(Personal):
         new, weight = occurred(common), self.theta * state.weight
         quality = xp.where(common > 0, absorb(state.past, weight, right, new), state.quality)
         past = absorb(state.past, weight, new * quality, new)
-        faded = state.weights * xp.exp(math.log(self.theta) * (1 + 0.5 * (state.values**2 - state.values)))
+        faded = state.weights * xp.exp(
+            math.log(self.theta) * (1 + 0.5 * (state.values**2 - state.values))
+        )
         values, weights = push(state.values, 2 * outcomes - 1, ratings), push(faded, met, ratings)
         said = credence_sum(quality, total(weights * values, 0))
         trust = 0.5 + 0.5 * mean(said, total(total(weights, 0), 0))
@@ -96,5 +105,7 @@ class QualityOfRecommendation(Personal):
         return QorState(trust, quality, past, weight + new, values, weights)
 
     def rater_trust(self, state: QorState) -> Array:
-        """Return the mean quality of each rater's recommendations to the others, mapped to [0, 1], shape (S, ...)."""
+        """Return the mean quality of each rater's recommendations to the others, mapped to [0, 1],
+        shape (S, ...).
+        """
         return published_raters(0.5 + 0.5 * state.quality)

@@ -10,7 +10,8 @@ from roletrust_env.trust.ratings import PROVIDER, Ratings, smooth
 
 
 class Moments(NamedTuple):
-    """Moments of the common ratings x of an adviser, axis 1, and y of a judge, axis 0; each of shape (S, S, ...).
+    """Moments of the common ratings x of an adviser, axis 1, and y of a judge, axis 0; each of
+    shape (S, S, ...).
 
     Attributes:
         count: Number of pairs (x, y) of one provider in one round.
@@ -33,10 +34,14 @@ class Moments(NamedTuple):
         count = in_common(ratings)
         mean = product(weights, theirs) / _at_least_1(count)
         spread = product(weights, theirs * theirs) - count * mean * mean
-        return cls(count, mean, spread, product(values, theirs) - count * mean * mean.swapaxes(0, 1))
+        return cls(
+            count, mean, spread, product(values, theirs) - count * mean * mean.swapaxes(0, 1)
+        )
 
     def joined(self, newer: "Moments") -> "Moments":
-        """Return the moments of both sets of pairs, without differences of large sums (Chan et al. 1979)."""
+        """Return the moments of both sets of pairs, without differences of large sums (Chan et al.
+        1979).
+        """
         count = self.count + newer.count
         share = newer.count / _at_least_1(count)
         step = newer.mean - self.mean
@@ -50,7 +55,9 @@ class Moments(NamedTuple):
 
 
 class RegressionAlignedState(NamedTuple):
-    """Memory of the aligned mean: moments of each pair, trust (S, P, ...), trust of the raters (S, ...), all 1."""
+    """Memory of the aligned mean: moments of each pair, trust (S, P, ...), trust of the raters (S,
+    ...), all 1.
+    """
 
     moments: Moments
     trust: Annotated[Array, SHARES]
@@ -59,23 +66,27 @@ class RegressionAlignedState(NamedTuple):
 
 @checked_dataclass
 class RegressionAligned(Personal):
-    """Regression-aligned mean: ratings mapped to the judge's own scale by a regression of common ratings, all alike.
+    """Regression-aligned mean: ratings mapped to the judge's own scale by a regression of common
+    ratings, all alike.
 
-    Zeynalvand et al. (2018) had the idea to align subjective ratings to the seeker's scale by regression. No formula of
-    theirs was found, and this is not their model. Let y be a judge's ratings and x an adviser's ratings of the same
-    providers in the same rounds so far, N of them. A ridge regression of the difference,
+    Zeynalvand et al. (2018) had the idea to align subjective ratings to the seeker's scale by
+    regression. No formula of theirs was found, and this is not their model. Let y be a judge's
+    ratings and x an adviser's ratings of the same providers in the same rounds so far, N of them. A
+    ridge regression of the difference,
 
         y - x = b + a (x - mean x),   sum of squared errors + ridge (a^2 + b^2) least,
 
     turns a new x into x + b + a (x - mean x), clipped to [0, 1]. With few common ratings x hardly
-    changes, and without any it does not change. The judge takes the mean of the aligned ratings, its own among them;
-    the rounds are then smoothed as usual. There is no rater trust: a rater is corrected, not distrusted.
+    changes, and without any it does not change. The judge takes the mean of the aligned ratings,
+    its own among them; the rounds are then smoothed as usual. There is no rater trust: a rater is
+    corrected, not distrusted.
 
     Attributes:
         lam: Weight of the newest round in the trust of a provider, in [0.5, 1).
         initial: Trust of a provider before any rating, in [0, 1].
-        ridge: Strength of the pull of a and b to 0, at least 0.001. It equals this number of pairs without a
-            difference (b), or pairs without one whose squared distances from mean x have this sum (a).
+        ridge: Strength of the pull of a and b to 0, at least 0.001. It equals this number of pairs
+            without a difference (b), or pairs without one whose squared distances from mean x have
+            this sum (a).
     """
 
     lam: Lam = 0.5
@@ -98,11 +109,18 @@ class RegressionAligned(Personal):
         slope, base = self._lines(state.moments)
 
         def summed(judges: slice) -> Array:
-            aligned = base[judges, :, None, ...] + (1 + slope[judges, :, None, ...]) * ratings.values
+            aligned = (
+                base[judges, :, None, ...] + (1 + slope[judges, :, None, ...]) * ratings.values
+            )
             return (ratings.weights * xp.clip(aligned, 0.0, 1.0)).sum(axis=1)
 
         received = ratings.reduce(ratings.weights, PROVIDER)
-        trust = smooth(by_judges(summed, ratings.values) / _at_least_1(received), state.trust, self.lam, received)
+        trust = smooth(
+            by_judges(summed, ratings.values) / _at_least_1(received),
+            state.trust,
+            self.lam,
+            received,
+        )
         return RegressionAlignedState(state.moments.joined(Moments.of(ratings)), trust, state.tor)
 
     def _lines(self, known: Moments) -> tuple[Array, Array]:
@@ -112,7 +130,9 @@ class RegressionAligned(Personal):
         return slope, shift - slope * known.mean
 
     def rater_trust(self, state: RegressionAlignedState) -> Array:
-        """Return 1 for every rater, shape (S, ...), since the model has no notion of rater trust."""
+        """Return 1 for every rater, shape (S, ...), since the model has no notion of rater
+        trust.
+        """
         return state.tor
 
 

@@ -1,11 +1,21 @@
-"""Judges that keep all ratings so far: by themselves, or weighted by the similarity of the raters."""
+"""Judges that keep all ratings so far: by themselves, or weighted by the similarity of the
+raters.
+"""
 
 from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
-from roletrust_env.trust.personal import Personal, by_pairs, credences, mean, product, weighted_advice, with_self
+from roletrust_env.trust.personal import (
+    Personal,
+    by_pairs,
+    credences,
+    mean,
+    product,
+    weighted_advice,
+    with_self,
+)
 from roletrust_env.trust.ratings import Ratings, occurred, smooth
 
 
@@ -46,21 +56,27 @@ class SimilarityState(NamedTuple):
 
 
 def disagreement(known: Experience) -> tuple[Array, Array]:
-    """Return the mean squared difference of two raters' mean ratings over common providers, and their number.
+    """Return the mean squared difference of two raters' mean ratings over common providers, and
+    their number.
 
-    The differences are taken one by one, in temporary arrays of shape (S, S, P, ...). A matrix product would leave the
-    rounding error of large sums for raters who agree, which a root magnifies.
+    The differences are taken one by one, in temporary arrays of shape (S, S, P, ...). A matrix
+    product would leave the rounding error of large sums for raters who agree, which a root
+    magnifies.
 
     Returns:
-        The mean squares, shape (S, S, ...), in [0, 1], and 0 without common providers; and the number of common
-        providers, of the same shape.
+        The mean squares, shape (S, S, ...), in [0, 1], and 0 without common providers; and the
+        number of common providers, of the same shape.
     """
     xp = namespace(known.sums)
     rated = occurred(known.counts)
     means = known.sums / xp.where(known.counts > 0, known.counts, 1.0)
 
     def squares(judges: slice, advisers: slice) -> Array:
-        apart = rated[judges, None] * rated[None, advisers] * (means[judges, None] - means[None, advisers])
+        apart = (
+            rated[judges, None]
+            * rated[None, advisers]
+            * (means[judges, None] - means[None, advisers])
+        )
         return (apart * apart).sum(axis=2)
 
     common = product(rated, rated.swapaxes(0, 1))
@@ -81,12 +97,14 @@ class OwnState(NamedTuple):
 
 @checked_dataclass
 class OwnExperience(Personal):
-    """Control without a reputation system: the mean of a judge's own ratings so far, which no liar reaches.
+    """Control without a reputation system: the mean of a judge's own ratings so far, which no liar
+    reaches.
 
         T[i, j] = sum of the ratings of j by i / number of these ratings
 
-    A personal model that is no better than this one gains nothing by listening to others. Published trust is the mean
-    of the judges, liars included. Without a rating of its own, a judge keeps its trust.
+    A personal model that is no better than this one gains nothing by listening to others. Published
+    trust is the mean of the judges, liars included. Without a rating of its own, a judge keeps its
+    trust.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
@@ -112,20 +130,25 @@ class OwnExperience(Personal):
         return 0 * state.trust[:, 0] + 1
 
 
-_TINY = 1e-30  # keeps the slope of a root finite where raters agree; elsewhere it is lost in rounding
+_TINY = (
+    1e-30  # keeps the slope of a root finite where raters agree; elsewhere it is lost in rounding
+)
 
 
 @checked_dataclass
 class PeerTrust(Personal):
-    """PeerTrust (PSM): mean of all ratings so far, each weighted by the similarity of its rater to the judge.
+    """PeerTrust (PSM): mean of all ratings so far, each weighted by the similarity of its rater to
+    the judge.
 
-        Sim(v, w) = 1 - sqrt(mean over providers both have rated of the squared difference of their mean ratings)
-        T[w, j]   = sum over ratings x of j by v of Sim(v, w) x / sum over the same of Sim(v, w)
+        Sim(v, w) = 1 - sqrt(mean over providers both have rated of the squared difference of their
+        mean ratings) T[w, j]   = sum over ratings x of j by v of Sim(v, w) x / sum over the same of
+        Sim(v, w)
 
-    Xiong and Liu (2004), with the personalised similarity measure for the credibility of raters; without the factors of
-    transaction and community context, and without time windows: every rating counts for ever. With no provider in
-    common Sim is 0, and a judge's own ratings have Sim = 1. Added where the paper leaves something open: a judge
-    without any ratings to use keeps its trust, and `initial` is the credence of two raters with nothing in common.
+    Xiong and Liu (2004), with the personalised similarity measure for the credibility of raters;
+    without the factors of transaction and community context, and without time windows: every rating
+    counts for ever. With no provider in common Sim is 0, and a judge's own ratings have Sim = 1.
+    Added where the paper leaves something open: a judge without any ratings to use keeps its trust,
+    and `initial` is the credence of two raters with nothing in common.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
@@ -147,20 +170,24 @@ class PeerTrust(Personal):
         known = state.known.after(ratings)
         squares, common = disagreement(known)
         similarity = 1 - xp.sqrt(squares + _TINY)
-        mean, weight = weighted_advice(xp.where(common > 0, similarity, 0.0), known.sums, known.counts)
+        mean, weight = weighted_advice(
+            xp.where(common > 0, similarity, 0.0), known.sums, known.counts
+        )
         trust = xp.where(weight > 0, mean, state.trust)
         return SimilarityState(known, trust, xp.where(common > 0, similarity, self.initial))
 
 
 @checked_dataclass
 class Clustering(Personal):
-    """Clustering: mean of the ratings by the raters in the judge's own cluster, then the usual smoothing.
+    """Clustering: mean of the ratings by the raters in the judge's own cluster, then the usual
+    smoothing.
 
-    The idea is that of iCLUB (Liu et al. 2011). Its clustering could not be checked, so this is not claimed to be that
-    model. A rater's vector is its mean rating of every provider so far. Two raters are linked if they have rated
-    a provider in common and their vectors are at most `threshold` apart, as the root mean square over the providers in
-    common. A cluster is a connected set of raters (single linkage). A rater in the judge's cluster has credence 1. A
-    rater outside has 0 if the two have a provider in common, and `initial` otherwise.
+    The idea is that of iCLUB (Liu et al. 2011). Its clustering could not be checked, so this is not
+    claimed to be that model. A rater's vector is its mean rating of every provider so far. Two
+    raters are linked if they have rated a provider in common and their vectors are at most
+    `threshold` apart, as the root mean square over the providers in common. A cluster is a
+    connected set of raters (single linkage). A rater in the judge's cluster has credence 1. A rater
+    outside has 0 if the two have a provider in common, and `initial` otherwise.
 
     Attributes:
         lam: Weight of the newest round in the trust of a provider, in [0.5, 1).
@@ -186,7 +213,9 @@ class Clustering(Personal):
         xp = namespace(ratings.values)
         known = state.known.after(ratings)
         squares, common = disagreement(known)
-        together = _connected(cast((common > 0) & (squares <= self.threshold**2), ratings.values.dtype))
+        together = _connected(
+            cast((common > 0) & (squares <= self.threshold**2), ratings.values.dtype)
+        )
         heard, weight = weighted_advice(together, ratings.values, ratings.weights)
         trust = smooth(heard, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
@@ -194,7 +223,8 @@ class Clustering(Personal):
 
 
 def _connected(links: Array) -> Array:
-    """Return 1 where a path of links, 0 or 1, shape (S, S, ...), connects two raters, and on the diagonal; 0 elsewhere.
+    """Return 1 where a path of links, 0 or 1, shape (S, S, ...), connects two raters, and on the
+    diagonal; 0 elsewhere.
 
     Every squaring doubles the length of the paths, and no path needs more than S - 1 links.
     """

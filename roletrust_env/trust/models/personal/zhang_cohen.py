@@ -1,4 +1,6 @@
-"""The personalised model of Zhang and Cohen: advisers weighted by private and by public evidence."""
+"""The personalised model of Zhang and Cohen: advisers weighted by private and by public
+evidence.
+"""
 
 import math
 from typing import Annotated, NamedTuple
@@ -22,9 +24,11 @@ class ZhangCohenState(NamedTuple):
     """Memory of the personalised model.
 
     Attributes:
-        common: Number of ratings of one provider in one round by both judge and adviser, shape (S, S, ...).
+        common: Number of ratings of one provider in one round by both judge and adviser, shape (S,
+            S, ...).
         agreeing: Number of these that agree, shape (S, S, ...).
-        checked: Number of ratings of each adviser that others could be compared with, shape (S, ...).
+        checked: Number of ratings of each adviser that others could be compared with, shape (S,
+            ...).
         consistent: Number of these near the others' mean, shape (S, ...).
         trust: Trust of each judge in each provider, shape (S, P, ...).
     """
@@ -38,19 +42,21 @@ class ZhangCohenState(NamedTuple):
 
 @checked_dataclass
 class ZhangCohen(Personal):
-    """Zhang-Cohen: advisers weighted by agreement with the judge, and with all raters while evidence is scarce.
+    """Zhang-Cohen: advisers weighted by agreement with the judge, and with all raters while
+    evidence is scarce.
 
-        private = (agreeing + 1) / (N + 2)         over the N ratings that judge and adviser have in common
-        public  = (consistent + 1) / (all + 2)     over all ratings by the adviser; near the others' mean is consistent
-        w       = min(1, N / N_min),   N_min = -ln((1 - confidence) / 2) / (2 error^2)
-        C       = w private + (1 - w) public
-        T       = C-weighted mean of opinions, then the usual smoothing
+        private = (agreeing + 1) / (N + 2)         over the N ratings that judge and adviser have in
+        common public  = (consistent + 1) / (all + 2)     over all ratings by the adviser; near the
+        others' mean is consistent w       = min(1, N / N_min),   N_min = -ln((1 - confidence) / 2)
+        / (2 error^2) C       = w private + (1 - w) public T       = C-weighted mean of opinions,
+        then the usual smoothing
 
-    Zhang and Cohen (2008). Two ratings are in common if they are of one provider in one round, and agree to the share
-    `1 - |f - g|`: with f of a success and 1 - f of a failure each, that is what both hold. Added where the paper leaves
-    something open: the others' mean is that of the same round, and a rating with no other beside it counts in neither;
-    opinions are the ratings of the round, the judge's own among them with C = 1; the rounds are smoothed where the
-    paper has sums that forget.
+    Zhang and Cohen (2008). Two ratings are in common if they are of one provider in one round, and
+    agree to the share `1 - |f - g|`: with f of a success and 1 - f of a failure each, that is what
+    both hold. Added where the paper leaves something open: the others' mean is that of the same
+    round, and a rating with no other beside it counts in neither; opinions are the ratings of the
+    round, the judge's own among them with C = 1; the rounds are smoothed where the paper has sums
+    that forget.
 
     Attributes:
         lam: Weight of the newest round in the trust of a provider, in [0.5, 1).
@@ -76,7 +82,9 @@ class ZhangCohen(Personal):
         return -math.log((1 - self.confidence) / 2) / (2 * self.error**2)
 
     def start(self, like: Array) -> ZhangCohenState:
-        """Return the state with initial trust and without evidence about advisers. See `TrustModel.start`."""
+        """Return the state with initial trust and without evidence about advisers. See
+        `TrustModel.start`.
+        """
         nothing, pairs = namespace(like).zeros_like(like), credences(like, 0.0)
         nobody = nothing[:, 0, ...]
         return ZhangCohenState(pairs, pairs, nobody, nobody, nothing + self.initial)
@@ -95,10 +103,14 @@ class ZhangCohen(Personal):
         return ZhangCohenState(*evidence, smooth(heard, state.trust, self.lam, weight))
 
     def _consistency(self, ratings: Ratings) -> tuple[Array, Array]:
-        """Return how many of each rater's ratings can be compared with others, and how many of these are consistent."""
+        """Return how many of each rater's ratings can be compared with others, and how many of
+        these are consistent.
+        """
         xp = namespace(ratings.values)
         beside = ratings.count(PROVIDER) - ratings.weights
-        others_mean = (ratings.values.sum(axis=0) - ratings.values) / xp.where(beside > 0, beside, 1.0)
+        others_mean = (ratings.values.sum(axis=0) - ratings.values) / xp.where(
+            beside > 0, beside, 1.0
+        )
         checked = xp.where(beside > 0, ratings.weights, 0.0)
         near = abs(ratings.values - others_mean) <= self.tolerance
         return checked.sum(axis=1), xp.where(near, checked, 0.0).sum(axis=1)
