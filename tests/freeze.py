@@ -33,6 +33,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # sums of several threads are add
 
 import numpy as np
 import torch
+from freeze_faces import ROUNDS, faces
 
 import roletrust_env as rt
 from roletrust_env.data import TrustStream
@@ -151,7 +152,6 @@ def rate(arguments: list[str]) -> Any:
 
 BAD = {"on-off": {"period": 4}, "bad-mouthing": {"start": 3}}
 LIKES = {"numpy": np.zeros(()), "torch": torch.zeros((), dtype=torch.float64)}
-ROUNDS = {"paper-3x3-hog": 4, "crowd-100x100": 4, "market": 16}
 CENTRAL = [
     name for name in rt.trust_models() if Traits.of(rt.make_trust_model(name)).family == "central"
 ]
@@ -438,7 +438,10 @@ def tables() -> Iterator[Case]:
 
 SECTIONS: dict[str, Callable[[], Iterator[Case]]] = {
     section.__name__: section
-    for section in (games, edges, streams, sparse, journals, zoo, attacks, searches, tables, boards)
+    for section in (
+        *(games, faces, edges, streams, sparse, journals),
+        *(zoo, attacks, searches, tables, boards),
+    )
 }
 
 
