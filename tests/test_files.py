@@ -1,6 +1,6 @@
 """Files that version f785aa31 wrote: they load as they did, or are refused by their version.
 
-A file that a later version refuses names its format in the error. Its entry then moves to `REFUSED`.
+A file that a later version refuses names its format in the error; it is then in `REFUSED`.
 """
 
 import shutil
