@@ -31,7 +31,6 @@ from roletrust_env.game.sparse import SparseGame as SparseGame
 from roletrust_env.game.state import Actions as Actions
 from roletrust_env.game.state import Noise as Noise
 from roletrust_env.game.state import State as State
-from roletrust_env.game.traced.kernels import Kernel as Kernel
 from roletrust_env.randomness import Random as Random
 from roletrust_env.trust import TrustModel as TrustModel
 from roletrust_env.trust import make_trust_model as make_trust_model

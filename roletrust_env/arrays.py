@@ -129,14 +129,6 @@ def cast(array: Array, dtype: Any) -> Array:
     )
 
 
-def entries(table: Array, places: Array) -> Array:
-    """Return the entries of a table at places along its first axis, whole numbers; these may be
-    traced symbols.
-    """
-    symbolic = getattr(places, "entries_of", None)
-    return table[places] if symbolic is None else symbolic(table)
-
-
 def mean_or_zero(values: Array, mask: Array) -> Array:
     """Return the mean along the first axis over the entries where the mask is true, and 0 where it
     never is.

@@ -50,9 +50,7 @@ COUNTS, FLAGS = ValueRange(0, _MOST, whole=True), ValueRange(0, 1, whole=True)
 
 
 def leaves(tree: Any) -> Iterator[Any]:
-    """Iterate over what is in nested tuples and is no tuple, in order: arrays, numbers, flags and
-    None.
-    """
+    """Iterate over the leaves of nested tuples, in order: arrays, and None for unused parts."""
     if isinstance(tree, tuple):
         for part in tree:
             yield from leaves(part)
@@ -60,24 +58,21 @@ def leaves(tree: Any) -> Iterator[Any]:
         yield tree
 
 
-def is_array(leaf: Any) -> bool:
-    """Return whether a leaf is an array or a number: neither None nor a flag of Python."""
-    return leaf is not None and not isinstance(leaf, bool)
-
-
 def arrays(tree: Any) -> list[Array]:
-    """Return the leaves that are arrays or numbers, in order; see `is_array`."""
-    return list(filter(is_array, leaves(tree)))
+    """Return the arrays of a tree, in order."""
+    return [leaf for leaf in leaves(tree) if leaf is not None]
 
 
 def map_leaves(change: Callable[..., Any], tree: Any, *others: Any) -> Any:
-    """Return a tree of the same structure with other leaves.
+    """Return a tree of the same structure with other leaves; None stays None.
 
     Args:
-        change: Function of a leaf, and of the leaves of the other trees in the same place.
+        change: Function of an array, and of the arrays of the other trees in the same place.
         tree: Nested tuples.
         *others: Further trees of the same structure.
     """
+    if tree is None:
+        return None
     if not isinstance(tree, tuple):
         return change(tree, *others)
     parts = [map_leaves(change, *branches) for branches in zip(tree, *others, strict=True)]
@@ -100,8 +95,7 @@ def kinds(state: Any) -> Iterator[tuple[Kind, Array]]:
 
 
 def map_kinds(change: Callable[..., Array], state: Any, *others: Any) -> Any:
-    """Return a state whose arrays about agents or pairs are changed; all else, such as a flag,
-    stays.
+    """Return a state whose arrays about agents or pairs are changed; all else stays.
 
     Args:
         change: Function of the kind and of the array, and of the arrays of the other states in the

@@ -13,9 +13,6 @@ import importlib.util
 import io
 import itertools
 import os
-import subprocess
-import sys
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -27,40 +24,14 @@ from roletrust_agents.smooth import one_thread
 from roletrust_env import Game, env, make_scenario, parallel_env
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
-from roletrust_env.game.traced.kernels import Kernel
-from roletrust_env.game.traced.rounds import Rounds
 from roletrust_env.storage.markdown import markdown_table
 from studies.study import Recipe, Study
 from studies.timing import COMPILED, Contestant, compiled, machine, measure, source
 
 _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, and used in turn
-_BEFORE = 100  # rounds before the clock starts, in which our games are traced
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
 _ROUNDS = 16  # of a batch in one step
 _HEADINGS = ["contestant", "games", "M agent-steps/s", "least", "greatest", "times the peer"]
-_FORMS = [
-    "scenario",
-    "forms of a round",
-    "s to trace",
-    "s to compile",
-    "s to find them in the cache",
-]
-_ABOUT_FORMS = (
-    "All forms of the rounds of one scenario; they are compiled beside the play, and "
-    "nobody waits for it."
-)
-_PREPARE = """
-import sys, time
-from roletrust_env import parallel_env
-env = parallel_env(sys.argv[1])
-env.reset(seed=0)
-for _ in range(30):
-    env.step({agent: env.action_space(agent).sample() for agent in env.agents})
-began = time.perf_counter()
-env.rounds.compile()
-forms = env.rounds.forms
-print(len(forms), f"{sum(form.trace_s for form in forms):.2f} {time.perf_counter() - began:.2f}")
-"""
 _PRESETS = ("paper-3x3", "peers", "robots-that-move", "crowd-10x10")
 _TASKS = ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack")
 
@@ -89,7 +60,9 @@ def main(study: Study[Options]) -> None:
     groups: list[tuple[int, list[_Entry]]] = []
     if device == "cpu":
         for turns in (False, True):
-            ours = (("numpy", partial(one_environment, preset, turns)) for preset in _PRESETS)
+            ours: list[_Entry] = [
+                ("numpy", partial(one_environment, preset, turns)) for preset in _PRESETS
+            ]
             groups.append((1, [("mpe2", partial(simple_adversary, turns)), *ours]))
         tasks = (("numpy", partial(one_task, task)) for task in _TASKS)
         groups.append((1, [("mpe2", partial(simple_adversary, False)), *tasks]))
@@ -101,9 +74,11 @@ def main(study: Study[Options]) -> None:
             *on_torch,
         ]
         if device == "cpu":
-            on_numpy = [partial(attack_tasks, threads) for threads in (0, 1)]
-            on_numpy += [partial(batch, library, device) for library in ("NumPy", "C")]
-            entries = [("vmas", simple_spread), *(("numpy", make) for make in on_numpy), *entries]
+            on_numpy: list[_Entry] = [
+                ("numpy", attack_tasks),
+                ("numpy", partial(batch, "NumPy", device)),
+            ]
+            entries = [("vmas", simple_spread), *on_numpy, *entries]
         groups.append((games, [(package, partial(make, games)) for package, make in entries]))
     rows = []
     for games, entries in groups:
@@ -118,30 +93,8 @@ def main(study: Study[Options]) -> None:
         [name, f"{games:,}", *(f"{x:.3f}" for x in rate), f"{ratio:.1f}" if ratio else "-"]
         for name, games, *rate, ratio in rows
     ]
-    times = [[preset, *preparation(preset)] for preset in _PRESETS if device == "cpu"]
-    forms = [_ABOUT_FORMS, markdown_table(_FORMS, times, 1)] if times else []
-    table, made_by = (
-        markdown_table(_HEADINGS, lines, 1),
-        f"Made by `{study.command}` on {machine()}.",
-    )
-    study.page("speed.md", "# Speed", table, *forms, made_by)
-
-
-def preparation(preset: str) -> list[str]:
-    """Return the number of forms of a round, and the seconds to trace them, to compile them, and to
-    find them again.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        command, environment = (
-            [sys.executable, "-c", _PREPARE, preset],
-            {**os.environ, "XDG_CACHE_HOME": folder},
-        )
-        runs = [
-            subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-            for _ in range(2)
-        ]
-    first, then = (run.stdout.split() for run in runs)
-    return [*first, then[-1]]
+    made_by = f"Made by `{study.command}` on {machine()}."
+    study.page("speed.md", "# Speed", markdown_table(_HEADINGS, lines, 1), made_by)
 
 
 def one_environment(preset: str, in_turn: bool, seed: int) -> Contestant:
@@ -162,7 +115,7 @@ def one_task(name: str, seed: int) -> Contestant:
             task.reset()
 
     inner: Any = task.unwrapped
-    return _warm(f"{name}, gymnasium.make", step, len(inner.task.game.roster.names), inner.rounds)
+    return Contestant(f"{name}, gymnasium.make", step, len(inner.task.game.roster.names))
 
 
 def simple_adversary(in_turn: bool, seed: int) -> Contestant:
@@ -198,11 +151,8 @@ def _in_pettingzoo(name: str, env: Any, in_turn: bool, seed: int) -> Contestant:
             _, _, terminated, truncated, _ = env.last()
             env.step(None if terminated or truncated else chosen[env.agent_selection])
 
-    name, own = (
-        f"{name}, {'in turn' if in_turn else 'parallel'}",
-        getattr(env.unwrapped, "rounds", None),
-    )
-    return _warm(name, turns if in_turn else step, len(spaces), own)
+    name = f"{name}, {'in turn' if in_turn else 'parallel'}"
+    return Contestant(name, turns if in_turn else step, len(spaces))
 
 
 def simple_spread(games: int, seed: int) -> Contestant:
@@ -226,7 +176,7 @@ def batch(library: str, device: str, games: int, seed: int) -> Contestant:
     a step.
 
     A step draws noise, plays the round, and computes observations and rewards. Finished games start
-    again. The library is `NumPy`, `C`, which is a kernel, `torch` or `COMPILED`.
+    again. The library is `NumPy`, `torch` or `COMPILED`.
     """
     like, random = source(library, seed, device)
     game = Game(make_scenario("paper-3x3"), like=like)
@@ -241,8 +191,7 @@ def batch(library: str, device: str, games: int, seed: int) -> Contestant:
         state, rewards = game.step(state, joint, game.noise(key, state.round.shape))
         return state, rewards, game.observations(state)
 
-    compilers: dict[str, Any] = {COMPILED: compiled, "C": Kernel}
-    played = compilers.get(library, partial)(advance)
+    played = compiled(advance) if library == COMPILED else advance
 
     def play() -> Iterator[None]:
         while True:
@@ -321,25 +270,11 @@ def _on_jax(name: str, env: Any, games: int, seed: int) -> Contestant:
     return Contestant(name, step, _ROUNDS * games * len(env.agents))
 
 
-def attack_tasks(threads: int, games: int, seed: int) -> Contestant:
-    """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, on NumPy or by the threads
-    of a kernel.
-    """
-    env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games, threads=threads)
+def attack_tasks(games: int, seed: int) -> Contestant:
+    """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium."""
+    env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games)
     env.reset(seed=seed)
     env.action_space.seed(seed)
     actions = env.action_space.sample()
-    name = f"attack task batch{', C' * threads}"
-    return Contestant(name, lambda: env.step(actions), games * len(env.task.game.roster.names))
-
-
-def _warm(name: str, step: Callable[[], None], amount: int, rounds: Rounds | None) -> Contestant:
-    """Return a contestant that has played some rounds, and has compiled its own if the machine has
-    a compiler.
-    """
-    for _ in range(2):  # compiled rounds are compared with the rules, too
-        for _ in range(_BEFORE):
-            step()
-        if rounds is not None:
-            rounds.compile()
-    return Contestant(name, step, amount)
+    agents = len(env.task.game.roster.names)
+    return Contestant("attack task batch", lambda: env.step(actions), games * agents)

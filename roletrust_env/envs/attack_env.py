@@ -2,7 +2,7 @@
 tasks play.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -20,12 +20,10 @@ from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import suggest
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.make_task import make_task
-from roletrust_env.game.state import Noise, State
-from roletrust_env.game.traced.kernels import Kernel
-from roletrust_env.game.traced.rounds import Rounds, Unknown, reason_against_symbols
+from roletrust_env.game.state import State
 from roletrust_env.parameters import whole_number
 from roletrust_env.randomness import Random
-from roletrust_env.trees import is_array, map_leaves
+from roletrust_env.trees import map_leaves
 
 Vector = npt.NDArray[np.float32]
 
@@ -48,14 +46,10 @@ class TaskBatch:
         task: Attack task.
         shape: Shape of the batch: `()` for one game, `(E,)` for E games.
         rounds: Length of an episode, if less than that of a game; None is a whole game.
-        threads: Number of threads on which a `Kernel` plays; 0 is NumPy.
         whole: Whether no game ends at random.
 
     Attributes:
         rounds: Greatest length of an episode.
-
-    Raises:
-        ValueError: There is no kernel for the task.
     """
 
     def __init__(
@@ -63,7 +57,6 @@ class TaskBatch:
         task: AttackTask,
         shape: tuple[int, ...] = (),
         rounds: int | None = None,
-        threads: int = 0,
         whole: bool = False,
     ) -> None:
         if shape:
@@ -75,17 +68,6 @@ class TaskBatch:
         self.rounds = min(rounds or task.game.scenario.max_cycles, task.game.scenario.max_cycles)
         self.state: TaskState | None = None
         self._whole, self._end = whole, self.rounds + 1
-        self._seen: tuple[Any, Array] = (None, None)  # a state, and what is observed then
-        self._kernel: Kernel | None = None
-        if threads != 0:
-            if reason := reason_against_symbols(task.game, task.joint_policy.policies.values()):
-                raise ValueError(
-                    f"threads is {threads!r}, and there is no kernel for these games: {reason}"
-                )
-            self._kernel = Kernel(self._play, threads)
-            self.restart(task.game.random(0))
-            self.step(np.zeros((task.action_size, *shape), np.float32), task.game.random(0))
-            self.state = None
 
     def restart(self, random: Random, ended: Array | None = None) -> None:
         """Restart all games, or only those that have ended, boolean, (E,)."""
@@ -108,12 +90,8 @@ class TaskBatch:
         """
         if self.state is None:
             raise RuntimeError("call reset() before step(): there is no episode")
-        if self._kernel is None:
-            noise = self.task.game.draw(random, self.shape)
-            after, outcome = self.task.step(self.state, action, noise, random)
-        else:
-            after, outcome, seen = self._kernel(self.state, action, random.round_key())
-            self._seen = after, seen
+        noise = self.task.game.draw(random, self.shape)
+        after, outcome = self.task.step(self.state, action, noise, random)
         self.state = after if waiting is None else choose(waiting, self.state, after)
         round = after.game.round
         terminated = outcome.caught | (round >= self._end)
@@ -123,14 +101,7 @@ class TaskBatch:
         """Return the observation of the attacker, shape (K, ...)."""
         if self.state is None:
             raise RuntimeError("call reset() before observe(): there is no episode")
-        return self._seen[1] if self._seen[0] is self.state else self.task.observe(self.state)
-
-    def _play(
-        self, state: TaskState, action: Array, key: Array
-    ) -> tuple[TaskState, Outcome, Array]:
-        """Return the state of a game after a round, its outcome, and what is observed then."""
-        after, outcome = self.task.step(state, action, self.task.game.noise(key), Unknown())
-        return after, outcome, self.task.observe(after)
+        return self.task.observe(self.state)
 
     @property
     def games(self) -> State:
@@ -143,16 +114,7 @@ class TaskBatch:
 def choose(condition: Array, yes: Any, no: Any) -> Any:
     """Choose between two trees of the same structure, by game."""
     xp = namespace(condition)
-    return _map(lambda a, b: xp.where(condition, a, b), yes, no)
-
-
-def _map(change: Callable[..., Array], *states: Any) -> Any:
-    """Apply a function to the arrays of states; a flag must hold in all of them to hold in the
-    result.
-    """
-    return map_leaves(
-        lambda *same: change(*same) if is_array(same[0]) else same[0] and same[-1], *states
-    )
+    return map_leaves(lambda one, other: xp.where(condition, one, other), yes, no)
 
 
 class AttackEnv(gymnasium.Env[Vector, Vector]):
@@ -220,8 +182,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     ## Arguments
 
-    See `make_task`; the default of `like` is NumPy's float64, in which small games are traced. In
-    addition `render_mode`: `"human"`, `"rgb_array"` or `"ansi"`; the learner's agents are marked.
+    See `make_task`; the default of `like` is NumPy's float64. In addition `render_mode`: `"human"`,
+    `"rgb_array"` or `"ansi"`; the learner's agents are marked.
 
     ## Version History
 
@@ -244,9 +206,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
         self.metadata = deepcopy(self.metadata)  # wrappers add render modes
-        self.rounds = Rounds(
-            self.task.game, self._play, self.task.key, self.task.joint_policy.policies.values()
-        )
+        self._state: TaskState | None = None
         self._random: Random | None = None
         self._playing, self._end, self._length = False, 0, 0
         self._spectator = Spectator(self.task.game, render_mode)
@@ -254,15 +214,10 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self._spec: EnvSpec | None = None
 
     def __repr__(self) -> str:
-        task = (
-            repr(self.task)
-            .removesuffix(")")
-            .replace(type(self.task).__name__, type(self).__name__, 1)
-        )
-        return f"{task}, {self.rounds})"
+        return repr(self.task).replace(type(self.task).__name__, type(self).__name__, 1)
 
     def _repr_html_(self) -> str:
-        return self._spectator.html(repr(self), self._games)
+        return self._spectator.html(repr(self), self._state and self._state.game)
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -285,7 +240,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         if seed is not None or self._random is None:
             self._random = Random(self.np_random, self.task.game.like)
         state = self.task.start(self.task.game.draw(self._random, start=True), self._random)
-        self.rounds.begin(state)
+        self._state = state
         self._playing, self._end = True, int(self.task.game.random_end(self._random))
         self._length = min(self._end, self.task.game.scenario.max_cycles)
         if self.render_mode is not None:
@@ -301,17 +256,19 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
             RuntimeError: `reset` was not called, or the episode is over.
         """
         action = check_action(action, self.action_space.shape or ())
-        if not self._playing or self._random is None:
+        if not self._playing or self._state is None or self._random is None:
             raise RuntimeError("call reset() before step(): the episode has not begun or is over")
-        outcome, seen = self.rounds.play(action, self.task.game.draw(self._random), self._random)
-        reward, objective, cost, caught, round = map(float, outcome)
+        noise = self.task.game.draw(self._random)
+        self._state, outcome = self.task.step(self._state, action, noise, self._random)
+        caught, round = bool(outcome.caught), int(self._state.game.round)
         over = round >= self._length
         self._playing = not (caught or over)
-        terminated = bool(caught) or (over and round >= self._end)
+        terminated = caught or (over and round >= self._end)
         if self.render_mode is not None:
-            self._spectator.follow(self.rounds.state.game)
-        info = {"objective": objective, "cost": cost}
-        return np.array(seen, np.float32), reward, terminated, over and not terminated, info
+            self._spectator.follow(self._state.game)
+        info = {"objective": float(outcome.objective), "cost": float(outcome.cost)}
+        observation = self.task.observe(self._state).astype(np.float32)
+        return observation, float(outcome.reward), terminated, over and not terminated, info
 
     def render(self) -> Any:
         """Show the state of the game by `render_mode`."""
@@ -320,20 +277,6 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     def close(self) -> None:
         """Close the window, if there is one."""
         self._spectator.close()
-
-    @property
-    def _games(self) -> State | None:
-        state: TaskState | None = self.rounds.state
-        return state and state.game
-
-    def _play(
-        self, state: TaskState, action: Array, noise: Noise, random: Random
-    ) -> tuple[TaskState, tuple[Array, Array]]:
-        """Return the state after a round; and its outcome with the number of rounds, and what is
-        observed then.
-        """
-        after, outcome = self.task.step(state, action, noise, random)
-        return after, (np.stack([*outcome, after.game.round]), self.task.observe(after))
 
 
 def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vector:

@@ -26,7 +26,6 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import POLICIES, STREAMS, Random, stream_key
-from roletrust_env.trees import is_array, map_leaves
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import PRESENT
@@ -168,7 +167,6 @@ class JaxEnv(ABC):
         state = self._start(
             self.game.noise(random.round_key(), words.shape[1:], start=True), random
         )
-        state = _without_flags(state)
         return self.get_obs(state), state
 
     def _advance_games(self, words: Array, state: Any, actions: Mapping[str, Array]) -> Step:
@@ -179,7 +177,6 @@ class JaxEnv(ABC):
         }
         noise = self.game.noise(random.round_key(), words.shape[1:])
         after, *outcome = self._play(state, clipped, noise, random)
-        after = _without_flags(after)
         return self.get_obs(after), after, *outcome
 
     def _advance_or_begin_games(
@@ -389,10 +386,3 @@ def _mixed(words: Array, number: int) -> Array:
     """
     zero = 0 * words[0]
     return jnp.stack(counter_rng.scramble((words[0], words[1], zero + number, zero)))
-
-
-def _without_flags(state: Any) -> Any:
-    """Return a state with None in place of flags of Python, which JAX would trace; the rules read
-    None as false.
-    """
-    return map_leaves(lambda leaf: leaf if is_array(leaf) else None, state)

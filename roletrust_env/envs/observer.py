@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from struct import pack
 
 import numpy as np
 import numpy.typing as npt
@@ -38,7 +37,6 @@ class Observer:
             seen[agent].append(places)
         self._places = np.concatenate([part for parts in seen.values() for part in parts])
         ends = np.cumsum([sum(map(len, parts)) for parts in seen.values()]).tolist()
-        self._format = f"{ends[-1]}f"
         self._slices = {
             agent: slice(*cut) for agent, cut in zip(seen, pairwise([0, *ends]), strict=True)
         }
@@ -59,15 +57,9 @@ class Observer:
         )
         return everything[self._places]
 
-    def split(
-        self, observations: tuple[float, ...] | Array, agents: Sequence[str]
-    ) -> dict[str, Vector]:
+    def split(self, observations: Array, agents: Sequence[str]) -> dict[str, Vector]:
         """Return the observations of some agents, as new arrays, from those of all, see
         `observe`.
         """
-        if isinstance(observations, tuple):  # packed in half of the time of an array from numbers
-            single = np.frombuffer(bytearray(pack(self._format, *observations)), np.float32)
-        else:
-            single = observations.astype(np.float32)
-        slices = self._slices
+        single, slices = observations.astype(np.float32), self._slices
         return {agent: single[slices[agent]] for agent in agents}

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -24,15 +24,39 @@ from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import short
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
-from roletrust_env.game.state import Noise, State
+from roletrust_env.game.state import State
 from roletrust_env.game.summary import summarise, summary_size
-from roletrust_env.game.traced.rounds import Rounds
 from roletrust_env.randomness import Random, generator
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT
 
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
+
+Step: TypeAlias = tuple[
+    dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+]
+"""Observations, rewards, terminations, truncations and infos by the name of the agent."""
+
+
+class Shown(NamedTuple):
+    """What the agents observe in a state, and what their infos hold.
+
+    Attributes:
+        observations: Observations of all agents, one after the other, see `Observer`.
+        trust: Trust of each agent by its role, shape (N,).
+        quality: Quality that each provider delivered in the last round, shape (P,).
+        received: True quality of the services that each rater received in it, shape (S, P).
+        of_both: ToR and ToP of the SR+SP agents, shape (2, n_both).
+        phase: Phase of each agent, see `Population`, shape (N,); None where all are always present.
+    """
+
+    observations: Array
+    trust: Array
+    quality: Array
+    received: Array
+    of_both: Array
+    phase: Array | None
 
 
 class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
@@ -169,10 +193,10 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.np_random: np.random.Generator | None = None
         self._random: Random | None = None
         self._end = self._length = 0
-        self.rounds = Rounds(self.game, self._play, "parallel")
+        self._state: State | None = None
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({game_facts(self.game)}, {self.rounds})"
+        return f"{type(self).__name__}({game_facts(self.game)})"
 
     def _repr_html_(self) -> str:
         return self._spectator.html(repr(self), self._state)
@@ -231,27 +255,18 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         state = self.game.start(self.game.draw(self._random, start=True))
         self._end = int(self.game.random_end(self._random))
         self._length = min(self._end, self.game.scenario.max_cycles)
-        self.rounds.begin(state)
+        self._state = state
         present = self.game.present(state)
         self.agents = [
             a for i, a in enumerate(self.possible_agents) if present is None or present[i]
         ]
         if self.render_mode is not None:
             self._spectator.follow(state)
-        seen, told, received, phase = self._shown(state)
-        return self._observer.split(seen, self.agents), self._inform(
-            _numbers(told), received, phase, self.agents
-        )
+        shown = self._show(state)
+        observations = self._observer.split(shown.observations, self.agents)
+        return observations, self._inform(shown, self.agents)
 
-    def step(
-        self, actions: Mapping[str, Vector]
-    ) -> tuple[
-        dict[str, Vector],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    def step(self, actions: Mapping[str, Vector]) -> Step:
         """Play one round.
 
         Args:
@@ -272,50 +287,39 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             raise RuntimeError("call reset() before step(): there is no episode, or it is over")
         return self.advance(self.joint.read(actions, self.agents))
 
-    def advance(
-        self, joint: npt.NDArray[np.float64]
-    ) -> tuple[
-        dict[str, Vector],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    def advance(self, joint: npt.NDArray[np.float64]) -> Step:
         """Play one round with actions that are checked already, see `JointAction`. Returns what
         `step` returns.
         """
         assert self._random is not None  # there is an episode
-        rewards, seen, told, received, phase = self.rounds.play(joint, self.game.draw(self._random))
-        told = _numbers(told)
-        over = told[0] >= self._length
-        agents = self.agents
-        if phase is None:
-            reward = dict(zip(agents, _numbers(rewards), strict=True))
+        assert self._state is not None
+        noise = self.game.draw(self._random)
+        state, rewards = self.game.step(self._state, self.joint.split(joint), noise)
+        self._state, shown, round = state, self._show(state), int(state.round)
+        over, acted = round >= self._length, self.agents
+        if shown.phase is None:
+            agents = staying = acted
+            reward = dict(zip(agents, rewards.tolist(), strict=True))
             terminations = dict.fromkeys(agents, False)
-            staying = agents
         else:
-            there = {
-                agent: one == PRESENT
-                for agent, one in zip(self.possible_agents, _numbers(phase), strict=True)
-            }
-            acted = set(agents)
-            agents = [a for a in self.possible_agents if a in acted or (there[a] and not over)]
-            earned = dict(zip(self.possible_agents, _numbers(rewards), strict=True))
-            reward = {a: earned[a] if a in acted else 0.0 for a in agents}
-            terminations = {a: not there[a] for a in agents}
-            staying = [a for a in agents if there[a]]
-        if over and told[0] >= self._end:
+            phases = dict(zip(self.possible_agents, shown.phase.tolist(), strict=True))
+            earned = dict(zip(self.possible_agents, rewards.tolist(), strict=True))
+            agents = [
+                agent
+                for agent in self.possible_agents
+                if agent in acted or (phases[agent] == PRESENT and not over)
+            ]
+            reward = {agent: earned[agent] if agent in acted else 0.0 for agent in agents}
+            terminations = {agent: phases[agent] != PRESENT for agent in agents}
+            staying = [agent for agent in agents if not terminations[agent]]
+        if over and round >= self._end:
             terminations = dict.fromkeys(agents, True)
-        truncations = (
-            {a: not gone for a, gone in terminations.items()}
-            if over
-            else dict.fromkeys(agents, False)
-        )
+        truncations = {agent: over and not terminations[agent] for agent in agents}
         self.agents = [] if over else list(staying)
         if self.render_mode is not None:
-            self._spectator.follow(self.rounds.state)
-        infos = self._inform(told, received, phase, agents)
-        return self._observer.split(seen, agents), reward, terminations, truncations, infos
+            self._spectator.follow(state)
+        observations = self._observer.split(shown.observations, agents)
+        return observations, reward, terminations, truncations, self._inform(shown, agents)
 
     def state(self) -> Vector:
         """Return the whole state as a vector in `state_space`, for centralised critics; see
@@ -335,68 +339,42 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Close the window, if there is one."""
         self._spectator.close()
 
-    @property
-    def _state(self) -> State | None:
-        state: State | None = self.rounds.state
-        return state
-
-    def _play(
-        self, state: State, joint: Array, noise: Noise
-    ) -> tuple[State, tuple[Array | None, ...]]:
-        """Return the state after a round; and the rewards, and what is shown of that state."""
-        after, rewards = self.game.step(state, self.joint.split(joint), noise)
-        return after, (rewards, *self._shown(after))
-
-    def _shown(self, state: State) -> tuple[Array, Array, Array, Array | None]:
-        """Return what is observed of a state, see `Observer`; what is told beside the phases; and
-        the phases.
-
-        Told are, in one vector, the number of the round, and by role the trust of the agents and
-        what else their infos hold; and in another the true qualities that the raters received.
-        """
+    def _show(self, state: State) -> Shown:
+        """Return what is observed of a state, and what the infos hold."""
         game, both = self.game, self.game.roster.both
-        tor, top = game.published(state)
-        trust, quality, (_, sellers, _) = game.agent_trust(state), state.quality, self._by_role
-        alone = trust[: len(trust) - game.roster.n_both], quality[: len(sellers)]
-        told = np.reshape(state.round, 1), *alone, both(trust), both(tor), both(top), both(quality)
-        received = state.quality * state.awaiting
-        phase = state.population and state.population.phase
-        return self._observer.observe(state), np.concatenate(told), received.ravel(), phase
+        return Shown(
+            observations=self._observer.observe(state),
+            trust=game.agent_trust(state),
+            quality=state.quality,
+            received=state.quality * state.awaiting,
+            of_both=np.stack([both(side) for side in game.published(state)]),
+            phase=None if state.population is None else state.population.phase,
+        )
 
-    def _inform(
-        self, told: Sequence[Any], received: Any, phase: Any, agents: Sequence[str]
-    ) -> dict[str, Any]:
+    def _inform(self, shown: Shown, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Return the infos of some agents."""
         sr, sp, both = self._by_role
-        at, rows = 1 + len(sr), iter(np.array(received).reshape(len(sr) + len(both), -1))
-        infos: dict[str, dict[str, Any]]
-        infos = {
-            agent: {"trust": t, "received": row}
-            for agent, t, row in zip(sr, told[1:], rows, strict=False)
+        trust, quality, received = shown.trust.tolist(), shown.quality.tolist(), [*shown.received]
+        infos: dict[str, dict[str, Any]] = {
+            agent: {"trust": value, "received": row}
+            for agent, value, row in zip(sr, trust, received, strict=False)
         }
-        for agent, t, q in zip(sp, told[at:], told[at + len(sp) :], strict=False):
-            infos[agent] = {"trust": t, "quality": q}
-        if n := len(both):
-            columns = told[-4 * n : -3 * n], told[-3 * n : -2 * n], told[-2 * n : -n], told[-n:]
-            for agent, t, r, p, q, row in zip(both, *columns, rows, strict=True):
-                infos[agent] = {
-                    "trust": t,
-                    "received": row,
-                    "rater_trust": r,
-                    "provider_trust": p,
-                    "quality": q,
-                }
-        if phase is None:
+        for agent, value, delivered in zip(sp, trust[len(sr) :], quality, strict=False):
+            infos[agent] = {"trust": value, "quality": delivered}
+        names = "trust", "received", "rater_trust", "provider_trust", "quality"
+        alone = len(sr), len(sp)
+        columns = (
+            *(trust[sum(alone) :], received[alone[0] :], *shown.of_both.tolist()),
+            quality[alone[1] :],
+        )
+        for agent, *values in zip(both, *columns, strict=True):
+            infos[agent] = dict(zip(names, values, strict=True))
+        if shown.phase is None:
             return infos
-        for agent, one in zip(self.possible_agents, _numbers(phase), strict=True):
-            if one in _FATES:
-                infos[agent]["fate"] = _FATES[one]
+        for agent, phase in zip(self.possible_agents, shown.phase.tolist(), strict=True):
+            if phase in _FATES:
+                infos[agent]["fate"] = _FATES[phase]
         return {agent: infos[agent] for agent in agents}
-
-
-def _numbers(vector: Any) -> Sequence[Any]:
-    """Return the entries of a vector as numbers of Python."""
-    numbers: Sequence[Any] = vector if type(vector) is tuple else vector.tolist()
-    return numbers
 
 
 def parallel_env(

@@ -257,11 +257,10 @@ class AttackVecEnv(BatchVecEnv):
             as in `AttackEnv`.
         seed: Random seed; `seed(...)` before `reset()` sets another.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
-        threads: Number of threads on which a `Kernel` plays; 0 is NumPy. See `AttackVectorEnv`.
 
     Raises:
-        ValueError: The task does not play on NumPy, the number of games is no whole number of 1 or
-            more, or there is no kernel for the task.
+        ValueError: The task does not play on NumPy, or the number of games is not a whole
+            number of 1 or more.
 
     Example:
         >>> from roletrust_env import make_task
@@ -280,7 +279,6 @@ class AttackVecEnv(BatchVecEnv):
         scaled: bool = True,
         seed: int | None = None,
         render_mode: RenderMode | None = None,
-        threads: int = 0,
     ) -> None:
         if not isinstance(task, AttackTask):
             raise ValueError(
@@ -288,7 +286,7 @@ class AttackVecEnv(BatchVecEnv):
             )
         num_envs = whole_number("num_envs", num_envs, 1)
         self.task = task
-        self._batch = TaskBatch(task, (num_envs,), threads=threads, whole=self._whole)
+        self._batch = TaskBatch(task, (num_envs,), whole=self._whole)
         roster = task.game.roster
         self._compromised = [(name, roster.names.index(name)) for name in task.compromised]
         attackers = {*task.identities, *task.joint_policy.attackers}

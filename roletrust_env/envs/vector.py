@@ -38,15 +38,13 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             `AutoresetMode`, or its value.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
         max_episode_steps: Length of an episode, if less than that of the game.
-        threads: Number of threads on which a `Kernel` plays, which is faster and differs from NumPy
-            in the last digits; 0 is NumPy.
         like: Array of the library, dtype and device to play with; by default NumPy's float32. With
             a torch tensor, observations, rewards, flags and masks are tensors, too.
         **arguments: Arguments of `make_task`, which replace the defaults of the task.
 
     Raises:
         TypeError: An argument is unknown.
-        ValueError: A name is unknown or a value is not allowed, or there is no kernel for the task.
+        ValueError: A name is unknown or a value is not allowed.
     """
 
     def __init__(
@@ -57,7 +55,6 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: RenderMode | None = None,
         max_episode_steps: int | None = None,
-        threads: int = 0,
         **arguments: Any,
     ) -> None:
         refuse_unknown(type(self), arguments, make_task)
@@ -69,7 +66,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if max_episode_steps is not None:
             max_episode_steps = whole_number("max_episode_steps", max_episode_steps, 1)
         self.task = task_by_id(task_id, arguments)
-        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps, threads)
+        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps)
         self.num_envs = num_envs
         self.metadata = {**deepcopy(TASKS[task_id].metadata), "autoreset_mode": mode}
         self.render_mode = render_mode

@@ -3,7 +3,7 @@ task.
 """
 
 import copy
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import Any, Literal, NamedTuple, Self, get_args
 
@@ -343,21 +343,6 @@ class AttackTask:
             f"{self.knowledge}"
         )
         return f"{type(self).__name__}({game_facts(self.game)}; {aim})"
-
-    @property
-    def key(self) -> Hashable:
-        """All that the rounds of the task depend on beside the game."""
-        policies = tuple(self.joint_policy.policies.items())
-        aim = (
-            self.compromised,
-            self.objective,
-            self.blind_share,
-            self.stealth,
-            self.knowledge,
-            self.accomplices,
-            self.consumers,
-        )
-        return type(self), policies, aim
 
     @property
     def bounds(self) -> tuple[float, float]:

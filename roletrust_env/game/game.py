@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copy, entries, mean_or_zero, namespace, whole_dtype
+from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace, whole_dtype
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.cells import Cells, for_batch
 from roletrust_env.game.noise import NoiseSource
@@ -90,9 +90,8 @@ class Game:
             scenario, roster, self.presence.changes, like, self._cells.width
         )
         self._nowhere = self._constant(np.nan, like.dtype)
-        self._zero = self._constant(
-            0, like.dtype
-        )  # `where` takes a number at twice the cost of a small array
+        # `where` takes a number at twice the cost of a small array.
+        self._zero = self._constant(0, like.dtype)
         self._perturbations = Perturbations(scenario, like)
         always, self._duty = True, None
         if any(group.turns for group in scenario.agents):
@@ -201,7 +200,6 @@ class Game:
             if rules.ratings.late > 0
             else None,
             properties=self._property_sampler.start(nothing[:, 0, ...], of_providers, *traits),
-            full=False,
             met=met,
         )
 
@@ -230,13 +228,13 @@ class Game:
         ratings, rated, transit = rating_delivery.deliver(
             rules.ratings, state.transit, actions.ratings, sent, noise.lost, noise.late
         )
-        full = state.full and self._lossless and withheld is None
-        if full:
-            ratings = copy(ratings)  # whoever sent them may write to theirs again
+        complete = withheld is None and self._is_complete(state)
+        if complete:
+            ratings = copy(ratings)  # their sender may write to its array again
         trust, tor, top = cells.update(
-            state.trust, state.met, ratings, None if full else rated, state.round
+            state.trust, state.met, ratings, None if complete else rated, state.round
         )
-        if type(top) is np.ndarray:  # of a game on NumPy that is not traced
+        if self._on_numpy:
             self._published = trust, (tor, top)
 
         counts = state.counts
@@ -280,7 +278,7 @@ class Game:
         after = State(
             round=state.round + 1,
             trust=trust,
-            ratings=ratings if full else xp.where(rated, ratings, self._zero),
+            ratings=ratings if complete else xp.where(rated, ratings, self._zero),
             rated=rated,
             quality=quality,
             service=service,
@@ -291,7 +289,6 @@ class Game:
             motion=motion,
             transit=transit,
             properties=state.properties,
-            full=self._everyone,
             met=met,
         )
         return after, self._payoff.rewards(tor, top, counts, quality, state.value)
@@ -381,9 +378,7 @@ class Game:
         """
         xp, roster = namespace(self.like), self.roster
         if self._duty is not None:
-            rating, providing = (
-                xp.moveaxis(entries(duty, state.round), -1, 0) for duty in self._duty
-            )
+            rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
             yield rating, providing
         if population is not None and state.population is not None:
             # A newcomer acts from its first full round on, and who leaves in this round serves
@@ -415,6 +410,13 @@ class Game:
         if isinstance(rules.access, Choice):
             served = access.choose(rules.access, top, served, noise.choice)
         return met, served
+
+    def _is_complete(self, state: State) -> bool:
+        """Return whether every pair has a service that awaits its rating, in all games of a batch.
+
+        A game on NumPy knows it from the round; other libraries do not branch on a value.
+        """
+        return self._lossless and self._everyone and self._on_numpy and bool(state.round.all())
 
     def _clock(self, state: State) -> Array:
         """Return the number of the round, in the dtype of the game."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, entries, namespace, whole_dtype
+from roletrust_env.arrays import Array, cast, namespace, whole_dtype
 from roletrust_env.game.state import Counts
 from roletrust_env.trust import agent_trust
 from roletrust_env.world.roster import Roster
@@ -36,7 +36,7 @@ class Payoff:
         """
         if self._values is None or noise is None:
             return value
-        return entries(self._values, cast(noise * len(self._values), whole_dtype(noise)))
+        return self._values[cast(noise * len(self._values), whole_dtype(noise))]
 
     def rewards(
         self, tor: Array, top: Array, counts: Counts | None, quality: Array, value: Array

@@ -7,7 +7,7 @@ from array_api_compat import to_device
 
 from roletrust_env.arrays import Array, cast
 from roletrust_env.game.brief import shapes
-from roletrust_env.trees import is_array, map_leaves
+from roletrust_env.trees import map_leaves
 from roletrust_env.world.heterogeneity import AgentProperties
 from roletrust_env.world.mobility import Motion
 from roletrust_env.world.presence import Population
@@ -63,8 +63,6 @@ class State(NamedTuple):
         motion: Positions and waypoints of the agents, if they move.
         transit: Ratings that are late; None where none can be.
         properties: Properties in which agents differ.
-        full: Whether every service awaits its rating, in every game, so that `awaiting` need not be
-            read.
         met: Index of the provider of each cell of `service` and `awaiting`, shape (S, K), in a
             `SparseGame`, whose cells are (S, K) in place of (S, P, ...); None elsewhere.
     """
@@ -82,7 +80,6 @@ class State(NamedTuple):
     motion: Motion | None
     transit: InTransit | None
     properties: AgentProperties
-    full: bool
     met: Array | None = None
 
     def __repr__(self) -> str:
@@ -188,7 +185,5 @@ def one_game(state: State, place: tuple[int, ...]) -> State:
         state: State of a batch.
         place: Index of the game along the axes of the batch.
     """
-    one: State = map_leaves(
-        lambda leaf: to_device(leaf[..., *place], "cpu") if is_array(leaf) else leaf, state
-    )
+    one: State = map_leaves(lambda leaf: to_device(leaf[..., *place], "cpu"), state)
     return one

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, entries, is_compiling, namespace
+from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.world.scenario import Perturbation, Scenario
 
 
@@ -27,7 +27,7 @@ class Perturbations:
     def strength(self, round: Array) -> Array:
         """Return the strength in each round; rounds and strengths have the same shape (...)."""
         if not is_compiling(round):
-            return entries(self._table, round)
+            return self._table[round]
         now = cast(round, self._table.dtype)  # compared twice as fast as integers of 64 bits
         strength = 0.0 * now
         for perturbation in self._perturbations:

@@ -109,10 +109,7 @@ class Lengths:
         assert abs(np.corrcoef(self.ends)[0, 1]) < 0.2  # the episodes of a slot are independent
 
 
-THREADS = pytest.param({"threads": 1}, marks=pytest.mark.slow)
-
-
-@pytest.mark.parametrize("arguments", [{}, {"autoreset_mode": "SameStep"}, THREADS], ids=str)
+@pytest.mark.parametrize("arguments", [{}, {"autoreset_mode": "SameStep"}], ids=str)
 def test_the_games_of_a_vector_end_one_by_one(arguments: dict[str, Any]) -> None:
     games, same = 400, "autoreset_mode" in arguments
     env, endless = (

@@ -75,7 +75,6 @@ def _no_warnings() -> Iterator[None]:
         yield
 
 
-@pytest.mark.usefixtures("untraced")
 def test_parallel_api(make: Make) -> None:
     parallel_api_test(make(), num_cycles=1000)
 

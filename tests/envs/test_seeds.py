@@ -19,7 +19,6 @@ from roletrust_env import (
     DiscretizeLevels,
     FixedAgents,
     Game,
-    Kernel,
     ParallelTransformAction,
     Player,
     RescaleClipAction,
@@ -34,7 +33,6 @@ from roletrust_env import (
 from roletrust_env.data.dialect import Dialect
 from roletrust_env.data.log import read_ratings
 from roletrust_env.evaluation.search import Budget
-from roletrust_env.game.traced.compiled import compiler
 from roletrust_env.testing import check_attack, check_trust_model
 
 COMES_LATER = {
@@ -124,7 +122,7 @@ def test_whole_numbers_may_be_numpys_and_fit() -> None:
             roletrust_env.make_trust_model("mean"), count=n
         ),
         "workers": lambda n: n == 3 or roletrust_env.benchmark(["mean"], workers=n),
-    } | ({"threads": lambda n: Kernel(lambda state: (state,), n)} if compiler() else {})
+    }
     for name, take in takers.items():
         take(np.int64(3))
         for wrong in (-1, 2.5, "3", True):

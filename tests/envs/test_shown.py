@@ -24,9 +24,9 @@ def task_env(**arguments: Any) -> Any:
 def test_reprs() -> None:
     aim = "compromised: sr_2, objective: damage, knowledge: black_box"
     task = f"{FACTS}, numpy float32; {aim}"
-    assert repr(roletrust_env.parallel_env()) == f"RoleTrustParallelEnv({FACTS}, traced)"
-    assert repr(roletrust_env.env()) == f"RoleTrustAECEnv({FACTS}, traced)"
-    assert repr(task_env()) == f"RaterAttackEnv({FACTS}; {aim}, traced)"
+    assert repr(roletrust_env.parallel_env()) == f"RoleTrustParallelEnv({FACTS})"
+    assert repr(roletrust_env.env()) == f"RoleTrustAECEnv({FACTS})"
+    assert repr(task_env()) == f"RaterAttackEnv({FACTS}; {aim})"
     batch = gymnasium.make_vec("RoleTrust/RaterAttack-v0", num_envs=3)
     assert repr(batch) == f"AttackVectorEnv(AttackTask({task}), num_envs: 3)"
 

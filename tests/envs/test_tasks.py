@@ -19,7 +19,6 @@ from roletrust_env.envs.attack_env import AttackEnv
 
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
-@pytest.mark.usefixtures("untraced")
 @pytest.mark.filterwarnings(
     "error",
     "ignore:.*A Box observation space m..imum value is -?infinity",
@@ -39,7 +38,6 @@ def test_gymnasium_finds_nothing_wrong_with_the_registered_ones(task_id: str) ->
 
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
-@pytest.mark.usefixtures("untraced")
 @pytest.mark.filterwarnings(
     "error", "ignore:We recommend you to use a symmetric and normalized Box action space"
 )
@@ -51,7 +49,6 @@ def test_stable_baselines_finds_nothing_wrong(task_id: str, scenario: str, level
 
 
 @pytest.mark.parametrize(("task_id", "scenario", "level"), CASES)
-@pytest.mark.usefixtures("untraced")
 def test_an_episode_stays_in_its_spaces(task_id: str, scenario: str, level: str) -> None:
     stealth = {"weight": 0.5, "tolerance": 0.02}
     env = make(

@@ -18,7 +18,6 @@ def in_range(trust: Any) -> bool:
 
 @EVERY_MODEL
 @pytest.mark.parametrize("preset", ["peers", "open-system"])  # who is who, and comers and goers
-@pytest.mark.usefixtures("untraced")
 def test_it_plays_in_pettingzoo(name: str, preset: str) -> None:
     env = parallel_env(preset, trust_model=name, max_cycles=8)
     for k, agent in enumerate(env.possible_agents):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from roletrust_env import Actions, Game, Noise, Random, Scenario, State
-from roletrust_env.trees import is_array, map_leaves
+from roletrust_env.trees import map_leaves
 
 TOLERANCE = {"rtol": 0, "atol": 1e-12}
 
@@ -141,7 +141,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 def each(function: Callable, *trees: Any) -> Any:
     """Apply a function to the arrays of states, noises or actions; None and flags stay as they
     are."""
-    return map_leaves(lambda *same: function(*same) if is_array(same[0]) else same[0], *trees)
+    return map_leaves(function, *trees)
 
 
 def assert_close(actual: Any, expected: Any) -> None:

@@ -394,4 +394,3 @@ def test_a_blind_share_turns_the_score_where_the_skill_is_crossed():
     assert 0 < quotient < 1
     assert score(0.9 * quotient) > 0 > score(1.1 * quotient)
     assert score(0.0) == mean_rewards(task, attacker, 0, (1, 8), SEARCHED)[0].mean()
-    assert task.with_blind_share(0.5).key != task.key

@@ -2,6 +2,8 @@
 
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trees import SHARES
@@ -28,15 +30,12 @@ class RoleTrustState(NamedTuple):
         top: Trust of the providers, ToP, shape (P, ...).
         last: Last rating that i gave j, shape (S, P, ...).
         elapsed: Number of service periods since then, shape (S, P, ...), 0 where i never rated j.
-        full: Whether every rater rated every provider in the last round, so that `elapsed` is 1
-            everywhere.
     """
 
     tor: Annotated[PerRater, SHARES]
     top: Annotated[PerProvider, SHARES]
     last: Annotated[PerPair, SHARES]
     elapsed: PairAge
-    full: bool = False
 
 
 @checked_dataclass
@@ -70,13 +69,13 @@ class RoleTrust(Published):
     def update(self, state: RoleTrustState, ratings: Ratings) -> RoleTrustState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         tor = smooth(self._rater_quality(ratings), state.tor, self.lam, ratings.count(RATER))
-        elapsed = None if state.full else ratings.read(state.elapsed)
-        if elapsed is not None and ratings.raters is not None and (elapsed == 1).all():
-            elapsed = None  # to look takes less time than powers
+        elapsed: Array | None = ratings.read(state.elapsed)
+        if isinstance(elapsed, np.ndarray) and (elapsed == 1).all():
+            elapsed = None  # this comparison takes less time than powers
         quality = provider_quality(ratings, tor, ratings.read(state.last), elapsed)
         top = smooth(quality, state.top, self.lam, ratings.count(PROVIDER))
         if ratings.full:
-            return RoleTrustState(tor, top, ratings.values, ones(ratings.values), True)
+            return RoleTrustState(tor, top, ratings.values, ones(ratings.values))
         last = ratings.write(state.last, ratings.values)
         return RoleTrustState(tor, top, last, aged(ratings, state.elapsed))
 
