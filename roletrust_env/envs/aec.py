@@ -5,7 +5,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.env_logger import EnvLogger
@@ -42,7 +41,6 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
     agent_selection: str
     terminations: dict[str, bool]
     truncations: dict[str, bool]
-    _singles: list[Any]  # actions of this round, as bytes, see `JointAction.single`
     _waits: bool  # for `step`, in a loop
     _first: str  # of those that are present
     _next: dict[str, str]  # who acts after an agent; nobody after the last
@@ -59,7 +57,7 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """See `pettingzoo.AECEnv.reset`."""
         super().reset(seed, options)
-        self._waits, self._singles = False, []
+        self._waits = False
         self._begin_turns()
 
     def agent_iter(self, max_iter: int = 2**63) -> Iterator[str]:
@@ -103,29 +101,15 @@ class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):
                 raise ValueError(f"the part of {agent!r} has ended; its action must be None")
             super().step(None)
             return
-        joint = self.env.joint
-        single = joint.single(agent, action)
-        if single is None and (complaint := joint.complaint(agent, action)):
-            raise ValueError(complaint)
-        self._actions[agent] = np.array(action) if single is None else action
-        self._singles.append(single)
+        self._actions[agent] = self.env.joint.check(agent, action)
         following = self._next.get(agent)
         if following is not None:
             if agent == self._first:
                 self._clear_rewards()
             self.agent_selection = following
             return
-        singles, self._singles = self._singles, []
-        if len(singles) == len(self.possible_agents) and None not in singles:
-            vector = joint.joined(singles)
-        else:  # the arrays that were given may hold other numbers by now
-            given = zip(self.env.agents, singles, strict=True)
-            copies = {
-                a: self._actions[a] if one is None else np.frombuffer(one, np.float32)
-                for a, one in given
-            }
-            vector = joint.read(copies, self.env.agents)
-        played = self.env.advance(vector)
+        acting = {live: self._actions[live] for live in self.env.agents}
+        played = self.env.advance(self.env.joint.place(acting))
         self._observations, self.rewards, self.terminations, self.truncations, self.infos = played
         self._cumulative_rewards = self.rewards.copy()
         if self.agents == self.env.agents:

@@ -1,13 +1,10 @@
 """Checks of the arguments of environments."""
 
-import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Iterable, Mapping
 from inspect import Parameter, signature
 from typing import Any, TypeVar
 
 import gymnasium
-import numpy as np
 
 from roletrust_env.errors import short
 from roletrust_env.memory import check_memory
@@ -17,9 +14,6 @@ from roletrust_env.world import Scenario
 from roletrust_env.world.roster import shown
 
 Space = TypeVar("Space")
-
-NUMBERS = "fiub"
-"""Kinds of dtype that an action may have: floats, integers and booleans."""
 
 
 def refuse_unknown(
@@ -60,36 +54,6 @@ def refuse_empty_start(scenario: Scenario) -> None:
         raise ValueError(
             "agents: every group joins late; an episode begins with a group of joins 0, join_rate 1"
         )
-
-
-def all_within(numbers: Sequence[float], low: float = 0.0) -> bool:
-    """Return whether all numbers lie in [low, 1]; of few numbers this takes less time than of an
-    array.
-    """
-    total = sum(numbers)  # NaN if a number is
-    return total == total and min(numbers) >= low and max(numbers) <= 1
-
-
-def singles_within(floats: bytes) -> bool:
-    """Return whether all numbers of float32 in these bytes lie in [0, 1]; of few this takes less
-    time than of an array.
-
-    The bits of the numbers from 0.0 to 1.0 are whole numbers up to the bits of 1.0, and those of
-    all others are greater. So a sum of all words at once sets the first bit of a word that is too
-    great. -0.0 counts as less than 0.
-    """
-    first_bits, rest = _words(len(floats))
-    words = int.from_bytes(floats, sys.byteorder)
-    return not (words | words + rest) & first_bits
-
-
-@cache
-def _words(n_bytes: int) -> tuple[int, int]:
-    """Return the first bit of each word of some bytes; and what the bits of 1.0 lack to reach it,
-    in each word.
-    """
-    ones = sum(1 << 8 * k for k in range(0, n_bytes, 4))
-    return ones << 31, ones * (2**31 - 1 - int(np.float32(1).view(np.uint32)))
 
 
 def check_games(name: str, games: int, game: Any) -> None:

@@ -13,8 +13,9 @@ import numpy.typing as npt
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
-from roletrust_env.arrays import Array, namespace, numpy_array
-from roletrust_env.envs.arguments import NUMBERS, all_within, check_games, refuse_unknown
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.envs.actions import check_action
+from roletrust_env.envs.arguments import check_games, refuse_unknown
 from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import suggest
@@ -26,9 +27,6 @@ from roletrust_env.randomness import Random
 from roletrust_env.trees import map_leaves
 
 Vector = npt.NDArray[np.float32]
-
-_FEW = 200
-"""Number of entries up to which numbers of Python are checked faster than an array."""
 
 
 def task_spaces(task: AttackTask) -> tuple[Box, Box]:
@@ -277,33 +275,6 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     def close(self) -> None:
         """Close the window, if there is one."""
         self._spectator.close()
-
-
-def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vector:
-    """Return the action as an array of float32.
-
-    Args:
-        action: Action of one game, or of a batch.
-        shape: Shape that it must have.
-        low: Lower bound of its entries; the upper bound is 1.
-
-    Raises:
-        ValueError: The action has the wrong shape, or holds NaN or a value outside [low, 1].
-    """
-    action = numpy_array("the action", action, f"numbers, of shape {shape}")
-    if action.shape != shape or action.dtype.kind not in NUMBERS:
-        raise ValueError(
-            f"the action has shape {action.shape} and dtype {action.dtype}; it must be numbers, of "
-            f"shape {shape}"
-        )
-    few = action.ndim == 1 and action.size <= _FEW
-    if not (all_within(action.tolist(), low) if few else action.min() >= low and action.max() <= 1):
-        wrong = action[~((action >= low) & (action <= 1))]
-        raise ValueError(
-            f"the action holds {wrong[0]}; no entry may be NaN or outside [{low:g}, 1]"
-        )
-    checked: Vector = action.astype(np.float32, copy=False)
-    return checked
 
 
 class ProviderAttackEnv(AttackEnv):

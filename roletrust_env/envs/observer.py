@@ -44,7 +44,7 @@ class Observer:
     def observe(self, state: State) -> Array:
         """Return the observations of all agents in a state of one game, one after the other."""
         game = self._game
-        clock = np.reshape(state.round / game.scenario.max_cycles, 1)
+        clock = [int(state.round) / game.scenario.max_cycles]
         grids = (
             state.service.ravel(),
             state.awaiting.ravel(),

@@ -11,6 +11,7 @@ from gymnasium.spaces import Box
 from pettingzoo import ParallelEnv
 
 from roletrust_env.arrays import Array
+from roletrust_env.envs.actions import JointAction
 from roletrust_env.envs.arguments import (
     option,
     refuse_empty_start,
@@ -18,7 +19,6 @@ from roletrust_env.envs.arguments import (
     seed_spaces,
     space_of,
 )
-from roletrust_env.envs.joint_action import JointAction
 from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import short
@@ -47,7 +47,7 @@ class Shown(NamedTuple):
         trust: Trust of each agent by its role, shape (N,).
         quality: Quality that each provider delivered in the last round, shape (P,).
         received: True quality of the services that each rater received in it, shape (S, P).
-        of_both: ToR and ToP of the SR+SP agents, shape (2, n_both).
+        of_both: ToR and ToP of the SR+SP agents, shape (n_both,) each; None without any.
         phase: Phase of each agent, see `Population`, shape (N,); None where all are always present.
     """
 
@@ -55,7 +55,7 @@ class Shown(NamedTuple):
     trust: Array
     quality: Array
     received: Array
-    of_both: Array
+    of_both: tuple[Array, Array] | None
     phase: Array | None
 
 
@@ -347,7 +347,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             trust=game.agent_trust(state),
             quality=state.quality,
             received=state.quality * state.awaiting,
-            of_both=np.stack([both(side) for side in game.published(state)]),
+            of_both=tuple(map(both, game.published(state))) if game.roster.n_both else None,
             phase=None if state.population is None else state.population.phase,
         )
 
@@ -361,14 +361,16 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         }
         for agent, value, delivered in zip(sp, trust[len(sr) :], quality, strict=False):
             infos[agent] = {"trust": value, "quality": delivered}
-        names = "trust", "received", "rater_trust", "provider_trust", "quality"
-        alone = len(sr), len(sp)
-        columns = (
-            *(trust[sum(alone) :], received[alone[0] :], *shown.of_both.tolist()),
-            quality[alone[1] :],
-        )
-        for agent, *values in zip(both, *columns, strict=True):
-            infos[agent] = dict(zip(names, values, strict=True))
+        if shown.of_both is not None:
+            of_both = {
+                "trust": trust[len(sr) + len(sp) :],
+                "received": received[len(sr) :],
+                "rater_trust": shown.of_both[0].tolist(),
+                "provider_trust": shown.of_both[1].tolist(),
+                "quality": quality[len(sp) :],
+            }
+            for k, agent in enumerate(both):
+                infos[agent] = {name: column[k] for name, column in of_both.items()}
         if shown.phase is None:
             return infos
         for agent, phase in zip(self.possible_agents, shown.phase.tolist(), strict=True):

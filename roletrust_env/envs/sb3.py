@@ -14,8 +14,9 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
+from roletrust_env.envs.actions import check_action
 from roletrust_env.envs.arguments import check_games
-from roletrust_env.envs.attack_env import TaskBatch, check_action, choose, task_spaces
+from roletrust_env.envs.attack_env import TaskBatch, choose, task_spaces
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.brief import game_facts

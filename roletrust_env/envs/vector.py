@@ -9,9 +9,10 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, check_within, namespace
+from roletrust_env.envs.actions import check_action
 from roletrust_env.envs.arguments import option, refuse_unknown
-from roletrust_env.envs.attack_env import TASKS, TaskBatch, check_action, task_by_id, task_spaces
+from roletrust_env.envs.attack_env import TASKS, TaskBatch, task_by_id, task_spaces
 from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RenderMode, Spectator
 from roletrust_env.game.make_task import make_task
@@ -243,10 +244,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
                 f"the actions have shape {tuple(actions.shape)}; needed is "
                 f"{self.action_space.shape}"
             )
-        if not bool(((actions >= 0) & (actions <= 1)).all()):
-            raise ValueError(
-                "the actions hold NaN or numbers outside [0, 1]; every entry must lie in [0, 1]"
-            )
+        check_within("the actions", actions)
         return actions
 
     def _checked_mask(self, mask: Array) -> Array:

@@ -15,7 +15,8 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
 from roletrust_env.arrays import numpy_array
-from roletrust_env.envs.arguments import NUMBERS, seed_spaces, space_of
+from roletrust_env.envs.actions import NUMBERS
+from roletrust_env.envs.arguments import seed_spaces, space_of
 from roletrust_env.errors import short
 from roletrust_env.parameters import truth_value, whole_number
 

@@ -260,15 +260,13 @@ class Game:
         if actions.treatment is not None:
             quality = mean_or_zero(chosen, served)
         else:
-            chosen = quality = (
-                copy(chosen)
-                if self._everyone
-                else xp.where(cells.anywhere(served, met), chosen, self._zero)
-            )
-        strength, perception = (
-            self._perturbations.strength(state.round),
-            state.properties.perception,
-        )
+            if self._everyone:
+                chosen = copy(chosen)
+            else:
+                chosen = xp.where(cells.anywhere(served, met), chosen, self._zero)
+            quality = chosen
+        strength = self._perturbations.strength(state.round)
+        perception = state.properties.perception
         offered = chosen if met is None else cells.of_providers(chosen, met)
         service = self.service.perceive(
             offered, strength, state.round, noise.perception, perception
@@ -416,7 +414,9 @@ class Game:
 
         A game on NumPy knows it from the round; other libraries do not branch on a value.
         """
-        return self._lossless and self._everyone and self._on_numpy and bool(state.round.all())
+        if not (self._lossless and self._everyone and self._on_numpy):
+            return False
+        return bool(np.minimum.reduce(state.round, None) > 0)
 
     def _clock(self, state: State) -> Array:
         """Return the number of the round, in the dtype of the game."""

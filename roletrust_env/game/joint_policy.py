@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, namespace, within
 from roletrust_env.game.brief import game_facts, players
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Channel, Policy, policy_name
@@ -313,10 +313,9 @@ def _check_actions(actions: Actions, game: Game, where: str) -> None:
         ("ratings", actions.ratings, raters),
         ("treatment", treatment, providers),
     ):
-        if chosen is not None and bool((wrong := ~((chosen >= 0) & (chosen <= 1))).any()):
-            agent = names[
-                int(np.argwhere(np.asarray(wrong.reshape(len(names), -1).any(axis=1)))[0, 0])
-            ]
+        if chosen is not None and not within(chosen):
+            wrong = ~((chosen >= 0) & (chosen <= 1)).reshape(len(names), -1)
+            agent = names[int(np.argwhere(np.asarray(wrong.any(axis=1)))[0, 0])]
             raise ValueError(
                 f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]"
             )

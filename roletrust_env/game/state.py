@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from array_api_compat import to_device
 
-from roletrust_env.arrays import Array, cast
+from roletrust_env.arrays import Array, cast, check_within
 from roletrust_env.game.brief import shapes
 from roletrust_env.trees import map_leaves
 from roletrust_env.world.heterogeneity import AgentProperties
@@ -114,6 +114,10 @@ class Noise(NamedTuple):
         return shapes(self)
 
 
+_IN_RANGE = "quality", "ratings", "treatment"
+"""Fields of `Actions` whose values lie in [0, 1]."""
+
+
 def intended(actions: Actions, properties: AgentProperties) -> Array:
     """Return the chosen quality within the ability of the providers, shape (P, ...), or (S, P, ...)
     for each rater.
@@ -132,43 +136,28 @@ def fitted(actions: Actions, state: State) -> Actions:
         ValueError: The actions have other shapes than the state needs; or, on NumPy, are NaN or
             outside [0, 1].
     """
-    cells = "(S, P, ...)" if state.met is None else "(S, K)"
-    if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
-        raise ValueError(
-            f"actions have shapes {tuple(actions.quality.shape)} and "
-            f"{tuple(actions.ratings.shape)}; needed are "
-            f"(P, ...) = {tuple(state.quality.shape)} and {cells} = {tuple(state.ratings.shape)}"
-        )
-    wanted, population = actions.presence, state.population
-    if wanted is not None and (population is None or wanted.shape != population.phase.shape):
-        raise ValueError(
-            f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where "
-            "nobody comes or goes"
-        )
-    for name, part, nobody in (
-        ("withheld", actions.withheld, "withholds a rating"),
-        ("treatment", actions.treatment, "treats raters differently"),
-    ):
-        if part is not None and part.shape != state.ratings.shape:
+    cells, population, dtype = state.ratings.shape, state.population, state.ratings.dtype
+    agents = None if population is None else population.phase.shape
+    needed = state.quality.shape, cells, agents, cells, cells
+    for name, part, shape in zip(Actions._fields, actions, needed, strict=True):
+        if part is None:
+            continue
+        if part.shape != shape:
             raise ValueError(
-                f"{name} has the shape {tuple(part.shape)}; it must be {cells} = "
-                f"{tuple(state.ratings.shape)}, or None where nobody {nobody}"
+                f"{name} must {f'have shape {tuple(shape)}' if shape else 'be None'}, "
+                f"got shape {tuple(part.shape)}"
             )
-    parts = {"quality": actions.quality, "ratings": actions.ratings, "treatment": actions.treatment}
-    for name, part in parts.items():
-        # On NumPy, where it takes few microseconds, and not where a game is traced.
-        if type(part) is np.ndarray and part.size and not (part.min() >= 0 and part.max() <= 1):
-            raise ValueError(
-                f"{name} hold {part[~((part >= 0) & (part <= 1))][0]}; none may be NaN or outside "
-                "[0, 1]"
-            )
-    dtype = state.ratings.dtype
-    others = {
-        name: cast(part, dtype)
-        for name, part in parts.items()
-        if part is not None and part.dtype != dtype
-    }
-    return actions._replace(**others) if others else actions
+        if name in _IN_RANGE and isinstance(part, np.ndarray):  # others may be compiling
+            check_within(name, part)
+    if actions.quality.dtype == actions.ratings.dtype == dtype and actions.treatment is None:
+        return actions
+    return actions._replace(
+        **{
+            name: cast(part, dtype)
+            for name in _IN_RANGE
+            if (part := getattr(actions, name)) is not None
+        }
+    )
 
 
 def first_game(state: State) -> State:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from roletrust_env.arrays import Array
-from roletrust_env.envs.attack_env import check_action
+from roletrust_env.envs.actions import check_action
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.measurement import TaskArguments
