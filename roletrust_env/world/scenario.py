@@ -309,7 +309,8 @@ def load_scenario(path: str | Path) -> Scenario:
     except RecursionError:
         raise ValueError(f"scenario file {path} is broken: it is nested too deeply") from None
     except ValueError as error:  # raised by the parsers, and for invalid UTF-8
-        raise ValueError(f"scenario file {path} is broken: {error}") from None
+        reason = " ".join(str(error).split())
+        raise ValueError(f"scenario file {path} is broken: {reason}") from None
     if not isinstance(data, dict):
         raise ValueError(
             f"scenario file {path} holds a {type(data).__name__}; it must hold fields with values"
