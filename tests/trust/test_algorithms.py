@@ -1,7 +1,6 @@
 """Algorithms 1 to 3 against a loop-by-loop reference, and the properties that hold for any
 ratings."""
 
-import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -12,6 +11,7 @@ import reference
 import torch
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
+from refusals import refuses
 
 from roletrust_env.trust import agent_trust, provider_trust, rater_trust
 
@@ -314,15 +314,14 @@ def test_single_precision_stays_single(asarray: Callable, game: Game) -> None:
 @pytest.mark.parametrize("lam", [-1.0, 0.0, 0.49, 1.01, float("nan")])
 @pytest.mark.parametrize("function", [raters, providers])
 def test_lam_out_of_range_is_refused(function: Callable, lam: float, game: Game) -> None:
-    with pytest.raises(ValueError, match=r"\blam\b.*\b0\.5\b.*\b1\b") as error:
+    with refuses(ValueError, "lam", "0.5", "1", str(lam)):
         function(game, lam)
-    assert str(lam) in str(error.value)
 
 
 def test_lam_of_1_forgets_the_past_of_raters_only(game: Game) -> None:
     fresh = raters(game._replace(tor=np.zeros_like(game.tor)), lam=1)
     assert_close(raters(game, lam=1), fresh)
-    with pytest.raises(ValueError, match="lam"):
+    with refuses(ValueError, "lam", "1"):
         providers(game, lam=1)
 
 
@@ -345,6 +344,6 @@ def test_shapes_that_do_not_fit_are_refused(
     function: Callable, field: str, shape: tuple, game: Game
 ) -> None:
     wrong = np.ones(shape, dtype=getattr(game, field).dtype)
-    with pytest.raises(ValueError, match=re.escape(str(shape))) as error:
+    with refuses(ValueError, shape) as error:
         function(game._replace(**{field: wrong}))
     assert "(2, 3, 4)" in str(error.value) or str(getattr(game, field).shape) in str(error.value)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 import roletrust_env
 from roletrust_env import Game, JointPolicy, TrustStream, make_scenario, record
@@ -55,17 +56,17 @@ def fail(top: Any) -> Any:
 
 
 WRONG = pytest.mark.parametrize(
-    ("what", "complaint"),
+    ("what", "words"),
     [
-        (lambda top: top * np.nan, "provider_trust holds nan"),
-        (lambda top: top + 1, r"provider_trust holds 1\.5; a trust must lie in \[0, 1\]"),
-        (lambda top: top[:1], r"provider_trust has shape \(1,.*\); it must be \(3,"),
+        (lambda top: top * np.nan, ("provider_trust", "nan")),
+        (lambda top: top + 1, ("provider_trust", "1.5", "[0, 1]")),
+        (lambda top: top[:1], ("provider_trust",)),
         (
             lambda top: 0.5,
-            "provider_trust is of type float; it must be a (ndarray|Tensor) of shape",
+            ("provider_trust", "float"),
         ),
-        (lambda top: top > 0, r"provider_trust is of dtype .*bool; it must be .*float"),
-        (fail, "KeyError: 'lost'"),
+        (lambda top: top > 0, ("provider_trust",)),
+        (fail, ("KeyError", "lost")),
     ],
     ids=["nan", "out of range", "shape", "no array", "dtype", "raises"],
 )
@@ -73,21 +74,21 @@ WRONG = pytest.mark.parametrize(
 
 @WRONG
 @pytest.mark.parametrize("like", [np.zeros(()), torch.zeros(())], ids=["numpy", "torch"])
-def test_it_is_named_with_the_round(what: Any, complaint: str, like: Any) -> None:
+def test_it_is_named_with_the_round(what: Any, words: tuple[str, ...], like: Any) -> None:
     game = Game(make_scenario("paper-3x3"), Turncoat(what), like)
-    with pytest.raises(ValueError, match=rf"trust model Turncoat\(\), round 2: {complaint}"):
+    with refuses(ValueError, "Turncoat()", "2", *words):
         record(JointPolicy(game, {}), game.random(0), (4,))
 
 
 @WRONG
-def test_an_environment_stays_as_it_was(what: Any, complaint: str) -> None:
+def test_an_environment_stays_as_it_was(what: Any, words: tuple[str, ...]) -> None:
     env = roletrust_env.parallel_env("paper-3x3", Turncoat(what))
     env.reset(seed=0)
     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
     env.step(actions)
     env.step(actions)
     before = env.state()
-    with pytest.raises(ValueError, match=complaint):
+    with refuses(ValueError, *words):
         env.step(actions)
     assert np.array_equal(env.state(), before)
 
@@ -110,17 +111,17 @@ def test_a_stream_names_it_with_the_round(local: bool) -> None:
         rater_trust = lambda self, state: state.raters  # noqa: E731
 
     Edges.local = local  # type: ignore[attr-defined]
-    for what, complaint in (
-        (fail, "KeyError: 'lost'"),
-        (lambda state: None, "AttributeError: 'NoneType'"),
-        (lambda state: EdgeState(state.raters * np.nan, state.providers), "rater_trust holds nan"),
+    for what, words in (
+        (fail, ("KeyError", "lost")),
+        (lambda state: None, ("AttributeError", "NoneType")),
+        (lambda state: EdgeState(state.raters * np.nan, state.providers), ("rater_trust", "nan")),
         (
             lambda state: EdgeState(state.raters, state.providers[1:]),
-            r"provider_trust has shape \(0,\); it must be \(1,",
+            ("provider_trust", "(0,)", "1"),
         ),
     ):
         stream = TrustStream(Edges(what))
-        with pytest.raises(ValueError, match=rf"trust model Turncoat\(\), round 0: {complaint}"):
+        with refuses(ValueError, "Turncoat()", "0", *words):
             stream.update(["ann", "bob"], ["shop", "shop"], [0.2, 0.4])
 
 
@@ -129,14 +130,12 @@ def test_a_model_that_cannot_start_is_named() -> None:
         def start(self, like: Any) -> Any:
             raise IndexError("lost")
 
-    with pytest.raises(
-        ValueError, match=r"trust model Turncoat\(\) cannot start: IndexError: lost"
-    ):
+    with refuses(ValueError, "Turncoat()", "IndexError"):
         TrustStream(Stuck(None), agents=(["ann"], ["shop"]))
 
 
 def test_a_model_that_cannot_play_at_all_is_refused_at_once() -> None:
-    with pytest.raises(ValueError, match="cannot play one round: AttributeError: 'NoneType'"):
+    with refuses(ValueError, "AttributeError", "NoneType"):
         Game(make_scenario("paper-3x3"), Broken(None))
 
 
@@ -169,20 +168,10 @@ def remember_in_self(self: Any, state: Trusts, ratings: Ratings) -> Trusts:
 
 @pytest.mark.parametrize("like", [np.zeros(()), torch.zeros(())], ids=["numpy", "torch"])
 @pytest.mark.parametrize(
-    ("what", "complaint"),
-    [
-        (forget_ratings, "writes to the ratings or to the mask"),
-        (widen_weights, "writes to the ratings or to the mask"),
-        (change_the_state, "twice alike: it changes the state it is given"),
-        (remember_in_self, "twice alike: it changes itself"),
-    ],
+    "what", [forget_ratings, widen_weights, change_the_state, remember_in_self]
 )
-def test_a_model_that_is_no_function_is_refused_at_once(
-    what: Any, complaint: str, like: Any
-) -> None:
-    with pytest.raises(
-        ValueError, match=rf"trust model Turncoat\(\) cannot play one round.*{complaint}"
-    ):
+def test_a_model_that_is_no_function_is_refused_at_once(what: Any, like: Any) -> None:
+    with refuses(ValueError, "Turncoat()"):
         Game(make_scenario("paper-3x3"), Writer(what), like)
 
 
@@ -191,7 +180,7 @@ def spread_over_games(self: Any, state: Trusts, ratings: Ratings) -> Trusts:
 
 
 def test_a_model_that_compares_games_is_refused_at_once() -> None:
-    with pytest.raises(ValueError, match="a game in a batch differs from the same game alone"):
+    with refuses(ValueError, "Turncoat()", "batch"):
         Game(make_scenario("paper-3x3"), Writer(spread_over_games))
 
 
@@ -202,10 +191,8 @@ def test_an_update_with_a_third_argument_is_one_clear_error(name: str) -> None:
         f"class Old(Turncoat):\n    def update(self, state, ratings, {name}): return state",
         namespace,
     )
-    wanted = rf"has update\(state, ratings, {name}\); it must be update\(state, ratings\)"
-    with pytest.raises(ValueError, match=wanted) as error:
+    with refuses(ValueError, f"update(state, ratings, {name})"):
         Game(make_scenario("paper-3x3"), namespace["Old"](None))
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -220,9 +207,7 @@ def test_a_read_out_in_another_precision_is_refused_at_once(like: Any) -> None:
                 else state.tor.double()
             )
 
-    with pytest.raises(
-        ValueError, match=r"rater_trust is of dtype .*float64; it must be .*float32"
-    ):
+    with refuses(ValueError, "rater_trust", "float64", "float32"):
         Game(make_scenario("paper-3x3"), Double(None), like)
 
 
@@ -232,9 +217,7 @@ def test_a_read_out_that_is_no_array_is_refused_at_once(read: Any) -> None:
         def rater_trust(self, state: Trusts) -> Any:
             return read
 
-    with pytest.raises(
-        ValueError, match=f"rater_trust is of type {type(read).__name__}; it must be a ndarray"
-    ):
+    with refuses(ValueError, "rater_trust", "ndarray", type(read).__name__):
         Game(make_scenario("paper-3x3"), NoArray(None))
 
 

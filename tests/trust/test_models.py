@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.evaluation.specs import parse_trust_model
@@ -52,16 +53,15 @@ def test_a_model_from_user_code_is_known_by_name() -> None:
 def test_a_name_is_given_once() -> None:
     register_trust_model("doubt", Doubt)
     for taken in ("doubt", "role-trust"):
-        with pytest.raises(ValueError, match=taken):
+        with refuses(ValueError, taken):
             register_trust_model(taken, Mean)
     assert isinstance(make_trust_model("doubt"), Doubt)
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
     register_trust_model("doubt", Doubt)
-    with pytest.raises(ValueError, match="role-trsut") as error:
+    with refuses(ValueError, "role-trsut", "role-trust", "mean", "doubt"):
         make_trust_model("role-trsut")
-    assert all(name in str(error.value) for name in ("role-trust", "mean", "doubt"))
 
 
 def test_models_of_installed_packages_are_found(install: Callable[..., None]) -> None:
@@ -86,7 +86,7 @@ def test_a_broken_package_harms_only_who_asks_for_it(install: Callable[..., None
     )
     assert trust_models()["broken-model"]
     assert make_trust_model("role-trust")
-    with pytest.raises(ValueError, match=r"broken-model.*half installed") as error:
+    with refuses(ValueError, "broken-model") as error:
         make_trust_model("broken-model")
     assert isinstance(error.value.__cause__, RuntimeError)
 

@@ -3,7 +3,6 @@
 import copy
 import json
 import pickle
-import re
 import shutil
 import socket
 import sys
@@ -15,6 +14,7 @@ from http.server import HTTPServer
 import numpy as np
 import pytest
 from pages import HOUSE, blocks
+from refusals import refuses
 
 import roletrust_env
 from roletrust_env import evaluate, make_scenario
@@ -140,22 +140,22 @@ def test_trust_of_raters_is_there_if_the_model_has_it(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("answer", "message"),
+    ("answer", "words"),
     [
-        ("{'raters': [1, 1]}", "no 'providers' in its answer"),
-        ("[0.5, 0.5]", "no 'providers'"),
-        ("{'providers': [0.5]}", "'providers' is no list of 2 numbers"),
-        ("{'providers': [0.5, 1.5]}", "something else than numbers in"),
-        ("{'providers': [0.5, True]}", "something else than numbers in"),
-        ("{'providers': [0.5, float('nan')]}", "something else than numbers in"),
-        ("{'providers': [0.5, 0.5], 'raters': 'all'}", "'raters' is no list of 2 numbers"),
-        ("exit(3)", "it has ended with exit code 3"),
-        ("1 / 0", "exit code 1: ZeroDivisionError: division by zero"),
-        ("print('trust')", "no JSON in its answer 'trust"),
+        ("{'raters': [1, 1]}", ("providers",)),
+        ("[0.5, 0.5]", ("providers",)),
+        ("{'providers': [0.5]}", ("providers", "2")),
+        ("{'providers': [0.5, 1.5]}", ("providers",)),
+        ("{'providers': [0.5, True]}", ("providers",)),
+        ("{'providers': [0.5, float('nan')]}", ("providers",)),
+        ("{'providers': [0.5, 0.5], 'raters': 'all'}", ("raters", "2")),
+        ("exit(3)", ("3",)),
+        ("1 / 0", ("1", "ZeroDivisionError")),
+        ("print('trust')", ("JSON",)),
     ],
 )
-def test_a_wrong_answer_is_one_clear_error(tmp_path, answer, message):
-    with pytest.raises(ValueError, match=message):
+def test_a_wrong_answer_is_one_clear_error(tmp_path, answer, words):
+    with refuses(ValueError, *words):
         played(echo(tmp_path, answer))
 
 
@@ -163,26 +163,26 @@ def test_who_does_not_answer_is_ended(tmp_path):
     link = ProcessLink(
         program(tmp_path, "import sys\nsys.stdin.read()").removeprefix("exec:"), limit_s=0.2
     )
-    with pytest.raises(ValueError, match=r"not answered for 0.2 s"):
+    with refuses(ValueError, "0.2"):
         link.ask(["{}"])
     assert link._process.poll() is not None
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "words"),
     [
-        ("import os, time; os.close(1); time.sleep(60)", "it has closed its output|exit code -9"),
+        ("import os, time; os.close(1); time.sleep(60)", ()),
         (
             "import sys; print('no \\x1b[2J\\a', file=sys.stderr); exit(3)",
-            re.escape("with exit code 3: no \\x1b[2J\\x07") + "$",
+            ("3", "\\x1b[2J\\x07"),
         ),
     ],
 )
-def test_a_process_that_stops_to_answer_is_one_line_at_once(tmp_path, monkeypatch, text, message):
+def test_a_process_that_stops_to_answer_is_one_line_at_once(tmp_path, monkeypatch, text, words):
     monkeypatch.setattr(outside, "_ENDS_S", 0.1)
     link, began = ProcessLink(program(tmp_path, text).removeprefix("exec:")), time.monotonic()
     for _ in range(2):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             link.ask(["{}"])
     assert time.monotonic() - began < 30
 
@@ -192,7 +192,7 @@ def test_a_process_that_does_not_listen_holds_nobody_up(tmp_path):
         program(tmp_path, "import time; time.sleep(60)").removeprefix("exec:"), limit_s=0.2
     )
     link.tell("1" * 1_000_000)
-    with pytest.raises(ValueError, match=r"not answered for 0.2 s"):
+    with refuses(ValueError, "0.2"):
         link.ask(["{}"])
 
 
@@ -226,24 +226,24 @@ OK = b"HTTP/1.1 200 OK\r\n"
 
 
 @pytest.mark.parametrize(
-    ("answer", "message"),
+    ("answer", "words"),
     [
-        (b"\x1b[31mI am no server\r\n\r\n", "no HTTP"),
-        (b"", "cannot be reached"),
-        (OK + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n{}", "no HTTP"),
-        (OK + b"Content-Length: 100\r\n\r\n{}", "breaks off"),
-        (OK + b"X: y\r\n" * 101 + b"\r\n", "no HTTP"),
-        (OK + b"X: " + b"y" * 70_000 + b"\r\n\r\n", "no HTTP"),
+        (b"\x1b[31mI am no server\r\n\r\n", ("HTTP",)),
+        (b"", ("reached",)),
+        (OK + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n{}", ("HTTP",)),
+        (OK + b"Content-Length: 100\r\n\r\n{}", ("answer",)),
+        (OK + b"X: y\r\n" * 101 + b"\r\n", ("HTTP",)),
+        (OK + b"X: " + b"y" * 70_000 + b"\r\n\r\n", ("HTTP",)),
         (
             b"HTTP/1.1 500 \x1b[31mred\x07\r\nContent-Length: 0\r\n\r\n",
-            r"status 500 \\x1b\[31mred\\x07$",
+            ("500", "\\x1b[31mred\\x07"),
         ),
-        (b"HTTP/1.1 302 Go\r\nLocation: file:///etc/passwd\r\n\r\n", "status 302"),
-        (OK + b"Content-Length: 6\r\n\r\n{}\n{}\n", "it answered 2 lines to 1"),
+        (b"HTTP/1.1 302 Go\r\nLocation: file:///etc/passwd\r\n\r\n", ("status", "302")),
+        (OK + b"Content-Length: 6\r\n\r\n{}\n{}\n", ("2", "1")),
     ],
 )
-def test_what_is_no_answer_is_one_printable_line(peer, answer, message):
-    with pytest.raises(LinkError, match=message) as error:
+def test_what_is_no_answer_is_one_printable_line(peer, answer, words):
+    with refuses(LinkError, *words) as error:
         peer([answer]).ask(["{}"])
     assert str(error.value).isprintable()
     assert len(str(error.value)) < 600
@@ -256,23 +256,23 @@ def test_a_service_has_one_deadline_for_its_whole_answer(peer):
             time.sleep(0.02)
             yield b"X: y\r\n"[:1]
 
-    with pytest.raises(LinkError, match=r"not answered for 0.3 s"):
+    with refuses(LinkError, "0.3"):
         peer(drip(), limit_s=0.3).ask(["{}"])
 
 
 @pytest.mark.parametrize(
-    ("address", "message"),
+    ("address", "word"),
     [
-        ("exec:./not-there", "cannot be started"),
-        ("exec:'", "cannot be started"),
-        ("http://127.0.0.1:9", "cannot be reached"),
-        ("exec:", "must be exec:COMMAND"),
-        ("http://", "must be exec:COMMAND"),
-        ("ftp:there", "must be exec:COMMAND"),
+        ("exec:./not-there", "address"),
+        ("exec:'", "address"),
+        ("http://127.0.0.1:9", "reached"),
+        ("exec:", "address"),
+        ("http://", "address"),
+        ("ftp:there", "address"),
     ],
 )
-def test_what_is_not_there_is_one_clear_error(address, message):
-    with pytest.raises(ValueError, match=message):
+def test_what_is_not_there_is_one_clear_error(address, word):
+    with refuses(ValueError, word):
         played(address)
 
 
@@ -286,7 +286,7 @@ def test_a_game_does_not_go_back(service):
     )  # a game without ratings begins again
     assert (model.provider_trust(first) == model.provider_trust(again)).all()
     model.update(first, Ratings(ratings, ratings > 0))
-    with pytest.raises(ValueError, match="cannot go back to round 1 of a game"):
+    with refuses(ValueError, "round", "1"):
         model.update(first, Ratings(ratings, ratings > 0))
 
 
@@ -296,7 +296,7 @@ def test_old_games_are_forgotten(service, monkeypatch):
     ratings = np.full((2, 2, 3), 0.9)
     old = model.update(model.start(ratings), Ratings(ratings, ratings > 0))
     model.start(ratings)
-    with pytest.raises(ValueError, match="cannot go back"):
+    with refuses(ValueError, "round", "1"):
         model.update(old, Ratings(ratings, ratings > 0))
 
 
@@ -324,12 +324,12 @@ def test_the_hash_follows_the_program(tmp_path):
 
 
 def test_a_file_may_not_name_a_program():
-    with pytest.raises(ValueError, match="--allow-code"):
+    with refuses(ValueError, "exec:rm -r results", "--allow-code"):
         check_installed(registry, ["exec:rm -r results"])
 
 
 def test_an_address_is_a_model_wherever_a_name_is(service):
     scenario = make_scenario("paper-3x3")
     assert parse_trust_model(service, scenario).address == service
-    with pytest.raises(ValueError, match="unknown trust model 'exec'"):
+    with refuses(ValueError, "exec"):
         roletrust_env.make_trust_model("exec")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_env import evaluate, make_trust_model, trust_models
 from roletrust_env.testing.trust_models import play_rounds, random_rounds
@@ -37,9 +38,7 @@ def test_a_model_that_treats_all_alike_gives_the_same_trust(name):
 
 
 def test_an_agent_of_both_roles_is_refused():
-    with pytest.raises(
-        ValueError, match="cannot change places where one is both rater and provider"
-    ):
+    with refuses(ValueError, "RandomOrder"):
         evaluate(RandomOrder(Mean()), "srsp_2=on-off", "peers", games=2)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env import evaluate, make_trust_model
 from roletrust_env.testing.trust_models import play_rounds, random_rounds, read_trust
@@ -56,7 +57,7 @@ def test_games_are_apart_and_can_end():
     service.answer(message(1, 1, [[0, 0, 1.0]]))
     first = service.answer(message(2, 1, [[0, 0, 0.0]]))
     assert service.answer(json.dumps({"over": [2, 3]})) is None
-    with pytest.raises(ValueError, match="game 2 is not in progress"):
+    with refuses(ValueError, "game", "2"):
         service.answer(message(2, 2))
     service.answer(message(2))
     assert service.answer(message(2, 1, [[0, 0, 0.0]])) == first
@@ -65,32 +66,32 @@ def test_games_are_apart_and_can_end():
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("nonsense", "there is no JSON"),
-        ("[" * 100_000, "there is no JSON"),
-        ("[]", "table of names"),
-        ('{"over": 3}', "over"),
-        (message(game="x"), "game"),
-        (message(round=-1), "round"),
-        (message(raters=0), "raters"),
-        (message(raters=10**9), "raters"),
-        (message(qualities=[]), "qualities"),
-        (message(ratings=[[0, 0, 0.5]]), "begins with ratings"),
-        (message(round=2), "waits for round 1"),
-        (message(round=1, shape=(3, 3)), "waits for round 1"),
-        (message(round=1, ratings=[[4, 0, 0.5]]), "by rater 4"),
-        (message(round=1, ratings=[[0, -1, 0.5]]), "ratings"),
-        (message(round=1, ratings=[[0, 0, 1.5]]), "ratings"),
-        (message(round=1, ratings=[[0, 0, float("nan")]]), "ratings"),
-        (message(round=True), "round"),
-        (message(round=1, ratings=[[0, 0, "0.5"]]), "ratings"),
-        (message(round=1, ratings=[[0, 0, 0.5], [0, 0, 0.7]]), "two ratings"),
-        (message(game=2, raters=100_000, providers=100_000), "pairs"),
+        ("nonsense", ("JSON",)),
+        ("[" * 100_000, ("JSON",)),
+        ("[]", ("table",)),
+        ('{"over": 3}', ("over", "3")),
+        (message(game="x"), ("game",)),
+        (message(round=-1), ("round",)),
+        (message(raters=0), ("raters",)),
+        (message(raters=10**9), ("raters",)),
+        (message(qualities=[]), ("qualities",)),
+        (message(ratings=[[0, 0, 0.5]]), ("ratings",)),
+        (message(round=2), ("game", "1")),
+        (message(round=1, shape=(3, 3)), ("game", "1")),
+        (message(round=1, ratings=[[4, 0, 0.5]]), ("1", "0", "4")),
+        (message(round=1, ratings=[[0, -1, 0.5]]), ("ratings",)),
+        (message(round=1, ratings=[[0, 0, 1.5]]), ("ratings",)),
+        (message(round=1, ratings=[[0, 0, float("nan")]]), ("ratings",)),
+        (message(round=True), ("round",)),
+        (message(round=1, ratings=[[0, 0, "0.5"]]), ("ratings",)),
+        (message(round=1, ratings=[[0, 0, 0.5], [0, 0, 0.7]]), ("1", "0")),
+        (message(game=2, raters=100_000, providers=100_000), ("pairs",)),
     ],
 )
 def test_a_bad_message_is_one_error_and_changes_nothing(line, words):
     service = TrustService(make_trust_model("role-trust"))
     service.answer(message())
-    with pytest.raises(ValueError, match=words):
+    with refuses(ValueError, *words):
         service.answer(line)
     assert "providers" in json.loads(service.answer(message(round=1, ratings=[[0, 0, 0.5]])))
 
@@ -108,9 +109,9 @@ class Broken(Mean):
 def test_a_model_that_fails_is_one_error():
     service = TrustService(Broken())
     service.answer(message())
-    with pytest.raises(ValueError, match="round 0: RuntimeError: a quarter"):
+    with refuses(ValueError, "0", "RuntimeError"):
         service.answer(message(round=1, ratings=[[0, 0, 0.25]]))
-    with pytest.raises(ValueError, match="must lie in"):
+    with refuses(ValueError, "provider_trust", "2.75"):
         service.answer(message(round=1, ratings=[[0, 0, 1.0]]))
     assert "providers" in json.loads(service.answer(message(round=1, ratings=[[0, 0, 0.5]])))
 
@@ -134,7 +135,7 @@ def test_a_copy_of_a_game_goes_on_apart_from_it():
     apart = json.loads(service.answer(message(9, round=2, ratings=[[0, 0, 0.0]])))
     assert before["providers"][0] > apart["providers"][0]
     assert json.loads(service.answer(json.dumps({"game": 8, "copy": 1}))) == before
-    with pytest.raises(ValueError, match="game 77 is not in progress"):
+    with refuses(ValueError, "game", "77"):
         service.answer(json.dumps({"game": 9, "copy": 77}))
 
 
@@ -143,7 +144,7 @@ def test_the_number_of_games_is_limited(monkeypatch):
     service = TrustService(make_trust_model("mean"))
     for game in (1, 2, 1):
         service.answer(message(game))
-    with pytest.raises(ValueError, match="2 games are in progress"):
+    with refuses(ValueError, "2"):
         service.answer(message(3))
 
 
@@ -178,7 +179,7 @@ def test_a_model_that_fails_is_one_line_of_the_client(capfd):
     server = http_server(TrustService(Fails()), "127.0.0.1", 0)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
-        with pytest.raises(ValueError, match="it answered with status 500"):
+        with refuses(ValueError, "status", "500"):
             OutsideModel(f"http://127.0.0.1:{server.server_port}").start(np.zeros(SHAPE))
     finally:
         server.shutdown()
@@ -187,6 +188,6 @@ def test_a_model_that_fails_is_one_line_of_the_client(capfd):
 
 
 def test_names_of_fields_are_escaped():
-    with pytest.raises(ValueError, match=r"\\x1b\[31m") as error:
+    with refuses(ValueError, "\\x1b[31m") as error:
         TrustService(Mean()).answer(message(**{"\x1b[31m": 1}))
     assert str(error.value).isprintable()
