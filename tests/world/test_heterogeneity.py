@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env import Game, JointPolicy, Scenario, load_scenario, make_scenario, record
 from roletrust_env.world.scenario import read_scenario
@@ -126,10 +127,10 @@ def test_the_usual_nature_told_changes_no_bit(name: str) -> None:
         ({}, {"ability": (0.9, 0.3)}, {}, ["ability", "[0.9, 0.3]", "(low, high)"]),
         ({}, {"ability": (0.1, 0.2, 0.3)}, {}, ["ability", "(low, high)"]),
         ({}, {"ability": float("nan")}, {}, ["ability", "nan", "[0, 1]"]),
-        ({}, {"ability": "much"}, {}, ["ability", "'much'", "[0, 1]"]),
+        ({}, {"ability": "much"}, {}, ["ability", "much", "[0, 1]"]),
         ({}, {"ability": [True, 1]}, {}, ["ability", "True", "[0, 1]"]),
         ({}, {"ability": True}, {}, ["ability", "True"]),
-        ({"ability": 0.5}, {}, {}, ["ability is 0.5", "provide", "'SR'"]),
+        ({"ability": 0.5}, {}, {}, ["ability", "0.5", "provide", "SR"]),
         ({"bias": -1.5}, {}, {}, ["bias", "-1.5", "[-1, 1]"]),
         ({"scale": (-0.1, 1)}, {}, {}, ["scale", "-0.1", "[0, 1e6]"]),
         ({"scale": float("inf")}, {}, {}, ["scale", "inf", "[0, 1e6]"]),
@@ -144,25 +145,23 @@ def test_the_usual_nature_told_changes_no_bit(name: str) -> None:
             {},
             {},
             {"access": {"kind": "choice", "temperature": 1e-9}},
-            ["temperature", "{0} or [1e-6, 1e6]"],
+            ["temperature", "0", "1e-6", "1e6"],
         ),
-        ({}, {"bias": 0.1}, {}, ["bias is 0.1", "raters", "'SP'"]),
-        ({"bias": 0.1}, {}, {"service": "hog"}, ["bias and scale", "'synthetic'", "'hog'"]),
+        ({}, {"bias": 0.1}, {}, ["bias", "0.1", "raters", "SP"]),
+        ({"bias": 0.1}, {}, {"service": "hog"}, ["synthetic", "hog"]),
     ],
     ids=str,
 )
 def test_what_is_out_of_range_is_refused(
     raters: dict[str, Any], providers: dict[str, Any], fields: dict[str, Any], words: list[str]
 ) -> None:
-    with pytest.raises(ValueError, match="crowd: ") as error:
+    with refuses(ValueError, "crowd", *words):
         crowd(raters, providers, **fields)
-    assert all(word in str(error.value) for word in words), str(error.value)
-    assert "\n" not in str(error.value)
 
 
 def test_a_detector_has_no_taste() -> None:
     perception = start(crowd({"bias": 0.1})).properties.perception
-    with pytest.raises(ValueError, match="no bias or scale"):
+    with refuses(ValueError, "perception"):
         HogService(3, 4, period_s=0.5, max_cycles=5).perceive(
             np.ones(4), 0.0, 0, np.zeros((3, 4)), perception
         )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_env.world import AgentGroup, Scenario
 from roletrust_env.world.roster import Roster, role_in_name
@@ -88,12 +89,7 @@ def test_the_role_of_an_agent_is_that_of_its_group() -> None:
         **dict.fromkeys(("srsp_0", "srsp_1"), "SR+SP"),
     }
     assert [who.role(name) for name in who.names] == [role_in_name(name) for name in who.names]
-    with pytest.raises(
-        ValueError, match="there is no agent 'sp_2'; the scenario has sr_0, sr_1, sp_0"
-    ):
+    with refuses(ValueError, "sp_2", "sr_0"):
         who.role("sp_2")
-    with pytest.raises(
-        ValueError,
-        match=r"there is no agent 'judge_0'; agents are called sr_0, sp_0, srsp_0 \.\.\.",
-    ):
+    with refuses(ValueError, "judge_0", "sr_0", "srsp_0"):
         role_in_name("judge_0")

@@ -8,6 +8,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
+from refusals import refuses
 
 from roletrust_env import (
     Game,
@@ -33,30 +34,29 @@ AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
         ({"lam": 0.49}, ["lam", "0.49", "[0.5, 1)"]),
         ({"lam": 1.0}, ["lam", "1.0", "[0.5, 1)"]),
         ({"lam": float("nan")}, ["lam", "nan", "finite"]),
-        ({"lam": "much"}, ["lam", "'much'", "number"]),
+        ({"lam": "much"}, ["lam", "much", "number"]),
         ({"lam": None}, ["lam", "None", "number"]),
         ({"initial_trust": 1.1}, ["initial_trust", "1.1", "[0, 1]"]),
-        ({"max_cycles": 0}, ["max_cycles", "0", "greater than"]),
+        ({"max_cycles": 0}, ["max_cycles", "0"]),
         ({"max_cycles": 2.5}, ["max_cycles", "2.5", "integer"]),
         ({"max_cycles": True}, ["max_cycles", "True"]),
         ({"continuation": 0}, ["continuation", "0", "(0, 1]"]),
         ({"continuation": 1.01}, ["continuation", "1.01", "(0, 1]"]),
         ({"period_s": 0}, ["period_s", "0", "[1e-6, 1e6]"]),
         ({"period_s": float("inf")}, ["period_s", "inf", "finite"]),
-        ({"values": []}, ["values", "[]", "at least 1"]),
-        ({"period_s": "0.5"}, ["period_s is '0.5': it must be a number"]),
-        ({"values": [1.0, "2"]}, ["values.1 is '2': it must be a number"]),
-        ({"max_cycles": 5.0}, ["max_cycles is 5.0: it must be an integer"]),
-        ({"max_cycles": True}, ["max_cycles is True: it must be an integer"]),
+        ({"values": []}, ["values", "[]", "1"]),
+        ({"period_s": "0.5"}, ["period_s", "0.5"]),
+        ({"values": [1.0, "2"]}, ["values.1", "2"]),
+        ({"max_cycles": 5.0}, ["max_cycles", "5.0"]),
         ({"values": [1.0, -1.0]}, ["values.1", "-1.0", "[1e-6, 1e6]"]),
-        ({"service": "smell"}, ["service", "'smell'", "'synthetic'", "'hog'"]),
-        ({"frames": "video.mp4"}, ["frames", "'hog'", "'synthetic'"]),
-        ({"agents": "many"}, ["agents", "'many'", "list"]),
-        ({"agents": [{"role": "XX"}]}, ["agents.0.role", "'XX'", "'SR'", "'SP'", "'SR+SP'"]),
+        ({"service": "smell"}, ["service", "smell", "synthetic", "hog"]),
+        ({"frames": "video.mp4"}, ["frames", "hog", "synthetic"]),
+        ({"agents": "many"}, ["agents", "many", "list"]),
+        ({"agents": [{"role": "XX"}]}, ["agents.0.role", "XX", "SR", "SP", "SR+SP"]),
         ({"agents": [{"count": 2}]}, ["agents.0.role", "missing"]),
         (
             {"agents": [{"role": "SR", "count": 0}, {"role": "SP"}]},
-            ["agents.0.count", "0", "greater than"],
+            ["agents.0.count", "0"],
         ),
         (
             {"agents": [{"role": "SR", "noise": -1}, {"role": "SP"}]},
@@ -64,31 +64,31 @@ AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
         ),
         (
             {"agents": [{"role": "SR", "turns": ["SP"]}, {"role": "SP"}]},
-            ["agents.0", "turns", "'SR+SP'", "'SR'"],
+            ["agents.0", "turns", "SR+SP", "SR"],
         ),
         (
             {"agents": [*AGENTS, {"role": "SR", "joins": 5, "leaves": 5}]},
-            ["agents.2", "leaves is 5", "joins, 5"],
+            ["agents.2", "leaves", "5", "joins, 5"],
         ),
         (
             {"agents": [*AGENTS, {"role": "SR", "join_rate": 0}]},
-            ["agents.2", "join_rate is 0", "above 0"],
+            ["agents.2", "join_rate", "0"],
         ),
-        ({"access": {"radius": 3.0}}, ["field access.kind is missing"]),
+        ({"access": {"radius": 3.0}}, ["access.kind"]),
         (
             {"access": {"kind": "wifi"}},
-            ["access", "'wifi'", "'everyone'", "'in-range'", "'choice'"],
+            ["access", "wifi", "everyone", "in-range", "choice"],
         ),
         ({"access": {"kind": "in-range", "radius": -1}}, ["access", "radius", "-1", "[1e-6, 1e6]"]),
         (
             {"access": {"kind": "choice", "providers": 3}},
-            ["access.providers", "3", "only 2 providers"],
+            ["access.providers", "3", "2"],
         ),
         ({"ratings": {"lost": 1.1}}, ["ratings.lost", "1.1", "[0, 1]"]),
-        ({"ratings": {"late": 0.1, "delay": 0}}, ["ratings.delay", "0", "greater than"]),
+        ({"ratings": {"late": 0.1, "delay": 0}}, ["ratings.delay", "0"]),
         (
             {"perturbations": [{"start": 4, "stop": 4}]},
-            ["perturbations.0", "stop is 4", "start, 4"],
+            ["perturbations.0", "stop", "4", "start, 4"],
         ),
         ({"admission": {"rounds": 3}}, ["admission.threshold", "missing"]),
         ({"rewards": {"quality_cost": -1}}, ["rewards.quality_cost", "-1", "[0, 1e6]"]),
@@ -99,11 +99,9 @@ AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
 def test_a_wrong_field_is_named_with_its_value_and_what_is_allowed(
     fields: dict[str, Any], words: list[str]
 ) -> None:
-    with pytest.raises(ValueError, match="my file: ") as error:
+    with refuses(ValueError, *words):
         read_scenario({"agents": AGENTS} | fields, "my file")
-    assert all(word in str(error.value) for word in words), str(error.value)
-    assert "\n" not in str(error.value)
-    with pytest.raises(ValueError, match="'paper-3x3': "):
+    with refuses(ValueError, "paper-3x3"):
         parallel_env(**{"agents": AGENTS} | fields)
 
 
@@ -120,55 +118,52 @@ def test_a_wrong_field_is_named_with_its_value_and_what_is_allowed(
 def test_an_unknown_field_is_answered_with_the_known_ones(
     fields: dict[str, Any], unknown: str, allowed: str
 ) -> None:
-    with pytest.raises(ValueError, match="there is no field") as error:
+    with refuses(ValueError, unknown, allowed) as error:
         read_scenario({"agents": AGENTS} | fields, "my file")
-    assert unknown in str(error.value)
     assert allowed in str(error.value).partition(unknown)[2]
 
 
-PRESET = "--set FIELD=VALUE behind its name, or make_scenario(NAME).change(FIELD=VALUE) in Python"
-GROUPS = "did you mean 'agents'? Each of its groups has a 'role' and a 'count'"
+PRESET = ("--set FIELD=VALUE", "make_scenario(NAME).change(FIELD=VALUE)")
+GROUPS = ("agents", "role", "count")
 
 
 @pytest.mark.parametrize(
-    ("name", "hint"),
+    ("name", "hints"),
     [
         ("preset", PRESET),
         ("base", PRESET),
         ("extends", PRESET),
-        ("scenarios", "it is of a suite, which `roletrust benchmark --suite FILE` plays"),
-        ("trust_model", "--model, or trust_model=... in Python"),
-        ("seed", "stands beside it: --seed"),
-        ("Rounds", "did you mean 'max_cycles'?"),
-        ("lambda", "did you mean 'lam'?"),
-        ("max-cycle", "did you mean 'max_cycles'?"),
+        ("scenarios", ("--suite FILE",)),
+        ("trust_model", ("--model", "trust_model=")),
+        ("seed", ("--seed",)),
+        ("Rounds", ("max_cycles",)),
+        ("lambda", ("lam",)),
+        ("max-cycle", ("max_cycles",)),
         ("n_raters", GROUPS),
         ("num_providers", GROUPS),
-        ("noise", "did you mean 'noise' in 'agents'?"),
-        ("abilty", "did you mean 'ability' in 'agents'?"),
-        ("loss", "did you mean 'lost' in 'ratings'?"),
-        ("radius", "did you mean 'radius' in 'access'?"),
+        ("noise", ("noise", "agents")),
+        ("abilty", ("ability", "agents")),
+        ("loss", ("lost", "ratings")),
+        ("radius", ("radius", "access")),
         (
             "agents.max_cycles",
-            "did you mean 'max_cycles' of the scenario itself, above its tables?",
+            ("max_cycles",),
         ),
-        ("agents.number", "did you mean 'count'?"),
-        ("agents.abilty", "did you mean 'ability'?"),
-        ("agents.lost", "did you mean 'lost' in 'ratings'?"),
+        ("agents.number", ("count",)),
+        ("agents.abilty", ("ability",)),
+        ("agents.lost", ("lost", "ratings")),
         ("agents.preset", PRESET),
-        ("ratings.loss", "did you mean 'lost'?"),
+        ("ratings.loss", ("lost",)),
     ],
 )
-def test_a_name_from_elsewhere_is_answered_with_what_to_write(name: str, hint: str) -> None:
+def test_a_name_from_elsewhere_is_answered_with_what_to_write(
+    name: str, hints: tuple[str, ...]
+) -> None:
     table, _, last = name.rpartition(".")
     agents = [AGENTS[0], AGENTS[1] | {last: 1}] if table == "agents" else AGENTS
     fields = {} if table == "agents" else {table: {last: 1}} if table else {last: 1}
-    with pytest.raises(ValueError, match="my file: ") as error:
+    with refuses(ValueError, last, *hints):
         read_scenario({"agents": agents} | fields, "my file")
-    assert f"there is no field {last!r}; " in str(error.value)
-    assert hint in str(error.value)
-    assert "Known: " in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 def test_what_stands_beside_a_scenario_or_in_a_suite_has_a_hint() -> None:
@@ -193,7 +188,7 @@ def test_what_stands_beside_a_scenario_or_in_a_suite_has_a_hint() -> None:
     ids=str,
 )
 def test_roles_that_leave_nobody_to_rate_are_refused(agents: list[dict[str, Any]]) -> None:
-    with pytest.raises(ValueError, match="no agent can rate another"):
+    with refuses(ValueError, "agents"):
         read_scenario({"agents": agents}, "my file")
 
 
@@ -280,49 +275,48 @@ def test_files(tmp_path: Path, name: str, text: str) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("a.toml", b"max_cycles = = 3", ["is broken", "line 1"]),
-        ("a.toml", b"max_cycles = 3\nmax_cycles = 4", ["is broken", "overwrite"]),
-        ("a.toml", b"\x00\xff\xfe\x89PNG", ["is broken", "utf-8"]),
-        ("a.yaml", b"agents: [", ["is broken", "line 1"]),
-        ("a.yaml", b"\x89PNG\xff", ["is broken", "utf-8"]),
+        ("a.toml", b"max_cycles = = 3", ["line", "1"]),
+        ("a.toml", b"max_cycles = 3\nmax_cycles = 4", ["overwrite"]),
+        ("a.toml", b"\x00\xff\xfe\x89PNG", ["utf-8"]),
+        ("a.yaml", b"agents: [", ["line", "1"]),
+        ("a.yaml", b"\x89PNG\xff", ["utf-8"]),
         (
             "a.yaml",
             b"max_cycles: !!python/object/apply:os.system ['true']",
-            ["is broken", "python"],
+            ["python"],
         ),
-        ("a.yaml", b"- a\n- b", ["holds a list", "fields"]),
-        ("a.yaml", b"just words", ["holds a str", "fields"]),
+        ("a.yaml", b"- a\n- b", ["fields"]),
+        ("a.yaml", b"just words", ["fields"]),
         ("a.yaml", b"", ["fields"]),
         ("a.yaml", b"1: 2", ["1"]),
         (
             "a.yaml",
             b'name: "\\uD800"\nagents: []\n',
-            ["name: it has \\ud800, which is no character of Unicode"],
+            ["ud800"],
         ),
         (
             "a.yaml",
             b'tags: ["\\uD800"]\nagents: []\n',
-            ["tags: it has \\ud800, which is no character of Unicode"],
+            ["ud800"],
         ),
         ("a.toml", b"", ["agents", "missing"]),
-        ("a.toml", b"lam = 3", ["lam is 3", "[0.5, 1)", "agents", "missing"]),
-        ("a.json", b"{}", ["must end in", ".toml", ".yaml", ".yml"]),
-        ("missing.toml", None, ["cannot be read", "No such file"]),
-        ("", None, ["must end in"]),
+        ("a.toml", b"lam = 3", ["lam", "3", "[0.5, 1)", "agents", "missing"]),
+        ("a.json", b"{}", [".toml", ".yaml", ".yml"]),
+        ("missing.toml", None, []),
+        ("", None, []),
     ],
 )
 def test_broken_files(tmp_path: Path, name: str, content: bytes | None, words: list[str]) -> None:
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(ValueError, match="scenario file") as error:
+    with refuses(ValueError, path.name, *words, str(path)):
         load_scenario(path)
-    assert all(word in str(error.value) for word in [str(path), *words]), str(error.value)
 
 
 def test_a_folder_is_no_file(tmp_path: Path) -> None:
     (tmp_path / "a.toml").mkdir()
-    with pytest.raises(ValueError, match=r"a\.toml cannot be read"):
+    with refuses(ValueError, "a.toml"):
         make_scenario(tmp_path / "a.toml")
 
 
@@ -332,9 +326,9 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
 
 def test_a_scenario_is_frozen() -> None:
     scenario = make_scenario("peers")
-    with pytest.raises(ValueError, match="frozen"):
+    with refuses(ValueError):
         scenario.lam = 0.9
-    with pytest.raises(ValueError, match="frozen"):
+    with refuses(ValueError):
         scenario.agents[0].count = 9
     assert hash(scenario) == hash(make_scenario("peers"))
 
@@ -352,7 +346,7 @@ def test_changes() -> None:
 def test_noise_reaches_agents_that_are_changed_with_it() -> None:
     changed = make_scenario("paper-3x3").change(agents=AGENTS, noise=0.3)
     assert [group.noise for group in changed.agents] == [0.3, 0.3]
-    with pytest.raises(ValueError, match=r"noise.*-1"):
+    with refuses(ValueError, "noise", "-1"):
         make_scenario("paper-3x3").change(noise=-1)
 
 
@@ -409,26 +403,26 @@ def plays(scenario: Scenario) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "words"),
     [
-        ({"service": "hog", "frames": -1}, "frames is -1"),
-        ({"service": "hog", "frames": ""}, "frames is ''"),
-        ({"agents": [{"role": "SR", "count": 10**9}, {"role": "SP"}]}, "count"),
+        ({"service": "hog", "frames": -1}, ("frames", "-1")),
+        ({"service": "hog", "frames": ""}, ("frames",)),
+        ({"agents": [{"role": "SR", "count": 10**9}, {"role": "SP"}]}, ("count", "1000000000")),
         (
             {"agents": [{"role": "SR", "leaves": 3}, {"role": "SP", "joins": 5}]},
-            "no agent can rate another",
+            ("agents",),
         ),
     ],
 )
-def test_more_that_cannot_be_played_is_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
+def test_more_that_cannot_be_played_is_refused(changes, words):
+    with refuses(ValueError, *words):
         make_scenario("paper-3x3").change(**changes)
 
 
 def test_a_file_nested_too_deeply_is_refused(tmp_path):
     path = tmp_path / "deep.toml"
     path.write_text("a = " + "[" * 5000 + "]" * 5000)
-    with pytest.raises(ValueError, match="broken"):
+    with refuses(ValueError, "deep.toml"):
         load_scenario(path)
 
 

@@ -8,6 +8,7 @@ import cv2
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env.world.vision.camera import FRAME_HEIGHT
 from roletrust_env.world.vision.frames import FramesError, open_frames
@@ -53,9 +54,7 @@ def test_a_video_just_as_long_as_the_run_will_do(tmp_path):
 
 
 def test_a_video_that_ends_early_is_refused_up_front(tmp_path):
-    with pytest.raises(
-        FramesError, match=r"walk\.avi lasts 1\.0 s and ends before the run, which lasts 2\.0 s"
-    ):
+    with refuses(FramesError, "walk.avi", "1.0", "2.0"):
         opened(write_video(tmp_path / "walk.avi", 1.0))
 
 
@@ -63,17 +62,14 @@ def test_a_video_that_lied_about_its_length_is_refused_where_it_ends(tmp_path):
     path = write_video(tmp_path / "walk.avi", 3.0)
     source = opened(path)
     source._count = 1000  # what a broken header would promise
-    with pytest.raises(
-        FramesError,
-        match=r"ends after 30 of 1000 frames \(3\.0 s\), but the run needs a frame at 5\.0 s",
-    ):
+    with refuses(FramesError, "1000", "3.0", "5.0"):
         source.frame(0, 5.0, 0.0)
 
 
 def test_a_file_that_is_no_video(tmp_path):
     path = tmp_path / "walk.mp4"
     path.write_text("not a video")
-    with pytest.raises(FramesError, match=r"walk\.mp4 cannot be opened"):
+    with refuses(FramesError, "walk.mp4"):
         opened(path)
 
 
@@ -133,9 +129,7 @@ def test_a_run_without_an_end_needs_frames_without_one(count, monkeypatch, tmp_p
         isOpened=lambda: True, get={cv2.CAP_PROP_FPS: 10.0, cv2.CAP_PROP_FRAME_COUNT: count}.get
     )
     monkeypatch.setattr(cv2, "VideoCapture", lambda _: capture)
-    with pytest.raises(
-        FramesError, match=r"walk.avi .* has no end; loop it, or give the run an end"
-    ):
+    with refuses(FramesError, "walk.avi"):
         opened(tmp_path / "walk.avi", duration_s=inf)
     opened(tmp_path / "walk.avi", duration_s=inf, loop=True)
 
@@ -157,10 +151,10 @@ def test_an_image_folder_that_is_looped_begins_again(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("source", "named"), [(None, "the rendered scene"), (3, "camera 3"), ("3", "camera 3")]
+    ("source", "words"), [(None, ("scene",)), (3, ("camera", "3")), ("3", ("camera", "3"))]
 )
-def test_what_has_no_end_is_not_looped(source, named):
-    with pytest.raises(FramesError, match=f"{named} cannot be looped"):
+def test_what_has_no_end_is_not_looped(source, words):
+    with refuses(FramesError, *words):
         opened(source, loop=True)
 
 
@@ -173,35 +167,30 @@ def test_an_image_folder_gives_one_image_a_round_in_rgb(tmp_path):
 
 
 def test_image_folders_that_will_not_do(tmp_path):
-    with pytest.raises(FramesError, match=r"holds no images; allowed are .*\.png"):
+    with refuses(FramesError, ".png"):
         opened(tmp_path)
     write_images(tmp_path, 3)
-    with pytest.raises(
-        FramesError,
-        match="holds 3 images, one for each round, and ends before the run, which has 4",
-    ):
+    with refuses(FramesError, "3", "4"):
         opened(tmp_path)
     (tmp_path / "000.png").write_text("broken")
-    with pytest.raises(FramesError, match=r"000\.png cannot be read"):
+    with refuses(FramesError, "000.png"):
         opened(tmp_path, duration_s=1.5).frame(0, 0.0, 0.0)
 
 
 def test_frames_too_narrow_for_the_detector(tmp_path):
     cv2.imwrite(str(tmp_path / "0.png"), np.zeros((100, 20, 3), np.uint8))
-    with pytest.raises(FramesError, match="20x100 pixels are too narrow"):
+    with refuses(FramesError, "20x100"):
         opened(tmp_path, duration_s=0.5).frame(0, 0.0, 0.0)
 
 
 def test_what_does_not_exist():
-    with pytest.raises(
-        FramesError, match=r"'no/such/walk\.mp4' do not exist; allowed are a video file, a folder"
-    ):
+    with refuses(FramesError, "no/such/walk.mp4"):
         opened("no/such/walk.mp4")
 
 
 @pytest.mark.parametrize("number", [97, "97"])
 def test_a_camera_that_is_not_there(number, capfd):
-    with pytest.raises(FramesError, match="camera 97 cannot be opened"):
+    with refuses(FramesError, "97"):
         opened(number)
     assert capfd.readouterr().err == ""
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH
 from roletrust_env.world.vision.degrade import degrade
@@ -45,7 +46,7 @@ def test_no_two_of_many_cameras_see_the_same(scene):
 def test_the_empty_scene_differs_only_about_the_person(scene):
     changed = (scene.frame(0, 2.0) != scene.empty(0)).any(-1)
     assert 0.02 < changed.mean() < 0.15
-    with pytest.raises(ValueError, match="read-only"):
+    with refuses(ValueError):
         scene.empty(0)[:] = 0
 
 
