@@ -3,6 +3,7 @@ noise."""
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 import roletrust_env
 from roletrust_baselines import BadMouthing, RandomRating
@@ -219,11 +220,9 @@ def test_actions_of_another_shape_and_missing_ones_are_refused():
         ("sr_0", np.ones(7)),
         ("sr_0", np.ones((3, 1))),
     ):
-        with pytest.raises(
-            ValueError, match=f"the action of '{agent}' is of shape .*; it must be of shape"
-        ):
+        with refuses(ValueError, agent):
             env.step(key, state, still | {agent: wrong})
-    with pytest.raises(ValueError, match="the action of 'sr_0' is missing"):
+    with refuses(ValueError, "sr_0"):
         jax.jit(env.step)(key, state, {})
     listed = env.step_env(key, state, {agent: action.tolist() for agent, action in still.items()})
     np.testing.assert_array_equal(listed[0]["sr_0"], env.step_env(key, state, still)[0]["sr_0"])
@@ -234,17 +233,17 @@ def test_what_jax_cannot_play_is_refused():
         def update(self, state, ratings):
             return super().update(state, ratings) if ratings.values.sum() >= 0 else state
 
-    with pytest.raises(ValueError, match="branches on values"):
+    with refuses(ValueError, "Branching"):
         RoleTrustJaxEnv(trust_model=Branching())
-    with pytest.raises(ValueError, match="every group joins late"):
+    with refuses(ValueError, "joins"):
         RoleTrustJaxEnv(agents=[{"role": "SR", "joins": 2}, {"role": "SP", "joins": 2}])
-    with pytest.raises(ValueError, match="needs NumPy"):
+    with refuses(ValueError, "NumPy"):
         RoleTrustJaxEnv("paper-3x3-hog")
-    with pytest.raises(ValueError, match="unknown task 'RoleTrust/Rater-v0'"):
+    with refuses(ValueError, "RoleTrust/Rater-v0"):
         AttackJaxEnv("RoleTrust/Rater-v0")
-    with pytest.raises(TypeError, match="unexpected keyword argument 'max_cycle'"):
+    with refuses(TypeError, "max_cycle"):
         RoleTrustJaxEnv(max_cycle=3)
-    with pytest.raises(ValueError, match="sr_9"):
+    with refuses(ValueError, "sr_9"):
         RoleTrustJaxEnv().action_space("sr_9")
 
 

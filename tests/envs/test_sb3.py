@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from refusals import refuses
 
 pytest.importorskip("stable_baselines3")
 
@@ -102,18 +103,18 @@ def test_the_same_seed_is_the_same_luck():
 def test_bad_actions_are_refused_and_change_nothing(bad):
     env = provider(seed=0)
     env.reset()
-    with pytest.raises(ValueError, match="outside"):
+    with refuses(ValueError, "action", "[-1, 1]"):
         env.step(np.full((4, 1), bad, np.float32))
-    with pytest.raises(ValueError, match="shape"):
+    with refuses(ValueError, "action", "(4, 1)"):
         env.step(np.zeros((4, 2), np.float32))
     assert env.step(np.zeros((4, 1), np.float32))[0][0, 0] == pytest.approx(0.2)
 
 
 def test_what_is_refused_at_the_beginning():
     torch = pytest.importorskip("torch")
-    with pytest.raises(ValueError, match="NumPy"):
+    with refuses(ValueError, "Tensor", "NumPy"):
         AttackVecEnv(make_task("paper-3x3", ("sp_2",), like=torch.zeros(())), 4)
-    with pytest.raises(ValueError, match="num_envs"):
+    with refuses(ValueError, "num_envs", "0"):
         provider(0)
 
 
@@ -122,12 +123,12 @@ def test_sb3_finds_all_it_asks_for():
     assert env.get_attr("render_mode", [0, 2]) == [None, None]
     assert env.get_attr("render_mode", 1) == [None]
     assert env.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
-    for refused in (
-        lambda: env.set_attr("x", 1, [0]),
-        lambda: env.env_method("reset"),
-        lambda: env.env_method("step"),
+    for word, refused in (
+        ("x", lambda: env.set_attr("x", 1, [0])),
+        ("reset()", lambda: env.env_method("reset")),
+        ("step()", lambda: env.env_method("step")),
     ):
-        with pytest.raises(NotImplementedError, match="one batch"):
+        with refuses(NotImplementedError, word):
             refused()
     env.close()
 
@@ -159,7 +160,7 @@ def test_lists_are_actions_too():
     for actions in actions_of(env, 3):
         assert (env.step(actions.tolist())[0] == twin.step(actions)[0]).all()
     for bad in ([["0.5"]] * 4, [[None]] * 4, [[0.5], [0.5, 0.5], [0.5], [0.5]]):
-        with pytest.raises(ValueError, match="action"):
+        with refuses(ValueError, "action", "(4, 1)"):
             env.step(bad)
 
 
@@ -241,17 +242,17 @@ def test_others_play_as_they_are_told():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "words"),
     [
-        ({"role": "judge"}, "role is 'judge'"),
-        ({"role": "srsp"}, "no agent in scenario"),
-        ({"role": "sr", "scenario": "open-system"}, "come and go"),
-        ({"role": "sr", "others": {"sr_0": Policy()}}, "'sr_0' learns"),
-        ({"role": "sr", "games": 0}, "games is 0"),
+        ({"role": "judge"}, ("role", "judge")),
+        ({"role": "srsp"}, ("paper-3x3", "srsp")),
+        ({"role": "sr", "scenario": "open-system"}, ("open-system",)),
+        ({"role": "sr", "others": {"sr_0": Policy()}}, ("sr_0",)),
+        ({"role": "sr", "games": 0}, ("games", "0")),
     ],
 )
-def test_roles_that_cannot_be_slots_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
+def test_roles_that_cannot_be_slots_are_refused(options, words):
+    with refuses(ValueError, *words):
         role_env(**options)
 
 
@@ -262,14 +263,14 @@ def test_one_policy_learns_for_all_raters():
 
 @pytest.mark.parametrize("games", [0, -1, 2.5, "3", True, None])
 def test_a_wrong_number_of_games_is_refused(games):
-    with pytest.raises(ValueError, match=r"num_envs is .*; it must be a whole number, 1 or more"):
+    with refuses(ValueError, "num_envs", "1"):
         provider(games)
-    with pytest.raises(ValueError, match=r"games is .*; it must be a whole number, 1 or more"):
+    with refuses(ValueError, "games", "1"):
         role_env(role="sr", games=games)
 
 
 def test_a_slot_that_is_not_there_is_named():
-    with pytest.raises(IndexError, match="there is no slot 4; the 4 slots are 0 to 3"):
+    with refuses(IndexError, "slot", "4", "0"):
         provider().get_attr("spec", 4)
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import pytest
 from gymnasium.spaces import Discrete
 from pettingzoo.utils.conversions import parallel_to_aec
+from refusals import refuses
 from task_cases import PROVIDER, RATER, same
 
 import roletrust_env
@@ -104,9 +104,7 @@ def test_numpys_numbers_are_seeds_and_others_get_one_message() -> None:
     for name, entry in entries().items():
         assert same(entry(3), entry(np.int64(3))), name
         for seed in (-1, np.int64(-1), 1.5, "3", True):
-            with pytest.raises(
-                ValueError, match=r"^seed is .*; it must be a whole number, 0 or more$"
-            ):
+            with refuses(ValueError, "seed"):
                 entry(seed)
 
 
@@ -126,9 +124,7 @@ def test_whole_numbers_may_be_numpys_and_fit() -> None:
     for name, take in takers.items():
         take(np.int64(3))
         for wrong in (-1, 2.5, "3", True):
-            with pytest.raises(
-                ValueError, match=f"^{name} is .*; it must be a whole number, [012] or more$"
-            ):
+            with refuses(ValueError, name, wrong):
                 take(wrong)
     rules = Game(make_scenario("paper-3x3"), like=np.zeros((), np.float32))
     for make in (
@@ -137,10 +133,7 @@ def test_whole_numbers_may_be_numpys_and_fit() -> None:
         lambda n: RoleVecEnv(rules, "sr", n),
     ):
         for many in (10**12, 2**70):
-            with pytest.raises(
-                ValueError,
-                match=r"(num_envs|games): .* would take about .* of memory; .* can be had",
-            ):
+            with refuses(ValueError, f"{many:,}"):
                 make(many)
     levels = DiscretizeLevels(game, np.int64(3), multidiscrete=True)
     assert gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(levels.spec.to_json()))
@@ -178,17 +171,17 @@ def test_truth_values_have_one_rule(tmp_path: Path) -> None:
             math.nan,
             *([None] if name != "header" else []),
         ):
-            with pytest.raises(ValueError, match=f"^{name} is .*; it must be true or false$"):
+            with refuses(ValueError, name):
                 take(wrong)
     for name in ("same_agents", "repeats", "missing"):
-        with pytest.raises(ValueError, match=f"^{name} is 'maybe'; it must be true or false$"):
+        with refuses(ValueError, "maybe", name):
             read_ratings(tmp_path / "log.csv", **{name: "maybe"})
     for name in ("force", "progress"):
-        with pytest.raises(ValueError, match=f"^{name} is 'maybe'; it must be true or false$"):
+        with refuses(ValueError, "maybe", name):
             roletrust_env.benchmark(["mean"], workers=0, **{name: "maybe"})
     for check, what in (
         (check_trust_model, mean),
         (check_attack, roletrust_env.make_attacker("bad-mouthing")),
     ):
-        with pytest.raises(ValueError, match=r"^torch is 'maybe'; it must be true or false$"):
+        with refuses(ValueError, "torch", "maybe"):
             check(what, torch="maybe")

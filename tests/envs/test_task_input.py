@@ -1,11 +1,11 @@
 """What the Gymnasium tasks refuse, and that refusing changes nothing."""
 
-import re
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 from task_cases import EVERY_TASK, RATER, acts, make, same
 
 from roletrust_baselines import BadMouthing
@@ -16,17 +16,17 @@ from roletrust_env.envs.attack_env import AttackEnv
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"scenario": "paper3x3"}, ["scenario", "'paper3x3'", "paper-3x3"]),
+        ({"scenario": "paper3x3"}, ["scenario", "paper3x3", "paper-3x3"]),
         ({"scenario": None}, ["scenario", "None"]),
-        ({"trust_model": "role-turst"}, ["trust model", "'role-turst'", "role-trust"]),
-        ({"compromised": ("sr_7",)}, ["compromised", "'sr_7'", "sr_0"]),
-        ({"compromised": ("sr_0", "sr_0")}, ["compromised", "'sr_0'", "twice"]),
-        ({"compromised": ()}, ["compromised", "empty"]),
-        ({"objective": "harm"}, ["objective", "'harm'", "damage"]),
-        ({"knowledge": "all"}, ["knowledge", "'all'", "grey_box"]),
-        ({"others": {"sr_9": BadMouthing()}}, ["'sr_9'", "sr_0"]),
-        ({"others": {"sr_2": BadMouthing()}}, ["'sr_2'", "compromised"]),
-        ({"render_mode": "hologram"}, ["render_mode", "'hologram'", "human", "rgb_array", "ansi"]),
+        ({"trust_model": "role-turst"}, ["role-turst", "role-trust"]),
+        ({"compromised": ("sr_7",)}, ["compromised", "sr_7", "sr_0"]),
+        ({"compromised": ("sr_0", "sr_0")}, ["compromised", "sr_0"]),
+        ({"compromised": ()}, ["compromised"]),
+        ({"objective": "harm"}, ["objective", "harm", "damage"]),
+        ({"knowledge": "all"}, ["knowledge", "all", "grey_box"]),
+        ({"others": {"sr_9": BadMouthing()}}, ["sr_9", "sr_0"]),
+        ({"others": {"sr_2": BadMouthing()}}, ["sr_2", "compromised"]),
+        ({"render_mode": "hologram"}, ["render_mode", "hologram", "human", "rgb_array", "ansi"]),
         ({"lam": 1.0}, ["lam", "1.0", "[0.5, 1)"]),
         ({"stealth": {"weight": -1.0}}, ["weight", "-1.0"]),
         ({"stealth": {"weight": float("nan")}}, ["weight", "nan"]),
@@ -40,10 +40,8 @@ from roletrust_env.envs.attack_env import AttackEnv
     ids=str,
 )
 def test_bad_arguments_are_refused(arguments: dict, words: list[str]) -> None:
-    with pytest.raises(ValueError, match=words[0]) as error:
+    with refuses(ValueError, *words):
         make(RATER, **arguments)
-    assert "\n" not in str(error.value), str(error.value)
-    assert all(word in str(error.value) for word in words), str(error.value)
 
 
 def started(**arguments: Any) -> AttackEnv:
@@ -67,7 +65,7 @@ def started(**arguments: Any) -> AttackEnv:
         pytest.param(0.5, ["()", "(3,)"], id="a number"),
         pytest.param(None, ["(3,)"], id="None"),
         pytest.param(["0.1", "0.2", "0.3"], ["(3,)"], id="strings"),
-        pytest.param(np.zeros(3, complex), ["complex"], id="complex"),
+        pytest.param(np.zeros(3, complex), ["complex128"], id="complex"),
         pytest.param([None] * 3, ["object"], id="an array of None"),
         pytest.param(np.ma.masked_equal([0.5, 0.5, 0.0], 0.0), ["masked"], id="a masked entry"),
     ],
@@ -75,10 +73,8 @@ def started(**arguments: Any) -> AttackEnv:
 @pytest.mark.filterwarnings("error")
 def test_a_bad_action_is_refused_and_changes_nothing(action: Any, words: list[str]) -> None:
     env, twin = started(), started()
-    with pytest.raises(ValueError, match="action") as error:
+    with refuses(ValueError, "action", *words):
         env.step(action)
-    assert "\n" not in str(error.value)
-    assert all(word in str(error.value) for word in words), str(error.value)
     for good in acts(env, 3, 9):
         assert same(env.step(good), twin.step(good))
 
@@ -93,7 +89,7 @@ def test_numbers_of_any_precision_are_taken(dtype: type) -> None:
 @EVERY_TASK
 def test_there_is_no_step_before_the_first_reset(task_id: str) -> None:
     env = make(task_id)
-    with pytest.raises(RuntimeError, match=re.escape("reset()")):
+    with refuses(RuntimeError, "reset()"):
         env.step(acts(env, 1)[0])
     env.reset(seed=0)
     env.step(acts(env, 1)[0])
@@ -113,7 +109,7 @@ def test_there_is_no_step_after_the_end(caught: bool) -> None:
         ends = [one.step(np.ones(1, np.float32))[2:4] for _ in range(3)]
         assert ends[-1] == (caught, not caught)
     for _ in range(2):
-        with pytest.raises(RuntimeError, match=re.escape("reset()")):
+        with refuses(RuntimeError, "reset()"):
             env.step(np.ones(1, np.float32))
     assert same(env.reset(), twin.reset())
     assert same(env.step(np.ones(1, np.float32)), twin.step(np.ones(1, np.float32)))

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 from slow_vector import GAMES
 from vector_cases import ENDS, RATER, acts, lies, same
 
@@ -16,32 +17,30 @@ from roletrust_env.envs.vector import AttackVectorEnv
     ("arguments", "words"),
     [
         ({"task_id": "RoleTrust/RaterAtack-v0"}, ["RoleTrust/RaterAtack-v0", RATER]),
-        ({"num_envs": 0}, ["num_envs", "0", "1 or more"]),
-        ({"num_envs": -3}, ["num_envs", "-3", "1 or more"]),
+        ({"num_envs": 0}, ["num_envs", "0"]),
+        ({"num_envs": -3}, ["num_envs", "-3"]),
         ({"num_envs": 2.5}, ["num_envs", "2.5"]),
-        ({"autoreset_mode": "next"}, ["autoreset_mode", "'next'", "NEXT_STEP"]),
-        ({"compromised": ("sr_9",)}, ["compromised", "'sr_9'", "sr_0"]),
-        ({"compromised": ("sr_1", "sr_1")}, ["compromised", "'sr_1'", "twice"]),
-        ({"knowledge": "all"}, ["knowledge", "'all'", "black_box"]),
-        ({"max_episode_steps": 0}, ["max_episode_steps", "0", "1 or more"]),
+        ({"autoreset_mode": "next"}, ["autoreset_mode", "next", "NEXT_STEP"]),
+        ({"compromised": ("sr_9",)}, ["compromised", "sr_9", "sr_0"]),
+        ({"compromised": ("sr_1", "sr_1")}, ["compromised", "sr_1"]),
+        ({"knowledge": "all"}, ["knowledge", "all", "black_box"]),
+        ({"max_episode_steps": 0}, ["max_episode_steps", "0"]),
         ({"max_episode_steps": 2.5}, ["max_episode_steps", "2.5"]),
         (
             {"autoreset_mode": "Never"},
-            ["autoreset_mode", "'Never'", "'NextStep'", "'SameStep'", "'Disabled'"],
+            ["autoreset_mode", "Never", "NextStep", "SameStep", "Disabled"],
         ),
-        ({"render_mode": "hologram"}, ["render_mode", "'hologram'", "human", "rgb_array", "ansi"]),
+        ({"render_mode": "hologram"}, ["render_mode", "hologram", "human", "rgb_array", "ansi"]),
     ],
     ids=str,
 )
 def test_bad_arguments_are_refused(arguments: dict, words: list[str]) -> None:
-    with pytest.raises(ValueError, match=words[0]) as error:
+    with refuses(ValueError, *words):
         AttackVectorEnv(**{"task_id": RATER, "num_envs": 2} | arguments)
-    assert "\n" not in str(error.value)
-    assert all(word in str(error.value) for word in words), str(error.value)
 
 
 def test_no_games_are_refused_by_make_vec() -> None:
-    with pytest.raises(ValueError, match="num_envs is 0"):
+    with refuses(ValueError, "num_envs", "0"):
         gymnasium.make_vec(RATER, num_envs=0)
 
 
@@ -69,9 +68,8 @@ def test_bad_actions_are_refused_and_change_nothing(tensors: bool) -> None:
     off = [spoilt(value) for value in (np.nan, np.inf, 1.25, -0.25)]
     misshapen = [np.zeros((4, GAMES)), np.zeros((GAMES + 1, 4)), np.zeros(4), 0.5, None, "worst"]
     for actions in (*off, *misshapen):
-        with pytest.raises(ValueError, match="action") as error:
+        with refuses(ValueError, "action"):
             batch.step(actions)
-        assert "\n" not in str(error.value)
     for good in lies(GAMES, 5, 4, 9):
         for part, value in zip(batch.step(good)[:4], twin.step(good)[:4], strict=True):
             assert np.array_equal(part, value)
@@ -89,7 +87,7 @@ def test_bad_actions_are_refused_and_change_nothing(tensors: bool) -> None:
 )
 def test_a_bad_mask_is_refused_and_changes_nothing(mask: Any) -> None:
     batch, twin = at_the_boundary(), at_the_boundary()
-    with pytest.raises(ValueError, match=rf"reset_mask.*\({GAMES},\)"):
+    with refuses(ValueError, "reset_mask", "(8,)", GAMES):
         batch.reset(seed=9, options={"reset_mask": mask})
     for good in lies(GAMES, 5, 4, 9):
         assert same(batch.step(good), twin.step(good))
@@ -98,7 +96,7 @@ def test_a_bad_mask_is_refused_and_changes_nothing(mask: Any) -> None:
 @pytest.mark.parametrize("seed", [[1] * GAMES, [None] * GAMES, (1, 2)], ids=str)
 def test_a_list_of_seeds_is_refused_and_changes_nothing(seed: Any) -> None:
     batch, twin = at_the_boundary(), at_the_boundary()
-    with pytest.raises(ValueError, match="seed"):
+    with refuses(ValueError, "seed"):
         batch.reset(seed=seed)
     for good in lies(GAMES, 5, 4, 9):
         assert same(batch.step(good), twin.step(good))
@@ -106,7 +104,7 @@ def test_a_list_of_seeds_is_refused_and_changes_nothing(seed: Any) -> None:
 
 def test_there_is_no_step_before_the_first_reset() -> None:
     batch = AttackVectorEnv(RATER, 2)
-    with pytest.raises(RuntimeError, match=r"reset\(\)"):
+    with refuses(RuntimeError, "reset()"):
         batch.step(acts(batch, 1)[0])
-    with pytest.raises(RuntimeError, match=r"reset\(\)"):
+    with refuses(RuntimeError, "reset()"):
         batch.reset(options={"reset_mask": np.array([True, False])})

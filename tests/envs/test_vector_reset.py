@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from refusals import refuses
 from slow_vector import GAMES
 from vector_cases import ENDS, EVERY_MODE, RATER, acts, assert_close, lies, same
 
@@ -140,10 +141,10 @@ def test_nobody_restarts_games_by_itself_where_that_is_asked_for() -> None:
     games.step(actions)
     truncated = games.step(actions)[3]
     assert truncated.all()
-    with pytest.raises(RuntimeError, match="reset_mask"):
+    with refuses(RuntimeError, "reset_mask"):
         games.step(actions)
     games.reset(options={"reset_mask": np.array([True, False, True])})
-    with pytest.raises(RuntimeError, match="reset_mask"):
+    with refuses(RuntimeError, "reset_mask"):
         games.step(actions)
     games.reset(options={"reset_mask": np.array([False, True, False])})
     assert not games.step(actions)[3].any()

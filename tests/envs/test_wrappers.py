@@ -15,6 +15,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.wrappers import ClipAction
 from gymnasium.wrappers.vector import VectorizeTransformAction
 from pettingzoo.test import parallel_api_test, parallel_seed_test
+from refusals import refuses
 from task_cases import COLLUSION, PROVIDER, RATER, same
 
 from roletrust_env import (
@@ -77,9 +78,9 @@ def test_scaled_actions_are_clipped() -> None:
     assert env.action_space == Box(-1, 1, (1,), np.float32)
     for number, quality in ((-1, 0), (0, 0.5), (0.5, 0.75), (1, 1), (-7.5, 0), (3, 1), (np.inf, 1)):
         assert deed(env, np.array([number], np.float32)) == quality
-    with pytest.raises(ValueError, match="nan"):
+    with refuses(ValueError, "action", "nan"):
         env.step(np.array([np.nan]))
-    with pytest.raises(ValueError, match="action"):
+    with refuses(ValueError, "action"):
         env.step(["good"])
 
 
@@ -94,10 +95,10 @@ def test_what_no_action_can_be_made_of_is_refused_by_name(action: Any) -> None:
         ParallelTransformAction(parallel_env(), RescaleClipAction),
     )
     one.reset(seed=0)
-    with pytest.raises(ValueError, match="action"):
+    with refuses(ValueError, "action"):
         one.step(action)
     each.reset(seed=0)
-    with pytest.raises(ValueError, match="action of 'sr_1'"):
+    with refuses(ValueError, "action", "sr_1"):
         each.step(
             {agent: each.action_space(agent).sample() for agent in each.agents} | {"sr_1": action}
         )
@@ -161,7 +162,7 @@ def test_what_is_no_level_is_refused_and_changes_nothing(action: Any) -> None:
     )
     for one in (env, twin):
         one.reset(seed=0)
-    with pytest.raises(ValueError, match=r"action.*Discrete\(5\)"):
+    with refuses(ValueError, "action", "Discrete(5)"):
         env.step(action)
     assert same(env.step(4), twin.step(4))
 
@@ -169,13 +170,15 @@ def test_what_is_no_level_is_refused_and_changes_nothing(action: Any) -> None:
 @pytest.mark.parametrize(
     ("task_id", "levels", "words"),
     [
-        (PROVIDER, 1, "levels is 1.* 2 or more"),
-        (PROVIDER, 2.5, "levels is 2.5"),
-        (COLLUSION, 5, "use multidiscrete"),
+        (PROVIDER, 1, ("levels", "1")),
+        (PROVIDER, 2.5, ("levels", "2.5")),
+        (COLLUSION, 5, ("5", "21", "multidiscrete")),
     ],
 )
-def test_levels_that_cannot_be_are_refused(task_id: str, levels: Any, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+def test_levels_that_cannot_be_are_refused(
+    task_id: str, levels: Any, words: tuple[str, ...]
+) -> None:
+    with refuses(ValueError, levels, *words):
         DiscretizeLevels(gymnasium.make(task_id), levels)
     DiscretizeLevels(gymnasium.make(COLLUSION), 5, multidiscrete=True)
 
@@ -186,7 +189,7 @@ def test_levels_that_cannot_be_are_refused(task_id: str, levels: Any, words: str
     ids=["RescaleClipAction", "DiscretizeLevels"],
 )
 def test_actions_that_are_not_ours_are_refused(wrap: Callable) -> None:
-    with pytest.raises(ValueError, match=r"\[0, 1\]"):
+    with refuses(ValueError, "Box(-2.0, 2.0, (1,), float32)", "[0, 1]"):
         wrap(gymnasium.make("Pendulum-v1"))
 
 
@@ -266,24 +269,24 @@ def test_each_agent_acts_through_its_own_wrapper() -> None:
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        ({"sp_0": 9}, "'sp_0'.*Discrete"),
-        ({"sp_0": None}, "'sp_0'.*Discrete"),
-        ({"sr_0": [0, 1]}, "'sr_0'.*Discrete"),
-        ({"sr_0": torch.zeros(3, requires_grad=True)}, "'sr_0'.*no array"),
-        ({"robin": 0}, "'robin'.*sr_0"),
+        ({"sp_0": 9}, ("sp_0", "Discrete(3)")),
+        ({"sp_0": None}, ("sp_0", "Discrete(3)")),
+        ({"sr_0": [0, 1]}, ("sr_0", "Discrete(27)")),
+        ({"sr_0": torch.zeros(3, requires_grad=True)}, ("sr_0",)),
+        ({"robin": 0}, ("robin", "sr_0")),
     ],
     ids=str,
 )
-def test_a_bad_action_of_an_agent_is_refused_by_name(spoil: dict, words: str) -> None:
+def test_a_bad_action_of_an_agent_is_refused_by_name(spoil: dict, words: tuple[str, ...]) -> None:
     env = ParallelTransformAction(parallel_env(), DiscretizeLevels, levels=3)
     env.reset(seed=0)
     before = env.state()
     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
-    with pytest.raises(ValueError, match=words):
+    with refuses(ValueError, *words):
         env.step(actions | spoil)
     assert np.array_equal(env.state(), before)
     del actions["sr_1"]
-    with pytest.raises(ValueError, match="'sr_1' is missing"):
+    with refuses(ValueError, "sr_1"):
         env.step(actions)
 
 
@@ -341,9 +344,9 @@ def test_the_actions_of_absent_agents_are_ignored() -> None:
     others = actions | {"sp_1": np.array([np.nan])}
     assert data_equivalence(env.step(others), twin.step(actions))
     del actions["sp_0"]
-    with pytest.raises(ValueError, match="'sp_0' is missing"):
+    with refuses(ValueError, "sp_0"):
         env.step(actions)
-    with pytest.raises(ValueError, match="'robin'"):
+    with refuses(ValueError, "robin"):
         env.step(sampled(env) | {"robin": np.zeros(1)})
 
 
@@ -357,7 +360,7 @@ def test_it_ends_for_all_when_nobody_is_left() -> None:
         ends.append((set(terminations.values()), set(truncations.values())))
     assert ends == [({False}, {False})] * 2 + [({True}, {False})]
     assert env.step({}) == ({}, {}, {}, {}, {})
-    with pytest.raises(RuntimeError, match="over"):
+    with refuses(RuntimeError, "reset()"):
         env.step({"sr_0": np.zeros(2)})
 
 
