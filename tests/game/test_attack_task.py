@@ -19,6 +19,7 @@ from attack_cases import (
     play,
     rng,
 )
+from refusals import refuses
 
 from roletrust_agents.planning.exact import optimal_provider, optimal_rater
 from roletrust_baselines import BadMouthing, OnOff
@@ -332,43 +333,41 @@ def test_the_exact_rater_scores_the_same_in_the_task(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"compromised": ("sr_9",)}, ["compromised", "'sr_9'", "sr_0", "srsp_2"]),
-        ({"compromised": ("sr_1", "sp_0", "sr_1")}, ["compromised", "'sr_1'", "twice"]),
-        ({"compromised": ()}, ["compromised", "empty"]),
-        ({"objective": "harm"}, ["objective", "'harm'", "damage", "exploit", "promote"]),
+        ({"compromised": ("sr_9",)}, ["compromised", "sr_9", "sr_0", "srsp_2"]),
+        ({"compromised": ("sr_1", "sp_0", "sr_1")}, ["compromised", "sr_1"]),
+        ({"compromised": ()}, ["compromised"]),
+        ({"objective": "harm"}, ["objective", "harm", "damage", "exploit", "promote"]),
         ({"objective": None}, ["objective", "None", "damage"]),
         (
             {"knowledge": "omniscient"},
-            ["knowledge", "'omniscient'", "black_box", "grey_box", "white_box"],
+            ["knowledge", "omniscient", "black_box", "grey_box", "white_box"],
         ),
-        ({"objective": "exploit"}, ["'exploit'", "provider"]),
-        ({"objective": "promote"}, ["'promote'", "accomplice"]),
+        ({"objective": "exploit"}, ["exploit", "provider"]),
+        ({"objective": "promote"}, ["promote"]),
         (
             {"compromised": [f"sp_{j}" for j in range(5)] + [f"srsp_{k}" for k in range(3)]},
-            ["'damage'", "honest"],
+            ["damage"],
         ),
-        ({"objective": "promote", "accomplices": ("sr_0",)}, ["accomplices", "'sr_0'", "sp_0"]),
+        ({"objective": "promote", "accomplices": ("sr_0",)}, ["accomplices", "sr_0", "sp_0"]),
         (
             {"objective": "promote", "accomplices": ("sp_0", "sp_0")},
-            ["accomplices", "'sp_0'", "twice"],
+            ["accomplices", "sp_0"],
         ),
-        ({"others": {"sr_1": OnOff()}}, ["'sr_1'", "compromised"]),
-        ({"others": {"sr_7": BadMouthing()}}, ["'sr_7'", "sr_0"]),
-        ({"others": {"sr_0": OnOff()}}, ["'sr_0'", "quality"]),
+        ({"others": {"sr_1": OnOff()}}, ["sr_1", "compromised"]),
+        ({"others": {"sr_7": BadMouthing()}}, ["sr_7", "sr_0"]),
+        ({"others": {"sr_0": OnOff()}}, ["sr_0", "quality"]),
     ],
     ids=str,
 )
 def test_bad_arguments_are_refused(arguments: dict, words: list[str]) -> None:
-    with pytest.raises(ValueError, match=words[0]) as error:
+    with refuses(ValueError, *words):
         make(busy(), {"compromised": ("sr_1",)} | arguments)
-    assert "\n" not in str(error.value)
-    assert all(word in str(error.value) for word in words), str(error.value)
 
 
 def test_all_honest_providers_attack() -> None:
     """Whoever attacks on its own is not honest, so nobody is left to damage."""
     others = {name: OnOff() for name in ("sp_0", "sp_1", "sp_2")}
-    with pytest.raises(ValueError, match="an honest provider"):
+    with refuses(ValueError, "damage"):
         AttackTask(Game(make_scenario("paper-3x3")), ("sr_0",), others=others)
 
 

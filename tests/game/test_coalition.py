@@ -6,6 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refusals import refuses
 
 from roletrust_env import Actions, AttackVecEnv, make_scenario, make_task
 from roletrust_env.envs.attack_env import TaskBatch
@@ -282,7 +283,7 @@ def test_stable_baselines_gets_the_same_observations():
 
 @pytest.mark.parametrize("arguments", [{"observation": "team"}, {"knowledge": "white_box"}])
 def test_what_it_cannot_be_is_refused(arguments):
-    with pytest.raises(ValueError, match=str(next(iter(arguments.values())))):
+    with refuses(ValueError, *arguments.values()):
         task_of(**arguments)
 
 
@@ -325,5 +326,5 @@ def test_the_state_of_another_task_is_refused():
     plain = make_task("market", TEAM, objective="mislead", like=np.zeros(()), **WORLD)
     random = plain.game.random(0)
     state = plain.start(plain.game.draw(random, (), start=True), random)
-    with pytest.raises(ValueError, match="another task"):
+    with refuses(ValueError, "state"):
         CoalitionTask(plain.game, TEAM, objective="mislead").observe(state)

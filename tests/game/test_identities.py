@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_baselines import BadMouthing, OnOff, Sybil, Whitewashing
 from roletrust_env import (
@@ -180,29 +181,28 @@ def test_in_pettingzoo_they_stay_away() -> None:
 @pytest.mark.parametrize(
     ("policies", "words"),
     [
-        ({"sp_0": Whitewashing(reserve=3)}, ["'sp_0'", "whitewashing", "a reserve of 3", "has 2"]),
-        ({"sp_2": Whitewashing()}, ["'sp_2'", "whitewashing", "a reserve of 1", "has 0"]),
-        ({"sp_2": Fickle()}, ["'sp_2'", "presence", "only decides on quality"]),
-        ({"sp_4": OnOff()}, ["'sp_4'", "in reserve of 'sp_0'"]),
+        ({"sp_0": Whitewashing(reserve=3)}, ["sp_0", "whitewashing", "3", "2"]),
+        ({"sp_2": Whitewashing()}, ["sp_2", "whitewashing", "1", "0"]),
+        ({"sp_2": Fickle()}, ["sp_2", "presence"]),
+        ({"sp_4": OnOff()}, ["sp_4", "sp_0"]),
     ],
     ids=str,
 )
 def test_a_seat_without_the_reserve_is_refused(
     policies: dict[str, Policy], words: list[str]
 ) -> None:
-    with pytest.raises(ValueError, match="agent ") as error:
+    with refuses(ValueError, *words):
         joint_policy(policies)
-    assert all(word in str(error.value) for word in words), str(error.value)
 
 
 def test_a_player_in_pettingzoo_has_no_reserve() -> None:
-    with pytest.raises(ValueError, match="PettingZoo leaves them out"):
+    with refuses(ValueError, "sp_0", "whitewashing"):
         Player(Whitewashing(), "sp_0", parallel_env(SCENARIO).layout)
 
 
 @pytest.mark.parametrize("reserve", [-1, 1.5, True, 1001])
 def test_a_reserve_is_a_number_of_identities(reserve: Any) -> None:
-    with pytest.raises(ValueError, match="reserve"):
+    with refuses(ValueError, "reserve", reserve):
         SCENARIO.change(agents=[{"role": "SR"}, {"role": "SP", "reserve": reserve}])
 
 
@@ -212,5 +212,5 @@ def test_presence_of_a_wrong_shape_is_refused() -> None:
         random = game.random(0)
         state = game.start(game.draw(random, start=True))
         wrong = Actions(state.quality, state.ratings, np.ones(3, bool))
-        with pytest.raises(ValueError, match=r"presence has the shape \(3,\)"):
+        with refuses(ValueError, "presence", "(3,)"):
             game.step(state, wrong, game.draw(random))

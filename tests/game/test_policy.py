@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_agents import Honest
 from roletrust_baselines import BadMouthing, OnOff
@@ -159,21 +160,23 @@ def test_a_player_with_a_seed_plays_the_same_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "policy", "message"),
+    ("name", "policy", "words"),
     [
-        ("sr_4", Honest(), r"'sr_4'.*sr_0.*srsp_2"),
-        ("sp_0", BadMouthing(), r"'sp_0'.*bad-mouthing.*ratings.*quality"),
-        ("sr_0", OnOff(), r"'sr_0'.*on-off.*quality.*ratings"),
+        ("sr_4", Honest(), ("sr_4", "sr_0", "srsp_2")),
+        ("sp_0", BadMouthing(), ("sp_0", "bad-mouthing")),
+        ("sr_0", OnOff(), ("sr_0", "on-off")),
     ],
 )
-def test_a_seat_that_does_not_fit_is_refused(name: str, policy: Policy, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+def test_a_seat_that_does_not_fit_is_refused(
+    name: str, policy: Policy, words: tuple[str, ...]
+) -> None:
+    with refuses(ValueError, name, *words):
         JointPolicy(Game(SCENARIO), {name: policy})
 
 
 def test_many_names_are_not_all_listed() -> None:
     game = Game(Scenario(agents=[{"role": "SR", "count": 500}, {"role": "SP"}]))
-    with pytest.raises(ValueError, match=r"'robin'.*sr_0.*\.\.\..*sp_0") as error:
+    with refuses(ValueError, "robin", "sr_0", "sp_0") as error:
         JointPolicy(game, {"robin": Honest()})
     assert len(str(error.value)) < 200
 
@@ -194,25 +197,25 @@ def _lost(view):
 
 @pytest.mark.parametrize("like", [np.zeros(()), torch.zeros(())], ids=["numpy", "torch"])
 @pytest.mark.parametrize(
-    ("what", "complaint"),
+    ("what", "words"),
     [
         (
             lambda view: (view.service + 1.5, None),
-            r"the policy of 'sr_1' chose ratings that are NaN or outside \[0, 1\]",
+            ("sr_1", "NaN", "[0, 1]"),
         ),
         (
             lambda view: (view.service * np.nan, None),
-            "the policy of 'sr_1' chose ratings that are NaN",
+            ("sr_1", "NaN"),
         ),
-        (lambda view: (view.service[:1], None), "a policy \\(wild\\) fails: "),
-        (lambda view: view.service, "a policy \\(wild\\) fails: "),
-        (_lost, "a policy \\(wild\\) fails: KeyError: 'lost'"),
+        (lambda view: (view.service[:1], None), ("wild",)),
+        (lambda view: view.service, ("wild",)),
+        (_lost, ("KeyError", "lost")),
     ],
     ids=["out of range", "nan", "shape", "no memory", "raises"],
 )
-def test_a_policy_that_goes_wrong_is_named_with_the_round(what, complaint, like) -> None:
+def test_a_policy_that_goes_wrong_is_named_with_the_round(what, words, like) -> None:
     game = Game(make_scenario("paper-3x3"), like=like)
-    with pytest.raises(ValueError, match=f"round 2: {complaint}"):
+    with refuses(ValueError, "2", *words):
         record(JointPolicy(game, {"sr_1": Wild(what)}), game.random(0), (4,))
 
 
@@ -226,28 +229,28 @@ class Changeable(Policy):
 
 
 @pytest.mark.parametrize(
-    ("agent", "policy", "message"),
+    ("agent", "policy", "words"),
     [
-        ("sp_0", BadMouthing(), "cannot play"),
-        ("zz_0", Policy(), "there is no agent 'zz_0'"),
-        ("sr_0", BadMouthing, "must be a Policy"),
-        ("sr_0", None, "must be a Policy"),
-        ("sr_0", Telepath(), "attacks by 'ratings'; attacks must be a frozenset"),
-        ("sr_0", Changeable(), "changeable cannot be hashed; a policy is immutable"),
+        ("sp_0", BadMouthing(), ("sp_0", "bad-mouthing")),
+        ("zz_0", Policy(), ("zz_0",)),
+        ("sr_0", BadMouthing, ("sr_0",)),
+        ("sr_0", None, ("sr_0",)),
+        ("sr_0", Telepath(), ("telepath", "ratings")),
+        ("sr_0", Changeable(), ("changeable",)),
     ],
 )
-def test_who_cannot_play_gets_no_seat(agent, policy, message) -> None:
+def test_who_cannot_play_gets_no_seat(agent, policy, words) -> None:
     game = Game(make_scenario("paper-3x3"))
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, *words):
         Player(policy, agent, game.layout)
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, *words):
         JointPolicy(game, {agent: policy})
 
 
 @pytest.mark.parametrize("batch", [1000, [3], None])
 def test_a_batch_is_a_shape(batch) -> None:
     game = Game(make_scenario("paper-3x3"))
-    with pytest.raises(ValueError, match="must be a shape"):
+    with refuses(ValueError, "batch"):
         record(JointPolicy(game, {}), game.random(0), batch)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from game_cases import ACCESS, TOLERANCE, busy, luck, scenarios
 from hypothesis import given
+from refusals import refuses
 
 from roletrust_baselines import (
     BadMouthing,
@@ -310,28 +311,28 @@ def test_no_array_of_all_pairs_is_made() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "model", "message"),
+    ("fields", "model", "words"),
     [
         (
             {"access": {"kind": "everyone"}},
             "mean",
-            "access is of kind 'everyone'; a sparse game needs 'encounters'",
+            ("everyone", "encounters"),
         ),
-        ({"access": ACCESS["in-range"]}, "mean", "needs 'encounters'"),
-        ({"ratings": {"late": 0.1}}, "mean", "ratings.late is 0.1; it must be 0"),
-        ({"service": "hog"}, "mean", "service is 'hog'"),
-        ({}, "travos", "does not run on edges"),
-        ({}, "nobody", "unknown trust model 'nobody'"),
+        ({"access": ACCESS["in-range"]}, "mean", ("in-range", "encounters")),
+        ({"ratings": {"late": 0.1}}, "mean", ("ratings.late", "0.1")),
+        ({"service": "hog"}, "mean", ("service", "hog")),
+        ({}, "travos", ("Travos",)),
+        ({}, "nobody", ("nobody",)),
         (
             {"agents": [{"role": "SR+SP", "count": 5}]},
             "eigentrust",
-            "which rater is which provider",
+            ("EigenTrust()",),
         ),
     ],
 )
-def test_what_a_sparse_game_refuses(fields: dict, model: str, message: str) -> None:
+def test_what_a_sparse_game_refuses(fields: dict, model: str, words: tuple[str, ...]) -> None:
     scenario = Scenario.model_validate(MARKET | fields)
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, *words):
         SparseGame(scenario, model)
 
 
@@ -347,9 +348,7 @@ def test_nobody_can_meet_more_providers_than_there_are(
     agents: list, providers: int, most: int
 ) -> None:
     data = {"agents": agents, "access": {"kind": "encounters", "providers": providers}}
-    with pytest.raises(
-        ValueError, match=f"access.providers is {providers}; a rater can meet only {most}"
-    ):
+    with refuses(ValueError, "access.providers", providers, most):
         Scenario.model_validate(data)
     data["access"]["providers"] = most
     Scenario.model_validate(data)
@@ -364,52 +363,41 @@ def test_a_state_is_stepped_from_once_and_can_still_be_read() -> None:
         states.append(game.step(states[-1], act, game.draw(random))[0])
     trust = [game.published(state)[1] for state in states]
     assert all(not np.array_equal(one, other) for one, other in pairwise(trust[1:]))
-    with pytest.raises(
-        ValueError, match=r"round 1 of this sparse game has been played, .* on to round 3"
-    ):
+    with refuses(ValueError, "round", "1", "3"):
         game.step(states[1], act, game.draw(random))
     assert game.step(states[-1], act, game.draw(random))[0].round == 4
-    with pytest.raises(
-        ValueError, match=r"needed are \(P, \.\.\.\) = \(5,\) and \(S, K\) = \(7, 3\)"
-    ):
+    with refuses(ValueError, "(5,)", "(7, 3)"):
         game.step(states[-1], Actions(np.ones(5), np.ones((7, 5))), game.draw(random))
-    with pytest.raises(
-        ValueError, match=r"withheld has the shape \(7, 5\); it must be \(S, K\) = \(7, 3\)"
-    ):
+    with refuses(ValueError, "withheld", "(7, 5)", "(7, 3)"):
         game.step(states[-1], act._replace(withheld=np.zeros((7, 5), bool)), game.draw(random))
-    with pytest.raises(ValueError, match="serves all alike"):
+    with refuses(ValueError, "sparse"):
         game.step(states[-1], act._replace(treatment=np.ones((7, 3))), game.draw(random))
 
 
 @pytest.mark.parametrize(
-    ("seated", "message"),
+    ("seated", "word"),
     [
-        ({"sr_0": RankLies()}, "rank-lies remembers what it saw of each provider"),
-        ({"sp_0": Conflicting()}, "conflicting treats raters differently"),
+        ({"sr_0": RankLies()}, "rank-lies"),
+        ({"sp_0": Conflicting()}, "conflicting"),
     ],
 )
-def test_policies_that_a_sparse_game_cannot_seat(seated: dict[str, Policy], message: str) -> None:
+def test_policies_that_a_sparse_game_cannot_seat(seated: dict[str, Policy], word: str) -> None:
     game = SparseGame(Scenario.model_validate(MARKET))
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, word):
         JointPolicy(game, seated).begin(game.random(0))
 
 
 def test_batches_and_observations_are_refused() -> None:
     game = SparseGame(Scenario.model_validate(MARKET))
-    with pytest.raises(
-        ValueError, match=r"shape \(7, 3, 4\); a sparse game has no batch, and needs \(7, 3\)"
-    ):
+    with refuses(ValueError, "(7, 3, 4)", "(7, 3)"):
         game.start(game.draw(game.random(0), (4,), start=True))
-    with pytest.raises(ValueError, match="no observation vectors"):
+    with refuses(ValueError, "sparse"):
         game.observations(game.start(game.draw(game.random(0), start=True)))
 
 
 def test_a_city_is_not_played_on_a_grid() -> None:
     for play in Game, parallel_env:
-        with pytest.raises(
-            ValueError,
-            match=r"'city' has 8,000 x 2,000 pairs, .* roletrust_env.SparseGame plays it",
-        ):
+        with refuses(ValueError, "city", "8,000", "2,000"):
             play(make_scenario("city"))
 
 
