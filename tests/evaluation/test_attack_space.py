@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, ClassVar, Literal
 
-import pytest
 from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass as checked
+from refusals import refuses
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Policy
@@ -121,22 +121,13 @@ class Contrary(Policy):
 
 
 def test_what_cannot_be_searched_says_why():
-    with pytest.raises(
-        ValueError,
-        match=r"attack Demanding cannot be searched, it refuses \{\}: field bad is missing",
-    ):
+    with refuses(ValueError, "Demanding", "bad"):
         Space(Demanding, (), (), 50)
     assert Space(partial(Demanding, bad=0.5), (), (), 50).size == 0
-    with pytest.raises(
-        ValueError,
-        match=r"attack Contrary .* refuses {'rounds': 0}: rounds is 0: .* greater than 0",
-    ):
+    with refuses(ValueError, "Contrary", "rounds", "0"):
         Space(Contrary, (), (), 50).decode([0.0])
-    with pytest.raises(
-        ValueError,
-        match=r"attack GridValues cannot be searched, it makes .*GridValues.*, no Policy",
-    ):
+    with refuses(ValueError, "GridValues", "Policy"):
         Space(GridValues, (), (), 50)
     for low, high in ((2, 1), (0, float("inf")), (float("nan"), 1)):
-        with pytest.raises(ValueError, match=f"low={low}, high={high}.* is not a range"):
+        with refuses(ValueError, low, high):
             SearchRange(low, high)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-import pytest
+from refusals import refuses
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
@@ -41,29 +41,29 @@ def test_a_ring_takes_raters_and_providers() -> None:
     assert result.damage.mean > 0.05
 
 
-def refused(words: str, *arguments: Any, **options: Any) -> None:
-    with pytest.raises(ValueError, match=words):
+def refused(words: tuple[object, ...], *arguments: Any, **options: Any) -> None:
+    with refuses(ValueError, *words):
         evaluate(*arguments, **options)
 
 
 def test_an_unknown_name_is_one_line_with_a_suggestion() -> None:
-    refused("did you mean 'bad-mouthing'", "mean", "bad-mouthin")
-    refused("did you mean 'mean'", "meen", "bad-mouthing")
-    refused("there is no 'sr_9'", "mean", "sr_9=bad-mouthing")
-    refused("did you mean 'level'", "mean", "sr_2=bad-mouthing:lvl=1")
-    refused("paper-3x3", "mean", "bad-mouthing", "papr-3x3")
+    refused(("bad-mouthin", "bad-mouthing"), "mean", "bad-mouthin")
+    refused(("meen", "mean"), "meen", "bad-mouthing")
+    refused(("compromised", "sr_9"), "mean", "sr_9=bad-mouthing")
+    refused(("bad-mouthing", "lvl", "level"), "mean", "sr_2=bad-mouthing:lvl=1")
+    refused(("papr-3x3", "paper-3x3"), "mean", "bad-mouthing", "papr-3x3")
 
 
 def test_no_attack_is_left_out_in_silence() -> None:
     for attack, words in (
         (
             {"sr_2": BadMouthing, "sr_1": BadMouthing()},
-            "attack of 'sr_2' is <class .*; it must be a Policy",
+            ("sr_2", "Policy"),
         ),
-        ({"sr_1": None}, "attack of 'sr_1' is None"),
-        ({"sr_*": "bad-mouthing", "sr_2": BadMouthing()}, "attack gives agent 'sr_2' two attacks"),
-        (BadMouthing(), r"name the agents of a policy, such as \{'sr_2': BadMouthing\(\)\}"),
-        ([BadMouthing()], "name the agents of a policy"),
+        ({"sr_1": None}, ("sr_1", "None")),
+        ({"sr_*": "bad-mouthing", "sr_2": BadMouthing()}, ("sr_2",)),
+        (BadMouthing(), ("{'sr_2': BadMouthing()}",)),
+        ([BadMouthing()], ("{'sr_2': BadMouthing()}",)),
     ):
         refused(words, "mean", attack, games=2)
 
@@ -71,7 +71,7 @@ def test_no_attack_is_left_out_in_silence() -> None:
 def test_numbers_that_make_no_sense_are_refused() -> None:
     for name, values in (("games", (0, 2.5, "3")), ("seed", (-1, None)), ("share", (1.0, "x"))):
         for value in values:
-            refused(f"{name} is .*; it must", "mean", "bad-mouthing", **{name: value})
+            refused((name, repr(value)), "mean", "bad-mouthing", **{name: value})
     for rounds in (-5, "x", None, 2.5):
-        with pytest.raises(ValueError, match="the budget is"):
+        with refuses(ValueError, "budget"):
             Budget(rounds)  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation import isolated
@@ -105,26 +106,27 @@ def test_games_go_on_from_the_latest_states_only(mean: IsolatedModel) -> None:
         state = model.update(state, Ratings(like, like == 0))
     again = model.update(first, Ratings(like, like == 0))  # the eighth state back
     assert again.top == pytest.approx(0.125)
-    with pytest.raises(ValueError, match="keeps the latest 8 states only"):
+    with refuses(ValueError, "8"):
         model.update(first, Ratings(like, like == 0))
-    with pytest.raises(ValueError, match="cannot mix games"):
+    with refuses(ValueError, "mean"):
         model.update(state._replace(number=np.array([1, 2])), Ratings(like, like == 0))
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
+    ("name", "words"),
     [
-        ("Leaving", "the process has ended"),
-        ("Raising", "KeyError: 'two"),
-        ("Objects", "Object arrays cannot be saved"),
-        ("Shapeless", r"provider_trust.*shape"),
-        ("Nobody", "cannot be loaded|has no attribute|unknown"),
+        ("Leaving", ("unruly_models:Leaving",)),
+        ("Raising", ("unruly_models:Raising", "KeyError")),
+        ("Objects", ("unruly_models:Objects",)),
+        ("Shapeless", ("unruly_models:Shapeless", "provider_trust")),
+        ("Nobody", ("unruly_models:Nobody",)),
     ],
 )
-def test_a_model_that_misbehaves_is_one_clear_error(models: str, name: str, message: str) -> None:
-    with pytest.raises(ValueError, match=message) as error:
+def test_a_model_that_misbehaves_is_one_clear_error(
+    models: str, name: str, words: tuple[str, ...]
+) -> None:
+    with refuses(ValueError, name, *words):
         scores(IsolatedModel(f"{models}:{name}", SCENARIO))
-    assert "\n" not in str(error.value)
 
 
 def test_a_model_may_print(models: str) -> None:
@@ -174,7 +176,7 @@ def test_games_that_branch_are_the_same_alone(mean: IsolatedModel) -> None:
 
 def test_torch_is_refused(mean: IsolatedModel) -> None:
     torch = pytest.importorskip("torch")
-    with pytest.raises(ValueError, match="works on NumPy arrays"):
+    with refuses(ValueError, "NumPy", "Tensor"):
         mean.start(torch.zeros(2, 1), None)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_agents.learned.policy import play_task
 from roletrust_baselines import OnOff
@@ -98,5 +99,5 @@ def test_the_score_of_a_network_has_the_weights_of_the_rounds() -> None:
 
 
 def test_a_game_of_one_round_has_no_choice_to_measure() -> None:
-    with pytest.raises(ValueError, match=r"max_cycles is 1; .* 2 or more"):
+    with refuses(ValueError, "max_cycles", "1", "2"):
         watch_honest(make_task("market", ["sp_5"], max_cycles=1), 0, 2)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
@@ -90,43 +91,45 @@ COALITION = json.loads(record_of(CoalitionAttacker(universal_coalitions()["unive
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "JSON|Expecting"),
-        ("[]", "object with a kind"),
-        ('{"kind": 3}', "object with a kind"),
-        ('{"kind": "nothing"}', "unknown kind of recorded attacker 'nothing'"),
-        ('{"kind": "scripts"}', "policies"),
-        ('{"kind": "scripts", "policies": [], "more": 1}', "more"),
-        ('{"kind": "scripts", "policies": []}', "policies must be an object"),
-        ('{"kind": "scripts", "policies": {"sr_0": 3}}', "a policy must be an object"),
-        ('{"kind": "scripts", "policies": {"sr_0": {"kind": 3}}}', "a policy must have a name"),
-        ('{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouth"}}}', "bad-mouth"),
+        ("", ("JSON",)),
+        ("[]", ("kind",)),
+        ('{"kind": 3}', ("kind",)),
+        ('{"kind": "nothing"}', ("nothing",)),
+        ('{"kind": "scripts"}', ("scripts", "policies")),
+        ('{"kind": "scripts", "policies": [], "more": 1}', ("scripts", "more")),
+        ('{"kind": "scripts", "policies": []}', ("policies", "[]")),
+        ('{"kind": "scripts", "policies": {"sr_0": 3}}', ("3",)),
+        ('{"kind": "scripts", "policies": {"sr_0": {"kind": 3}}}', ("name", "kind", "3")),
+        (
+            '{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouth"}}}',
+            ("bad-mouth", "bad-mouthing"),
+        ),
         (
             '{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouthing", "start": "x"}}}',
-            "start",
+            ("bad-mouthing", "start", "x"),
         ),
-        ('{"kind": "scripts", "policies": {"sr_0": NaN}}', "NaN"),
-        ('{"kind": "scripts", "name": "coalition"}', "name"),
+        ('{"kind": "scripts", "policies": {"sr_0": NaN}}', ("NaN",)),
+        ('{"kind": "scripts", "name": "coalition"}', ("scripts", "name")),
         (
             '{"kind": "scripts", "policies": {"sr_0": {"name": "learned", "path": "x"}}}',
-            "may not name 'learned'",
+            ("learned",),
         ),
         (
             '{"kind": "scripts", "policies": {"a": '
             + '{"rates": {}, "serves": ' * 9
             + "{}"
             + "}" * 11,
-            "nested more than",
+            ("policies", "4"),
         ),
-        (json.dumps(COALITION | {"weights": 3}), "base64"),
-        (json.dumps(COALITION | {"weights": "AAAA"}), "safetensors"),
-        (json.dumps(COALITION | {"weights": COALITION["weights"][:-400]}), "safetensors"),
-        (json.dumps(COALITION | {"units": 13}), "shape"),
-        (json.dumps(COALITION | {"units": 10**9}), "256"),
-        ("[" * 100_000, "nested"),
-        (" " * (MAX_RECORD + 1), "the limit is"),
+        (json.dumps(COALITION | {"weights": 3}), ("base64",)),
+        (json.dumps(COALITION | {"weights": "AAAA"}), ("safetensors",)),
+        (json.dumps(COALITION | {"weights": COALITION["weights"][:-400]}), ("safetensors",)),
+        (json.dumps(COALITION | {"units": 13}), ("layer0.weight", "(12, 15)")),
+        (json.dumps(COALITION | {"units": 10**9}), ("256",)),
+        ("[" * 100_000, ("JSON",)),
+        (" " * (MAX_RECORD + 1), ("200001", "200000")),
     ],
 )
-def test_a_bad_record_is_one_clear_error(text: str, words: str) -> None:
-    with pytest.raises(ValueError, match=words) as error:
+def test_a_bad_record_is_one_clear_error(text: str, words: tuple[str, ...]) -> None:
+    with refuses(ValueError, *words):
         read_record(text)
-    assert "\n" not in str(error.value)

@@ -3,6 +3,7 @@
 import sys
 
 import pytest
+from refusals import refuses
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
@@ -100,14 +101,9 @@ def mine(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["touch", "Alien", "HalfAModel", "NoModel", "alien"])
 def test_nothing_is_called_before_it_is_known_what_it_is(tmp_path, mine, name):
-    with pytest.raises(
-        ValueError,
-        match=f"attacker '{mine}:{name}' must make a Policy, so it must be a class derived",
-    ):
+    with refuses(ValueError, mine, name):
         parse_attacks([f"sr_1={mine}:{name}:level=0"], PAPER)
-    with pytest.raises(
-        ValueError, match=f"trust model '{mine}:{name}' must make a TrustModel, .* start, update"
-    ):
+    with refuses(ValueError, "TrustModel", mine, name):
         parse_trust_model(f"{mine}:{name}", PAPER)
     assert not (tmp_path / "called").exists()
 
@@ -132,17 +128,15 @@ def test_what_a_class_made_is_looked_at(tmp_path, mine):
             "from roletrust_env.trust import Mean\nclass Cuckoo(Mean):\n    def __new__(cls, **_): "
             "return 7\n"
         )
-    with pytest.raises(ValueError, match="trust model 'Cuckoo' made 7; it must make a TrustModel"):
+    with refuses(ValueError, "Cuckoo", "7", "TrustModel"):
         parse_trust_model(f"{mine}:Cuckoo", PAPER)
 
 
 def test_a_file_with_a_wrong_name_is_told_the_names_and_one_with_a_class_the_option():
     check_installed(attackers, ["bad-mouthing", "on-off:period=4"])
     for text in ("bad-mouthng", "bad-mouthng:level=0"):
-        with pytest.raises(
-            ValueError, match=r"unknown attacker 'bad-mouthng'; did you mean 'bad-mouthing'\?"
-        ):
+        with refuses(ValueError, "bad-mouthng", "bad-mouthing"):
             check_installed(attackers, [text])
     for text in ("os:system", "os:system:command=ls"):
-        with pytest.raises(ValueError, match=r"is not installed; .* --allow-code"):
+        with refuses(ValueError, "--allow-code"):
             check_installed(attackers, [text])
