@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_agents import Honest
 from roletrust_env.game.policy import Policy
@@ -31,5 +32,5 @@ def test_honest_play_serves_its_best_and_reports_what_it_perceived(
 
 @pytest.mark.parametrize("best", [-0.1, 1.1, float("nan")])
 def test_a_quality_out_of_range_is_refused(best: float) -> None:
-    with pytest.raises(ValueError, match=r"(?s)best.*\[0, 1\]"):
+    with refuses(ValueError, "best", "[0, 1]", best):
         Honest(best=best)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_agents.learned import learned, load_attacker
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
@@ -167,20 +168,20 @@ def test_each_game_of_a_batch_is_played_as_it_is_alone_and_on_torch_as_on_numpy(
 
 
 @pytest.mark.parametrize(
-    ("name", "accomplices", "why"),
+    ("name", "accomplices", "word"),
     [
-        ("universal-coalition", (), "name those of yours"),
-        ("universal-raters", (0,), "has no accomplices"),
-        ("rater-3x3", (0,), "the attacker is none"),
+        ("universal-coalition", (), "accomplices"),
+        ("universal-raters", (0,), "accomplices"),
+        ("rater-3x3", (0,), "accomplices"),
     ],
 )
-def test_accomplices_must_fit_the_attacker(name, accomplices, why):
-    with pytest.raises(ValueError, match=why):
+def test_accomplices_must_fit_the_attacker(name, accomplices, word):
+    with refuses(ValueError, word):
         learned(name, accomplices=accomplices)
 
 
 def test_an_accomplice_that_the_game_does_not_have_is_named():
     game = Game(make_scenario("crowd-10x10"))
     policy = learned("universal-coalition", accomplices=(10,))
-    with pytest.raises(ValueError, match=r"accomplices is \(10,\); there are 10 providers"):
+    with refuses(ValueError, "accomplices", "(10,)", "10"):
         record(JointPolicy(game, {"sr_7": policy}), game.random(0))

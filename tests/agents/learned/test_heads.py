@@ -4,6 +4,7 @@ refused."""
 import numpy as np
 import pytest
 from attackers import attacker_of, changed, files_of
+from refusals import refuses
 
 from roletrust_agents.learned.network import Head
 from roletrust_agents.learned.policy import play_task
@@ -73,27 +74,25 @@ def first(said):
     return said["architecture"]["heads"][0]
 
 
-CHANGES = {
-    "must belong to exactly one head": lambda said: first(said)["outputs"].__setitem__(0, 2),
-    "of the 7 outputs must": lambda said: first(said)["outputs"].__setitem__(0, 7),
-    "same number of inputs": lambda said: first(said)["sees"].pop(),
-    "number of inputs, 1 or more": lambda said: first(said)["sees"][2].pop(),
-    "1 or more, for each": lambda said: first(said).update(sees=[[]] * 6),
-    "not one of the 44 inputs": lambda said: first(said)["sees"][0].__setitem__(0, 44),
-    "greater than or equal to 0": lambda said: first(said)["sees"][0].__setitem__(0, -1),
-    "must be an integer": lambda said: first(said)["sees"][0].__setitem__(0, 1.5),
-    "no LSTM": lambda said: said["architecture"].update(lstm=4),
-    "hidden layers and": lambda said: said["architecture"].update(hidden=[]),
-    "multiplications": lambda said: said["architecture"].update(
-        hidden=[4096, 4096, 4096, 4096, 4096]
-    ),
-    "the architecture has": lambda said: said["architecture"].update(heads=[]),
-    "of shape": lambda said: said["architecture"].update(hidden=[5, 5]),
-    "own": lambda said: said["architecture"]["heads"].reverse(),
-}
+CHANGES = [
+    (lambda said: first(said)["outputs"].__setitem__(0, 2), ("outputs", "7")),
+    (lambda said: first(said)["outputs"].__setitem__(0, 7), ("7",)),
+    (lambda said: first(said)["sees"].pop(), ("inputs",)),
+    (lambda said: first(said)["sees"][2].pop(), ("inputs", "1")),
+    (lambda said: first(said).update(sees=[[]] * 6), ("inputs", "1")),
+    (lambda said: first(said)["sees"][0].__setitem__(0, 44), ("44",)),
+    (lambda said: first(said)["sees"][0].__setitem__(0, -1), ("-1",)),
+    (lambda said: first(said)["sees"][0].__setitem__(0, 1.5), ("1.5",)),
+    (lambda said: said["architecture"].update(lstm=4), ("LSTM",)),
+    (lambda said: said["architecture"].update(hidden=[]), ("LSTM",)),
+    (lambda said: said["architecture"].update(hidden=[4096] * 5), ("470147079", "400000000")),
+    (lambda said: said["architecture"].update(heads=[]), ("weights", "head0.layer0.bias")),
+    (lambda said: said["architecture"].update(hidden=[5, 5]), ("head0.layer1.weight", "(5, 5)")),
+    (lambda said: said["architecture"]["heads"].reverse(), ("head0.own", "(1, 5)")),
+]
 
 
-@pytest.mark.parametrize("message", CHANGES)
-def test_what_does_not_fit_is_refused(message):
-    with pytest.raises(ValueError, match=message):
-        parse_attacker(*changed(coalition(), CHANGES[message]))
+@pytest.mark.parametrize(("change", "words"), CHANGES)
+def test_what_does_not_fit_is_refused(change, words):
+    with refuses(ValueError, *words):
+        parse_attacker(*changed(coalition(), change))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from attackers import attacker_of, changed, files_of
+from refusals import refuses
 
 from roletrust_agents.learned.cards import Card
 from roletrust_agents.learned.policy import LearnedBoth, learned, learned_policy, play_task
@@ -147,7 +148,7 @@ def test_honest_play_is_the_scripted_one():
 @pytest.mark.parametrize("options", [{"agents": ("sr_0", "sr_1")}, {"knowledge": "grey_box"}])
 def test_one_mind_or_more_knowledge_is_no_policy(options):
     attacker = attacker_of(**options)
-    with pytest.raises(ValueError, match="play_task"):
+    with refuses(ValueError, "play_task"):
         learned_policy(attacker)
     assert play_task(attacker.task(), attacker.network, games=2, seed=0).shape == (2,)
 
@@ -161,7 +162,7 @@ def test_a_game_of_another_size_is_refused():
     joint_policy = JointPolicy(
         Game(make_scenario("crowd-10x10")), {"sp_2": learned_policy(attacker_of())}
     )
-    with pytest.raises(ValueError, match="trained with 3 raters and 3 providers"):
+    with refuses(ValueError, "LearnedProvider", "3"):
         record(joint_policy, Random(np.random.default_rng(0)))
 
 
@@ -174,36 +175,42 @@ def test_in_a_longer_game_its_clock_stands_still():
     assert history.quality.shape[0] == make_scenario("paper-3x3").max_cycles
 
 
-CHANGES = {
-    "format": lambda said: said.update(format="pickle"),
-    "format_version": lambda said: said.update(format_version=2),
-    "there is no field|Extra inputs": lambda said: said.update(code="import os"),
-    "missing": lambda said: said.pop("scenario"),
-    "weights_sha256": lambda said: said.update(weights_sha256="0"),
-    "digest of the weights differs": lambda said: said.update(weights_sha256="0" * 64),
-    "must be different agents": lambda said: said["task"].update(compromised=["sp_9"]),
-    "fields of the observation": lambda said: said["task"].update(compromised=["sr_0"]),
-    "differ in size": lambda said: said["observation"]["mean"].pop(),
-    "variance": lambda said: said["observation"]["variance"].__setitem__(0, 0.0),
-    "inputs differ": lambda said: said["architecture"].update(inputs=11),
-    "number of outputs": lambda said: said["architecture"].update(outputs=2),
-    "the architecture has": lambda said: said["architecture"].update(hidden=[8, 8]),
-    "of shape": lambda said: said["architecture"].update(hidden=[9]),
-    "weights; the limit is": lambda said: said["architecture"].update(hidden=[4096, 4096]),
-    "lstm": lambda said: said["architecture"].update(lstm=-1),
-    "hidden": lambda said: said["architecture"].update(hidden=["8"]),
-    "mean": lambda said: said["score"].update(mean="high"),
-    "more than 10000 agents": lambda said: said["scenario"]["agents"][0].update(count=50_000),
-    "too many": lambda said: said["scenario"].update(max_cycles=10**9),
-    "lam": lambda said: said["scenario"].update(lam=2),
-    "parameters": lambda said: said["trust_model"].update(parameters={"lam": [[]]}),
-}
+CHANGES = [
+    (lambda said: said.update(format="pickle"), ("format", "pickle")),
+    (lambda said: said.update(format_version=2), ("format_version", "2")),
+    (lambda said: said.update(code="import os"), ("code", "import os")),
+    (lambda said: said.pop("scenario"), ("scenario",)),
+    (lambda said: said.update(weights_sha256="0"), ("weights_sha256", "0")),
+    (lambda said: said.update(weights_sha256="0" * 64), ("digest",)),
+    (lambda said: said["task"].update(compromised=["sp_9"]), ("sp_9",)),
+    (lambda said: said["task"].update(compromised=["sr_0"]), ("observation",)),
+    (lambda said: said["observation"]["mean"].pop(), ("observation",)),
+    (
+        lambda said: said["observation"]["variance"].__setitem__(0, 0.0),
+        ("observation.variance.0", "0.0"),
+    ),
+    (lambda said: said["architecture"].update(inputs=11), ("observation",)),
+    (lambda said: said["architecture"].update(outputs=2), ("outputs",)),
+    (lambda said: said["architecture"].update(hidden=[8, 8]), ("layer0.bias",)),
+    (lambda said: said["architecture"].update(hidden=[9]), ("layer0.weight", "(9, 10)")),
+    (lambda said: said["architecture"].update(hidden=[4096, 4096]), ("16830465", "4000000")),
+    (lambda said: said["architecture"].update(lstm=-1), ("architecture.lstm", "-1")),
+    (lambda said: said["architecture"].update(hidden=["8"]), ("architecture.hidden.0", "8")),
+    (lambda said: said["score"].update(mean="high"), ("score.mean", "high")),
+    (lambda said: said["scenario"]["agents"][0].update(count=50_000), ("10000",)),
+    (lambda said: said["scenario"].update(max_cycles=10**9), ("1000000000",)),
+    (lambda said: said["scenario"].update(lam=2), ("scenario.lam", "2")),
+    (
+        lambda said: said["trust_model"].update(parameters={"lam": [[]]}),
+        ("trust_model.parameters.lam", "[[]]"),
+    ),
+]
 
 
-@pytest.mark.parametrize("message", CHANGES)
-def test_what_does_not_fit_is_refused(message):
-    with pytest.raises(ValueError, match=message):
-        parse_attacker(*changed(attacker_of(), CHANGES[message]))
+@pytest.mark.parametrize(("change", "words"), CHANGES)
+def test_what_does_not_fit_is_refused(change, words):
+    with refuses(ValueError, *words):
+        parse_attacker(*changed(attacker_of(), change))
 
 
 def test_weights_that_fit_their_digest_but_not_the_network_are_refused():
@@ -213,40 +220,42 @@ def test_weights_that_fit_their_digest_but_not_the_network_are_refused():
     weights = attacker.network.weights
     first = weights["layer0.weight"]
     cases = {
-        "not a safetensors file": b"\x80\x04\x95 a pickle",
-        "float16": save({**weights, "layer0.weight": first.astype(np.float16)}),
-        "NaN": save({**weights, "layer0.weight": np.where(first > 0, np.nan, first)}),
-        "the weights are": save({**weights, "extra": first}),
-        "of shape": save({**weights, "layer0.weight": first.T.copy()}),
+        ("safetensors",): b"\x80\x04\x95 a pickle",
+        ("layer0.weight", "float16"): save({**weights, "layer0.weight": first.astype(np.float16)}),
+        ("layer0.weight", "NaN"): save(
+            {**weights, "layer0.weight": np.where(first > 0, np.nan, first)}
+        ),
+        ("extra",): save({**weights, "extra": first}),
+        ("layer0.weight", "(10, 8)"): save({**weights, "layer0.weight": first.T.copy()}),
     }
-    for message, data in cases.items():
+    for words, data in cases.items():
         card = attacker.card.model_copy(update={"weights_sha256": digest(data)})
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             parse_attacker(card.model_dump_json().encode(), data)
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "words"),
     [
-        (b"[" * 100_000, "nested|JSON"),
-        (b'{"format": NaN}', "NaN"),
-        (b'{"format": 1, "format": 2}', "two fields of one name"),
-        (b"\xff\xfe", "decode"),
-        (b"", "Expecting value"),
-        (b"[]", "table of names"),
-        (b" " * 1_000_001, "the limits are"),
+        (b"[" * 100_000, ("JSON",)),
+        (b'{"format": NaN}', ("NaN",)),
+        (b'{"format": 1, "format": 2}', ("JSON",)),
+        (b"\xff\xfe", ("JSON",)),
+        (b"", ("JSON",)),
+        (b"[]", ("table",)),
+        (b" " * 1_000_001, ("1000001", "1000000")),
     ],
 )
-def test_what_is_no_card_is_refused(text, message):
-    with pytest.raises(ValueError, match=message):
+def test_what_is_no_card_is_refused(text, words):
+    with refuses(ValueError, *words):
         parse_attacker(text, b"")
 
 
 def test_missing_files_and_other_weights_are_refused(tmp_path):
     attacker = attacker_of()
-    with pytest.raises(ValueError, match="there is no file"):
+    with refuses(ValueError, str(tmp_path / "nobody.json")):
         load_attacker(tmp_path / "nobody")
-    with pytest.raises(ValueError, match="belongs to other weights"):
+    with refuses(ValueError, "digest"):
         save_attacker(
             replace(attacker, network=attacker_of(seed=1).network),
             tmp_path / "x",
@@ -254,7 +263,7 @@ def test_missing_files_and_other_weights_are_refused(tmp_path):
         )
     save_attacker(attacker, tmp_path / "x", lambda path, data: path.write_bytes(data))
     (tmp_path / "x.safetensors").write_bytes(files_of(attacker_of(seed=1))[1])
-    with pytest.raises(ValueError, match="x: the digest of the weights differs"):
+    with refuses(ValueError, tmp_path / "x", "digest"):
         learned(str(tmp_path / "x.json"))
 
 
@@ -319,5 +328,5 @@ def test_loading_runs_no_code_and_opens_no_other_file():
         "os.system",
         "subprocess.Popen",
     } & set(events)
-    with pytest.raises(ValueError, match="evil-plug-in"):
+    with refuses(ValueError, "evil-plug-in"):
         loaded.task()

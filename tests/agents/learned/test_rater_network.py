@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 pytest.importorskip("safetensors")
 
@@ -139,7 +140,7 @@ def test_it_begins_as_leave_one_out():
 
 @pytest.mark.parametrize("wrong", [(), (0.0,) * (SIZE - 1), (math.nan,) * SIZE])
 def test_other_weights_are_refused(wrong):
-    with pytest.raises(ValueError, match="weights"):
+    with refuses(ValueError, "weights"):
         RaterNetworkTrust(weights=wrong)
 
 
@@ -180,13 +181,13 @@ def test_what_is_saved_plays_again(saved):
 def test_a_parameter_outside_its_range_is_refused(saved):
     path, _ = saved
     rewrite(path, parameters={"power": 99.0})
-    with pytest.raises(ValueError, match=r"saved defence .*network: power .* must lie in"):
+    with refuses(ValueError, "power", "99.0"):
         SavedTrust(path=str(path))
 
 
 @pytest.mark.parametrize("weight", [1e39, -1.1e6, math.inf, math.nan])
 def test_a_weight_that_would_overflow_is_refused(weight):
-    with pytest.raises(ValueError, match="weights"):
+    with refuses(ValueError, "weights", weight):
         RaterNetworkTrust(weights=(weight, *[0.0] * (SIZE - 1)))
 
 
@@ -195,22 +196,22 @@ def test_the_largest_weights_give_a_trust():
 
 
 @pytest.mark.parametrize(
-    ("path", "message"),
+    ("path", "words"),
     [
-        ("", "path is '.', which names no file; a saved defence is"),
-        ("/", "path is '/', which names no file; a saved defence is"),
-        ("none", "there is no file 'none.json'; a saved defence is"),
-        ("a\0b", r"there is no file 'a\\x00b.json'"),
-        ("x" * 5000, "^path 'x{100}'... cannot be looked up: File name too long$"),
+        ("", ("path",)),
+        ("/", ("path", "/")),
+        ("none", ("none.json",)),
+        ("a\0b", ("a\\x00b.json",)),
+        ("x" * 5000, ("path",)),
     ],
 )
-def test_a_path_without_files_is_said_in_one_line(path, message):
-    with pytest.raises(ValueError, match=message):
+def test_a_path_without_files_is_said_in_one_line(path, words):
+    with refuses(ValueError, *words):
         load_defence(path)
 
 
 def test_other_weights_than_those_of_the_card_are_not_written(tmp_path):
-    with pytest.raises(ValueError, match="belongs to other weights"):
+    with refuses(ValueError, "digest"):
         save_defence(
             some_weights(1), card_of(some_weights(2)), tmp_path / "network", lambda path, data: None
         )
@@ -234,41 +235,47 @@ def replace_weights(path, **changes):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "message"),
+    ("spoil", "words"),
     [
-        (lambda path: path.with_suffix(".json").unlink(), "there is no file"),
-        (lambda path: path.with_suffix(".safetensors").unlink(), "there is no file"),
-        (lambda path: path.with_suffix(".json").write_text("{"), "saved defence"),
-        (lambda path: path.with_suffix(".json").write_bytes(b" " * 200_000), "more than"),
-        (lambda path: path.with_suffix(".safetensors").write_bytes(b"0" * 200_000), "more than"),
-        (lambda path: path.with_suffix(".safetensors").write_bytes(b"none"), "digest"),
-        (lambda path: rewrite(path, format="roletrust-attacker"), "format"),
-        (lambda path: rewrite(path, extra=1), "extra"),
-        (lambda path: rewrite(path, units=9), "units"),
-        (lambda path: rewrite(path, features=["level"]), "features"),
-        (lambda path: rewrite(path, parameters={"pwer": 1.0}), "no parameter 'pwer'"),
-        (lambda path: replace_weights(path, more=np.zeros(1)), "the architecture has"),
-        (lambda path: replace_weights(path, **{"pair.bias": None}), "the architecture has"),
-        (lambda path: replace_weights(path, **{"pair.bias": np.zeros(3)}), "pair.bias"),
+        (lambda path: path.with_suffix(".json").unlink(), ("--defence",)),
+        (lambda path: path.with_suffix(".safetensors").unlink(), ("--defence",)),
+        (lambda path: path.with_suffix(".json").write_text("{"), ("JSON",)),
+        (lambda path: path.with_suffix(".json").write_bytes(b" " * 200_000), ("100000",)),
+        (lambda path: path.with_suffix(".safetensors").write_bytes(b"0" * 200_000), ("11552",)),
+        (lambda path: path.with_suffix(".safetensors").write_bytes(b"none"), ("digest",)),
+        (
+            lambda path: rewrite(path, format="roletrust-attacker"),
+            ("format", "roletrust-attacker", "roletrust-defence"),
+        ),
+        (lambda path: rewrite(path, extra=1), ("extra", "1")),
+        (lambda path: rewrite(path, units=9), ("units",)),
+        (lambda path: rewrite(path, features=["level"]), ("features",)),
+        (lambda path: rewrite(path, parameters={"pwer": 1.0}), ("pwer",)),
+        (lambda path: replace_weights(path, more=np.zeros(1)), ("weights", "pair.bias")),
+        (lambda path: replace_weights(path, **{"pair.bias": None}), ("weights", "pair.bias")),
+        (
+            lambda path: replace_weights(path, **{"pair.bias": np.zeros(3)}),
+            ("pair.bias", "(3,)", "(8,)"),
+        ),
         (
             lambda path: replace_weights(path, **{"pair.bias": np.zeros(UNITS, np.float32)}),
-            "float32",
+            ("pair.bias", "float32", "float64"),
         ),
         (
             lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, np.nan)}),
-            r"entries outside \[-1e\+06",
+            ("-1e+06",),
         ),
         (
             lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, 1e39)}),
-            "has entries outside",
+            ("pair.bias",),
         ),
-        (lambda path: rewrite(path, iteration=0), "iteration is 0"),
+        (lambda path: rewrite(path, iteration=0), ("iteration", "0")),
     ],
 )
-def test_a_hostile_file_is_refused(saved, spoil, message):
+def test_a_hostile_file_is_refused(saved, spoil, words):
     path, _ = saved
     spoil(path)
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, *words):
         load_defence(path)
 
 

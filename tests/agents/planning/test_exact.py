@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from certain_worlds import certain, damage, every_sequence, exploit
+from refusals import refuses
 
 from roletrust_agents.planning import exact, grid
 from roletrust_agents.planning.exact import Damage, Exploit, optimal_provider, optimal_rater
@@ -197,29 +198,29 @@ def test_polishing_only_improves(task):
 
 
 @pytest.mark.parametrize(
-    ("changes", "reason"),
+    ("changes", "word"),
     [
         ({"noise": 0.01}, "noise"),
         ({"perturbations": [{"start": 1, "stop": 2}]}, "perturbed"),
         ({"ratings": {"lost": 0.1}}, "lost"),
-        ({"access": {"kind": "choice"}}, "not everyone"),
-        ({"admission": {"threshold": 0.1}}, "cut off"),
+        ({"access": {"kind": "choice"}}, "everyone"),
+        ({"admission": {"threshold": 0.1}}, "cut"),
         ({"service": "hog"}, "camera"),
-        ({"continuation": 0.9}, "games end at random"),
-        ({"agents": [{"role": "SR+SP", "count": 3}]}, "both roles"),
-        ({"agents": [{"role": "SR", "count": 3, "leaves": 9}, {"role": "SP"}]}, "come and go"),
+        ({"continuation": 0.9}, "random"),
+        ({"agents": [{"role": "SR+SP", "count": 3}]}, "roles"),
+        ({"agents": [{"role": "SR", "count": 3, "leaves": 9}, {"role": "SP"}]}, "come"),
     ],
 )
-def test_scenarios_with_luck_are_refused(changes, reason):
+def test_scenarios_with_luck_are_refused(changes, word):
     for optimal in (optimal_provider, optimal_rater):
-        with pytest.raises(ValueError, match=reason):
+        with refuses(ValueError, word):
             optimal(certain(20).change(**changes))
 
 
 @pytest.mark.parametrize("name", ["levels", "points"])
 @pytest.mark.parametrize("cells", [0, -4, 3, 10, 8.0])
 def test_grids_that_cannot_be_halved_twice_are_refused(name, cells):
-    with pytest.raises(ValueError, match=f"{name} is {cells}"):
+    with refuses(ValueError, name, cells):
         optimal_provider(certain(5), **{name: cells})
 
 
@@ -234,10 +235,10 @@ def test_grids_that_cannot_be_halved_twice_are_refused(name, cells):
     ],
 )
 def test_arguments_out_of_range_are_refused(argument):
-    with pytest.raises(ValueError, match=next(iter(argument))):
+    with refuses(ValueError, *argument, *argument.values()):
         optimal_rater(certain(5), **argument)
 
 
 def test_a_registered_scenario_says_all_that_is_in_the_way():
-    with pytest.raises(ValueError, match=r"noise.*perturbed"):
+    with refuses(ValueError, "paper-3x3", "noise"):
         exact.check_certain(make_scenario("paper-3x3"))

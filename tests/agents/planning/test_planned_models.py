@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_agents.planning.planner import Planner
 from roletrust_env import make_trust_model, trust_models
@@ -28,7 +29,7 @@ def test_it_plans_or_says_why_not(name: str) -> None:
     if Traits.of(make_trust_model(name)).differentiable:
         assert np.isfinite(found(name, 200, starts=2))
     else:
-        with pytest.raises(UnsuitableError, match="jumps"):
+        with refuses(UnsuitableError, type(make_trust_model(name)).__name__):
             found(name, 200, starts=2)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import Planner
@@ -227,9 +228,9 @@ def test_planner_leaves_torch_as_it_was():
 
 
 def test_planner_needs_some_budget_and_no_camera():
-    with pytest.raises(UnsuitableError, match="too small"):
+    with refuses(UnsuitableError, "300", "20"):
         found(Planner(), PROVIDER, budget=300)
-    with pytest.raises(UnsuitableError, match="camera"):
+    with refuses(UnsuitableError, "camera"):
         found(Planner(), {**PROVIDER, "scenario": "paper-3x3-hog", "max_cycles": 2})
 
 
@@ -243,34 +244,34 @@ class OtherModel(RoleTrust):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "reason"),
+    ("arguments", "word"),
     [
-        (CROWD, "one provider under exploit"),
+        (CROWD, "exploit"),
         ({**PROVIDER, "noise": 0.1}, "noise"),
-        ({**PROVIDER, "stealth": {"weight": 1.0}}, "without a price"),
-        ({**PROVIDER, "trust_model": "mean"}, "not role-trust"),
-        ({**PROVIDER, "trust_model": OtherModel()}, "not role-trust"),
-        ({**PROVIDER, "trust_model": RoleTrust(lam=0.9)}, "own lam"),
-        ({**PROVIDER, "others": {"sr_0": BadMouthing()}}, "other attackers"),
+        ({**PROVIDER, "stealth": {"weight": 1.0}}, "stealth"),
+        ({**PROVIDER, "trust_model": "mean"}, "role-trust"),
+        ({**PROVIDER, "trust_model": OtherModel()}, "role-trust"),
+        ({**PROVIDER, "trust_model": RoleTrust(lam=0.9)}, "lam"),
+        ({**PROVIDER, "others": {"sr_0": BadMouthing()}}, "attackers"),
     ],
 )
-def test_tasks_without_a_known_optimum_are_refused(arguments, reason):
-    with pytest.raises(UnsuitableError, match=reason):
+def test_tasks_without_a_known_optimum_are_refused(arguments, word):
+    with refuses(UnsuitableError, word):
         found(Exact(), arguments)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "reason"),
+    ("arguments", "words"),
     [
-        (CROWD, "raters under damage"),
-        (PROVIDER, "raters under damage"),
-        ({**RATER, "noise": 0.1}, "noise"),
-        ({**RATER, "trust_model": "mean"}, "not role-trust"),
-        ({**RATER, "compromised": ("sr_0", "sr_1", "sr_2")}, "2 can be compromised"),
+        (CROWD, ("damage",)),
+        (PROVIDER, ("damage",)),
+        ({**RATER, "noise": 0.1}, ("noise",)),
+        ({**RATER, "trust_model": "mean"}, ("role-trust",)),
+        ({**RATER, "compromised": ("sr_0", "sr_1", "sr_2")}, ("compromised", "3")),
     ],
 )
-def test_tasks_of_which_no_best_is_known_are_refused(arguments, reason):
-    with pytest.raises(UnsuitableError, match=reason):
+def test_tasks_of_which_no_best_is_known_are_refused(arguments, words):
+    with refuses(UnsuitableError, *words):
         found(BestKnown(), arguments)
 
 

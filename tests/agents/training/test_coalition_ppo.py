@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 pytest.importorskip("sb3_contrib")
 
@@ -183,7 +184,7 @@ def test_a_search_begins_with_a_universal_coalition():
     assert any((kept == ready_one).all() for ready_one in ready_weights), (
         "a training ends below its start"
     )
-    with pytest.raises(UnsuitableError, match=f"give {least} or more"):
+    with refuses(UnsuitableError, least):
         still.search(arguments(), Budget(least - 1), 0)
 
 
@@ -224,17 +225,17 @@ def test_a_seed_finds_the_same_attack_again():
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "words"),
     [
-        ({}, "the budget of 239 rounds is too small for coalition PPO; give 240 or more"),
+        ({}, ("budget", "239")),
         (
             {"knowledge": "grey_box"},
-            "coalition PPO is for black_box knowledge, and the task has grey_box",
+            ("black_box", "knowledge", "grey_box"),
         ),
     ],
 )
-def test_what_it_refuses(changes, message):
-    with pytest.raises(UnsuitableError, match=message):
+def test_what_it_refuses(changes, words):
+    with refuses(UnsuitableError, *words):
         FROM_RANDOM.search(arguments(**changes), Budget(239), 0)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 pytest.importorskip("torch")
 
@@ -79,16 +80,16 @@ def played(model, ratings):
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
+    ("name", "words"),
     [
-        ("constant", "no number that can be learned"),
-        ("zhang-cohen", "no number that can be learned"),
-        ("networks", "did you mean 'network'"),
-        ("bta", "did you mean 'beta'"),
+        ("constant", ()),
+        ("zhang-cohen", ()),
+        ("networks", ("network",)),
+        ("bta", ("beta",)),
     ],
 )
-def test_what_cannot_be_learned_is_refused(name, message):
-    with pytest.raises(ValueError, match=message):
+def test_what_cannot_be_learned_is_refused(name, words):
+    with refuses(ValueError, name, *words):
         learner_of(name)
 
 

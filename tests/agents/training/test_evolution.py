@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 from small_market import TASK, run
 
 pytest.importorskip("cma")
@@ -143,9 +144,7 @@ def test_a_search_stays_in_its_budget():
 def test_where_nothing_is_left_to_chance_one_game_each_is_enough():
     certain = {"scenario": "paper-3x3", "max_cycles": 40, "noise": 0.0, "perturbations": []}
     arguments = {**certain, "compromised": ["sp_2"], "objective": "exploit"}
-    with pytest.raises(
-        UnsuitableError, match="give 2800 "
-    ):  # 4 x (16 candidates + 1 validation) + 2 games
+    with refuses(UnsuitableError, "2799", "2800"):  # 4 x (16 candidates + 1 validation) + 2 games
         EvolutionSearch(population=16, wide=False).search(arguments, Budget(2799), 0)
     found = find(
         EvolutionSearch(start="random", population=16, wide=False),
@@ -159,7 +158,7 @@ def test_where_nothing_is_left_to_chance_one_game_each_is_enough():
 
 
 def test_too_small_a_budget_is_refused_with_one_that_is_enough():
-    with pytest.raises(UnsuitableError, match="give ") as error:
+    with refuses(UnsuitableError, "100") as error:
         EvolutionSearch().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
     enough = int(str(error.value).split("give ")[1].split()[0])
     assert (
@@ -183,5 +182,5 @@ def test_the_universal_coalitions_come_with_the_project():
         result = found.search({**TASK, "trust_model": "beta"}, Budget(10_000), 0)
         assert result.rounds == many * 16 * 10
         assert result.description.split(",")[0] in set(ready) | treating
-        with pytest.raises(UnsuitableError, match=f"give {many * 160}"):
+        with refuses(UnsuitableError, many * 160):
             found.search({**TASK, "trust_model": "beta"}, Budget(many * 160 - 1), 0)

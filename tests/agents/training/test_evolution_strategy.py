@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 from small_market import TASK, assert_continues, run
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
@@ -113,21 +114,21 @@ def test_a_search_starts_from_the_best_of_the_known_attacks():
 
 
 @pytest.mark.parametrize(
-    ("method", "fields", "message"),
+    ("method", "fields", "words"),
     [
-        (EvolutionStrategySearch, {"pairs": 1}, "evolution strategy: pairs"),
-        (EvolutionSearch, {"population": 1}, "evolution: population"),
-        (GradientSearch, {"temperature": 0}, "gradients: temperature"),
-        (CoalitionPpo, {"gamma": 2}, "coalition PPO: gamma"),
+        (EvolutionStrategySearch, {"pairs": 1}, ("pairs", "1")),
+        (EvolutionSearch, {"population": 1}, ("population", "1")),
+        (GradientSearch, {"temperature": 0}, ("temperature", "0")),
+        (CoalitionPpo, {"gamma": 2}, ("gamma", "2")),
     ],
 )
-def test_parameters_are_checked_before_a_search(method, fields, message):
-    with pytest.raises(ValueError, match=message):
+def test_parameters_are_checked_before_a_search(method, fields, words):
+    with refuses(ValueError, *words):
         method(**fields)
 
 
 def test_a_budget_that_is_too_small_is_refused():
-    with pytest.raises(UnsuitableError, match="too small for evolution strategy; give"):
+    with refuses(UnsuitableError, "100"):
         EvolutionStrategySearch().search(TASK, Budget(100), 0)
 
 
