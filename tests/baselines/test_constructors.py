@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
+from refusals import refuses
 
 import roletrust_agents
 import roletrust_baselines
@@ -70,12 +71,10 @@ def policies() -> Iterator[type[Any]]:
 def test_an_unknown_parameter_is_refused_and_the_near_name_suggested(name: str) -> None:
     factory = FACTORIES[name]
     parameters = list(inspect.signature(factory).parameters)
-    with pytest.raises(UnknownParameterError, match="has no parameter 'zzz'"):
+    with refuses(UnknownParameterError, "zzz"):
         factory(zzz=0.5)
     for parameter in parameters:
-        with pytest.raises(
-            UnknownParameterError, match=rf"did you mean '{parameter}'\? It takes {parameters[0]}"
-        ):
+        with refuses(UnknownParameterError, parameter, parameters[0]):
             factory(**{misspelt(parameter): 0.5})
 
 
@@ -83,25 +82,19 @@ def test_an_unknown_parameter_is_refused_and_the_near_name_suggested(name: str) 
     "cls", sorted(set(policies()), key=lambda cls: cls.__name__), ids=lambda cls: cls.__name__
 )
 def test_every_policy_refuses_unknown_parameters(cls: type[Any]) -> None:
-    with pytest.raises(UnknownParameterError, match=f"^{cls.__name__} has no parameter 'zzz'"):
+    with refuses(UnknownParameterError, "zzz", cls.__name__):
         cls(zzz=0.5)
 
 
 def test_the_registry_of_attackers_suggests_in_one_line() -> None:
-    with pytest.raises(
-        ValueError,
-        match=r"^attacker 'bad-mouthing' has no parameter 'levl'; did you mean 'level'\?",
-    ):
+    with refuses(ValueError, "bad-mouthing", "levl", "level"):
         make_attacker("bad-mouthing", levl=0.2)
 
 
 @pytest.mark.parametrize("part", SCENARIO_PARTS, ids=lambda part: part.__name__)
 def test_every_part_of_a_scenario_suggests_the_near_field(part: type[FrozenModel]) -> None:
     for field in part.model_fields:
-        with pytest.raises(
-            ValidationError,
-            match=rf"there is no field '{misspelt(field)}'; did you mean '{field}'\?",
-        ):
+        with refuses(ValidationError, misspelt(field), field):
             part(**{misspelt(field): 1})
-    with pytest.raises(ValidationError, match=r"there is no field 'zzz'\. Known:"):
+    with refuses(ValidationError, "zzz", field):
         part(zzz=1)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_baselines import Collusion, Orchestrated, SelfPromotion
 from roletrust_baselines.search import PaperAttacks
@@ -66,20 +67,15 @@ def test_two_of_three_raters_turn_the_world_around():
 
 
 def test_a_ring_that_lifts_nobody_is_refused():
-    with pytest.raises(
-        ValueError,
-        match=r"'collusion:bad=0' has no accomplices: .* --attack sp_0=collusion:bad=0, or",
-    ):
+    with refuses(ValueError, "collusion:bad=0", "accomplices"):
         parse_attacks(["sr_0=collusion:bad=0"], PAPER)
-    with pytest.raises(ValueError, match=r"accomplices is \[\].*at least 1"):
+    with refuses(ValueError, "collusion", "accomplices", "[]"):
         make_attacker("collusion", accomplices=())
     given = parse_attacks(
         ["sr_0=collusion:accomplices=[sp_0,sp_1]", "sp_2=collusion:accomplices=sp_1"], PAPER
     )
     assert [policy.accomplices for policy in given.values()] == [(0, 1), (1,)]
-    with pytest.raises(
-        ValueError, match=r"accomplices has 'sr_1'; the providers are sp_0 ... sp_2"
-    ):
+    with refuses(ValueError, "accomplices", "sr_1", "sp_0"):
         parse_attacks(["sr_0=collusion:accomplices=sr_1"], PAPER)
 
 
@@ -95,7 +91,5 @@ def test_searches_tell_the_ring_who_belongs_to_it():
     finding = find(PaperAttacks(attacks=(Collusion,)), arguments, budget=0, seed=0, games=2)
     assert finding.description == "sr_8, sp_9, sr_9: collusion:bad=0,lift=1,sink=1,accomplices=[9]"
     raters = {**arguments, "compromised": ("sr_8",)}
-    with pytest.raises(
-        ValueError, match=r"attack Collusion cannot be searched.* field accomplices is missing"
-    ):
+    with refuses(ValueError, "Collusion", "accomplices"):
         Scripts.of(make_task(**raters), (Collusion,))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
+from refusals import refuses
 
 from roletrust_baselines.logs.audit import audit_model
 from roletrust_baselines.logs.errors import TooSmallError
@@ -179,7 +180,7 @@ def test_targets_may_be_named(log: RatingLog) -> None:
     best, worst = (log.ratee_names[ranking.order[at]] for at in (0, -1))
     found = ranking.targets(3, 0, [worst, best, best])
     assert [(one.goal, one.rank) for one in found] == [("sink", 1), ("lift", len(ranking.order))]
-    with pytest.raises(ValueError, match="no agent 'nobody' has ratings"):
+    with refuses(ValueError, "nobody"):
         ranking.targets(3, 0, ["nobody"])
 
 
@@ -205,5 +206,5 @@ def test_a_damaged_journal_keeps_its_whole_lines(tmp_path: Path) -> None:
 
 
 def test_more_agents_than_the_top_are_needed(log: RatingLog) -> None:
-    with pytest.raises(TooSmallError, match="must be fewer, and is 40"):
+    with refuses(TooSmallError, "33", "--top", "40"):
         Ranking(make_trust_model("mean"), log, MONTH, same_agents=True, top=40)

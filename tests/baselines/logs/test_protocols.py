@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_baselines.logs.folders import find_logs, write_log
 from roletrust_baselines.logs.forecasts import (
@@ -101,7 +102,7 @@ def test_forecasts_see_no_future() -> None:
     ]  # half of 0.5, and half of 0.75 * 1
     changed = forecasts(model, small_log([*edges[:3], (1, 5, 0.0, 25)]), 10, same_agents=True)
     assert np.array_equal(whole.top[:2], changed.top[:2])
-    with pytest.raises(ValueError, match="a single round"):
+    with refuses(ValueError, "100"):
         forecasts(model, small_log(edges), 100, same_agents=True)
 
 
@@ -181,15 +182,15 @@ def test_hostile_accounts_move_their_targets(log: RatingLog, same_agents: bool) 
 
 def test_a_log_without_enough_rounds_or_agents_is_refused(log: RatingLog) -> None:
     model = make_trust_model("mean")
-    with pytest.raises(ValueError, match="needs more than 6"):
+    with refuses(ValueError, "4", "6"):
         Replay(model, log, 6 * MONTH, same_agents=True)
     few = small_log([(n % 3, 3, 1.0, n * 10) for n in range(20)])
-    with pytest.raises(ValueError, match="needs 20 providers"):
+    with refuses(ValueError, "20", "10", "5"):
         Replay(model, few, 10, same_agents=True)
 
 
 def test_folders_without_logs_say_what_a_log_is(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"has no log; .*snap.stanford.edu"):
+    with refuses(ValueError, "snap.stanford.edu"):
         find_logs(tmp_path)
     (tmp_path / "inner").mkdir()
     write_log(tmp_path / "inner" / "ratings.csv.gz")

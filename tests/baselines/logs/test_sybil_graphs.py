@@ -3,7 +3,7 @@
 from typing import get_args
 
 import numpy as np
-import pytest
+from refusals import refuses
 
 from roletrust_baselines.logs.sybil_graphs import SybilGraph, Topology
 from roletrust_env.data.log import RatingLog
@@ -60,13 +60,13 @@ def test_the_topologies_by_hand() -> None:
 
 
 def test_other_logs_and_helpers_are_refused() -> None:
-    with pytest.raises(ValueError, match="members rate members"):
+    with refuses(ValueError, "same_agents"):
         SybilGraph("line", 1).added_to(LOG._replace(ratee_names=["x", "y", "z"]), [0])
-    with pytest.raises(ValueError, match="there is no member 3; the log has 3"):
+    with refuses(ValueError, "member", "3"):
         SybilGraph("line", 1).added_to(LOG, [0, 3])
-    with pytest.raises(ValueError, match="there is no member -1"):
+    with refuses(ValueError, "member", "-1"):
         SybilGraph("line", 1).added_to(LOG, [0], bought=-1)
-    with pytest.raises(ValueError, match="topology"):
+    with refuses(ValueError, "topology"):
         SybilGraph(topology="star")  # type: ignore[arg-type]
 
 

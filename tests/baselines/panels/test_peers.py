@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_baselines.panels.peers import (
     BradleyTerry,
@@ -53,16 +54,16 @@ def test_votes_have_many_forms(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "match"),
+    ("row", "words"),
     [
-        ("x,1,y,y,tie", "vote 1: 'y' is compared with itself"),
-        ("x,1,x,y,w", "vote 1 is 'w'; it must be first, second, tie"),
-        ("human,1,x,y,tie", "has no votes but those of 'human'"),
+        ("x,1,y,y,tie", ("vote", "1", "y")),
+        ("x,1,x,y,w", ("vote", "1", "w")),
+        ("human,1,x,y,tie", ("human",)),
     ],
 )
-def test_faults_are_named(tmp_path: Path, row: str, match: str) -> None:
+def test_faults_are_named(tmp_path: Path, row: str, words: tuple[str, ...]) -> None:
     (tmp_path / "votes.csv").write_text(f"judge,item,first,second,vote\n{row}\n")
-    with pytest.raises(ValueError, match=match):
+    with refuses(ValueError, *words):
         read_comparisons(tmp_path / "votes.csv")
 
 
@@ -144,7 +145,7 @@ def test_bradley_terry_needs_its_library_and_ranks_by_strength(
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setattr("roletrust_baselines.panels.peers.find_spec", lambda name: None)
-        with pytest.raises(ValueError, match="bradley-terry needs crowd-kit"):
+        with refuses(ValueError, "bradley-terry", "crowd-kit"):
             make_peer_method("bradley-terry")
     pytest.importorskip("crowdkit", reason="needs crowd-kit: pip install 'roletrust-env[crowd]'")
     assert (

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_baselines import (
     Camouflage,
@@ -44,7 +45,7 @@ def test_value_imbalance_cheats_on_dear_services():
 def test_exit_cheats_in_the_last_rounds():
     views = [seen(round=round) for round in range(6)]
     assert qualities(Exit(length=6, last=2), *views) == [1, 1, 1, 1, 0, 0]
-    with pytest.raises(ValueError, match=r"attacker 'exit': missing a required .*'length'"):
+    with refuses(ValueError, "exit", "length"):
         make_attacker("exit")
 
 

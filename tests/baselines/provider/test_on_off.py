@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_baselines import OnOff
 from roletrust_env import make_attacker
@@ -74,20 +75,20 @@ def test_quality_has_the_library_and_precision_of_the_view(like: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("parameters", "message"),
+    ("parameters", "words"),
     [
-        ({"period": 0}, "period is 0.*greater than 0"),
-        ({"duty": 1.1}, r"duty is 1\.1.*\[0, 1\]"),
-        ({"duty": float("nan")}, r"duty is nan.*\[0, 1\]"),
-        ({"bad": -0.1}, r"bad is -0\.1.*\[0, 1\]"),
-        ({"good": 2}, r"good is 2.*\[0, 1\]"),
-        ({"switching": "often"}, r"switching is 'often'.*regular.*random"),
-        ({"start": -1}, "start is -1.*greater than or equal to 0"),
-        ({"start": 5, "stop": 5}, r"stop is 5.*later than start, 5"),
+        ({"period": 0}, ("period", "0")),
+        ({"duty": 1.1}, ("duty", "1.1", "[0, 1]")),
+        ({"duty": float("nan")}, ("duty", "nan", "[0, 1]")),
+        ({"bad": -0.1}, ("bad", "-0.1", "[0, 1]")),
+        ({"good": 2}, ("good", "2", "[0, 1]")),
+        ({"switching": "often"}, ("switching", "often")),
+        ({"start": -1}, ("start", "-1", "0")),
+        ({"start": 5, "stop": 5}, ("stop", "5", "start")),
     ],
 )
-def test_bad_parameters_are_refused(parameters: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=f"^attacker 'on-off': {message}"):
+def test_bad_parameters_are_refused(parameters: dict[str, Any], words: tuple[str, ...]) -> None:
+    with refuses(ValueError, "on-off", *words):
         make_attacker("on-off", **parameters)
-    with pytest.raises(ValueError, match=next(iter(parameters))):
+    with refuses(ValueError, next(iter(parameters))):
         OnOff(**parameters)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import make_attacker
@@ -66,25 +67,25 @@ def test_a_batch_is_its_games_one_by_one(
 
 
 def test_a_target_that_is_not_there_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"targets is \(3,\).*2"):
+    with refuses(ValueError, "targets", "(3,)", "2"):
         ratings(BadMouthing(targets=(3,)))
 
 
 @pytest.mark.parametrize(
-    ("parameters", "message"),
+    ("parameters", "words"),
     [
-        ({"level": 1.5}, r"level is 1\.5.*\[0, 1\]"),
-        ({"level": float("nan")}, r"level is nan.*\[0, 1\]"),
-        ({"lie": "white"}, r"lie is 'white'.*constant.*relative"),
-        ({"targets": ()}, r"targets is \[\].*at least 1"),
-        ({"targets": (-1,)}, "targets.0 is -1.*greater than or equal to 0"),
-        ({"targets": ("sp_0",)}, "targets.0 is 'sp_0'.*integer"),
-        ({"start": -1}, "start is -1.*greater than or equal to 0"),
-        ({"start": 2, "stop": 1}, r"stop is 1.*later than start, 2"),
+        ({"level": 1.5}, ("level", "1.5", "[0, 1]")),
+        ({"level": float("nan")}, ("level", "nan", "[0, 1]")),
+        ({"lie": "white"}, ("lie", "white")),
+        ({"targets": ()}, ("targets", "1")),
+        ({"targets": (-1,)}, ("targets.0", "-1")),
+        ({"targets": ("sp_0",)}, ("targets.0", "sp_0")),
+        ({"start": -1}, ("start", "-1")),
+        ({"start": 2, "stop": 1}, ("stop", "1", "2")),
     ],
 )
-def test_bad_parameters_are_refused(parameters: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=f"^attacker 'bad-mouthing': {message}"):
+def test_bad_parameters_are_refused(parameters: dict[str, Any], words: tuple[str, ...]) -> None:
+    with refuses(ValueError, "bad-mouthing", *words):
         make_attacker("bad-mouthing", **parameters)
-    with pytest.raises(ValueError, match=next(iter(parameters))):
+    with refuses(ValueError, next(iter(parameters))):
         BadMouthing(**parameters)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_baselines import BadMouthing, Conflicting, OnOff, Silent, Sybil, Whitewashing
 from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
@@ -81,7 +82,7 @@ def test_the_agent_with_the_fewest_identities_decides_what_fits() -> None:
     task = exact_task(SELLER | {"agents": agents, "compromised": ("sp_1", "sp_2")})
     space = Scripts.of(task, (Whitewashing,))
     assert {policy.reserve for policy in space.decode([1.0] * space.size).values()} == {1}
-    with pytest.raises(ValueError, match="needs a reserve of 2, and of sp_1, sp_2 one has 1"):
+    with refuses(ValueError, "2", "sp_1", "sp_2"):
         Scripts.of(task, (partial(Whitewashing, reserve=2),))
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_baselines import BadMouthing, OnOff, RankLies, ThresholdSurfing, Whitewashing
 from roletrust_baselines.search import (
@@ -141,9 +142,7 @@ def test_who_has_no_attack_plays_honestly_and_an_attack_that_nobody_can_play_is_
     assert [
         attack["sr_8"] for attack in (space.default, space.grid[0], space.decode([0.0] * 4))
     ] == [HONEST_POLICY] * 3
-    with pytest.raises(
-        ValueError, match=r"bad-mouthing.*attacks by ratings, on which no compromised agent.*sp_2"
-    ):
+    with refuses(ValueError, "bad-mouthing", "sp_2"):
         Scripts.of(make_task(**PROVIDER), (OnOff, BadMouthing))
 
 
@@ -152,7 +151,7 @@ def test_attacks_with_one_parameter_are_searched_and_without_any_refused(method)
     one = (partial(OnOff, period=5, bad=0.0, good=1.0),)
     assert found(method(attacks=one), PROVIDER, 4_000).scores.mean() > 0.1
     none = (partial(OnOff, period=2, duty=0.5, bad=0.0, good=1.0),)
-    with pytest.raises(UnsuitableError, match=r"on-off.* has no parameters to search"):
+    with refuses(UnsuitableError, "on-off"):
         found(method(attacks=none), PROVIDER, 12_000)
     assert (
         found(GridSearch(attacks=none), PROVIDER, 12_000).scores.tolist()
@@ -221,7 +220,7 @@ def test_cma_es_beats_the_grid():
 
 @pytest.mark.parametrize("method", SEARCHERS, ids=lambda method: method.name)
 def test_a_budget_too_small_is_refused(method):
-    with pytest.raises(UnsuitableError, match="give 640 or more"):
+    with refuses(UnsuitableError, "100", "640"):
         found(method, PROVIDER, 100)
 
 
