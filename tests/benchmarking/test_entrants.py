@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refuses
 from small_suites import small
 
 from roletrust_env.benchmarking import benchmark
@@ -74,7 +75,7 @@ class Tired(Mean):
 def test_results_of_other_parameters_are_not_mixed(tmp_path: Path) -> None:
     first = here(Slow(0.5), out=tmp_path)
     assert str(here(Slow(0.5), out=tmp_path).rows) == str(first.rows)
-    with pytest.raises(ValueError, match="trust model Slow, or with other parameters"):
+    with refuses(ValueError, "results.sqlite", "--out"):
         here(Slow(0.9), out=tmp_path)
     here(Slow(0.9), out=tmp_path, force=True)
 
@@ -141,13 +142,13 @@ def test_a_tensor_has_a_fingerprint() -> None:
 
 
 def test_a_name_that_is_refused_leaves_no_other_behind() -> None:
-    with pytest.raises(ValueError, match="'My Model' is not a valid name"):
+    with refuses(ValueError, "My Model"):
         here([Slow(0.5), type("My Model", (Mean,), {})()])
     assert "Slow" not in trust_models.names()
 
 
 def test_a_model_that_cannot_be_sent_is_named() -> None:
-    with pytest.raises(ValueError, match=r"trust model Unsent cannot be sent .*workers=0"):
+    with refuses(ValueError, "workers", "0"):
         here(Unsent(), workers=1)
 
 
@@ -156,7 +157,7 @@ def test_a_model_that_cannot_be_loaded_affects_no_other() -> None:
     register_packed(pack(instances))
     try:
         assert parse_trust_model("Slow", make_scenario("paper-3x3")).weight == 0.5  # type: ignore[attr-defined]
-        with pytest.raises(ValueError, match="division by zero"):
+        with refuses(ValueError, "Broken", "ZeroDivisionError"):
             parse_trust_model("Broken", make_scenario("paper-3x3"))
     finally:
         for name in instances:
@@ -164,7 +165,7 @@ def test_a_model_that_cannot_be_loaded_affects_no_other() -> None:
 
 
 def test_a_class_that_cannot_be_made_is_an_error_of_one_line() -> None:
-    with pytest.raises(ValueError, match=r"Unmade cannot be made \(SystemExit: 3\)"):
+    with refuses(ValueError, "SystemExit", "3"):
         here(Unmade)
 
 
@@ -182,14 +183,14 @@ def test_a_model_that_fails_after_the_run_costs_no_results() -> None:
 
 def test_arguments_that_make_no_sense_are_refused() -> None:
     wrong: list[tuple[dict[str, Any], str]] = [
-        ({"models": []}, "models is empty"),
-        ({"models": "mean", "attacks": ()}, "attacks is empty"),
-        ({"models": "mean", "workers": -1}, "workers is -1; it must be a whole number, 0 or more"),
-        ({"models": "mean", "workers": "2"}, "workers is '2'"),
-        ({"models": "mean", "suite": {"name": "x"}}, "suite is .*; it must be a Suite"),
+        ({"models": []}, ("models",)),
+        ({"models": "mean", "attacks": ()}, ("attacks",)),
+        ({"models": "mean", "workers": -1}, ("workers", "-1")),
+        ({"models": "mean", "workers": "2"}, ("workers", "2")),
+        ({"models": "mean", "suite": {"name": "x"}}, ("suite",)),
     ]
     for arguments, words in wrong:
-        with pytest.raises(ValueError, match=words):
+        with refuses(ValueError, *words):
             here(**arguments)
 
 
@@ -204,5 +205,5 @@ def test_one_attack_needs_no_list() -> None:
     ("field", "names"), [("models", ()), ("models", ("mean", "mean")), ("attacks", ())]
 )
 def test_a_suite_has_models_and_attacks_each_once(field: str, names: tuple[str, ...]) -> None:
-    with pytest.raises(ValueError, match=field):
+    with refuses(ValueError, field):
         small(**{field: names})

@@ -9,6 +9,7 @@ from typing import Any
 import gaming_models
 import numpy as np
 import pytest
+from refusals import refuses
 from small_suites import small
 
 from roletrust_env.benchmarking.cells import play_cell, task_arguments
@@ -129,7 +130,7 @@ def test_trust_that_depends_on_other_games_is_refused(name: str) -> None:
     usual = play_cell(suite, cell._replace(model="beta"))
     inside = play_cell(suite, cell)
     assert _worst(inside) > _worst(usual) + 0.1
-    with pytest.raises(ValueError, match="from that in the same game alone"):
+    with refuses(ValueError, "gaming_models:RowPeek"):
         play_cell(suite, cell, isolated=True)
 
 
@@ -145,7 +146,7 @@ def test_a_borrowed_name_makes_no_model_of_the_package(monkeypatch: pytest.Monke
         assert not is_own_model("borrowed")
         assert needs_watching(gaming_models.FirstHand())
         for name in ("borrowed", "object"):
-            with pytest.raises(ValueError, match="says that it is of roletrust_env"):
+            with refuses(ValueError, "roletrust_env"):
                 source_of(registry.factory(name))
         digests = hashes(
             {name: registry.factory(name) for name in ("first-hand", "borrowed", "object")}
@@ -174,12 +175,8 @@ def test_the_hash_of_a_model_of_others_is_of_its_package_which_is_not_imported(
     assert model_source("package_of_mine.model:Mine") != found[0]
     assert model_source("module_of_mine:Mine") == found[1]
     assert model_source("mean:lam=0.5") == source_of(registry.factory("mean"))
-    for name, words in (
-        ("none_of_mine:Mine", "in no file"),
-        ("sys:Mine", "in no file"),
-        ("none", "unknown trust"),
-    ):
-        with pytest.raises(ValueError, match=words):
+    for name in ("none_of_mine:Mine", "sys:Mine", "none"):
+        with refuses(ValueError, name):
             model_source(name)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmark_cases import results, tiny
+from refusals import refuses
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
@@ -200,9 +201,9 @@ def test_the_worst_attacks_of_a_run_with_known_ones_are_these(found: KnownAttack
 
 
 def test_names_that_harm_terminals_or_files_are_refused() -> None:
-    with pytest.raises(ValueError, match="name"):
+    with refuses(ValueError, "name", "a/b"):
         KnownAttack(**ONE | {"name": "a/b"})
-    with pytest.raises(ValueError, match="finder"):
+    with refuses(ValueError, "finder"):
         KnownAttack(**ONE, finder="a\x1b[31m")
 
 
@@ -232,16 +233,12 @@ def test_a_suite_reads_them_from_the_file_beside_it(found: KnownAttacks, tmp_pat
     (tmp_path / "suite.toml").write_text(text)
     assert load_suite(tmp_path / "suite.toml").known == found.attacks  # type: ignore[union-attr]
     (tmp_path / "mine.json").unlink()
-    with pytest.raises(
-        ValueError, match=r"there is no file '.*mine.json'; `roletrust submit --attacks`"
-    ):
+    with refuses(ValueError, "--attacks"):
         load_suite(tmp_path / "suite.toml")
     (tmp_path / "mine.json").mkdir()
-    with pytest.raises(ValueError, match=r"mine.json is a folder; give the path of a file"):
+    with refuses(ValueError, "mine.json"):
         load_suite(tmp_path / "suite.toml")
-    with pytest.raises(
-        ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"
-    ):
+    with refuses(ValueError, "path"):
         read_known_attacks(Path("x" * 300))
 
 
@@ -273,45 +270,40 @@ ONE = {"name": "mine", "scenario": "market", "track": "raters", "share": 0.3, "r
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "Expecting"),
-        ("[]", "table of names"),
-        ('{"attacks": []}', "attacks"),
-        (json.dumps({"attacks": [ONE, ONE]}), "two known attacks 'mine' in market, raters 30%"),
-        (json.dumps({"attacks": [ONE | {"share": 1.5}]}), "share"),
-        (json.dumps({"attacks": [ONE | {"name": "a|b"}]}), "name"),
-        (json.dumps({"attacks": [ONE | {"more": 1}]}), "more"),
-        (json.dumps({"format": "other", "attacks": [ONE]}), "format"),
-        (json.dumps({"format_version": 2, "attacks": [ONE]}), "format_version"),
-        ('{"attacks": NaN}', "NaN"),
+        ("", ("attacks.json", "JSON")),
+        ("[]", ("attacks.json",)),
+        ('{"attacks": []}', ("attacks", "[]")),
+        (json.dumps({"attacks": [ONE, ONE]}), ("mine", "market", "30")),
+        (json.dumps({"attacks": [ONE | {"share": 1.5}]}), ("share", "1.5")),
+        (json.dumps({"attacks": [ONE | {"name": "a|b"}]}), ("attacks.0.name", "a|b")),
+        (json.dumps({"attacks": [ONE | {"more": 1}]}), ("attacks.0.more", "1")),
+        (json.dumps({"format": "other", "attacks": [ONE]}), ("format", "other")),
+        (json.dumps({"format_version": 2, "attacks": [ONE]}), ("format_version", "2")),
+        ('{"attacks": NaN}', ("NaN",)),
     ],
 )
-def test_a_bad_file_is_one_line(tmp_path: Path, text: str, words: str) -> None:
+def test_a_bad_file_is_one_line(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
     (tmp_path / "attacks.json").write_text(text)
-    with pytest.raises(ValueError, match=words) as error:
+    with refuses(ValueError, *words):
         read_known_attacks(tmp_path / "attacks.json")
-    assert "\n" not in str(error.value)
 
 
 def test_attacks_that_no_suite_can_play_are_refused() -> None:
     one = KnownAttack(**ONE)
-    with pytest.raises(
-        ValueError, match="none of the 1 known attacks is for a condition of the suite"
-    ):
+    with refuses(ValueError, "1", "tiny"):
         with_known(SUITE, [one.model_copy(update={"track": "others"})])
     assert with_known(with_known(SUITE, [one]), [one]).known == (one,)
-    with pytest.raises(ValueError, match="give both or none"):
+    with refuses(ValueError, "known"):
         tiny(known=[ONE])
-    with pytest.raises(ValueError, match="give both or none"):
+    with refuses(ValueError, "known"):
         tiny(methods=["known"])
-    with pytest.raises(ValueError, match="has the name of another attack of the suite"):
+    with refuses(ValueError, "on-off"):
         tiny(methods=["known"], known=[ONE | {"name": "on-off"}])
-    with pytest.raises(
-        ValueError, match="known attack 'mine': the record of an attacker must be an object"
-    ):
+    with refuses(ValueError, "mine"):
         check_records([one])
-    with pytest.raises(ValueError, match="which the suite does not have"):
+    with refuses(ValueError, "mine", "market", "0.4"):
         tiny(methods=["known"], known=[ONE | {"share": 0.4}])
-    with pytest.raises(ValueError, match="no trust model 'men'"):
+    with refuses(ValueError, "men", "mean"):
         make_entries(SUITE, [], ["men"])
-    with pytest.raises(ValueError, match="no attack that can be recorded"):
+    with refuses(ValueError):
         make_entries(SUITE, [])

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from refusals import refuses
 from test_leaderboard import RUN, SUITE
 
 from roletrust_env.benchmarking.leaderboard import Leaderboard
@@ -33,14 +34,14 @@ def test_the_worst_replay_of_each_goal_counts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "words"),
     [
-        ("model,worst\nmean,0.5\n", "is no comparison.csv"),
-        (HEAD + LINES[1].replace("0.5,", "half,") + "\n", "is no comparison.csv"),
-        (HEAD + LINES[5] + "\n", "has no replay of a log with hostile accounts"),
+        ("model,worst\nmean,0.5\n", ("comparison.csv",)),
+        (HEAD + LINES[1].replace("0.5,", "half,") + "\n", ("comparison.csv",)),
+        (HEAD + LINES[5] + "\n", ("other.csv", "--compare")),
     ],
 )
-def test_another_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
+def test_another_file_is_refused(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
     (tmp_path / "other.csv").write_text(text)
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, *words):
         read_replays(tmp_path / "other.csv")

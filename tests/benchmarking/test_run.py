@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from benchmark_cases import results
+from refusals import refuses
 from small_suites import small
 
 from roletrust_env.benchmarking import benchmark
@@ -65,7 +66,7 @@ def test_a_run_continues_and_reports_the_stored_cells(
     assert started == [([], len(first.cells))]
     benchmark(["mean"], SUITE, attacks=ATTACKS, workers=0, out=tmp_path)
     assert "Playing" in capsys.readouterr().err
-    with pytest.raises(ValueError, match="another suite"):
+    with refuses(ValueError, "results.sqlite", "models"):
         benchmark(["median"], SUITE, attacks=ATTACKS, workers=0, progress=False, out=tmp_path)
 
 
@@ -84,12 +85,12 @@ def test_a_leaderboard_has_several_forms(tmp_path: Path) -> None:
 
 def test_invalid_arguments_are_refused() -> None:
     needy = type("Needy", (Mean,), {"__init__": lambda self, must: None})
-    for models, suite, message in (
-        ("meen", SUITE, "did you mean 'mean'"),
-        (3, SUITE, "3 is not a trust model"),
-        (needy, SUITE, "give an instance"),
-        ("mean", "learners-quick", "is for learners"),
-        ("mean", "quik", "quick"),
+    for models, suite, words in (
+        ("meen", SUITE, ("meen", "mean")),
+        (3, SUITE, ("3",)),
+        (needy, SUITE, ("Needy",)),
+        ("mean", "learners-quick", ("learners-quick", "--suite")),
+        ("mean", "quik", ("quik", "quick")),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             benchmark(models, suite, workers=0, progress=False)  # type: ignore[arg-type]

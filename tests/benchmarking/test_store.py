@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from benchmark_cases import TINY, results, tiny
+from refusals import refuses
 
 from roletrust_env.benchmarking import store as store_file
 from roletrust_env.benchmarking.cells import play_cell
@@ -147,7 +148,7 @@ def test_a_file_that_another_program_locks_is_unchanged(path):
         store._file.execute("PRAGMA busy_timeout=50")
         other = sqlite3.connect(path, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
-        with pytest.raises(ValueError, match="locked by another program"):
+        with refuses(ValueError, "results.sqlite"):
             store.add(SUITE.cells()[3], RESULT)
         other.execute("ROLLBACK")
         other.close()
@@ -286,7 +287,7 @@ def test_a_file_with_invalid_values_is_refused(path, statement):
 
 def test_overwriting_fails_while_another_run_writes(path):
     with Store(path, SUITE) as store:
-        with pytest.raises(ValueError, match="another run writes"):
+        with refuses(ValueError, "results.sqlite", "--out"):
             Store(path, SUITE, overwrite=True)
         assert len(store.all()) == 3
     with Store(path, tiny(games=4), overwrite=True) as store:
@@ -299,9 +300,7 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 def test_a_name_that_is_too_long_is_refused():
-    with pytest.raises(
-        ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"
-    ):
+    with refuses(ValueError, "path"):
         Store(Path("x" * 300))
 
 
@@ -310,9 +309,8 @@ def test_a_full_disk_loses_nothing(path):
         pages = store._file.execute("PRAGMA page_count").fetchone()[0]
         store._file.execute(f"PRAGMA max_page_count={pages}")
         large = RESULT._replace(rows=(RESULT.rows[0]._replace(words="much " * 100_000),))
-        with pytest.raises(OSError, match="cannot be written") as error:
+        with refuses(OSError, "results.sqlite"):
             store.add(SUITE.cells()[0], large)
-        assert "\n" not in str(error.value)
         assert [one.result for one in store.all()] == [
             RESULT
         ] * 3  # also the cell that was being replaced

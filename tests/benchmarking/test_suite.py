@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from refusals import refuses
 from small_suites import MARKET, TRACKS, small
 
 from roletrust_env import attackers, make_attacker
@@ -133,9 +134,7 @@ def test_a_scenario_may_have_some_of_the_methods() -> None:
     )
     found = {cell.scenario: cell.method for cell in suite.cells() if cell.method == "random search"}
     assert list(found) == ["market"]
-    with pytest.raises(
-        ValueError, match="methods of scenario 'market' names 'PPO', which is none of the suite's"
-    ):
+    with refuses(ValueError, "methods", "market", "PPO"):
         small(scenarios={"market": {**MARKET, "methods": ["PPO"]}})
 
 
@@ -148,32 +147,29 @@ def test_a_suite_without_other_files_has_the_same_cells() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scenario", "message"),
+    ("scenario", "words"),
     [
-        ({"shares": {"liars": [0.3]}}, "names the track 'liars', which does not exist"),
-        ({"shares": {"raters": []}}, "a track has shares if it has compromised agents"),
-        ({"shares": {"honest": [0.3]}}, "a track has shares if it has compromised agents"),
-        ({"shares": {"raters": [1.5]}}, "less than 1"),
+        ({"shares": {"liars": [0.3]}}, ("shares", "market", "liars")),
+        ({"shares": {"raters": []}}, ("shares", "market")),
+        ({"shares": {"honest": [0.3]}}, ("shares", "market")),
+        ({"shares": {"raters": [1.5]}}, ("scenarios.market.shares.raters.0", "1.5")),
     ],
 )
 def test_a_scenario_with_tracks_or_budgets_that_do_not_exist_is_refused(
-    scenario: dict, message: str
+    scenario: dict, words: tuple[str, ...]
 ) -> None:
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, *words):
         small(scenarios={"market": {**MARKET, **scenario}})
 
 
 def test_identities_are_counted_where_there_are_some() -> None:
-    with pytest.raises(ValueError, match="counted is 'identities', but reserve is 0"):
+    with refuses(ValueError, "counted", "identities", "0"):
         small(tracks={"raters": {"roles": ["SR"], "shares": [0.3], "counted": "identities"}})
 
 
 def test_one_agent_of_a_role_stays_honest() -> None:
     suite = small(tracks={"raters": {"roles": ["SR"], "shares": [0.95]}})
-    with pytest.raises(
-        ValueError,
-        match="compromises 4 of 4 agents with the role SR in scenario 'market'; at least one",
-    ):
+    with refuses(ValueError, "4", "SR", "market"):
         attacked_scenario(suite, suite.cells()[0])
 
 
@@ -186,59 +182,58 @@ def test_the_objective_of_the_planner_has_a_gradient() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "message"),
+    ("fields", "words"),
     [
-        ({"games": 1}, "games is 1"),
-        ({"methods": ["a|b"]}, "methods"),
-        ({"methods": ["nobody"]}, "methods must not contain 'nobody'"),
-        ({"seeds": [0, 0]}, "seeds must not contain a value twice"),
-        ({"scenarios": {}}, "scenarios is {}: .* at least 1"),
-        ({"scenarios": {"market": MARKET | {"preset": "nowhere"}}}, "unknown scenario 'nowhere'"),
-        ({"scenarios": {"market": {"preset": "market", "set": {"lamb": 1}}}}, "lamb"),
+        ({"games": 1}, ("games", "1")),
+        ({"methods": ["a|b"]}, ("methods",)),
+        ({"methods": ["nobody"]}, ("methods", "nobody")),
+        ({"seeds": [0, 0]}, ("seeds",)),
+        ({"scenarios": {}}, ("scenarios", "{}")),
+        ({"scenarios": {"market": MARKET | {"preset": "nowhere"}}}, ("nowhere",)),
+        ({"scenarios": {"market": {"preset": "market", "set": {"lamb": 1}}}}, ("lamb",)),
         (
             {"scenarios": {"market": MARKET | {"max_cycles": 3}}},
-            "did you mean 'max_cycles' in 'set'",
+            ("max_cycles", "set"),
         ),
-        ({"agents": []}, "'agents'; it is of a scenario; give its file as 'preset'"),
-        ({"scenarios": {"market": {"scenario": "market"}}}, "did you mean 'preset'"),
-        ({"tracks": {"raters": {"roles": ["SR"]}}}, "roles and shares must both be given"),
+        ({"agents": []}, ("agents", "preset")),
+        ({"scenarios": {"market": {"scenario": "market"}}}, ("preset",)),
+        ({"tracks": {"raters": {"roles": ["SR"]}}}, ("roles",)),
         (
             {"tracks": {"raters": {"reserve": 1}}},
-            "reserve is 1, but the track has no compromised agents",
+            ("reserve", "1"),
         ),
         (
             {"tracks": {"raters": {"games": 4}}},
-            "games is 4, but the track has no compromised agents",
+            ("games", "4"),
         ),
-        ({"scenarios": {"market": MARKET | {"methods": []}}}, "methods is \\[\\]"),
+        ({"scenarios": {"market": MARKET | {"methods": []}}}, ("methods",)),
         (
             {"scenarios": {"market": MARKET | {"methods": ["scripted"] * 2}}},
-            "methods must not contain a value twice",
+            ("methods",),
         ),
-        ({"tracks": {"a|b": {}}}, "tracks"),
-        ({"budgets": 1}, "budgets"),
-        ({"seeds": ["0"]}, "seeds.0 is '0': it must be an integer"),
+        ({"tracks": {"a|b": {}}}, ("tracks",)),
+        ({"budgets": 1}, ("budgets", "1")),
+        ({"seeds": ["0"]}, ("seeds.0", "0")),
     ],
 )
-def test_an_invalid_suite_is_refused(fields: dict, message: str) -> None:
-    with pytest.raises(ValueError, match=message) as error:
+def test_an_invalid_suite_is_refused(fields: dict, words: tuple[str, ...]) -> None:
+    with refuses(ValueError, "small", *words):
         small(**fields)
-    assert str(error.value).startswith("small: ")
 
 
 def test_an_invalid_suite_file_is_refused(tmp_path: Path) -> None:
-    for text, message in (
-        ("= 1", "is not valid TOML"),
-        ("games = 8", "scenarios"),
-        ("games = 'all'", "games"),
+    for text, words in (
+        ("= 1", ("1", "mine.toml")),
+        ("games = 8", ("scenarios",)),
+        ("games = 'all'", ("games",)),
     ):
         path = tmp_path / "mine.toml"
         path.write_text(text)
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             load_suite(path)
-    with pytest.raises(ValueError, match="cannot be read"):
+    with refuses(ValueError, "2", "none.toml"):
         load_suite(tmp_path / "none.toml")
-    with pytest.raises(ValueError, match=r"unknown suite 'brief'. Known: .*quick"):
+    with refuses(ValueError, "brief"):
         load_suite("brief")
 
 
@@ -269,17 +264,17 @@ def test_a_suite_extends_one_of_the_project_or_a_file_beside_it(tmp_path):
     assert (again.name, tuple(again.seeds), again.budget) == ("second", (7,), 7)
     assert (again.known, again.methods) == (standard.known, standard.methods)
     path.write_text('extends = "second.toml"\n')
-    with pytest.raises(ValueError, match="extends itself"):
+    with refuses(ValueError, "mine.toml"):
         load_suite(path)
-    for base, message in (
+    for base, words in (
         (
             "develop",
-            "extends is 'develop'; it must be one of full, .*standard.*, or a .toml file beside it",
+            ("standard",),
         ),
-        ("none.toml", "none.toml cannot be read"),
+        ("none.toml", ()),
     ):
         path.write_text(f'extends = "{base}"\n')
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, base, *words):
             load_suite(path)
 
 
@@ -339,15 +334,15 @@ def test_a_registered_search_method_stands_in_a_suite(monkeypatch: pytest.Monkey
     assert f"{board.rows[0].worst_attack} (market, raters" in board.to_markdown()
     known = suite.model_copy(update={"white_box": ("own_searches:OwnSearch",)})
     assert Leaderboard.of(known, board.cells).rows[0].worst_attack == "own:level=0.1"
-    for name, message in (
-        ("owm", "'own'"),
-        ("own_searches:Missing", "cannot be loaded"),
-        ("own_searches:sys", "loaded"),
+    for name, word in (
+        ("owm", "own"),
+        ("own_searches:Missing", "own_searches"),
+        ("own_searches:sys", "own_searches"),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, name, word):
             benchmark(suite=small(methods=[name]), workers=0, progress=False)
     typo = small(scenarios={"market": {**MARKET, "budgets": {"PP": 100}}})
-    with pytest.raises(ValueError, match="unknown search method 'PP'"):
+    with refuses(ValueError, "PP"):
         benchmark(suite=typo, workers=0, progress=False)
     assert "search method own:level=0.1" in suite.factories()  # the store compares its source
     for cell in suite.cells():  # known attacks say nothing of a search that cannot start from them

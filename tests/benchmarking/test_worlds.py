@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from refusals import refuses
 
 from roletrust_env.benchmarking.suite_files import load_suite, reproduction_command
 from roletrust_env.benchmarking.worlds import WorldRow, draw_worlds
@@ -70,25 +71,25 @@ def test_more_worlds_and_further_draws_leave_the_others_as_they_are() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "words"),
     [
-        ({"number": 0}, "worlds drawn: number"),
-        ({"color": 1}, "there is no field 'color'"),
+        ({"number": 0}, ("drawn", "0")),
+        ({"color": 1}, ("color",)),
         (
             {"set": {"max_cycles": {"low": 9, "high": 7}}},
-            "low is 9 and high 7; they must be numbers .* the lower one",
+            ("low", "9", "7"),
         ),
-        ({"set": {"max_cycles": {"low": 1, "high": 10**400}}}, "high 1000"),
-        ({"set": {"continuation": {"low": float("nan"), "high": 1}}}, "low is nan"),
-        ({"set": {"max_cycles": {"low": "few", "high": 7}}}, "low is 'few'"),
+        ({"set": {"max_cycles": {"low": 1, "high": 10**400}}}, ("high", "10000000000000000000")),
+        ({"set": {"continuation": {"low": float("nan"), "high": 1}}}, ("low", "nan")),
+        ({"set": {"max_cycles": {"low": "few", "high": 7}}}, ("low", "few")),
         (
             {"set": {"max_cycles": {"choices": []}}},
-            "drawn-1.*max_cycles: choices are .*one value or more",
+            ("drawn-1", "max_cycles", "choices"),
         ),
     ],
 )
-def test_a_wrong_table_is_one_clear_error(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+def test_a_wrong_table_is_one_clear_error(change: dict[str, Any], words: tuple[str, ...]) -> None:
+    with refuses(ValueError, *words):
         draw_worlds({"drawn": TABLE | change})
 
 
@@ -112,16 +113,16 @@ def test_a_file_shows_its_worlds_and_draws_others_by_another_seed(tmp_path: Path
         reproduction_command(other, path)
         == f"roletrust benchmark --suite mine.toml --worlds 7 --out {tmp_path}"
     )
-    with pytest.raises(ValueError, match="suite quick has no table of worlds"):
+    with refuses(ValueError, "quick"):
         load_suite("quick", 7)
-    for text, message in (
-        (FILE + '[scenarios.drawn-1]\npreset = "market"\n', "there is a scenario 'drawn-1', too"),
+    for text, words in (
+        (FILE + '[scenarios.drawn-1]\npreset = "market"\n', ("drawn-1",)),
         (
             FILE.replace("max_cycles = {", "cycles = {"),
-            "drawn-1.*there is no field 'cycles'|unknown.*cycles|cycles",
+            ("drawn-1", "cycles"),
         ),
-        ("worlds = 3\n", "must be tables by name"),
+        ("worlds = 3\n", ("worlds", "scenarios")),
     ):
         path.write_text(text)
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             load_suite(path)

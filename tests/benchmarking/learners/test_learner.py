@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env.benchmarking.learners.learner import (
     BudgetSpentError,
@@ -70,15 +71,13 @@ def test_a_step_beyond_the_budget_is_refused():
     games = CountedGames(AttackVectorEnv(PROVIDER.id, 4, **PROVIDER.arguments()), budget)
     games.reset(seed=0)
     quality = np.full((4, 1), 0.5, np.float32)
-    with pytest.raises(ValueError, match="the action holds nan"):
+    with refuses(ValueError, "nan"):
         games.step(quality * np.nan)
     assert budget.spent == 0
     games.step(quality)
     games.step(quality)
     for _ in range(2):
-        with pytest.raises(
-            BudgetSpentError, match="2 of 10 rounds are left, and a step of 4 games needs more"
-        ):
+        with refuses(BudgetSpentError, "2", "10", "4"):
             games.step(quality)
     assert budget.spent == 8
     games.reset(options={"reset_mask": np.ones(4, bool)})  # uses no budget
@@ -131,20 +130,20 @@ def test_a_memory_is_reset_for_every_batch():
 
 
 @pytest.mark.parametrize(
-    ("policy", "message"),
+    ("policy", "word"),
     [
-        (None, "it must return a policy"),
-        (lambda observations: observations, "the action has shape"),
+        (None, "policy"),
+        (lambda observations: observations, "action"),
         (lambda observations: np.full((len(observations), 1), 1.5), "outside"),
         (lambda observations: np.full((len(observations), 1), np.nan), "nan"),
     ],
 )
-def test_an_invalid_policy_is_refused(policy, message):
+def test_an_invalid_policy_is_refused(policy, word):
     class Bad:
         def learn(self, env, budget, seed):
             return policy
 
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, word):
         trained(Bad())
 
 
@@ -158,18 +157,18 @@ def test_only_classes_of_learners_are_called(tmp_path, monkeypatch):
         "    def learn(self, env, budget, seed):\n        return None\n"
     )
     for name in ("function", "Other"):
-        with pytest.raises(ValueError, match=f"learner 'plugin:{name}' must make a Learner"):
+        with refuses(ValueError, name):
             make_search_method(f"plugin:{name}", PROVIDER.id)
     import plugin
 
     assert plugin.called == []
     method = make_search_method("plugin:Fine:rate=3", PROVIDER.id)
     assert (method.learner.rate, method.name) == (3, "plugin:Fine:rate=3")
-    for name, message in (
-        ("os:system:command=true", "must make a Learner"),
-        ("plugin:Fine:speed=3", "It takes rate"),
-        ("nowhere:Fine", "cannot be loaded"),
-        ("PPOO", r"unknown learner 'PPOO'; did you mean 'PPO'\? Known: CMA-ES, PPO, SAC"),
+    for name, words in (
+        ("os:system:command=true", ("os:system",)),
+        ("plugin:Fine:speed=3", ("Fine", "speed")),
+        ("nowhere:Fine", ("nowhere:Fine",)),
+        ("PPOO", ("PPOO", "PPO", "CMA-ES")),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             make_search_method(name, PROVIDER.id)

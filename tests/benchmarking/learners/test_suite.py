@@ -3,6 +3,7 @@
 from collections import Counter
 
 import pytest
+from refusals import refuses
 
 from roletrust_env.benchmarking.cells import task_arguments
 from roletrust_env.benchmarking.learners.learner import HONEST_PLAY, make_search_method
@@ -83,7 +84,7 @@ def test_the_exact_optimum_is_share_1(tmp_path):
 def test_a_run_of_another_suite_type_is_not_continued(tmp_path):
     with Store(tmp_path / "results.sqlite", small()):
         pass
-    with pytest.raises(ValueError, match="holds another suite"):
+    with refuses(ValueError, "limit_s"):
         Store(tmp_path / "results.sqlite", load_suite("quick"))
 
 
@@ -135,31 +136,30 @@ def test_evolution_learns_from_scratch_or_says_why_it_cannot():
     assert (
         "too small for evolution" in play_trial(suite, Trial("liars", name, 25_000, 0)).unsuitable
     )
-    with pytest.raises(ValueError, match="begin"):
+    with refuses(ValueError, "evolution", "begin"):
         make_search_method("evolution:begin=random", suite.tasks["liars"].id)
 
 
 @pytest.mark.parametrize(
-    ("fields", "message"),
+    ("fields", "words"),
     [
-        ({"kind": "dancers"}, "kind is 'dancers'; it must be one of robustness, learners"),
-        ({"tasks": {}}, "tasks"),
-        ({"tasks": {"one": {"task": "MoonAttack"}}}, "tasks.one.task is 'MoonAttack'"),
-        ({"tasks": {"one": {"task": "DualAttack", "set": {"lamb": 1}}}}, "lamb"),
-        ({"tasks": {"one": {"task": "DualAttack", "stealth": {"wait": 1}}}}, "wait"),
-        ({"tasks": {"one": {"task": "DualAttack", "preset": "moon"}}}, "moon"),
-        ({"tasks": {"one": {"task": "RaterAttack", "compromised": ["sr_7"]}}}, "sr_7"),
-        ({"tasks": {"one": {"task": "DualAttack", "observation": "all"}}}, "observation"),
-        ({"budgets": [4000, 2000]}, "budgets must be increasing"),
-        ({"budgets": [2000, 2000]}, "budgets must be increasing"),
-        ({"learners": []}, "learners"),
-        ({"learners": ["PPO", "PPO"]}, "learners must not contain a value twice"),
-        ({"learners": ["exact"]}, "learners must not contain 'exact', which is always played"),
-        ({"seeds": []}, "seeds is .* at least 1"),
-        ({"methods": ["PPO"]}, "there is no field 'methods'"),
+        ({"kind": "dancers"}, ("kind", "dancers", "learners")),
+        ({"tasks": {}}, ("tasks",)),
+        ({"tasks": {"one": {"task": "MoonAttack"}}}, ("tasks.one.task", "MoonAttack")),
+        ({"tasks": {"one": {"task": "DualAttack", "set": {"lamb": 1}}}}, ("lamb",)),
+        ({"tasks": {"one": {"task": "DualAttack", "stealth": {"wait": 1}}}}, ("wait",)),
+        ({"tasks": {"one": {"task": "DualAttack", "preset": ("moon",)}}}, ("moon",)),
+        ({"tasks": {"one": {"task": "RaterAttack", "compromised": ["sr_7"]}}}, ("sr_7",)),
+        ({"tasks": {"one": {"task": "DualAttack", "observation": "all"}}}, ("observation",)),
+        ({"budgets": [4000, 2000]}, ("budgets",)),
+        ({"budgets": [2000, 2000]}, ("budgets",)),
+        ({"learners": []}, ("learners",)),
+        ({"learners": ["PPO", "PPO"]}, ("learners",)),
+        ({"learners": ["exact"]}, ("learners", "exact")),
+        ({"seeds": []}, ("seeds", "1")),
+        ({"methods": ["PPO"]}, ("methods",)),
     ],
 )
-def test_an_invalid_suite_is_refused(fields, message):
-    with pytest.raises(ValueError, match=message) as error:
+def test_an_invalid_suite_is_refused(fields, words):
+    with refuses(ValueError, "small", *words):
         small(**fields)
-    assert str(error.value).startswith("small: ")
