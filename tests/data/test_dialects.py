@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.dialect import Dialect, find_encoding, find_separator, look
@@ -228,17 +229,17 @@ def test_names_of_any_type_are_the_same(tmp_path: Path) -> None:
         assert (log.rater_names, log.ratee_names) == (["2024-01-31"], ["1"])
     columns = {"rater": [1.0, None, float("nan")], "ratee": [1, 2, 3], "rating": [1, 0, 1]}
     parquet.write_table(arrow.table(columns), tmp_path / "e.pq")
-    with pytest.raises(ValueError, match="row 2 has no name in column 'rater'"):
+    with refuses(ValueError, "2", "rater"):
         read_ratings(tmp_path / "e.pq")
     assert read_ratings(tmp_path / "e.pq", missing=True).rater_names == ["1"]
-    for wrong, message in (
-        ([0.5], "row 1: column 'ratee' is 0.5"),
-        ([2.0**60], "below 2 \\*\\* 53"),
+    for wrong, words in (
+        ([0.5], ("1", "ratee", "0.5")),
+        ([2.0**60], ("1", "ratee", "1.152921504606847e+18")),
     ):
         parquet.write_table(
             arrow.table({"rater": ["a"], "ratee": wrong, "rating": [1]}), tmp_path / "d.pq"
         )
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             read_ratings(tmp_path / "d.pq")
 
 
@@ -286,7 +287,7 @@ def test_what_the_beginning_of_a_text_shows() -> None:
         find_separator(["ann;bob;1,5", "cec;dan;2,5"]) == ";"
     )  # three columns, where the comma makes two
     assert find_encoding("ann,bob,1".encode("utf-16-le")) == "utf-16-le"
-    with pytest.raises(ValueError, match="its beginning is no text"):
+    with refuses(ValueError, "text"):
         find_encoding(b"\0\0\0\xff" * 20)  # zeros on both sides
     assert look("1,2,3\n4,5,6\n", Dialect()).header is None
 
@@ -308,9 +309,7 @@ def test_a_whole_column_decides_the_form_of_dates(tmp_path: Path) -> None:
         in dated("01/02/2024", "01/03/2024", "01/31/2024", **scale)[1]
     )
     for time_format, first in (("%d/%m/%Y", "2024-04-03"), ("%m/%d/%Y", "2024-03-04")):
-        with pytest.raises(
-            ValueError, match=f"in '03/04/2024' the day or the month may be first; .*{time_format}'"
-        ):
+        with refuses(ValueError, "03/04/2024", time_format):
             dated("03/04/2024", "05/05/2024", **scale)
         assert dated("03/04/2024", "05/05/2024", dialect=Dialect(time_format=time_format), **scale)[
             0
@@ -319,31 +318,28 @@ def test_a_whole_column_decides_the_form_of_dates(tmp_path: Path) -> None:
     assert dated("03/03/2024", "05/05/2024", **scale)[0] == [
         seconds(f"2024-{day}") for day in ("03-03", "05-05", "05-05")
     ]
-    for times, message in (
+    for times, words in (
         (
             ("31.01.2024", "31.02.2024"),
-            "row 3: the time is '31.02.2024'; it must be a date in the form of the first",
+            ("3", "31.02.2024"),
         ),
-        (("31/01/2024", "01/31/2024"), "row 3: the time is '01/31/2024'"),
-        (("31.01.2024 24:00",), "row 2: the time is '31.01.2024 24:00'"),
-        (("31.01.2024 0:30 AM",), "row 2: the time is '31.01.2024 0:30 AM'"),
-        (("31.01.2024 12:00:60",), "row 2: the time is '31.01.2024 12:00:60'"),
+        (("31/01/2024", "01/31/2024"), ("3", "01/31/2024")),
+        (("31.01.2024 24:00",), ("2", "31.01.2024 24:00")),
+        (("31.01.2024 0:30 AM",), ("2", "31.01.2024 0:30 AM")),
+        (("31.01.2024 12:00:60",), ("2", "31.01.2024 12:00:60")),
         (
             ("31 Jan 2024 12:00 +0100", "31 Jan 2024 12:00"),
-            "row 3: the time is '31 Jan 2024 12:00'",
+            ("3", "31 Jan 2024 12:00"),
         ),
-        (("31 Jam 2024",), "row 2: the time is '31 Jam 2024'"),
+        (("31 Jam 2024",), ("2", "31 Jam 2024")),
         (
             ("31.01.24",),
-            "row 2: the time is '31.01.24'; it must be a number or a date of .*; --time-format "
-            "reads other",
+            ("2", "31.01.24", "--time-format"),
         ),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             dated(*times, **scale)
-    with pytest.raises(
-        ValueError, match=r"row 2: unconverted data remains: .01.2024 \(--time-format\)"
-    ):
+    with refuses(ValueError, "2", "--time-format"):
         dated("31.01.2024", dialect=Dialect(time_format="%d"), **scale)
 
 
@@ -378,7 +374,7 @@ def test_nanoseconds_are_exact(tmp_path: Path) -> None:
         texts = [str(time) for time in times]
         lines = [f"a,x,1,{time}" for time in (dates if "-" in texts[0] else texts)]
         path = write(tmp_path, "\n".join(["rater,ratee,rating,time", *lines, lines[1]]))
-        with pytest.raises(ValueError, match="row 5 repeats row 3"):
+        with refuses(ValueError, "row", "5", "3"):
             read_ratings(path, TIMED)
     for times in (stamps, seconds, micro, milli):  # as numbers of JSON
         rows = [f'{{"rater": "a", "ratee": "x", "rating": 1, "time": {time}}}' for time in times]
@@ -388,13 +384,9 @@ def test_nanoseconds_are_exact(tmp_path: Path) -> None:
 
 def test_labels_missing_values_and_overrides(tmp_path: Path) -> None:
     path = write(tmp_path, "rater,ratee,rating,time\na,x,Yes,5\n,,,\nb,x,no,NA\nc,x,,7\nb,x,no,\n")
-    with pytest.raises(
-        ValueError, match="row 2: the rating is 'Yes'; it must be a number; --labels"
-    ):
+    with refuses(ValueError, "2", "Yes", "--labels"):
         read_ratings(write(tmp_path, "rater,ratee,rating\na,x,Yes\n", "yes.csv"))
-    with pytest.raises(
-        ValueError, match="row 5: the rating is ''; it must be yes or no; --missing"
-    ):
+    with refuses(ValueError, "5", "yes", "--missing"):
         read_ratings(path, labels={"yes": 1, "no": 0})
     log, lines = told(path, TIMED, labels={"yes": 1, "no": 0}, missing=True)
     assert (log.rater_names, log.values.tolist()) == (["a"], [1])
@@ -405,61 +397,61 @@ def test_labels_missing_values_and_overrides(tmp_path: Path) -> None:
     ).rater_names == ["3"]
     path = write(tmp_path, "a,x,yes\nb,x,no\n")
     assert len(read_ratings(path, labels={"yes": 1, "no": 0}).values) == 2
-    for wrong, message in (
-        (Dialect(encoding="none"), "unknown encoding 'none'"),
-        (Dialect(unit="h"), "the unit of times is 'h'; it must be s, ms, us, ns"),
+    for wrong, words in (
+        (Dialect(encoding="none"), ("encoding", "none")),
+        (Dialect(unit="h"), ("unit", "h")),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             read_ratings(path, dialect=wrong, labels={"yes": 1, "no": 0})
 
 
 def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> None:
     start = "rater,ratee,rating,time\n\n# a note\n"
-    for content, message in (
-        (start + "a,x,1,2\n\nb,x,good,3\n", "row 6: the rating is 'good'; it must be a number"),
+    for content, words in (
+        (start + "a,x,1,2\n\nb,x,good,3\n", ("6", "good")),
         (
             start.encode() + b"a,x,1,2\n" * 200_000 + b"Jos\xe9,x,1,3\n",
-            "row 200004: byte 0xe9 is no UTF-8; .* latin-1",
+            ("200004", "UTF-8", "latin-1"),
         ),
-        (start.encode() + "é,x,1,2\n".encode() + b"\xe9,x,1,3\n", "row 5: byte 0xe9 is no UTF-8"),
+        (start.encode() + "é,x,1,2\n".encode() + b"\xe9,x,1,3\n", ("5", "UTF-8")),
         (
             start + 'a,x,"1,234.5",2\n',
-            "row 4: the rating is '1,234.5'; it must be a number without separators of",
+            ("row", "4", "1,234.5"),
         ),
-        (start + "a,x,1,2\nb,x,1_0,3\n", "row 5: the rating is '1_0'; it must be a number"),
+        (start + "a,x,1,2\nb,x,1_0,3\n", ("5", "1_0")),
         (
             start + "a,x,1,2\nb,x,5,3\n",
-            "row 5: the rating is 5, off the scale from 0 to 1; .* --scale 1 5",
+            ("row", "5", "--scale 1 5"),
         ),
-        (start + '"a\nb",x,1,2\n"c,x,1,2\n', "row 5: a quote has no end"),
+        (start + '"a\nb",x,1,2\n"c,x,1,2\n', ("row", "5")),
         (
             "user,source,item,rating,time\na,b,x,1,2\n",
-            "row 1: the column of the rater is 'user' or 'source'",
+            ("1", "user", "source"),
         ),
         (
             "rater,ratee,mark\na,x,1\n",
-            "row 1: there is no column 'time'. Columns: rater, ratee, mark; .* --time",
+            ("1", "time", "--time"),
         ),
-        ("a,x,1\n", "there is no column 'time' in 3 columns without a header; .* --time"),
+        ("a,x,1\n", ("time", "3", "--time")),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             read_ratings(write(tmp_path, content), TIMED, repeats=True)
-    for content, message in (
+    for content, words in (
         (
             '{"rater": 1, "ratee": 2, "rating": 1}\n{"rater": \n',
-            "row 2: Invalid value; it must be one JSON object",
+            ("2", "JSON"),
         ),
         (
             '{"rater": 1, "ratee": "a", "rating": 1}\n{"rater": "b", "ratee\n',
-            "row 2: .* one JSON object in each line",
+            ("2", "JSON"),
         ),
-        ('[{"rater": 1}]', "columns: there is no column 'ratee'"),
-        ('[{"rater": 1}, 5]', "row 2: .* it must be one JSON object in each line, or in an array"),
-        ('[{"rater": 1}', "log.jsonl is no array of JSON objects, or a damaged one"),
-        ('{"rater": 1, "rating": 1}\n', "columns: there is no column 'ratee'"),
-        ('[{"rater": 1, "rater": 2, "ratee": 1, "rating": 1}]', "an object has 'rater' twice"),
+        ('[{"rater": 1}]', ("ratee",)),
+        ('[{"rater": 1}, 5]', ("2", "JSON")),
+        ('[{"rater": 1}', ("log.jsonl", "JSON")),
+        ('{"rater": 1, "rating": 1}\n', ("ratee",)),
+        ('[{"rater": 1, "rater": 2, "ratee": 1, "rating": 1}]', ("rater",)),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             read_ratings(write(tmp_path, content, "log.jsonl"))
 
 
@@ -470,56 +462,56 @@ def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert len(read_ratings(write(tmp_path, row * 300, "LOG.JSONL"), repeats=True).values) == 300
     monkeypatch.setattr("roletrust_env.data.tables._LONGEST", 30_000)
     monkeypatch.setattr("roletrust_env.data.tables._BYTES", 30_000)
-    for name, content, message in (
-        ("log.jsonl", row + '{"rater": ' + "[" * 10_000, "nested more than 100 deep, after row 0"),
+    for name, content, words in (
+        ("log.jsonl", row + '{"rater": ' + "[" * 10_000, ("100", "0")),
         (
             "log.jsonl",
             row + '{"rater": ' + '{"a": ' * 400 + "1" + "}" * 401,
-            "nested more than 100 deep",
+            ("100",),
         ),
         (
             "log.json",
             f'[{{"rater": {"[" * 200 + "]" * 200}, "ratee": 1, "rating": 1}}]',
-            "nested more than 100 deep",
+            ("100",),
         ),
         (
             "log.jsonl",
             row.encode() + b'{"rater": "Jos\xe9"}\n',
-            "row 2: byte 0xe9 is no UTF-8, in which JSON is written",
+            ("2", "UTF-8", "JSON"),
         ),
         (
             "log.csv",
             f"rater,ratee,rating\na,{'b' * 20_000},1\n",
-            "row 2: the name in column 'ratee' has 20,000 bytes",
+            ("2", "ratee", "20,000"),
         ),
-        ("log.jsonl", f"null\n{row}", "row 1: no object begins here"),
-        ("log.json", "[null, 5]", "row 1: no object begins here"),
+        ("log.jsonl", f"null\n{row}", ("row", "1")),
+        ("log.json", "[null, 5]", ("row", "1")),
         (
             "log.csv",
             "rater,ratee,rating\na,b,1\n" + "b" * 40_000,
-            "a line has more than 30,000 bytes",
+            ("30,000",),
         ),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, name, *words):
             read_ratings(write(tmp_path, content, name))
     event = (
         '"args": {"agentId": 1, "clientAddress": "0xab", "feedbackIndex": 1, "value": 1, '
         '"valueDecimals": 0}}\n'
     )
     gone = f'{{"event": "NewFeedback", {event}{{"event": "FeedbackRevoked", {event}'
-    with pytest.raises(ValueError, match="has no ratings"):
+    with refuses(ValueError, "log.jsonl"):
         read_ratings(write(tmp_path, gone, "log.jsonl"))
     latin = arrow.array([b"Jos\xe9"]).view(arrow.string())
     parquet.write_table(
         arrow.table({"rater": latin, "ratee": ["b"], "rating": [1]}), tmp_path / "log.parquet"
     )
-    with pytest.raises(ValueError, match=r"no Parquet file, or a damaged one.*UTF8"):
+    with refuses(ValueError, "log.parquet", "UTF8"):
         read_ratings(tmp_path / "log.parquet")
-    with pytest.raises(ValueError, match="no CSV file"):
+    with refuses(ValueError, "log.csv"):
         read_ratings(
             write(tmp_path, "rater,ratee,rating\na+2AA-,b,1\n"), dialect=Dialect(encoding="utf-7")
         )
-    with pytest.raises(ValueError, match="too wide"):
+    with refuses(ValueError, "-1e+308", "1e+308"):
         read_ratings(write(tmp_path, "a,b,1\n"), scale=(-1e308, 1e308))
 
 
@@ -611,7 +603,7 @@ def test_the_shared_logs_need_no_option_but_the_scale() -> None:
     if not shared.is_dir():
         pytest.skip(f"there are no real logs in {shared}")
     path = shared / "bitcoin-otc" / "otc_network.csv.gz"
-    with pytest.raises(ValueError, match="--scale -10 10"):
+    with refuses(ValueError, "--scale", "-10", "10"):
         read_ratings(path)
     log = read_ratings(path, TIMED, scale=(-10, 10))
     assert (len(log.values), log.shape) == (35_592, (4814, 5858))
@@ -675,7 +667,7 @@ def test_feedback_events_are_ratings(tmp_path: Path) -> None:
     lines = ["7,0xab,85,0,false,1", "7,0xab,1,0,true,1", "7,0xcd,850,1,,8453"]
     log = read_ratings(write(tmp_path, "\n".join([",".join(header), *lines])), scale=(0, 100))
     assert (log.ratee_names, log.values.tolist()) == (["1:7", "8453:7"], [0.85, 0.85])
-    with pytest.raises(ValueError, match="row 4: the rating is 850, off the scale"):
+    with refuses(ValueError, "4", "850", "scale"):
         read_ratings(
             write(tmp_path, "\n".join([",".join(header), *lines]).replace("850,1", "850,0")),
             scale=(0, 100),

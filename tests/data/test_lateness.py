@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from late_ratings import EVERY, Reference, check_end, some_batches, some_policy, update
+from refusals import refuses
 from two_writers import check_two_writers
 
 from roletrust_env.data import TrustStream
@@ -65,22 +66,22 @@ def test_a_stream_of_short_rounds_does_not_end() -> None:
     for when in (0.0, 900_000.0, 1_800_000.0):
         stream.update(["a"], ["x"], [1.0], [when])
     assert stream.rounds == 1_800_000
-    with pytest.raises(ValueError, match="at most 1,000,000 are allowed"):
+    with refuses(ValueError, "3,000,000", "1,000,000"):
         stream.update(["a"], ["x"], [1.0], [3_000_000.0])
 
 
 @pytest.mark.parametrize(
     ("policy", "words"),
     [
-        ({"late": "error"}, "late is 'error'; it must be 'drop' or 'count'"),
-        ({"lead": -1}, "the lead is -1"),
-        ({"lead": math.nan}, "the lead is nan"),
-        ({"lead": True}, "the lead is True"),
-        ({"lead": 1, "every": None}, "a lead needs rounds by time"),
+        ({"late": "error"}, ("late", "error", "drop")),
+        ({"lead": -1}, ("lead", "-1")),
+        ({"lead": math.nan}, ("lead", "nan")),
+        ({"lead": True}, ("lead", "True")),
+        ({"lead": 1, "every": None}, ("lead",)),
     ],
 )
-def test_what_is_no_policy_is_refused(policy: dict[str, Any], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+def test_what_is_no_policy_is_refused(policy: dict[str, Any], words: tuple[str, ...]) -> None:
+    with refuses(ValueError, *words):
         TrustStream(make_trust_model("mean"), **{"every": 1.0, **policy})
 
 

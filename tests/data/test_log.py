@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from log_cases import BAD, GOOD, HEADER
+from refusals import refuses
 
 from roletrust_env.data.columns import Columns
 from roletrust_env.data.log import read_ratings
@@ -55,7 +56,7 @@ def test_a_log_of_many_blocks_counts_its_rows(tmp_path: Path) -> None:
     lines = [f"r{n % 700},p{n % 13},0.5\n" for n in range(120_000)]
     lines[110_000] = "r1,p1,none\n"
     seen: list[int] = []
-    with pytest.raises(ValueError, match="row 110002: the rating is 'none'"):
+    with refuses(ValueError, "110002", "none"):
         read_ratings(
             written(tmp_path, "rater,ratee,rating\n" + "".join(lines)), advance=seen.append
         )
@@ -83,22 +84,22 @@ def test_dates_with_time_zones_are_in_utc(tmp_path: Path) -> None:
 
 
 def test_times_are_of_one_kind_in_all_blocks(tmp_path: Path) -> None:
-    for one, other, message in (
-        ("2024-01-31", "1706659200", "row 50002: the time is '1706659200'; it must be a date"),
-        ("1706659200", "2024-01-31", "row 50002: the time is '2024-01-31'; it must be a number"),
+    for one, other, words in (
+        ("2024-01-31", "1706659200", ("row", "50002", "1706659200")),
+        ("1706659200", "2024-01-31", ("row", "50002", "2024-01-31")),
         (
             "2024-01-31",
             "2024-01-31T00:00Z",
-            "row 50002: the time '2024-01-31T00:00Z' has a time zone, and",
+            ("50002", "2024-01-31T00:00Z"),
         ),
         (
             "2024-01-31T00:00-03",
             "2024-01-31T00:00",
-            "'2024-01-31T00:00' has no time zone, and the rows above have one",
+            ("2024-01-31T00:00",),
         ),
     ):
         lines = [f"r{n},p,0.5,{one}\n" for n in range(50_000)] + [f"r,p,0.5,{other}\n"]
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, other, *words):
             read_ratings(written(tmp_path, "rater,ratee,rating,time\n" + "".join(lines)), TIMED)
 
 
@@ -108,13 +109,9 @@ def test_bad_files_get_one_line_with_the_row(
 ) -> None:
     """Also where few bytes of the file are parsed at a time."""
     monkeypatch.setattr("roletrust_env.data.tables._BYTES", size)
-    for content, message in BAD.values():
-        with pytest.raises(
-            ValueError, match=message.replace("after row 0", r"after row \d")
-        ) as error:
+    for content, words in BAD.values():
+        with refuses(ValueError, "log.csv", *words):
             read_ratings(written(tmp_path, content), TIMED, scale=(1, 5))
-        assert "\n" not in str(error.value)
-        assert "log.csv" in str(error.value)
 
 
 def test_any_line_ends_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,15 +125,15 @@ def test_any_line_ends_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize("cut", [10, 40, -5])
 def test_a_truncated_gzip_is_refused(tmp_path: Path, cut: int) -> None:
     path = written(tmp_path, gzip.compress((GOOD * 1).encode())[:cut], "log.csv.gz")
-    with pytest.raises(ValueError, match="damaged gzip file"):
+    with refuses(ValueError, "log.csv.gz"):
         read_ratings(path, TIMED, scale=(1, 5))
-    with pytest.raises(ValueError, match="damaged gzip file"):
+    with refuses(ValueError, "plain.csv.gz"):
         read_ratings(written(tmp_path, GOOD, "plain.csv.gz"), TIMED, scale=(1, 5))
 
 
 def test_members_that_rate_themselves_are_refused(tmp_path: Path) -> None:
     path = written(tmp_path, GOOD + "x,x,5,40\n")
-    with pytest.raises(ValueError, match="row 5: 'x' rates itself"):
+    with refuses(ValueError, "5", "x"):
         read_ratings(path, TIMED, scale=(1, 5), same_agents=True)
     assert read_ratings(path, TIMED, scale=(1, 5)).shape == (3, 2)
 
@@ -146,16 +143,16 @@ def test_repeats_may_be_allowed_and_rounds_must_make_sense(tmp_path: Path) -> No
     log = read_ratings(path, TIMED, scale=(1, 5), repeats=True)
     assert len(log.values) == 4
     untimed = read_ratings(path, scale=(1, 5))
-    for which, every, message in (
-        (log, 1e-9, "at most 1,000,000"),
-        (log, -1.0, "must be above 0"),
-        (untimed, 1.0, "has no times"),
+    for which, every, words in (
+        (log, 1e-9, ("20,000,000,000", "1,000,000")),
+        (log, -1.0, ("-1", "0")),
+        (untimed, 1.0, ("times",)),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             log_rounds(which, every)
 
 
 def test_without_pyarrow_it_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(ValueError, match=r"needs pyarrow: pip install 'roletrust-env\[data\]'"):
+    with refuses(ValueError, "pyarrow", "roletrust-env[data]"):
         read_ratings(written(tmp_path, GOOD))

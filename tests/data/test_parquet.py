@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from log_cases import BAD, GOOD
+from refusals import refuses
 
 from roletrust_baselines.logs.folders import find_logs
 from roletrust_env.data.columns import Columns
@@ -92,45 +93,39 @@ FILES = [
     "case", [case for case in FILES if case not in ("nothing", "no number", "bad time")]
 )
 def test_bad_rows_get_the_line_that_they_get_in_csv(tmp_path: Path, case: str) -> None:
-    content, message = BAD[case]
+    content, words = BAD[case]
     assert isinstance(content, str)
     numbers = "date" not in case and "now" not in case
-    for row in (2, 3, 4, 5):  # a CSV file counts its header
-        message = message.replace(f"row {row}", f"row {row - 1}")
-    message = message.replace("''", "'nan'" if numbers else "''").replace(
-        "row 1: there is", "columns: there is"
-    )
-    with pytest.raises(ValueError, match=message) as error:
+    # a CSV file counts its header
+    words = [word - 1 if isinstance(word, int) else word for word in words]
+    with refuses(ValueError, "log.parquet", *words):
         read_ratings(written(tmp_path, table(content, numbers)), TIMED, scale=(1, 5))
-    assert "\n" not in str(error.value)
-    assert "log.parquet" in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("changed", "message"),
+    ("changed", "words"),
     [
-        ({"rating": ["1", "good", "3"]}, "row 2: the rating is 'good'; it must be a number"),
-        ({"time": ["1", "2", "soon"]}, "row 3: the time is 'soon'"),
-        ({"time": arrow.array([1, None, 3], arrow.timestamp("s"))}, "row 2: the time is 'nan'"),
-        ({"ratee": ["x", None, "y"]}, "row 2 has no name in column 'ratee'"),
-        ({"time": [True, False, True]}, "the time is of type bool; it must be a date or numbers"),
+        ({"rating": ["1", "good", "3"]}, ("2", "rating", "good")),
+        ({"time": ["1", "2", "soon"]}, ("3", "time", "soon")),
+        ({"time": arrow.array([1, None, 3], arrow.timestamp("s"))}, ("2", "time", "nan")),
+        ({"ratee": ["x", None, "y"]}, ("2", "ratee")),
+        ({"time": [True, False, True]}, ("time", "bool")),
         (
             {"ratee": [Decimal(7), Decimal("7.5"), Decimal(8)]},
-            r"row 2: column 'ratee' is 7\.5; a name that is a number",
+            ("2", "ratee", "7.5"),
         ),
         (
             {"ratee": [0.5, 1.5, 2.5]},
-            "row 1: column 'ratee' is 0.5; a name that is a number must be whole",
+            ("1", "ratee", "0.5"),
         ),
-        ({"rating": [[1], [2], [3]]}, r"the rating is of type list<.*>; it must be numbers"),
+        ({"rating": [[1], [2], [3]]}, ("rating",)),
     ],
 )
 def test_columns_of_other_types_are_refused(
-    tmp_path: Path, changed: dict[str, Any], message: str
+    tmp_path: Path, changed: dict[str, Any], words: tuple[str, ...]
 ) -> None:
-    with pytest.raises(ValueError, match=message) as error:
+    with refuses(ValueError, *words):
         read_ratings(written(tmp_path, {**table(GOOD), **changed}), TIMED, scale=(1, 5))
-    assert "\n" not in str(error.value)
 
 
 def test_damaged_files_are_refused(tmp_path: Path) -> None:
@@ -153,18 +148,15 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
         bytes(flipped),
     ):
         cut.write_bytes(content)
-        with pytest.raises(
-            ValueError, match=r"cut\.parquet is no Parquet file, or a damaged one"
-        ) as error:
+        with refuses(ValueError, "cut.parquet"):
             read_ratings(cut, TIMED, scale=(1, 5))
-        assert "\n" not in str(error.value)
     with pytest.raises(FileNotFoundError):
         read_ratings(tmp_path / "none.parquet")
-    with pytest.raises(ValueError, match="has 4 columns; 9 are needed"):
+    with refuses(ValueError, "4", "9"):
         read_ratings(tmp_path / "log.parquet", Columns("1", "2", "9"))
     cut.unlink()
     (tmp_path / "log.csv").write_bytes(whole)
-    with pytest.raises(ValueError, match="no CSV file"):
+    with refuses(ValueError, "CSV"):
         read_ratings(tmp_path / "log.csv")
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env.data import TrustStream
 from roletrust_env.trust import make_trust_model
@@ -39,9 +40,7 @@ def test_a_full_disk_leaves_the_state_as_it_was(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(np, "savez", savez)
-    with pytest.raises(
-        OSError, match=r"state\.npz cannot be written, and is as it was: No space left on device"
-    ):
+    with refuses(OSError, "state.npz"):
         rated(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -52,7 +51,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
 ) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path)
     with (
-        pytest.raises(PermissionError, match=r"state\.npz cannot be written"),
+        refuses(PermissionError, "state.npz"),
         opened(tmp_path / "state.npz"),
     ):
         raise AssertionError("the work has begun")
@@ -65,7 +64,7 @@ def test_a_file_system_without_locks_is_named(
         raise OSError(errno.ENOTSUP, "Operation not supported")
 
     monkeypatch.setattr("fcntl.flock", flock)
-    with pytest.raises(OSError, match=f"{tmp_path} cannot be locked: Operation not supported"):
+    with refuses(OSError, tmp_path):
         rated(tmp_path / "state.npz")
     monkeypatch.undo()
     assert rated(tmp_path / "state.npz").rounds == 1
@@ -80,7 +79,7 @@ def test_a_link_stays_one_and_its_file_has_the_state(tmp_path: Path) -> None:
     assert rated(link).rounds == 3
     assert link.readlink() == path
     assert list(path.parent.iterdir()) == [path]
-    with opened(link), pytest.raises(OSError, match="in use by this thread already"), opened(path):
+    with opened(link), refuses(OSError, "far"), opened(path):
         pass
 
 
@@ -113,10 +112,8 @@ def test_what_a_kill_has_left_elsewhere_is_removed(tmp_path: Path) -> None:
 def test_another_file_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "ratings.csv"
     path.write_text("rater,ratee,rating\n")
-    with pytest.raises(
-        ValueError, match=r"ratings\.csv is no saved stream, or is damaged: .* it is no zip file"
-    ):
+    with refuses(ValueError, "ratings.csv"):
         rated(path)
     assert path.read_text() == "rater,ratee,rating\n"
-    with pytest.raises(OSError, match="directory"):
+    with refuses(OSError, tmp_path):
         rated(tmp_path)

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given, settings
+from refusals import refuses
 
 from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.data import TrustStream
@@ -113,10 +114,7 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
     stream = TrustStream(model)
     stream.update([1, 2], [1, 2], [0.5, 1.0])
     stream.save(path)
-    with pytest.raises(
-        ValueError,
-        match=r"settings: model RoleTrust\(lam=0.5.*; given now: model RoleTrust\(lam=0.7",
-    ):
+    with refuses(ValueError, "0.5", "0.7"):
         TrustStream.load(path, make_trust_model("role-trust", lam=0.7))
     whole = path.read_bytes()
     with np.load(path) as stored:
@@ -130,35 +128,27 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
     }
     for name, array in changes.items():
         np.savez(path, **{**arrays, name: array})  # type: ignore[arg-type]
-        with pytest.raises(
-            ValueError, match=r"state\.npz is no saved stream, or is damaged: its numbers are not"
-        ):
+        with refuses(ValueError, "state.npz"):
             TrustStream.load(path, model)
         del arrays["sha256"]
         save_arrays(path, {**arrays, name: array})
         arrays["sha256"] = np.zeros(32, np.uint8)
         if name.startswith("names"):  # only what was made on purpose has the right checksum
-            with pytest.raises(
-                ValueError,
-                match=r"damaged: (a key occurs twice|2 raters and 3 providers have names)",
-            ):
+            with refuses(ValueError, "state.npz"):
                 TrustStream.load(path, model)
     del arrays["sha256"]
     save_arrays(path, {**arrays, "header": np.frombuffer(header, np.uint8)})
-    with pytest.raises(ValueError, match="its format is 9, and 5 is read here"):
+    with refuses(ValueError, "9", "5"):
         TrustStream.load(path, model)
     del arrays["header"]
     save_arrays(path, arrays)
-    with pytest.raises(ValueError, match="header is missing"):
+    with refuses(ValueError, "header"):
         TrustStream.load(path, model)
     for broken in (whole[:400], whole[:-300], b"", b"PK", b"nothing"):
         path.write_bytes(broken)
-        with pytest.raises(
-            ValueError,
-            match=r"state\.npz is no saved stream, or is damaged: it is no complete file",
-        ):
+        with refuses(ValueError, "state.npz"):
             TrustStream.load(path, model)
-    with pytest.raises(OSError, match="none"):
+    with refuses(OSError, str(tmp_path / "none")):
         TrustStream.load(tmp_path / "none", model)
 
 
@@ -398,13 +388,13 @@ def test_who_left_and_comes_again_is_a_newcomer(tmp_path: Path, name: str, texts
 
 def test_nobody_leaves_who_is_not_known() -> None:
     stream = TrustStream(make_trust_model("role-trust"))
-    with pytest.raises(ValueError, match="7 is not among the raters"):
+    with refuses(ValueError, "7"):
         stream.remove([7])
     stream.update(["a", "b"], [1, 2], [0.5, 1.0])
     before = trusts(stream)
-    with pytest.raises(ValueError, match="3 is not among the providers"):
+    with refuses(ValueError, "3"):
         stream.remove(["a"], [1, 3])
-    with pytest.raises(ValueError, match="providers are texts; they were whole numbers before"):
+    with refuses(ValueError, "providers"):
         stream.remove(["a"], ["1"])
     stream.remove()
     assert trusts(stream) == before
@@ -422,21 +412,21 @@ def test_a_stream_without_agents_goes_on_with_any_names(tmp_path: Path, same_age
         assert again.provider_trust()[providers[0]] > 0.5
 
 
-BAD: dict[str, tuple[dict[str, Any], str]] = {
-    "off the scale": ({"ratings": [1, 9]}, "rating 2 is 9, off the scale from 1 to 5"),
-    "NaN": ({"ratings": [1, float("nan")]}, "ratings hold nan at position 2"),
-    "no number": ({"ratings": ["good", "bad"]}, "ratings must be numbers"),
-    "too few": ({"ratings": [1]}, r"ratings have shape \(1,\); there are 2 raters"),
-    "providers": ({"providers": ["x"]}, "2 raters and 1 providers"),
+BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "off the scale": ({"ratings": [1, 9]}, ("2", "9")),
+    "NaN": ({"ratings": [1, float("nan")]}, ("ratings", "nan", "2")),
+    "no number": ({"ratings": ["good", "bad"]}, ("ratings",)),
+    "too few": ({"ratings": [1]}, ("ratings", "(1,)", "2")),
+    "providers": ({"providers": ["x"]}, ("2", "1")),
     "no names": (
         {"raters": [None, "b"]},
-        "raters are of type object; they must be whole numbers or texts",
+        ("raters", "object"),
     ),
-    "numbers after texts": ({"raters": [1, 2]}, "raters are whole numbers; they were texts before"),
-    "floats": ({"raters": [0.5, 1.0]}, "raters are of type float64"),
-    "no times": ({"times": None}, "times are missing"),
-    "never": ({"times": [25.0, float("inf")]}, "times hold inf at position 2"),
-    "another unit": ({"times": [25.0, 1e12]}, "at most 1,000,000 are allowed"),
+    "numbers after texts": ({"raters": [1, 2]}, ("raters",)),
+    "floats": ({"raters": [0.5, 1.0]}, ("raters", "float64")),
+    "no times": ({"times": None}, ("times",)),
+    "never": ({"times": [25.0, float("inf")]}, ("times", "inf", "2")),
+    "another unit": ({"times": [25.0, 1e12]}, ("100,000,000,000", "1,000,000")),
 }
 
 
@@ -446,8 +436,8 @@ def test_bad_batches_change_nothing(case: str) -> None:
     good = {"raters": ["a", "b"], "providers": ["x", "y"], "ratings": [1, 5], "times": [0.0, 15.0]}
     stream.update(**good)
     before = trusts(stream)
-    change, message = BAD[case]
-    with pytest.raises(ValueError, match=message):
+    change, words = BAD[case]
+    with refuses(ValueError, *words):
         stream.update(**{**good, "raters": ["new", "b"], "times": [25.0, 26.0], **change})
     assert trusts(stream) == before
     stream.update(["a"], ["x"], [2], [26.0])
@@ -457,28 +447,28 @@ def test_bad_batches_change_nothing(case: str) -> None:
 @pytest.mark.filterwarnings("error")
 def test_times_further_apart_than_numbers_reach_are_refused_without_a_warning() -> None:
     stream = TrustStream(make_trust_model("mean"), every=1)
-    with pytest.raises(ValueError, match="are inf; at most 1,000,000 are allowed"):
+    with refuses(ValueError, "inf", "1,000,000"):
         stream.update(["a", "b"], ["x", "y"], [0, 1], [-1e308, 1e308])
 
 
 def test_members_do_not_rate_themselves() -> None:
     stream = TrustStream(make_trust_model("eigentrust"), same_agents=True)
-    with pytest.raises(ValueError, match="rating 2 is of 7 by itself"):
+    with refuses(ValueError, "2", "7"):
         stream.update([1, 7], [2, 7], [0.5, 0.5])
     stream.update([1, 7], [7, 2], [0.5, 1.0])
     assert stream.rater_trust() == stream.provider_trust()
 
 
 def test_what_cannot_be_a_stream_is_refused() -> None:
-    with pytest.raises(ValueError, match="does not run on edges"):
+    with refuses(ValueError, "0.2", "0.95"):
         TrustStream(make_trust_model("travos"))
-    with pytest.raises(ValueError, match="scale is from 1 to 1"):
+    with refuses(ValueError, "scale", "1"):
         TrustStream(make_trust_model("mean"), scale=(1, 1))
-    with pytest.raises(ValueError, match="length of a round is 0"):
+    with refuses(ValueError, "round", "0"):
         TrustStream(make_trust_model("mean"), every=0)
     stream = TrustStream(make_trust_model("mean"))
     stream.update([], [], [])
-    with pytest.raises(ValueError, match="times are given"):
+    with refuses(ValueError, "times"):
         stream.update([1], [2], [1], [1])
 
 
@@ -496,7 +486,7 @@ def test_a_loaded_stream_goes_on_with_the_round_that_has_begun(tmp_path: Path) -
                 stream.save(tmp_path / "state")
                 stream = TrustStream.load(tmp_path / "state", model, every=10.0)
             if not leaves:
-                with pytest.raises(ValueError, match="they were whole numbers before"):
+                with refuses(ValueError, "raters"):
                     stream.update(["x"], ["y"], [0.5], [second + 1])
             stream.finish()
             stream.update([4], [3], [0.25], [second + 2])  # its round has ended

@@ -11,6 +11,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 import torch
+from refusals import refuses
 
 from roletrust_env import make_trust_model
 from roletrust_env.data.stream import TrustStream
@@ -103,7 +104,7 @@ def test_names_keep_a_nul_at_their_end() -> None:
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), "\ud800"])
 def test_further_settings_are_such_as_a_file_keeps(value: Any) -> None:
-    with pytest.raises(ValueError, match="the JSON has "):
+    with refuses(ValueError, "JSON"):
         TrustStream(make_trust_model("mean"), source={"unit": [value]})
 
 
@@ -117,42 +118,44 @@ NAMES = np.ma.masked_array([1, 2], mask=[False, True])
 @pytest.mark.parametrize(
     ("column", "values", "words"),
     [
-        ("times", np.array(["2020-01-01", "NaT"], "datetime64[s]"), "times hold nan at position 2"),
-        ("times", np.array([1, 2], "timedelta64[s]"), "times must be numbers"),
-        ("times", [1, 2**2000], "times must be numbers"),
-        ("times", MASKED, "the column of times is masked in some places; it must be"),
-        ("times", DATES, "the column of times is masked in some places; it must be"),
+        ("times", np.array(["2020-01-01", "NaT"], "datetime64[s]"), ("times", "nan", "2")),
+        ("times", np.array([1, 2], "timedelta64[s]"), ("times",)),
+        ("times", [1, 2**2000], ("times",)),
+        ("times", MASKED, ("column", "times")),
+        ("times", DATES, ("column", "times")),
         (
             "times",
             torch.ones(2, requires_grad=True),
-            "the column of times is no array: Can't call numpy",
+            ("column", "times"),
         ),
-        ("times", ["2020-01-01", "soon"], "times, position 2: the time is 'soon'"),
-        ("times", ["2020-01-01", "2020-01-01T00:00Z"], "'2020-01-01T00:00Z' has a time zone"),
+        ("times", ["2020-01-01", "soon"], ("times", "2", "soon")),
+        ("times", ["2020-01-01", "2020-01-01T00:00Z"], ("2020-01-01T00:00Z",)),
         (
             "times",
             pd.Series(pd.to_datetime(["2020-01-01", None], utc=True)),
-            "position 2: the time is 'NaT'",
+            ("2", "NaT"),
         ),
-        ("times", [date(2020, 1, 1), 7], "times must be numbers"),
-        ("times", ["7", "8"], "the time is '7'; it must be a date of ISO 8601"),
-        ("ratings", MASKED, "the column of ratings is masked in some places; it must be"),
-        ("ratings", np.array([0.5, 0.5j]), "ratings must be numbers"),
-        ("ratings", np.array([0, 1], "datetime64[s]"), "ratings must be numbers"),
-        ("times", [True, False], "times must be numbers"),
-        ("raters", ["ann", " \t"], "raters have '' at position 2; a name has 1 to 10,000 bytes"),
+        ("times", [date(2020, 1, 1), 7], ("times",)),
+        ("times", ["7", "8"], ("time", "7")),
+        ("ratings", MASKED, ("column", "ratings")),
+        ("ratings", np.array([0.5, 0.5j]), ("ratings",)),
+        ("ratings", np.array([0, 1], "datetime64[s]"), ("ratings",)),
+        ("times", [True, False], ("times",)),
+        ("raters", ["ann", " \t"], ("raters", "2", "1")),
         (
             "providers",
             ["é" * 5_001, "s"],
-            "providers have 'é+' at position 1; a name has 1 to 10,000 bytes",
+            ("providers", "1", "10,000"),
         ),
-        ("raters", ["ann", "\ud800"], "raters have .* at position 2"),
-        ("raters", NAMES, "the column of raters is masked in some places; it must be"),
-        ("raters", "ab", "raters are 'ab'; they must be a column of names"),
-        ("providers", NAMES, "the column of providers is masked in some places"),
+        ("raters", ["ann", "\ud800"], ("raters", "2")),
+        ("raters", NAMES, ("column", "raters")),
+        ("raters", "ab", ("raters", "ab", "column")),
+        ("providers", NAMES, ("column", "providers")),
     ],
 )
-def test_what_is_no_number_or_not_there_is_refused(column: str, values: Any, words: str) -> None:
+def test_what_is_no_number_or_not_there_is_refused(
+    column: str, values: Any, words: tuple[str, ...]
+) -> None:
     batch = {
         "raters": [1, 2],
         "providers": [1, 2],
@@ -161,7 +164,7 @@ def test_what_is_no_number_or_not_there_is_refused(column: str, values: Any, wor
         column: values,
     }
     one = stream(every=1)
-    with pytest.raises(ValueError, match=words):
+    with refuses(ValueError, column, *words):
         one.update(**batch)
     assert one.rater_trust() == {}
     one.finish()
@@ -170,13 +173,13 @@ def test_what_is_no_number_or_not_there_is_refused(column: str, values: Any, wor
 
 @pytest.mark.parametrize("every", ["7", True, [1], np.timedelta64(7, "D"), 0, np.nan])
 def test_a_round_has_a_length(every: Any) -> None:
-    with pytest.raises(ValueError, match="length of a round"):
+    with refuses(ValueError, "length"):
         stream(every=every)
 
 
 @pytest.mark.parametrize("scale", [None, 5, (1,), (1, 2, 3), ("a", "b"), (1, 1), (0, np.inf)])
 def test_a_scale_is_a_pair_of_numbers(scale: Any) -> None:
-    with pytest.raises(ValueError, match="scale is"):
+    with refuses(ValueError, "scale"):
         stream(scale=scale)
 
 
@@ -196,7 +199,7 @@ def test_settings_of_numpy_can_be_saved(length: dict[str, Any], tmp_path: Path) 
 def test_a_model_on_a_grid_needs_agents_of_both_roles() -> None:
     model = make_trust_model("travos")
     for agents in (None, ([], []), (["ann"], []), ([], ["shop"])):
-        with pytest.raises(ValueError, match="does not run on edges"):
+        with refuses(ValueError, "0.2", "0.95"):
             TrustStream(model, agents=agents)
     members = TrustStream(model, same_agents=True, agents=(["ann"], []))
     members.update(["ann"], ["bob"], [0.9])
@@ -205,5 +208,5 @@ def test_a_model_on_a_grid_needs_agents_of_both_roles() -> None:
 
 def test_rounds_have_a_number_of_ratings_that_can_be_counted() -> None:
     for count in (0, 2**63, 10**30):
-        with pytest.raises(ValueError, match="the number of ratings of a round is"):
+        with refuses(ValueError, count):
             stream(count=count)

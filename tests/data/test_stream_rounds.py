@@ -9,6 +9,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from refusals import refuses
 
 from roletrust_baselines.logs.models import LOG_MODELS
 from roletrust_env.data import TrustStream, read_ratings
@@ -205,7 +206,7 @@ def test_the_names_of_a_round_that_has_begun_are_all_of_one_type(tmp_path: Path)
         stream,
         TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=10),
     ):
-        with pytest.raises(ValueError, match="raters are whole numbers; they were texts before"):
+        with refuses(ValueError, "raters"):
             one.update([2], [1], [1.0], [0.0])
         one.remove(raters=["a"])
         one.update([2], ["shop"], [1.0], [0.0])
@@ -256,13 +257,13 @@ def test_rounds_of_a_number_of_ratings_do_not_depend_on_batches(tmp_path: Path) 
         stream.finish()
         assert stream.rounds == whole.rounds == 8
         assert published(stream) == published(whole)
-    with pytest.raises(ValueError, match="other settings"):
+    with refuses(ValueError, "state.npz", "7"):
         TrustStream.load(tmp_path / "state.npz", model)
-    for wrong, message in (
-        ({"count": 0}, "1 or more"),
-        ({"count": 3, "every": 1.0}, "not by both"),
+    for wrong, words in (
+        ({"count": 0}, ("1",)),
+        ({"count": 3, "every": 1.0}, ()),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             TrustStream(model, **wrong)
 
 
@@ -292,5 +293,5 @@ def test_agents_may_be_there_from_the_start_and_then_any_model_plays(
         assert list(one.rater_trust()) == ["a", "b", "d"]
     assert published(stream) == published(again)
     if name == "travos":
-        with pytest.raises(ValueError, match="does not run on edges"):
+        with refuses(ValueError, "0.2", "0.95"):
             TrustStream(model)
