@@ -20,7 +20,7 @@ from roletrust_env import counter_rng
 from roletrust_env.arrays import Array
 from roletrust_env.envs.arguments import refuse_empty_start, refuse_unknown, space_of
 from roletrust_env.envs.attack_env import task_by_id
-from roletrust_env.envs.xla import games_last
+from roletrust_env.envs.games_last import games_last
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
 from roletrust_env.game.make_task import make_task

@@ -2,7 +2,6 @@
 task.
 """
 
-import copy
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import Any, Literal, NamedTuple, Self, get_args
@@ -13,6 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, mean_or_zero, namespace
 from roletrust_env.errors import explain, suggest
+from roletrust_env.frozen import Frozen
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.coalition import CoalitionMemory
 from roletrust_env.game.consumer import Bought, buy
@@ -68,7 +68,7 @@ def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
         raise ValueError(f"stealth: {explain(error)}") from None
 
 
-class AttackerSide:
+class AttackerSide(Frozen):
     """The compromised agents and their identities.
 
     Args:
@@ -252,7 +252,7 @@ class Outcome(NamedTuple):
     caught: Array
 
 
-class AttackTask:
+class AttackTask(Frozen):
     """The game as the control problem of one attacker.
 
     Args:
@@ -442,9 +442,7 @@ class AttackTask:
         attack has a positive score if and only if it leaves consumers a lower skill than s, see
         `roletrust_env.metrics.skill`.
         """
-        other = copy.copy(self)
-        other.blind_share = share
-        return other
+        return self.changed(blind_share=share)
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
         """Return the qualities that consumers got in a round by the trust before it. See

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.frozen import Frozen
 from roletrust_env.trust.edges import edge_model, start_on_edges, takes_peers
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import TrustModel, start_model
@@ -31,7 +32,7 @@ Met = Any
 the cell."""
 
 
-class Cells:
+class Cells(Frozen):
     """The cells of a game: those of all pairs, arrays of shape (S, P, ...), for any trust model and
     array library.
 
@@ -60,9 +61,9 @@ class Cells:
                 "roletrust_env.SparseGame plays it"
             )
         self.width, self._rule, self._model = roster.n_providers, scenario.access, model
-        self.not_self = xp.asarray(roster.not_self, device=like.device)
+        self.not_self = xp.asarray(roster.not_self.copy(), device=like.device)
         self._peers = xp.asarray(~roster.not_self, device=like.device)
-        self._own = xp.asarray(roster.own_provider, device=like.device)
+        self._own = xp.asarray(roster.own_provider.copy(), device=like.device)
         self._places = xp.arange(roster.n_providers, device=like.device)
         check_trust_model(model, self._peers, like)
         self._watched = needs_watching(model)

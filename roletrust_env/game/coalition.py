@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from roletrust_env.arrays import Array, cast, largest, mean_or_zero, mean_places, namespace
+from roletrust_env.frozen import Frozen
 from roletrust_env.game.accounts import Accounts, account_features
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import Actions, State
@@ -210,7 +211,7 @@ class Decision(NamedTuple):
     treatment: Array | None = None
 
 
-class Coalition:
+class Coalition(Frozen):
     """The compromised agents of a game as one mind.
 
     Args:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace, whole_dtype
+from roletrust_env.frozen import Frozen
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.cells import Cells, for_batch
 from roletrust_env.game.noise import NoiseSource
@@ -33,7 +34,7 @@ from roletrust_env.world.scenario import Choice, Everyone, InRange, Scenario
 from roletrust_env.world.service import make_service
 
 
-class Game:
+class Game(Frozen):
     """The rules of one scenario under one trust model.
 
     Args:
@@ -62,11 +63,12 @@ class Game:
                 "name"
             )
         self.scenario = scenario
-        self.like = like = np.zeros(()) if like is None else like
+        like = np.zeros(()) if like is None else like
         if str(like.dtype).removeprefix("torch.") not in ("float32", "float64"):
             raise ValueError(
                 f"like is of dtype {like.dtype}; games are played in float32 or float64"
             )
+        self.like = like = namespace(like).zeros_like(like)  # the user's may be written to
         if isinstance(trust_model, str):
             offered = {"lam": scenario.lam, "initial": scenario.initial_trust}
             trust_model = trust_models.make(

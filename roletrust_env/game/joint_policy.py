@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace, within
+from roletrust_env.frozen import Frozen
 from roletrust_env.game.brief import game_facts, players
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Channel, Policy, policy_name
@@ -107,7 +108,7 @@ class _GroupActions(NamedTuple):
     withheld: Array | None = None
 
 
-class JointPolicy:
+class JointPolicy(Frozen):
     """The policies of all agents of a game, in one game or a batch.
 
     Agents with the same role and equal policies decide together.

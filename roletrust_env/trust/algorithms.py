@@ -198,7 +198,7 @@ def without_rounding(gap: Array) -> Array:
     """Return the gaps, and 0 for those below 1e-12: the order of a sum decides over them, and a
     root magnifies them.
     """
-    return gap * (gap >= _ROUNDING)
+    return namespace(gap).where(gap < _ROUNDING, 0.0, gap)
 
 
 def provider_quality(

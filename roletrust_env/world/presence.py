@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.frozen import Frozen
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
@@ -25,7 +26,7 @@ class Population(NamedTuple):
     low: Array
 
 
-class Presence:
+class Presence(Frozen):
     """Rules of joining, leaving and admission control.
 
     Args:

@@ -107,6 +107,7 @@ class Roster:
         own[self.n_raters - self.n_both :] = np.arange(
             self.n_providers - self.n_both, self.n_providers
         )
+        own.flags.writeable = False
         return own
 
     @cached_property
@@ -204,7 +205,9 @@ class Roster:
     @cached_property
     def not_self(self) -> npt.NDArray[np.bool_]:
         """Boolean array of shape (S, P), true where rater and provider are not the same agent."""
-        return np.asarray(self.own_provider[:, None] != np.arange(self.n_providers))
+        pairs = np.asarray(self.own_provider[:, None] != np.arange(self.n_providers))
+        pairs.flags.writeable = False
+        return pairs
 
     def raters(self, of_agents: Array) -> Array:
         """Return the rows of the raters, shape (S, ...), of an array over agents, shape (N,

@@ -240,5 +240,5 @@ def test_actions_that_are_nan_or_outside_are_refused() -> None:
         for name, place in (("quality", 0), ("ratings", 1)):
             parts = [np.ones((3, 4)), np.ones((3, 3, 4))]
             parts[place][-1] = wrong
-            with refuses(ValueError, "NaN", name, wrong):
+            with refuses(ValueError, name, wrong):
                 game.step(state, Actions(*parts), game.draw(random, (4,)))

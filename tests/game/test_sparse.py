@@ -366,7 +366,7 @@ def test_a_state_is_stepped_from_once_and_can_still_be_read() -> None:
     with refuses(ValueError, "round", "1", "3"):
         game.step(states[1], act, game.draw(random))
     assert game.step(states[-1], act, game.draw(random))[0].round == 4
-    with refuses(ValueError, "(5,)", "(7, 3)"):
+    with refuses(ValueError, "(7, 5)", "(7, 3)"):
         game.step(states[-1], Actions(np.ones(5), np.ones((7, 5))), game.draw(random))
     with refuses(ValueError, "withheld", "(7, 5)", "(7, 3)"):
         game.step(states[-1], act._replace(withheld=np.zeros((7, 5), bool)), game.draw(random))

@@ -1,6 +1,5 @@
 """Attackers that a network plays: agent by agent, or a coalition as one mind."""
 
-import copy
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,9 +46,7 @@ class NetworkAttacker:
 
 def with_knowledge(task: AttackTask, knowledge: Knowledge) -> AttackTask:
     """Return the same task, observed with another knowledge."""
-    other = copy.copy(task)
-    other.knowledge = knowledge
-    return other
+    return task.changed(knowledge=knowledge)
 
 
 @dataclass(frozen=True, eq=False)

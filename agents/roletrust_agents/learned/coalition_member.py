@@ -6,6 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.frozen import Frozen
 from roletrust_env.game.accounts import Accounts, account_features
 from roletrust_env.game.coalition import CoalitionMemory, lie_ratings, provider_features, to_digits
 from roletrust_env.game.policy import Channel, Policy
@@ -41,7 +42,7 @@ class _MemberMemory(NamedTuple):
     serving: tuple[Array, Array] | None = None
 
 
-class CoalitionMember(Policy):
+class CoalitionMember(Frozen, Policy):
     """Policy of one member of a trained coalition. The members do not communicate.
 
     Each member runs the coalition's network, on the same features as `CoalitionAttacker`, from what

@@ -14,6 +14,7 @@ from roletrust_agents.learned.saved import SavedAttacker, load_attacker
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker, Scripted
 from roletrust_env.evaluation.measurement import judged
+from roletrust_env.frozen import Frozen
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import rollout
@@ -23,7 +24,7 @@ from roletrust_env.world.group import Role
 from roletrust_env.world.roster import Roster, role_in_name
 
 
-class LearnedPolicy(Policy):
+class LearnedPolicy(Frozen, Policy):
     """Policy of a trained attacker that controls one agent.
 
     `learned_policy` returns the policy of a saved attacker, and `policy_of` that of a model of
