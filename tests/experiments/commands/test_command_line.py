@@ -8,6 +8,7 @@ import sys
 
 import pytest
 import typer
+from refusals import refuses
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -148,7 +149,7 @@ def test_a_working_directory_that_is_gone_is_named_in_one_line(tmp_path, monkeyp
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
-    with pytest.raises(SystemExit, match="2"):
+    with refuses(SystemExit, "2"):
         main()
     assert (
         capsys.readouterr().err

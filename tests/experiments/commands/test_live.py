@@ -10,6 +10,7 @@ from unittest.mock import Mock
 import pytest
 from command_line import printed, run
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
+from refusals import assert_names, refuses
 
 from roletrust_env.live import clock
 from roletrust_env.live.journal import read_journal
@@ -104,33 +105,32 @@ def test_a_demo_without_its_port_leaves_the_last_ones_results(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("work_s", "speed", "line"),
+    ("work_s", "speed", "words"),
     [
-        (0.19, 1.0, ""),
+        (0.19, 1.0, ()),
         (
             0.32,
             0.62,
-            "take 0.32 s for its pictures, and have 0.2 s. A round takes 0.81 s instead (--speed "
-            "0.62)",
+            ("0.32", "0.2", "0.81", "--speed 0.62"),
         ),
         (
             2.1,
             None,
-            "raters take 2.1 s for the pictures of a round, and have 2 s even with --speed 0.1",
+            ("2.1", "2", "--speed 0.1"),
         ),
     ],
 )
-def test_a_demo_measures_first_how_fast_rounds_can_be(work_s, speed, line, monkeypatch, capsys):
+def test_a_demo_measures_first_how_fast_rounds_can_be(work_s, speed, words, monkeypatch, capsys):
     monkeypatch.setattr(pace, "work_s", lambda raters, providers: work_s * raters * providers / 9)
     plan = demo._Plan("bad-mouthing", 120.0, 1.0, signed=True, seed=0)
     if speed is None:
-        with pytest.raises(ValueError, match=line):
+        with refuses(ValueError, *words):
             demo._paced(plan)
         return
     assert demo._paced(plan).speed == speed
     printed = capsys.readouterr().out
-    assert line in printed
-    assert printed.count("\n") == bool(line)
+    assert_names(printed, *words)
+    assert printed.count("\n") == bool(words)
 
 
 def test_work_is_measured_in_a_moment():
@@ -177,18 +177,16 @@ def test_a_demo_stops_when_most_rounds_lack_a_rater(monkeypatch, tmp_path):
     moments = itertools.count(clock.now(), PERIOD)
     monkeypatch.setattr(clock, "now", lambda: next(moments))
     monkeypatch.setattr(demo.time, "sleep", lambda seconds: None)
-    with pytest.raises(
-        ValueError, match=r"20 of the last 20 rounds lack a rater. Raters take 0.7 s .* 0.5 s"
-    ):
+    with refuses(ValueError, "20", "0.7", "0.5"):
         demo._run_team(plan, tmp_path, None, progress_bar())
 
 
 @pytest.mark.parametrize(
     ("name", "code", "end", "words"),
     [
-        ("sr_0", 0, 0, "sr_0 has ended before the others"),
-        ("sp_0", -9, 0, "sp_0 ended with exit code -9"),
-        ("sp_0", 0, 2**62, "sp_0 has ended before the others"),
+        ("sr_0", 0, 0, ("sr_0",)),
+        ("sp_0", -9, 0, ("sp_0", "-9")),
+        ("sp_0", 0, 2**62, ("sp_0",)),
         ("sp_0", 0, 0, None),
     ],
 )
@@ -197,17 +195,17 @@ def test_a_node_that_ends_too_early_is_named(name, code, end, words):
     nodes._processes[name] = _Process(
         SimpleNamespace(exitcode=code), SimpleNamespace(poll=lambda: False)
     )
-    with nullcontext() if words is None else pytest.raises(ValueError, match=words):
+    with nullcontext() if words is None else refuses(ValueError, *words):
         nodes.check("sp_0", end=end)
 
 
 @pytest.mark.parametrize(
     ("code", "words"),
-    [(0, None), (-9, "recorder ended with exit code -9"), (None, "recorder did not stop within")],
+    [(0, None), (-9, ("recorder", "-9")), (None, ("recorder",))],
 )
 def test_a_node_that_fails_at_the_end_is_named(code, words):
     with (
-        nullcontext() if words is None else pytest.raises(ValueError, match=words),
+        nullcontext() if words is None else refuses(ValueError, *words),
         NodeProcesses() as nodes,
     ):
         node = Mock(exitcode=code)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import printed
+from refusals import refuses
 from small_suites import small
 
 from roletrust_env.benchmarking.cells import find_attack, play_cell
@@ -126,7 +127,7 @@ def test_what_cannot_be_played_again_is_refused(file: Path, tmp_path: Path) -> N
         made = printed("replay", file, *arguments, "--out", tmp_path, code=2)
         assert words in made
     honest = next(cell for cell in SUITE.cells() if cell.track == "honest")
-    with pytest.raises(ValueError, match="everybody is honest there"):
+    with refuses(ValueError, "mean|market|honest|0.0|nobody|3"):
         find_attack(SUITE, honest, "nobody")
-    with pytest.raises(ValueError, match="has no attack 'nothing'"):
+    with refuses(ValueError, "nothing", "bad-mouthing"):
         find_attack(SUITE, scripted, "nothing")

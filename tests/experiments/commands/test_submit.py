@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from benchmark_cases import tiny
 from command_line import printed, run
+from refusals import refuses
 
 from roletrust_env.benchmarking import verification
 from roletrust_env.benchmarking.cells import play_cell
@@ -427,43 +428,42 @@ def test_a_hostile_file_is_one_line(
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (lambda text: text[: len(text) // 2], "Expecting|Unterminated|delimiter"),
-        (lambda text: "[" * 200_000, "nested too deeply"),
-        (lambda text: '{"cells": ' * 200_000, "nested too deeply"),
+        (lambda text: text[: len(text) // 2], ("JSON",)),
+        (lambda text: "[" * 200_000, ("JSON",)),
+        (lambda text: '{"cells": ' * 200_000, ("JSON",)),
         (
             lambda text: text.replace('"format": 4', '"format": 4, "format": 4'),
-            "two fields of one name",
+            ("JSON",),
         ),
         (
             lambda text: text.replace('"chosen": 0', '"chosen": 1e999, "x": 0', 1),
-            "chosen is inf|ghost|x is",
+            ("cells.0.attacks.0.chosen", "inf"),
         ),
-        (lambda text: "", "Expecting value"),
-        (lambda text: "\udcff", "utf-8"),
-        (lambda text: "1" * 10_000, "Exceeds the limit"),
+        (lambda text: "", ("JSON",)),
+        (lambda text: "\udcff", ("JSON", "utf-8")),
+        (lambda text: "1" * 10_000, ("4300",)),
         (
             lambda text: text.replace("market", "\\ud800"),
-            r"has \\ud800, which is no character of Unicode",
+            ("JSON", "\\ud800"),
         ),
-        (lambda text: f"[{'{},' * 1_500_000}{{}}]", "more than 3,000,000 values"),
+        (lambda text: f"[{'{},' * 1_500_000}{{}}]", ("3,000,000",)),
         (
             lambda text: json.dumps({f"{k}": 0 for k in range(10_001)}),
-            "an object of more than 10,000 fields",
+            ("10,000",),
         ),
         (
             lambda text: '{"cells": [' + "{}," * 1_000 + "{}]}",
-            r"cells\.0\.model is missing.*; and \d more$",
+            ("cells.0.model",),
         ),
     ],
 )
 def test_a_file_that_is_no_json_is_one_line(
-    tmp_path: Path, text: str, spoil: Callable, words: str
+    tmp_path: Path, text: str, spoil: Callable, words: tuple[str, ...]
 ) -> None:
     path = tmp_path / "theirs.json"
     path.write_bytes(spoil(text).encode("utf-8", "surrogateescape"))
-    with pytest.raises(ValueError, match=words) as error:
+    with refuses(ValueError, *words):
         read_submission(path)
-    assert "\n" not in str(error.value)
 
 
 def test_a_file_that_is_too_large_or_none_is_not_read(
@@ -471,13 +471,9 @@ def test_a_file_that_is_too_large_or_none_is_not_read(
 ) -> None:
     monkeypatch.setattr(verification, "MAX_BYTES", 1000)
     (tmp_path / "large.json").write_text(" " * 1001)
-    with pytest.raises(ValueError, match="has more than 1000 bytes"):
+    with refuses(ValueError, "large.json", "1000"):
         read_submission(tmp_path / "large.json")
     os.mkfifo(tmp_path / "pipe.json")
-    for name, wrong in {
-        "pipe.json": "there is no file",
-        "none.json": "there is no file",
-        ".": "is a folder",
-    }.items():
-        with pytest.raises(ValueError, match=wrong):
+    for name in ("pipe.json", "none.json", "."):
+        with refuses(ValueError, tmp_path / name):
             read_submission(tmp_path / name)

@@ -11,6 +11,7 @@ import time
 import numpy as np
 import pytest
 from command_line import printed, run
+from refusals import refuses
 
 pytest.importorskip("sb3_contrib")
 
@@ -287,7 +288,7 @@ def test_a_killed_run_goes_on(tmp_path):
 
 def test_settings_are_tuned_by_task_and_changed_by_hand():
     assert make_settings("RoleTrust/ProviderAttack-v0", "ppo", {"gamma": 0.5}).gamma == 0.5
-    with pytest.raises(ValueError, match="gamma is 2"):
+    with refuses(ValueError, "gamma", "2"):
         make_settings("RoleTrust/ProviderAttack-v0", "ppo", {"gamma": 2})
 
 

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 pytest.importorskip("sb3_contrib")
 pytest.importorskip("cma")
@@ -96,7 +97,7 @@ def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
     }
     result = Learned(tmp_path / "one").search(elsewhere, Budget(0), 0)
     assert result.rounds == card.training.rounds
-    with pytest.raises(ValueError, match="coalition"):
+    with refuses(ValueError, "accomplices"):
         learned(str(tmp_path / "one"))
     checked = CliRunner().invoke(
         app, ["list", "zoo", "--folder", str(tmp_path / "one"), "--games", "8", "--json"]
@@ -194,12 +195,12 @@ def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):
     )
     card = json.loads(text)
     card["architecture"]["units"] = 200
-    with pytest.raises(ValueError, match="shape"):
+    with refuses(ValueError, "layer0.weight", "(3, 15)", "(200, 15)"):
         parse_attacker(json.dumps(card).encode(), data)
     card["architecture"]["features"][0] = "mood"
-    with pytest.raises(ValueError, match="features"):
+    with refuses(ValueError, "features"):
         Card.model_validate_json(json.dumps(card))
     card = json.loads(text)
     card["task"]["knowledge"] = "white_box"
-    with pytest.raises(ValueError, match="black_box"):
+    with refuses(ValueError, "black_box"):
         Card.model_validate_json(json.dumps(card))
