@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from recorded_games import PERIOD, spoken
+from refusals import refuses
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Scenario, make_scenario
@@ -113,5 +114,5 @@ def test_clipped_ratings_of_a_rater_with_positive_bias():
 
 
 def test_a_recording_without_two_rounds_is_refused():
-    with pytest.raises(ValueError, match="less than two rounds of ratings"):
+    with refuses(ValueError, "recording"):
         observe_team([])

@@ -3,6 +3,7 @@ import stat
 import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from refusals import refuses
 
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
 
@@ -24,7 +25,7 @@ def test_private_keys_are_for_their_owner_only(tmp_path):
     path = tmp_path / "sr_0.key"
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     path.chmod(0o640)
-    with pytest.raises(ValueError, match=r"can be read by others.*chmod 600"):
+    with refuses(ValueError, "sr_0.key", "600"):
         Signer(tmp_path, "sr_0")
 
 
@@ -37,24 +38,22 @@ def test_existing_keys_are_not_changed(tmp_path):
 
 @pytest.mark.parametrize("name", ["../sr_0", "sr 0", "", "sr/0"])
 def test_an_invalid_name_makes_no_keys(tmp_path, name):
-    with pytest.raises(ValueError, match="is no name of an agent"):
+    with refuses(ValueError, repr(name)):
         make_keys(tmp_path / "keys", ["sr_0", name])
     assert not (tmp_path / "keys").exists()
 
 
 def test_missing_and_invalid_keys_are_refused(tmp_path):
-    with pytest.raises(
-        ValueError, match=r"no private key .*sr_0.key; `roletrust live keys` makes one"
-    ):
+    with refuses(ValueError, "sr_0.key"):
         Signer(tmp_path, "sr_0")
-    with pytest.raises(ValueError, match="no public key in"):
+    with refuses(ValueError, tmp_path):
         PublicKeys(tmp_path)
     for name in ("sr_0.key", "sr_0.pub"):
         (tmp_path / name).write_text("nonsense")
         (tmp_path / name).chmod(0o600)
-    with pytest.raises(ValueError, match="is not a private ed25519 key"):
+    with refuses(ValueError, "sr_0.key", "ed25519"):
         Signer(tmp_path, "sr_0")
-    with pytest.raises(ValueError, match="is not a public ed25519 key"):
+    with refuses(ValueError, "sr_0.pub", "ed25519"):
         PublicKeys(tmp_path)
 
 
@@ -71,5 +70,5 @@ def test_a_public_key_with_which_everybody_signs_is_none(tmp_path):
     point = Ed25519PublicKey.from_public_bytes(bytes([1]) + bytes(31))
     form = serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo
     (tmp_path / "sr_0.pub").write_bytes(point.public_bytes(*form))
-    with pytest.raises(ValueError, match=r"sr_0\.pub is not a public ed25519 key"):
+    with refuses(ValueError, "sr_0.pub", "ed25519"):
         PublicKeys(tmp_path)
