@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env.metrics import damage, exploitability, recovery, return_on_attack
 
@@ -44,7 +45,7 @@ def test_recovery_counts_rounds_from_the_end_of_the_attack() -> None:
 
 @pytest.mark.parametrize("stop", [-1, 4])
 def test_an_attack_ends_within_the_game(stop: int) -> None:
-    with pytest.raises(ValueError, match="from 0 to 3"):
+    with refuses(ValueError, "stop", "3", stop):
         recovery(CALM, CALM, [0], stop=stop)
 
 
@@ -68,9 +69,9 @@ def test_scores_of_other_metrics_are_taken_as_they_are() -> None:
 def test_the_worst_case_is_the_attack_with_the_highest_mean() -> None:
     found = exploitability({"a": 0.2, "b": [0.1, 0.5], "c": [NAN, 0.25]})
     assert (found.attack, found.damage) == ("b", pytest.approx(0.3))
-    with pytest.raises(ValueError, match="one attack"):
+    with refuses(ValueError, "damages"):
         exploitability({})
-    with pytest.raises(ValueError, match="'a' is undefined"):
+    with refuses(ValueError, "a"):
         exploitability({"a": NAN})
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refuses
 from scipy import stats
 
 from roletrust_env.metrics import absolute_error, coverage, kendall_tau, spearman
@@ -28,7 +29,7 @@ def test_tau_a_divides_by_all_pairs() -> None:
     trust, quality = np.array([0.1, 0.5, 0.5]), np.array([0.2, 0.3, 0.9])
     assert kendall_tau(trust, quality, "a").value == pytest.approx(2 / 3)
     assert kendall_tau(trust, quality, "b").value == pytest.approx(2 / np.sqrt(2 * 3))
-    with pytest.raises(ValueError, match="'a' or 'b'"):
+    with refuses(ValueError, "a", "b"):
         kendall_tau(trust, quality, "c")  # type: ignore[arg-type]
 
 
