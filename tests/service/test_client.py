@@ -4,8 +4,8 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
-import pytest
 from fastapi import FastAPI
+from refusals import refuses
 from running import manager, running
 
 from roletrust_env.live.validation import RefusalReason
@@ -28,11 +28,11 @@ def test_an_agent_registers_rates_asks_and_leaves(ann, url, tmp_path, clock):
     with TrustClient(url) as reader:
         assert [one.name for one in reader.agents().agents] == ["bob", "ann"]
         reader.export(tmp_path / "ratings.csv")
-        with pytest.raises(ValueError, match="a client without a name can only read"):
+        with refuses(ValueError, "name"):
             reader.rate("bob", 4.6)
     assert (tmp_path / "ratings.csv").read_text().splitlines()[1].startswith("ann,bob,4.6,")
     ann.leave()
-    with pytest.raises(RefusalError, match="unknown sender: ann is not registered here"):
+    with refuses(RefusalError, "ann"):
         ann.rate("bob", 4.6)
 
 
@@ -48,7 +48,7 @@ def test_a_client_whose_clock_was_ahead_goes_on_when_it_is_right(ann, monkeypatc
     ahead = SimpleNamespace(**vars(time) | {"time_ns": lambda: time.time_ns() + 3600 * 10**9})
     with monkeypatch.context() as wrong:
         wrong.setattr(client, "time", ahead)
-        with pytest.raises(RefusalError, match="was signed in the future"):
+        with refuses(RefusalError, "ann"):
             ann.rate("bob", 4.6)
     ann.rate("bob", 4.6)
     assert ann.about().ratings == 1
@@ -67,7 +67,7 @@ def test_a_rating_that_was_given_up_counts_once_when_it_is_sent_again(ann, betwe
         for wait in (0, 120):  # within the tolerance, and beyond it
             setattr(between, side, [0.3])
             ann._patience_s = 0.1
-            with pytest.raises(UnreachableError, match=r"gives no answer within 0\.1 s"):
+            with refuses(UnreachableError, "0.1"):
                 ann.rate("bob", 4.6)
             ann._patience_s = 10.0
             time.sleep(0.3)
@@ -113,7 +113,7 @@ def test_a_restart_is_waited_for(tmp_path, clock):
 def test_more_work_than_a_client_does_is_refused(ann, monkeypatch):
     about = ann.about().model_copy(update={"work": 40})
     monkeypatch.setattr(ann, "about", lambda: about)
-    with pytest.raises(ValueError, match="proof of work of 40 bits; a client does up to 24"):
+    with refuses(ValueError, "40", "24"):
         ann.register()
 
 
@@ -123,33 +123,31 @@ def test_refusals_say_why(ann):
         ("carl", 4.6, RefusalReason.UNKNOWN_PROVIDER, 404),
         ("bob", 0.5, RefusalReason.OUT_OF_RANGE, 422),
     ):
-        with pytest.raises(RefusalError, match=reason) as error:
+        with refuses(RefusalError, reason, "ann", rating) as error:
             ann.rate(name, rating)
         assert (error.value.reason, error.value.status, error.value.at) == (reason, status, 0)
-    with pytest.raises(ValueError, match="'b b' is no name"):
+    with refuses(ValueError, "b b"):
         ann.rate("b b", 4.6)
-    for name, reason in (
-        ("carl", "unknown agent"),
-        ("..", r"'\.\.' is no name of an agent"),
-        ("", "is no name"),
+    for name, word in (
+        ("carl", "carl"),
+        ("..", "'..'"),
+        ("", "''"),
     ):
-        with pytest.raises(ValueError, match=reason):
+        with refuses(ValueError, word):
             ann.ask(name)
 
 
 def test_what_is_no_manager_is_said_in_one_line(tmp_path):
-    gone = pytest.raises(
-        UnreachableError, match=r"^no trust manager answers at http://127\.0\.0\.1:9$"
-    )
-    with TrustClient("http://127.0.0.1:9", patience_s=0.2) as client, gone:
+    with (
+        TrustClient("http://127.0.0.1:9", patience_s=0.2) as client,
+        refuses(UnreachableError, "http://127.0.0.1:9"),
+    ):
         client.about()
     with running(FastAPI()) as address, TrustClient(address) as client:
-        with pytest.raises(
-            UnreachableError, match="is no trust manager: it answers with status 404"
-        ):
+        with refuses(UnreachableError, "status", "404"):
             client.about()
-        with pytest.raises(UnreachableError, match="status 404"):
+        with refuses(UnreachableError, "status", "404"):
             client.export(tmp_path / "ratings.csv")
     assert not list(tmp_path.iterdir())
-    with pytest.raises(ValueError, match="is no address of a trust manager"):
+    with refuses(ValueError, "localhost:8000"):
         TrustClient("localhost:8000")

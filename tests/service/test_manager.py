@@ -2,7 +2,6 @@
 it."""
 
 import random
-import re
 import sqlite3
 from contextlib import closing, suppress
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from postgres import postgres
+from refusals import refuses
 from signing_agents import NAME, QUICK, START, Agent, Clock, OneByOne, managed
 from sqlalchemy import text
 
@@ -81,7 +81,7 @@ def test_a_rating_after_more_silence_than_a_stream_takes_is_not_acknowledged(tmp
         clock.now += MOST - 3
         manager.rate([ann.rating("bob", 0)])
         clock.now += MOST + 3
-        with pytest.raises(StoreError, match="too many rounds without a rating"):
+        with refuses(StoreError, "--every"):
             manager.rate([ann.rating("bob", 1)])
         before = standings(manager)
     with managed(str(tmp_path / "s"), clock, QUICK._replace(every=1.0, tolerance=1e6)) as manager:
@@ -104,7 +104,7 @@ def test_postgresql_keeps_the_same(tmp_path: Path):
         with managed(
             address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))
         ) as manager:
-            with pytest.raises(StoreError, match="in use by another manager"):
+            with refuses(StoreError, "s"):
                 Store(address).open()
             ann, _ = joined(manager, clock, "ann", "bob")
             check_failures(manager, ann)
@@ -374,10 +374,10 @@ def test_a_model_that_fails_ends_the_taking_of_ratings(
         clock.now += 100
         with monkeypatch.context() as patch:
             patch.setattr(TrustStream, "update", lambda *_: int("no number"))
-            with pytest.raises(StoreError, match=r"role-trust cannot go on.*no number"):
+            with refuses(StoreError, "role-trust", "no number"):
                 manager.advance()
         for _ in range(2):
-            with pytest.raises(StoreError, match="start with another model"):
+            with refuses(StoreError, "role-trust"):
                 manager.rate([ann.rating("bob", 1)])
     with managed(tmp_path / "s", clock, model="mean") as manager:
         assert manager.about()["counted"] == manager.about()["ratings"] == 1
@@ -426,50 +426,50 @@ def test_a_batch_that_breaks_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("update events set time = 'x' where seq = 5", "damaged at event 5: time is 'x'"),
-        ("update events set rating = 9e999 where seq = 4", "damaged at event 4: rating is inf"),
-        ("update events set kind = 'told' where seq = 4", "damaged at event 4: kind is 'told'"),
+        ("update events set time = 'x' where seq = 5", ("5", "x")),
+        ("update events set rating = 9e999 where seq = 4", ("4", "inf")),
+        ("update events set kind = 'told' where seq = 4", ("4", "told")),
         (
             "update events set time = 0 where seq = 5",
-            "damaged at event 5: it is before the last one",
+            ("event", "5"),
         ),
-        ("delete from events where seq = 2", "damaged at event 2: it is missing"),
+        ("delete from events where seq = 2", ("event", "2")),
         (
             "update events set sender = 'zoe' where seq = 4",
-            "'zoe' cannot have sent this rating then",
+            ("zoe",),
         ),
         (
             "update events set provider = sender where seq = 4",
-            "'ann' cannot have sent this rating then",
+            ("ann",),
         ),
         (
             "update events set provider = 'zoe' where seq = 4",
-            "'ann' cannot have sent this rating then",
+            ("ann",),
         ),
-        ("update events set stamp = 1 where seq = 5", "'ann' cannot have sent this rating then"),
+        ("update events set stamp = 1 where seq = 5", ("ann",)),
         (
             "update events set kind = 'leave' where seq = 1",
-            "'ann' cannot have sent this leave then",
+            ("ann",),
         ),
         (
             "update events set sender = 'ann~2' where seq = 1",
-            "'ann~2' cannot have sent this register then",
+            ("ann~2",),
         ),
-        ("update events set token = '' where seq = 2", "'bob' cannot have sent this register then"),
-        ("update meta set value = 'a b' where name = 'manager'", "its manager is called 'a b'"),
-        ("delete from meta where name = 'manager'", "its manager is called ''"),
-        ("delete from meta", "its table meta or its table events is missing or empty"),
-        ("drop table events", "its table meta or its table events is missing or empty"),
-        ("drop table meta", "its table meta or its table events is missing or empty"),
+        ("update events set token = '' where seq = 2", ("bob",)),
+        ("update meta set value = 'a b' where name = 'manager'", ("a b",)),
+        ("delete from meta where name = 'manager'", ("s",)),
+        ("delete from meta", ("s",)),
+        ("drop table events", ("s",)),
+        ("drop table meta", ("s",)),
         (
             "update meta set value = '2' where name = 'schema'",
-            "has schema 2; schema 1 is read here",
+            ("schema", "2", "1"),
         ),
-        ("create table t (a)", "is a database of another program, with a table 't'"),
+        ("create table t (a)", ("t",)),
     ],
 )
 def test_a_store_that_was_changed_is_refused_and_stays_as_it_is(
-    tmp_path: Path, change: str, words: str
+    tmp_path: Path, change: str, words: tuple[str, ...]
 ):
     path = tmp_path / "s"
     with managed(path, clock := Clock()) as manager:
@@ -482,7 +482,7 @@ def test_a_store_that_was_changed_is_refused_and_stays_as_it_is(
         connection.commit()
         connection.execute("pragma wal_checkpoint(truncate)")
     before = path.read_bytes()
-    with pytest.raises((StoreError, ValueError), match=re.escape(words)), managed(path, clock):
+    with refuses((StoreError, ValueError), *words), managed(path, clock):
         pass
     assert path.read_bytes() == before
 
@@ -493,33 +493,33 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytes
     assert (tmp_path / ":memory:").is_file()
     with (
         managed(tmp_path / "s", Clock()),
-        pytest.raises(StoreError, match="in use by another manager"),
+        refuses(StoreError, "s"),
     ):
         Store(str(tmp_path / "s")).open()
-    with pytest.raises(ValueError, match="of the manager m, not of n"):
+    with refuses(ValueError, "m", "n"):
         Store(str(tmp_path / "s"), "n").open()
     with sqlite3.connect(tmp_path / "s") as connection:
         connection.execute("update meta set value = '2' where name = 'schema'")
-    with pytest.raises(ValueError, match="has schema 2; schema 1 is read here"):
+    with refuses(ValueError, "schema", "2", "1"):
         Store(str(tmp_path / "s")).open()
     with sqlite3.connect(tmp_path / "s") as connection:
         connection.execute("delete from meta where name = 'schema'")
     (tmp_path / "text").write_text("no database" * 1000)
     for address, words in (
-        (str(tmp_path / "s"), "has schema None"),
-        ("", "the address of the store is ''"),
-        (f"sqlite:///{tmp_path}/new", "must be a file of SQLite"),  # whose lock would be another
-        ("mysql://x/y", "must be a file of SQLite"),
-        (str(tmp_path / "text"), "not a database"),
+        (str(tmp_path / "s"), ("None", "1")),
+        ("", ("--store",)),
+        (f"sqlite:///{tmp_path}/new", ("SQLite",)),  # whose lock would be another
+        ("mysql://x/y", ("SQLite",)),
+        (str(tmp_path / "text"), ("text",)),
     ):
-        with pytest.raises((ValueError, StoreError), match=words):
+        with refuses((ValueError, StoreError), *words):
             Store(address).open()
     for change in ({"every": float("inf")}, {"tolerance": float("nan")}, {"tolerance": -1.0}):
         with (
-            pytest.raises(ValueError, match=f"{next(iter(change))} is .* must be from 0 to"),
+            refuses(ValueError, next(iter(change))),
             managed(tmp_path / "other", Clock(), QUICK._replace(**change)),
         ):
             pass
-    with pytest.raises(ValueError, match="'a b' is no name"):
+    with refuses(ValueError, "a b"):
         Store(str(tmp_path / "new"), "a b")
     assert not (tmp_path / "new").exists()

@@ -3,9 +3,9 @@ import json
 from hashlib import sha256
 
 import jwt
-import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pages import HOUSE, blocks
+from refusals import refuses
 
 from roletrust_env.service.tokens import (
     MAX_TOKEN,
@@ -56,22 +56,22 @@ def test_what_is_no_token_of_the_kind_is_refused():
     head, payload, signature = sign(RATING, KEY).split(".")
     none = base64.urlsafe_b64encode(b'{"alg":"none"}').decode().rstrip("=")
     cases = [
-        ("garbage", Rating, "no signed JSON Web Token"),
-        (f"{head}.{payload}", Rating, "no signed JSON Web Token"),
+        ("garbage", Rating, ("JSON",)),
+        (f"{head}.{payload}", Rating, ("JSON",)),
         (
             f"{head}.{payload}.{signature[:-1]}B",
             Rating,
-            "no signed JSON Web Token",
+            ("JSON",),
         ),  # the same bytes, another text
-        (f"{none}.{payload}.", Rating, "the algorithm of a token is EdDSA"),
+        (f"{none}.{payload}.", Rating, ("EdDSA",)),
         (
             jwt.encode(claims, "x" * 32, algorithm="HS256"),
             Rating,
-            "the algorithm of a token is EdDSA",
+            ("EdDSA",),
         ),
-        ("x" * (MAX_TOKEN + 1), Rating, "up to 4,096 characters"),
-        (sign(RATING, KEY), Registration, "other claims than a registration: kind is 'rating'"),
-        (sign(RATING, KEY), Leave, "other claims than a leave"),
+        ("x" * (MAX_TOKEN + 1), Rating, ("4,096", "4,097")),
+        (sign(RATING, KEY), Registration, ("kind", "rating", "register")),
+        (sign(RATING, KEY), Leave, ("kind", "rating", "leave")),
     ]
     for change in (
         {"iss": "../ann"},
@@ -84,11 +84,11 @@ def test_what_is_no_token_of_the_kind_is_refused():
             (
                 jwt.encode(claims | change, KEY, algorithm="EdDSA"),
                 Rating,
-                f"a rating: {next(iter(change))} is",
+                tuple(change),
             )
         )
-    for token, kind, message in cases:
-        with pytest.raises(ValueError, match=message):
+    for token, kind, words in cases:
+        with refuses(ValueError, *words):
             read_token(token, kind)
 
 
