@@ -11,6 +11,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
+from refusals import refuses
 
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 
@@ -76,27 +77,27 @@ def bad_files(whole: bytes) -> dict[str, tuple[bytes, str]]:
         file.writestr("readme.txt", "hello")
     objects = {**arrays, "numbers": np.array([Evil()], object)}
     return {
-        "nothing": (b"", "no complete file"),
-        "two bytes": (b"PK", "no complete file"),
-        "a text": (b"nothing", "no complete file"),
-        "an array": (array.getvalue(), "no complete file"),
-        "a pickle": (pickle.dumps(Evil()), "no zip file"),
-        "a pickle in it": (written(objects), "allow_pickle"),
-        "another zip file": (foreign.getvalue(), "sha256 is missing"),
-        "an encrypted one": (packed(whole, flag=1), "encrypted"),
-        "an unknown compression": (packed(whole, method=99), "compressed"),
+        "nothing": (b"", ()),
+        "two bytes": (b"PK", ()),
+        "a text": (b"nothing", ()),
+        "an array": (array.getvalue(), ()),
+        "a pickle": (pickle.dumps(Evil()), ("zip",)),
+        "a pickle in it": (written(objects), ("allow_pickle",)),
+        "another zip file": (foreign.getvalue(), ("sha256",)),
+        "an encrypted one": (packed(whole, flag=1), ("encrypted",)),
+        "an unknown compression": (packed(whole, method=99), ("compressed",)),
         "a bomb": (
             written(arrays, np.savez_compressed),
-            "compressed, so it may become larger than memory",
+            ("compressed",),
         ),
-        "no checksum": (written({"numbers": arrays["numbers"]}), "sha256 is missing"),
+        "no checksum": (written({"numbers": arrays["numbers"]}), ("sha256",)),
         "another number": (
             written({**arrays, "numbers": np.arange(7.0)[::-1]}),
-            "not the saved ones",
+            ("checksum",),
         ),
-        "another type": (written({**arrays, "numbers": np.arange(7)}), "not the saved ones"),
-        "one array more": (written({**arrays, "more": np.zeros(1)}), "not the saved ones"),
-        "a wrong checksum": (written({**arrays, "sha256": np.zeros(3)}), "not the saved ones"),
+        "another type": (written({**arrays, "numbers": np.arange(7)}), ("checksum",)),
+        "one array more": (written({**arrays, "more": np.zeros(1)}), ("checksum",)),
+        "a wrong checksum": (written({**arrays, "sha256": np.zeros(3)}), ("checksum",)),
     }
 
 
@@ -107,17 +108,16 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
-def refused(path: Path, content: bytes, message: str = "no complete file|not the saved") -> None:
+def refused(path: Path, content: bytes, *words: str) -> None:
     path.write_bytes(content)
-    with pytest.raises(ValueError, match=message) as error:
+    with refuses(ValueError, *words):
         load_arrays(path)
-    assert "\n" not in str(error.value)
 
 
 def test_what_is_no_such_file_is_one_error(tmp_path: Path, whole: bytes) -> None:
-    for content, message in bad_files(whole).values():
-        refused(tmp_path / "a.npz", content, message)
-    with pytest.raises(OSError, match=r"none\.npz"):
+    for content, words in bad_files(whole).values():
+        refused(tmp_path / "a.npz", content, *words)
+    with refuses(OSError, "none.npz"):
         load_arrays(tmp_path / "none.npz")
 
 
