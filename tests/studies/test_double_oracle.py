@@ -3,6 +3,7 @@ comparison."""
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 pytest.importorskip("cma")
 pytest.importorskip("torch")
@@ -162,14 +163,14 @@ def test_intervals_cover_the_spread_of_runs():
 
 def test_a_skill_that_is_undefined_is_refused(played, monkeypatch):
     monkeypatch.setattr("studies.defence.fronts.skill", lambda utility, blind: utility * np.nan)
-    with pytest.raises(ValueError, match=r"the skill is undefined in tiny: small, raters 25%"):
+    with refuses(ValueError, "tiny", "small", "25"):
         played[0].fronts[0].clean("mean", 0, 2)
 
 
 def test_a_budget_that_the_models_of_the_mixture_exceed_is_refused(played):
     models = ("mean", "median", "beta", "role-trust")
     arguments = {model: played[0].fronts[0].arguments(model) for model in models}
-    with pytest.raises(ValueError, match=r"--budget is 3100 rounds; .* against 4 models needs"):
+    with refuses(ValueError, "--budget", "3100", "4"):
         respond_by_attack(arguments, dict.fromkeys(models, 0.25), (), 3_100, 0)
 
 
@@ -183,12 +184,12 @@ def test_strangers_are_attackers_that_no_training_has_met(played):
 
 def test_a_condition_that_is_not_there_is_refused(tmp_path):
     suite = options_in(tmp_path).suite
-    for name, message in (
-        ("small/raters", "is no front such as"),
-        ("small/raters/half", "is no front such as"),
-        ("large/raters/0.5", "no scenario 'large'"),
-        ("small/honest/0.5", "no track 'honest'"),
-        ("small/raters/2", "must lie between 0 and 1"),
+    for name, words in (
+        ("small/raters", ("small/raters",)),
+        ("small/raters/half", ("small/raters/half",)),
+        ("large/raters/0.5", ("large",)),
+        ("small/honest/0.5", ("honest",)),
+        ("small/raters/2", ("0", "1")),
     ):
-        with pytest.raises(ValueError, match=message):
+        with refuses(ValueError, *words):
             Front.parse(suite, name)

@@ -9,6 +9,7 @@ from csv_files import csv_rows
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from refusals import refuses
 from small_suites import small
 
 from roletrust_env.benchmarking import benchmark
@@ -91,11 +92,9 @@ def test_attacks_that_some_model_has_not_met_are_no_strategies() -> None:
     rows[0] = rows[0]._replace(chosen=longer, score=np.full((2, 5), 0.5))
     (found,) = payoffs(rows, ["a", "b"])
     assert (found.condition, found.attacks, found.chosen.shape) == (HERE, ("lies",), (2, 1, 6))
-    with pytest.raises(
-        ValueError, match="no attack was played on all 2 models in market, raters 30%"
-    ):
+    with refuses(ValueError, "2", "market", "30"):
         payoffs(rows[2:], ["a", "b"])
-    with pytest.raises(ValueError, match="no condition with an attack"):
+    with refuses(ValueError):
         payoffs(rows[-1:], ["a"])
 
 

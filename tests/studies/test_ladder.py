@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from csv_files import csv_rows
+from refusals import refuses
 
 from roletrust_agents.learned.methods import Learned
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
@@ -103,7 +104,7 @@ def test_a_trained_attacker():
     four = make_scenario("paper-3x3").change(
         agents=[{"role": "SR", "count": 4}, {"role": "SP", "count": 3}]
     )
-    with pytest.raises(UnsuitableError, match="this task has 12 and 1"):
+    with refuses(UnsuitableError, "12", "1"):
         find(zoo, {**arguments, "compromised": ("sp_2",), "scenario": four}, **measured)
 
 

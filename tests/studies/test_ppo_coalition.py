@@ -5,6 +5,7 @@ import ppo_coalition
 import pytest
 import torch
 from ppo_coalition import Agent, Settings, condition, main, train, utility
+from refusals import refuses
 
 from roletrust_agents.learned.coalition_attacker import decide
 from roletrust_env import make_task
@@ -47,7 +48,7 @@ def test_the_attacker_decides_as_the_agent_does(track, share, channels):
 
 
 def test_it_refuses_fewer_rounds_than_a_rollout():
-    with pytest.raises(ValueError, match="rounds is 100; give 1600 or more"):
+    with refuses(ValueError, "100", "1600"):
         train(Settings(rounds=100))
 
 
