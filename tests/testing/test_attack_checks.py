@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from roletrust_env import Policy, WindowedAttack
 from roletrust_env.arrays import namespace
@@ -111,55 +112,51 @@ def test_a_sound_attack_passes(attack: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("attack", "what"),
+    ("attack", "words"),
     [
-        (WritesToMemory(), "it writes to its memory; return a new memory"),
+        (WritesToMemory(), ("WritesToMemory()", "memory")),
         (
             RemembersInItself(),
-            "it changes its own attributes; keep what it remembers in the memory",
+            ("RemembersInItself()", "attributes"),
         ),
-        (TooGood(), r"it cannot play, round 0: .*quality that are NaN or outside \[0, 1\]"),
-        (MixesGames(), "a game in a batch differs from the same game alone"),
+        (TooGood(), ("TooGood()", "0", "quality")),
+        (MixesGames(), ("MixesGames()", "batch")),
         (
             IsRandom(),
-            "the same game has two results; draw random numbers from the `random` argument",
+            ("IsRandom()", "random"),
         ),
         (
             InDoublePrecision(),
-            "its quality are float64 in a game of float32; compute them from the view",
+            ("float64", "float32"),
         ),
         (
             WithoutChannels(),
-            r"attacks is frozenset\(\); it must be a frozenset of some of 'quality'",
+            ("frozenset()", "quality"),
         ),
-        (Unknown(), "it must be a frozenset of some of 'quality'"),
-        (Unhashable(), "it cannot be hashed; make its class a frozen dataclass"),
+        (Unknown(), ("Unknown()", "looks")),
+        (Unhashable(), ("Unhashable",)),
     ],
     ids=lambda attack: type(attack).__name__,
 )
-def test_each_broken_rule_is_named_in_one_line(attack: Any, what: str) -> None:
-    with pytest.raises(AssertionError, match=what) as error:
+def test_each_broken_rule_is_named_in_one_line(attack: Any, words: tuple[str, ...]) -> None:
+    with refuses(AssertionError, *words, type(attack).__name__):
         check_attack(attack, torch=False)
-    assert "\n" not in str(error.value)
-    assert type(attack).__name__ in str(error.value)
 
 
 def test_an_attack_for_numpy_only_is_refused_on_torch() -> None:
     pytest.importorskip("torch")
     check_attack(NumpyOnly(), torch=False)
-    with pytest.raises(AssertionError, match="it cannot play"):
+    with refuses(AssertionError, "NumpyOnly()", "torch.float64"):
         check_attack(NumpyOnly())
 
 
 def test_an_attack_that_plays_honestly_gets_a_hint() -> None:
-    with pytest.warns(UserWarning, match="it plays like an honest agent for 25 rounds"):
+    with pytest.warns(UserWarning, match=r"Idle\(\).* 25 "):
         check_attack(Idle(), torch=False)
 
 
 def test_a_class_and_another_object_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"is a class; check an object: Sound\(\)"):
+    with refuses(ValueError, "Sound()"):
         check_attack(Sound)  # type: ignore[arg-type]
-    with pytest.raises(
-        ValueError, match=r"is no Policy; derive its class from roletrust_env\.Policy"
-    ):
+    with refuses(ValueError, "3", "roletrust_env.Policy"):
         check_attack(3)  # type: ignore[arg-type]
