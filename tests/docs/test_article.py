@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from refusals import refuses
 
 from article import FILES, Results, Sources, browser, page, print_page
 
@@ -133,25 +134,25 @@ def test_every_claim_has_a_file_and_a_command():
 
 
 @pytest.mark.parametrize(
-    ("name", "where", "message"),
+    ("name", "where", "words"),
     [
-        ("leaderboards", {}, "there is no table 'leaderboards'"),
-        ("leaderboard", {"modell": "beta"}, "has no column 'modell'"),
-        ("leaderboard", {"model": "betta"}, "has 0 rows"),
-        ("leaderboard", {}, "rows with {}; exactly one is needed"),
+        ("leaderboards", {}, ("leaderboards",)),
+        ("leaderboard", {"modell": "beta"}, ("modell",)),
+        ("leaderboard", {"model": "betta"}, ("leaderboard", "0")),
+        ("leaderboard", {}, ("leaderboard",)),
     ],
 )
-def test_a_number_that_is_not_there_is_refused(name, where, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
+def test_a_number_that_is_not_there_is_refused(name, where, words):
+    with refuses(ValueError, *words):
         Results(DOCS).number(name, "worst", **where)
 
 
 def test_a_source_a_sentence_or_a_fact_that_is_not_there_is_refused():
-    with pytest.raises(ValueError, match="references\\.bib has no 'nobody1999'"):
+    with refuses(ValueError, "references.bib", "nobody1999"):
         Sources(DOCS / "references.bib").cite("nobody1999")
-    with pytest.raises(ValueError, match="has no 'dilutions'"):
+    with refuses(ValueError, "dilutions"):
         Results(DOCS).answer("dilutions")
-    with pytest.raises(ValueError, match="has no 'worst mixture'"):
+    with refuses(ValueError, "worst mixture"):
         Results(DOCS).fact("worst mixture")
 
 
@@ -178,5 +179,5 @@ def test_the_command_writes_the_page_and_prints_it(tmp_path):
 
 
 def test_a_browser_that_prints_nothing_is_an_error(tmp_path):
-    with pytest.raises(ValueError, match="printed no PDF"):
+    with refuses(ValueError, "PDF"):
         print_page(tmp_path / "page.html", tmp_path / "page.pdf", shutil.which("true"))
