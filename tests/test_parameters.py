@@ -6,6 +6,7 @@ import pickle
 
 import pydantic.dataclasses
 import pytest
+from refusals import refuses
 
 from roletrust_env.game.policy import WindowedAttack
 from roletrust_env.parameters import (
@@ -74,17 +75,14 @@ def test_the_message_suggests_the_near_name(name: str, known: list[str], message
 @pytest.mark.parametrize("cls", [Plain, Undecorated])
 def test_unknown_parameters_are_refused(cls: type[Plain]) -> None:
     assert cls(0.2).level == cls(level=0.2).level == 0.2
-    with pytest.raises(
-        UnknownParameterError,
-        match=rf"^{cls.__name__} has no parameter 'lvl'; did you mean 'level'\?",
-    ):
+    with refuses(UnknownParameterError, "lvl", "level", cls.__name__):
         cls(lvl=0.2)  # type: ignore[call-arg]
 
 
 def test_what_was_checked_is_checked_still() -> None:
-    with pytest.raises(pydantic.ValidationError, match=r"it must lie in \[0, 1\]"):
+    with refuses(pydantic.ValidationError, "level", "[0, 1]"):
         Plain(level=2.0)
-    with pytest.raises(pydantic.ValidationError, match="positional"):
+    with refuses(pydantic.ValidationError, "Plain", "3"):
         Plain(0.2, ("a",), 3)  # type: ignore[call-arg]
     with pytest.raises(dataclasses.FrozenInstanceError):
         Plain().level = 0.1  # type: ignore[misc]
@@ -102,13 +100,13 @@ def test_it_is_a_dataclass_as_others_are() -> None:
 
 def test_configuration_is_inherited() -> None:
     assert Heir(object(), more=inspect.signature(len)).more is not None
-    with pytest.raises(TypeError, match="It takes held, more"):
+    with refuses(TypeError, "zzz", "held", "more"):
         Heir(zzz=1)  # type: ignore[call-arg]
 
 
 def test_a_foreign_heir_refuses_too() -> None:
     assert Foreign(start=2).start == 2
-    with pytest.raises((TypeError, ValueError), match="lvl"):
+    with refuses((TypeError, ValueError), "lvl"):
         Foreign(lvl=0.2)  # type: ignore[call-arg]
 
 
@@ -118,19 +116,19 @@ def test_an_attack_of_another_package_refuses_too() -> None:
         level: float = 0.5
 
     assert Lies(level=0.2, start=3).start == 3
-    with pytest.raises((TypeError, ValueError), match="lvl"):
+    with refuses((TypeError, ValueError), "lvl"):
         Lies(lvl=0.2)  # type: ignore[call-arg]
-    with pytest.raises(TypeError, match=r"did you mean 'start'\?"):
+    with refuses(TypeError, "strat", "start"):
         WindowedAttack(strat=3)  # type: ignore[call-arg]
 
 
 def test_a_standard_dataclass_can_refuse() -> None:
     assert Standard(3) == Standard(budget=3)
-    with pytest.raises(TypeError, match=r"did you mean 'budget'\? It takes budget$"):
+    with refuses(TypeError, "budgte", "budget"):
         Standard(budgte=3)  # type: ignore[call-arg]
-    with pytest.raises(TypeError, match="no parameter 'hidden'"):
+    with refuses(TypeError, "hidden"):
         Standard(budget=3, hidden=3)  # type: ignore[call-arg]
-    with pytest.raises(TypeError, match="missing 1 required positional argument: 'budget'"):
+    with refuses(TypeError, "1", "budget"):
         Standard()  # type: ignore[call-arg]
 
 
@@ -138,8 +136,7 @@ def test_a_standard_dataclass_can_refuse() -> None:
 
 
 def test_the_example_of_a_trust_model() -> None:
-    message = r"^RoleTrust has no parameter 'lamb'; did you mean 'lam'\? It takes lam, initial$"
-    with pytest.raises(TypeError, match=message):
+    with refuses(TypeError, "RoleTrust", "lamb", "lam", "initial"):
         RoleTrust(lamb=0.7)  # type: ignore[call-arg]
 
 
@@ -147,17 +144,14 @@ def test_the_example_of_a_trust_model() -> None:
 def test_every_trust_model_refuses(name: str) -> None:
     cls = registry.factory(name)
     parameters = list(inspect.signature(cls).parameters)
-    with pytest.raises(
-        TypeError, match=f"has no parameter 'initail'[;.] .*{', '.join(parameters) or 'none'}$"
-    ):
+    with refuses(TypeError, cls.__name__, "initail", *parameters):
         cls(initail=0.5)
-    with pytest.raises(ValueError, match=f"^trust model '{name}' has no parameter 'initail'[;.] "):
+    with refuses(ValueError, "initail", name):
         make_trust_model(name, initail=0.5)
 
 
 def test_the_registry_suggests_in_one_line() -> None:
-    message = r"^trust model 'role-trust' has no parameter 'lamb'; did you mean 'lam'\? It takes lam, initial$"  # noqa: E501
-    with pytest.raises(ValueError, match=message):
+    with refuses(ValueError, "role-trust", "lamb", "lam", "initial"):
         make_trust_model("role-trust", lamb=0.7)
 
 
@@ -165,7 +159,5 @@ def test_a_factory_that_passes_everything_on_gives_one_line_too() -> None:
     things: Registry[Plain] = Registry("thing", "roletrust_env.tests.things", Plain)
     things.register("any", lambda **parameters: Plain(**parameters))
     assert things.make("any", level=0.1) == Plain(0.1)
-    with pytest.raises(
-        ValueError, match=r"^thing 'any': Plain has no parameter 'lvl'; did you mean 'level'\?"
-    ):
+    with refuses(ValueError, "any", "lvl", "level"):
         things.make("any", lvl=0.1)

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 import pytest
 from pydantic import ConfigDict, Field, NonNegativeInt, PositiveFloat, TypeAdapter, ValidationError
+from refusals import refuses
 
 from roletrust_env import Policy, make_trust_model, parameters
 from roletrust_env.parameters import GridValues, Lam, NotSearched, SearchRange, Share, Tail, allowed
@@ -66,7 +67,7 @@ def test_the_limits_of_each_range(
     for value in allowed_values:
         assert reader.validate_python(value) == value
     for value in [*refused_values, float("nan")]:
-        with pytest.raises(ValidationError, match="it must"):
+        with refuses(ValidationError, "1", "check()"):
             reader.validate_python(value)
 
 
@@ -75,7 +76,7 @@ def test_the_limits_of_each_range(
 )
 def test_a_search_range_is_finite_and_in_order(low: float, high: float) -> None:
     assert SearchRange(1, 1).high == 1
-    with pytest.raises(ValueError, match="is not a range"):
+    with refuses(ValueError, "SearchRange"):
         SearchRange(low, high)
 
 
@@ -90,5 +91,5 @@ def test_a_search_range_is_finite_and_in_order(low: float, high: float) -> None:
     ],
 )
 def test_what_sizes_a_memory_has_an_end(name: str, field: str) -> None:
-    with pytest.raises(ValueError, match=f"{field} is 100000: .* less than or equal to 1000?"):
+    with refuses(ValueError, "100000", field):
         make_trust_model(name, **{field: 100_000})

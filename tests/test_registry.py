@@ -4,6 +4,7 @@ from collections.abc import Callable
 from importlib.metadata import entry_points
 
 import pytest
+from refusals import refuses
 
 from roletrust_baselines import OnOff
 from roletrust_env import (
@@ -46,33 +47,24 @@ def test_a_thing_is_made_by_name(registry: Registry) -> None:
 
 @pytest.mark.parametrize("name", ["", "two words", "a/b", "box\n", "a,b"])
 def test_a_name_is_a_word(registry: Registry, name: str) -> None:
-    with pytest.raises(ValueError, match="is not a valid name of a thing"):
+    with refuses(ValueError, repr(name)):
         registry.register(name, box)
 
 
 def test_a_name_is_given_once(registry: Registry) -> None:
-    with pytest.raises(ValueError, match="'box' is already registered"):
+    with refuses(ValueError, "box"):
         registry.register("box", lambda: None)
     assert registry.make("box") == ("box", 1)
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("bax", "unknown thing 'bax'; did you mean 'box'? Known: box"),
-        ("zebra", "unknown thing 'zebra'. Known: box"),
-    ],
-)
-def test_an_unknown_name_is_answered_with_the_known_ones(
-    registry: Registry, name: str, message: str
-) -> None:
-    with pytest.raises(ValueError, match="unknown") as error:
+@pytest.mark.parametrize("name", ["bax", "zebra"])
+def test_an_unknown_name_is_answered_with_the_known_ones(registry: Registry, name: str) -> None:
+    with refuses(ValueError, name, "box"):
         registry.make(name)
-    assert str(error.value) == message
 
 
 def test_unknown_parameters_are_answered_with_the_known_ones(registry: Registry) -> None:
-    with pytest.raises(ValueError, match=r"thing 'box'.*'weight'.*size"):
+    with refuses(ValueError, "box", "weight"):
         registry.make("box", weight=3)
 
 
@@ -81,7 +73,7 @@ def test_what_a_plug_in_brings_is_found_last(registry: Registry, install: Callab
     assert registry.names() == ["box", "crate"]
     assert registry.describe()["crate"] == "from crate:made"
     assert registry.make("crate", size=2) == ("crate", 2)
-    with pytest.raises(ValueError, match="did you mean 'crate'"):
+    with refuses(ValueError, "crat", "crate"):
         registry.make("crat")
 
 
@@ -101,7 +93,7 @@ def test_a_broken_plug_in_harms_only_who_asks_for_it(
     install("shattered", registry.group, code)
     assert registry.make("box") == ("box", 1)
     assert "shattered" in registry.describe()
-    with pytest.raises(ValueError, match="shattered"):
+    with refuses(ValueError, "shattered"):
         registry.make("shattered")
 
 
@@ -110,7 +102,7 @@ def test_what_a_plug_in_makes_is_looked_at(
     registry: Registry, install: Callable, code: str
 ) -> None:
     install("changeling", registry.group, code)
-    with pytest.raises(ValueError, match=r"thing 'changeling' made .*; it must make a tuple"):
+    with refuses(ValueError, "changeling"):
         registry.make("changeling")
 
 
@@ -119,11 +111,9 @@ def test_a_plug_in_may_say_which_extra_brings_what_it_lacks(
 ) -> None:
     install("hungry", registry.group, "import no_such_food")
     install("frugal", registry.group, "import no_such_food", "frugal = frugal:made [food,drink]")
-    with pytest.raises(ValueError, match=r"'hungry:made', which cannot be loaded: .*no_such_food"):
+    with refuses(ValueError, "hungry:made", "no_such_food"):
         registry.make("hungry")
-    with pytest.raises(
-        ValueError, match=r"needs no_such_food: pip install 'frugal\[food,drink\]'$"
-    ):
+    with refuses(ValueError, "no_such_food", "frugal[food,drink]"):
         registry.make("frugal")
 
 
@@ -147,10 +137,7 @@ def test_a_class_named_by_hand_is_one_of_the_kind(registry: Registry) -> None:
     own = registry.for_class(__name__, "Crate")
     assert own.make("Crate", items=(1, 2)) == (1, 2)
     for name in ("box", "OnOff", "Registry"):
-        with pytest.raises(
-            ValueError,
-            match=f":{name}' must make a tuple, so it must be a class derived from tuple",
-        ):
+        with refuses(ValueError, name):
             registry.for_class(__name__, name)
 
 
@@ -158,9 +145,7 @@ def test_a_script_that_ends_python_does_not_end_the_command(
     registry: Registry, install: Callable
 ) -> None:
     install("script", "nobody", "import sys\nsys.exit(0)")
-    with pytest.raises(
-        ValueError, match="thing 'script:made' cannot be loaded: importing it ends Python"
-    ):
+    with refuses(ValueError, "script:made"):
         registry.for_class("script", "made")
 
 
@@ -169,7 +154,7 @@ def test_a_scenario_from_user_code_is_known_by_name() -> None:
     register_scenario(mine)
     assert make_scenario("mine") is mine
     assert scenarios()["mine"] == "My own."
-    with pytest.raises(ValueError, match="mine"):
+    with refuses(ValueError, "mine"):
         register_scenario(mine)
 
 
@@ -186,7 +171,7 @@ def test_scenarios_of_installed_packages(install: Callable) -> None:
 def test_a_broken_scenario_plug_in_harms_only_who_asks_for_it(install: Callable) -> None:
     install("brokenscenario", "roletrust_env.scenarios", "raise RuntimeError('half installed')")
     assert "paper-3x3" in scenarios()
-    with pytest.raises(ValueError, match="half installed"):
+    with refuses(ValueError, "brokenscenario", "brokenscenario:made"):
         make_scenario("brokenscenario")
 
 
@@ -195,9 +180,9 @@ def test_attackers_are_known_by_name() -> None:
     assert {"on-off", "bad-mouthing", "my-own"} <= set(attackers())
     assert attackers()["on-off"].startswith("On-off attack")
     assert make_attacker("my-own", period=4) == OnOff(period=4)
-    with pytest.raises(ValueError, match=r"'onoff'.*on-off"):
+    with refuses(ValueError, "onoff", "on-off"):
         make_attacker("onoff")
-    with pytest.raises(ValueError, match=r"'on-off'.*'perod'"):
+    with refuses(ValueError, "on-off", "perod"):
         make_attacker("on-off", perod=4)
 
 

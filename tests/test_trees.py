@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytest
+from refusals import refuses
 
 from roletrust_env.trees import arrays, check_ranges, kinds, leaves, map_kinds, map_leaves
 from roletrust_env.trust.ratings import PairAge, PerRater
@@ -39,7 +39,7 @@ def test_a_mapped_tree_has_the_same_structure():
     assert map_leaves(lambda a, b: (a, b), other, map_leaves(lambda _: 2, ONE)).inner == Inner(
         (1, 2), None
     )
-    with pytest.raises(ValueError, match="zip"):
+    with refuses(ValueError, "2"):
         map_leaves(lambda a, b: a, ONE, ONE[:2])
 
 
@@ -58,7 +58,5 @@ def test_ranges_are_those_of_the_annotations_and_states_without_any_have_none():
         (),
     ):
         check_ranges(state, 2)
-    with pytest.raises(
-        ValueError, match=r"age of Inner is 4\.0; it must be whole and lie in \[0, 3\]"
-    ):
+    with refuses(ValueError, "4.0", "[0, 3]"):
         check_ranges(ONE._replace(inner=Inner(np.array([0.0, 4.0]))), 2)
