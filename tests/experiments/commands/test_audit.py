@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from command_line import printed, run
+from refusals import assert_names
 
 from roletrust_baselines.logs.folders import write_log
 
@@ -108,7 +109,7 @@ def test_an_audit_of_a_scorer_that_dies_goes_on_where_it_was(log: Path, tmp_path
     ]
     scorer.write_text(SCORER.format(most=250))
     result = printed(*arguments, "--out", tmp_path / "broken", code=2)
-    assert "it has ended with exit code 1: out of memory" in result
+    assert_names(result, "1")
     journal = tmp_path / "broken" / "audit.journal"
     with journal.open("a") as file:
         file.write('\n["torn')

@@ -3,6 +3,7 @@
 import pytest
 from command_line import printed, run
 from csv_files import csv_rows
+from refusals import assert_names
 from typer.testing import CliRunner
 
 from roletrust_experiments.cli import app
@@ -86,28 +87,28 @@ def test_a_dry_run_tells_the_rounds(here):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "words"),
     [
-        (["--model", "mean"], "--model is not for the suite tiny, which is one for learners"),
+        (["--model", "mean"], ("--model",)),
         (
             ["--suite", "quick", "--learner", "PPO"],
-            "--learner is not for the suite quick, which is one for robustness",
+            ("--learner",),
         ),
-        (["--learner", "PPOO"], "unknown learner 'PPOO'; did you mean 'PPO'?"),
-        (["--learner", "my_learners:MINE"], "learner 'my_learners:MINE' cannot be loaded"),
+        (["--learner", "PPOO"], ("PPOO", "PPO")),
+        (["--learner", "my_learners:MINE"], ("my_learners:MINE",)),
         (
             ["--learner", "os:system:command=touch hacked"],
-            "learner 'os:system' must make a Learner",
+            ("os:system",),
         ),
         (
             ["--suite", "theirs.toml"],
-            "the file names the learner 'my_learners:Always', which is not installed",
+            ("my_learners:Always",),
         ),
     ],
 )
-def test_what_cannot_be_played_is_refused(here, arguments, message):
+def test_what_cannot_be_played_is_refused(here, arguments, words):
     (here / "theirs.toml").write_text(SUITE.replace("CMA-ES", "my_learners:Always"))
-    assert message in printed("benchmark", "--suite", "tiny.toml", *arguments, code=2)
+    assert_names(printed("benchmark", "--suite", "tiny.toml", *arguments, code=2), *words)
     assert not (here / "results").exists()
     assert not (here / "hacked").exists()
 

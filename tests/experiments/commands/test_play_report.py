@@ -4,6 +4,7 @@ import shlex
 import numpy as np
 import pytest
 from command_line import TINY, play, printed, run
+from refusals import assert_names
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, make_scenario, metrics
@@ -166,7 +167,7 @@ def test_json_is_all_that_is_printed(tmp_path, monkeypatch):
         == json.loads((tmp_path / "out/results.json").read_text())
     )
     assert run(*asked, "--video").exit_code == 2
-    assert "--video needs a folder" in run(*asked, "--video").stderr
+    assert_names(run(*asked, "--video").stderr, "--video")
 
 
 def test_an_interrupt_of_a_video_is_one_line_and_keeps_the_results(tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ import pytest
 from command_line import printed, run
 from csv_files import csv_rows
 from log_cases import BAD, GOOD
+from refusals import assert_names
 
 from roletrust_baselines.logs.folders import KNOWN, write_log
 from roletrust_env.data import TrustStream
@@ -170,16 +171,16 @@ def test_a_state_takes_what_is_new_and_no_rating_twice(log: Path, tmp_path: Path
     )
     before = Path(state).read_bytes()
     for changed, words in (
-        (["--scale", "0", "5"], "rating scale [1.0, 5.0]; given now: rating scale [0.0, 5.0]"),
-        (["--every", "3600"], "every 30.0; given now: every 3600.0"),
-        (["--same-agents"], "same_agents False; given now: same_agents True"),
+        (["--scale", "0", "5"], ("[1.0, 5.0]", "[0.0, 5.0]")),
+        (["--every", "3600"], ("every", "30.0", "3600.0")),
+        (["--same-agents"], ("same_agents", "False", "True")),
     ):
         result = run("rate", str(part), *options, "--state", state, *changed)
         assert result.exit_code == 2
-        assert words in " ".join(result.stderr.split())
+        assert_names(" ".join(result.stderr.split()), *words)
     assert Path(state).read_bytes() == before
     result = run("rate", str(part), *COLUMNS, "--state", state)
-    assert "--state needs --every" in " ".join(result.stderr.split())
+    assert_names(" ".join(result.stderr.split()), "--state", "--every")
 
 
 def test_a_night_without_new_ratings_changes_no_trust_and_another_clock_is_refused(
@@ -204,24 +205,26 @@ def test_a_night_without_new_ratings_changes_no_trust_and_another_clock_is_refus
     assert "1 ratings of rounds that had ended" in run("rate", str(log), *options).output
     assert csv_rows(tmp_path / "out" / "ratees.csv") == before
     for text, words in (
-        (head, "has no ratings"),
-        (head + dates[0], "times numbers; given now: times dates without a time zone"),
-        (head + dates[0] + "Z", "times numbers; given now: times since 1970"),
+        (head, ("log.csv",)),
+        (head + dates[0], ("times",)),
+        (head + dates[0] + "Z", ("times", "1970")),
     ):
         state = (tmp_path / "state.npz").read_bytes()
         log.write_text(text)
         result = run("rate", str(log), *options)
         assert result.exit_code == 2
-        assert words in " ".join(result.stderr.split())
+        assert_names(" ".join(result.stderr.split()), *words)
         assert (tmp_path / "state.npz").read_bytes() == state
 
 
 def test_a_bad_file_is_one_line_and_nothing_is_written(log: Path, tmp_path: Path) -> None:
     log.write_text(log.read_text() + "p1,s1,7,301\n")
     result = printed("rate", log, *COLUMNS, "--out", tmp_path / "out", code=2)
-    assert "row 302: the rating is 7, off the scale from 1 to 5" in result
+    assert_names(result, "302", "7")
     assert not (tmp_path / "out").exists()
-    assert "none.csv" in printed("rate", tmp_path / "none.csv", "--out", tmp_path / "out", code=2)
+    assert_names(
+        printed("rate", tmp_path / "none.csv", "--out", tmp_path / "out", code=2), "none.csv"
+    )
 
 
 def test_names_give_no_orders_to_the_terminal_and_no_log_or_state_is_replaced(
@@ -263,7 +266,7 @@ def test_a_model_that_does_not_fit_says_what_it_would_take(tmp_path: Path) -> No
     path = tmp_path / "wide.csv"
     path.write_text("rater,ratee,rating\n" + "".join(f"r{n},p{n},1\n" for n in range(20_000)))
     result = printed("rate", path, "--model", "travos", "--out", tmp_path / "out", code=2)
-    assert "with 20,000 raters and 20,000 ratees its state would take" in result
+    assert_names(result, "20,000")
     assert run("rate", str(path), "--out", str(tmp_path / "out")).exit_code == 0
 
 
@@ -293,14 +296,14 @@ def test_real_ratings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rounds", "words"),
+    ("rounds", "word"),
     [
-        (["--every", "0", "--time", "day"], "it must be above 0"),
-        (["--count", "9", "--every", "30", "--time", "day"], "not by both"),
+        (["--every", "0", "--time", "day"], "0"),
+        (["--count", "9", "--every", "30", "--time", "day"], "rounds"),
     ],
 )
 def test_rounds_that_do_not_fit_are_refused_before_the_file_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rounds: list[str], words: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rounds: list[str], word: str
 ) -> None:
     def read(*_: object, **__: object) -> None:
         raise AssertionError("the file is read")
@@ -308,7 +311,7 @@ def test_rounds_that_do_not_fit_are_refused_before_the_file_is_read(
     monkeypatch.setattr("roletrust_experiments.commands.log_options.read_ratings", read)
     result = run("rate", str(tmp_path / "log.csv"), *rounds, "--out", str(tmp_path / "out"))
     assert result.exit_code == 2
-    assert words in " ".join(result.stderr.split())
+    assert_names(" ".join(result.stderr.split()), word)
     assert not (tmp_path / "out").exists()
 
 
@@ -459,16 +462,16 @@ def test_real_logs(tmp_path: Path) -> None:
 
 
 def test_options_of_one_kind_are_refused_for_the_other(tmp_path: Path) -> None:
-    for options, words in (
-        (["--compare", "--count", "3"], "not for --compare"),
-        (["--compare", "--explain", "x"], "it ranks no agents"),
-        (["--compare", "--out", "x.parquet"], "a folder for them"),
-        (["--synthetic"], "needs --compare"),
-        (["--model", "mean", "--model", "beta"], "need --compare"),
+    for options, word in (
+        (["--compare", "--count", "3"], "--compare"),
+        (["--compare", "--explain", "x"], "--compare"),
+        (["--compare", "--out", "x.parquet"], "--compare"),
+        (["--synthetic"], "--compare"),
+        (["--model", "mean", "--model", "beta"], "--compare"),
     ):
         result = run("rate", str(tmp_path), *options)
         assert result.exit_code == 2
-        assert words in " ".join(result.stderr.split())
+        assert_names(" ".join(result.stderr.split()), word)
 
 
 def test_raters_that_are_trusted_beforehand_are_seeds_by_name(tmp_path: Path) -> None:
@@ -488,10 +491,10 @@ def test_raters_that_are_trusted_beforehand_are_seeds_by_name(tmp_path: Path) ->
     trust = {row["name"]: float(row["trust"]) for row in csv_rows(tmp_path / "out" / "ratees.csv")}
     assert trust["bob"] > trust["cy"] > trust["mal"] == trust["eve"] == 0
     for more, words in (
-        (["--model", "merit-rank", "--trusted", "annn"], "did you mean 'ann'"),
-        (["--trusted", "ann"], "leave-one-out has no seeds"),
-        (["--trusted", "ann", "--compare"], "without --compare and --state"),
+        (["--model", "merit-rank", "--trusted", "annn"], ("ann",)),
+        (["--trusted", "ann"], ("leave-one-out",)),
+        (["--trusted", "ann", "--compare"], ("--compare", "--state")),
     ):
         result = run("rate", str(tmp_path / "log.csv"), "--same-agents", *more)
         assert result.exit_code == 2
-        assert words in " ".join(result.stderr.split())
+        assert_names(" ".join(result.stderr.split()), *words)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from benchmark_cases import tiny
 from command_line import printed, run
-from refusals import refuses
+from refusals import assert_names, refuses
 
 from roletrust_env.benchmarking import verification
 from roletrust_env.benchmarking.cells import play_cell
@@ -284,9 +284,9 @@ def test_a_run_that_is_not_whole_is_not_submitted(tmp_path: Path) -> None:
         first = store.all()[0]
         store.add(first.cell, first.result._replace(failed="attack on-off: it broke"))
     refused = printed("submit", path, "--out", tmp_path / "mine.json", code=2)
-    assert "1 of 6 cells failed or have not been played" in refused
+    assert_names(refused, "1", "6")
     wanted = run("submit", str(path), "--model", "median", "--out", str(tmp_path / "mine.json"))
-    assert "has no trust model 'median'" in " ".join(wanted.output.split())
+    assert_names(" ".join(wanted.output.split()), "median")
     printed("submit", path, "--model", "role-trust", "--out", tmp_path / "mine.json")
     assert read_submission(tmp_path / "mine.json")[1].models == ("role-trust",)
 
@@ -315,7 +315,7 @@ def test_a_file_imports_only_what_the_user_allows(tmp_path: Path, mine: str) -> 
         ["submit", path, "--out", out],
         ["report", path, "--out", str(tmp_path / "report")],
     ):
-        assert "which is not installed" in " ".join(run(*command).output.split())
+        assert_names(" ".join(run(*command).output.split()), "--allow-code")
     assert not (tmp_path / "imported").exists()
     assert run("submit", path, "--model", mine, "--out", out).exit_code == 0  # named by the user
     del sys.modules["model_of_mine"]
@@ -348,63 +348,66 @@ def renamed(name: str) -> Callable[[Any], None]:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (renamed("os:system"), "names the trust model 'os:system', which is not installed"),
-        (renamed("os:system:command=touch hacked"), "which is not installed"),
-        (renamed("../../etc/passwd"), "String should match pattern"),
-        (renamed("mean\x1b[2J"), "String should match pattern"),
+        (renamed("os:system"), ("os:system",)),
+        (renamed("os:system:command=touch hacked"), ("--allow-code",)),
+        (renamed("../../etc/passwd"), ("[key]",)),
+        (renamed("mean\x1b[2J"), ("[key]",)),
         (
             lambda said: said["suite"]["attacks"].__setitem__(0, "os:system"),
-            "attacks: not those of the suite",
+            ("attacks", "bad-mouthing"),
         ),
         (
             lambda said: said["suite"]["scenarios"]["market"].update(preset="/etc/passwd.toml"),
-            "preset is '/etc/passwd",
+            ("preset", "/etc/passwd"),
         ),
         (
             lambda said: said["suite"]["scenarios"]["market"]["set"].update(frames="/dev/video0"),
-            "must not use files",
+            ("frames",),
         ),
         (
             lambda said: said["suite"]["tracks"]["honest"].update(set={"frames": 0}),
-            "must not use files",
+            ("frames",),
         ),
         (
             lambda said: said["suite"]["scenarios"]["market"]["set"].update(max_cycles=10**9),
-            "too many",
+            ("1000000000",),
         ),
         (
             lambda said: said["suite"].update(seeds=list(range(1000))),
-            "cells: there are 6; the suite has 6000",
+            ("6", "6000"),
         ),
-        (lambda said: said["suite"].update(models="all"), "with its models and attacks by name"),
-        (lambda said: said["suite"].update(kind="learners"), "suite: "),
+        (lambda said: said["suite"].update(models="all"), ("suite",)),
+        (lambda said: said["suite"].update(kind="learners"), ("suite", "models")),
         (
             lambda said: said["suite"].update(tracks=[]),
-            "the number of scenarios and that of tracks must be 1 to 100",
+            ("1", "100"),
         ),
-        (lambda said: said["suite"].update(tracks={"a": 1}), "neither a scenario nor a track"),
-        (lambda said: said["suite"].update(ghost=1), "there is no field 'ghost'"),
-        (lambda said: said.update(ghost=1), "ghost is 1: Extra inputs are not permitted"),
-        (lambda said: said.update(format=1), "format is 1"),
-        (lambda said: said.update(cells={}), "cells is {}"),
-        (lambda said: said["cells"].pop(), "cells: there are 5; the suite has 6"),
+        (lambda said: said["suite"].update(tracks={"a": 1}), ("1",)),
+        (lambda said: said["suite"].update(ghost=1), ("ghost",)),
+        (lambda said: said.update(ghost=1), ("ghost", "1")),
+        (lambda said: said.update(format=1), ("format", "1")),
+        (lambda said: said.update(cells={}), ("cells", "{}")),
+        (lambda said: said["cells"].pop(), ("5", "6")),
         (
             lambda said: said["cells"].__setitem__(0, said["cells"][1]),
-            "cells: not those of the suite",
+            ("cells", "mean|market|honest|0.0|nobody|0"),
         ),
-        (lambda said: cell(said)["attacks"][0].update(chosen="0.5"), "chosen is '0.5'"),
-        (lambda said: cell(said)["attacks"][0].update(chosen=True), "chosen is True"),
-        (lambda said: cell(said)["attacks"][0].update(chosen=float("nan")), "the JSON has NaN"),
+        (lambda said: cell(said)["attacks"][0].update(chosen="0.5"), ("chosen", "0.5")),
+        (lambda said: cell(said)["attacks"][0].update(chosen=True), ("chosen", "True")),
+        (lambda said: cell(said)["attacks"][0].update(chosen=float("nan")), ("JSON", "NaN")),
         (
             lambda said: said["standings"]["mean"]["worst"].update(mean=float("inf")),
-            "the JSON has Infinity",
+            ("JSON", "Infinity"),
         ),
         (
             lambda said: cell(said)["attacks"][0]["measured"]["utility"].update(mean=None),
-            "is undefined",
+            ("utility", "bad-mouthing"),
         ),
-        (lambda said: cell(said, "honest").update(attacks=[]), "all agents are honest there"),
-        (lambda said: said["software"].update(python=["3"] * 10**6), "python is ['3', '3'"),
+        (
+            lambda said: cell(said, "honest").update(attacks=[]),
+            ("mean|market|honest|0.0|nobody|0", "0"),
+        ),
+        (lambda said: said["software"].update(python=["3"] * 10**6), ("python", "3")),
     ],
 )
 def test_a_hostile_file_is_one_line(
@@ -412,7 +415,7 @@ def test_a_hostile_file_is_one_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     change: Callable,
-    words: str,
+    words: tuple[str, ...],
 ) -> None:
     def never(*_: object) -> None:
         raise AssertionError("something was run for the sake of a file")
@@ -420,7 +423,7 @@ def test_a_hostile_file_is_one_line(
     monkeypatch.setattr(os, "system", never)
     code, told = verified(change, "--cells", "1")
     assert code == 2, told
-    assert words in told
+    assert_names(told, *words)
     assert told.startswith("Error: ")
     assert len(told) < 4000
 

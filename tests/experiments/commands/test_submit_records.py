@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from benchmark_cases import tiny
 from command_line import printed, run
+from refusals import assert_names
 
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
@@ -96,9 +97,9 @@ def test_a_search_has_one_attack_and_others_have_no_record(
         assert code == 2, told
         return told
 
-    assert "must not contain a value twice" in refused("twice")
-    assert "other attacks than the one" in refused("other")
-    assert "has a record, but the method nobody does not search" in refused("record")
+    assert_names(refused("twice"), "attacks")
+    assert_names(refused("other"), "random search")
+    assert_names(refused("record"), "nobody")
 
 
 PLAY = """

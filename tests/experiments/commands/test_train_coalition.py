@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from refusals import refuses
+from refusals import assert_names, refuses
 
 pytest.importorskip("sb3_contrib")
 pytest.importorskip("cma")
@@ -144,7 +144,7 @@ def test_it_trains_against_several_models_in_turn(tmp_path, learner):
     card = load_attacker(tmp_path / "two").card
     assert [one.name for one in (card.trust_model, *card.further_models)] == ["beta", "qor"]
     refused = train(tmp_path / "ppo", "ProviderAttack", "--model", "beta", "--model", "qor", code=2)
-    assert "only evolution, evolution-strategy, gradients, coalition-PPO train" in refused
+    assert_names(refused, "evolution", "evolution-strategy", "gradients", "coalition-PPO")
 
 
 @EACH
@@ -157,26 +157,29 @@ def test_a_run_of_few_rounds_plays_a_step(tmp_path, learner):
 def test_what_a_training_of_a_coalition_cannot_do_is_refused(tmp_path):
     few = ["CollusionAttack", *TINY, "--steps", 100]
     spelt = train(tmp_path / "spelt", *few, "--learner", "evolution strategy:spread=-1", code=2)
-    assert "spread" in spelt  # the name is known as the list spells it, too
+    assert_names(spelt, "spread")  # the name is known as the list spells it, too
     refused = train(tmp_path / "units", *few, "--learner", "coalition-PPO:units=5", code=2)
-    assert "no universal coalition has 5 units; give start=random" in refused
+    assert_names(refused, "5", "start=random")
     short = ["CollusionAttack", "--set", "max_cycles=1", *TINY[2:], "--steps", 10]
     refused = train(tmp_path / "short", *short, "--learner", "coalition-PPO:games=1", code=2)
-    assert "a rollout of one round is too short for PPO; give more games" in refused
+    assert_names(refused, "PPO")
     refused = train(tmp_path / "box", *few, *STRATEGY, "--knowledge", "white_box", code=2)
-    assert "a coalition has black_box knowledge" in refused
-    assert "candidates" in train(
-        tmp_path / "many", *few, "--learner", "coalition-PPO:candidates=9", code=2
+    assert_names(refused, "black_box")
+    assert_names(
+        train(tmp_path / "many", *few, "--learner", "coalition-PPO:candidates=9", code=2),
+        "candidates",
     )
 
 
 def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):
-    assert "population" in train(
-        tmp_path, "ProviderAttack", "--learner", "evolution:population=1", code=2
+    assert_names(
+        train(tmp_path, "ProviderAttack", "--learner", "evolution:population=1", code=2),
+        "population",
     )
-    assert "gama" in train(tmp_path, "ProviderAttack", "--learner", "evolution:gama=1", code=2)
-    assert "temperature" in train(
-        tmp_path, "ProviderAttack", "--learner", "gradients:temperature=0", code=2
+    assert_names(train(tmp_path, "ProviderAttack", "--learner", "evolution:gama=1", code=2), "gama")
+    assert_names(
+        train(tmp_path, "ProviderAttack", "--learner", "gradients:temperature=0", code=2),
+        "temperature",
     )
     flat = train(
         tmp_path / "flat",
