@@ -3,7 +3,7 @@
 import sys
 
 import pytest
-from refusals import refuses
+from refusals import assert_names, refuses
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
@@ -118,7 +118,7 @@ def test_nothing_is_called_before_it_is_known_what_it_is(tmp_path, mine, name):
 def test_no_command_calls_what_it_should_not(tmp_path, mine, arguments):
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2
-    assert "so it must be a class" in result.stderr
+    assert_names(result.stderr, "class")
     assert not (tmp_path / "called").exists()
 
 
