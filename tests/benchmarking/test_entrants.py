@@ -148,7 +148,7 @@ def test_a_name_that_is_refused_leaves_no_other_behind() -> None:
 
 
 def test_a_model_that_cannot_be_sent_is_named() -> None:
-    with refuses(ValueError, "workers", "0"):
+    with refuses(ValueError, "Unsent", "workers", "0"):
         here(Unsent(), workers=1)
 
 

@@ -46,13 +46,9 @@ def path(tmp_path):
     return tmp_path / "results.sqlite"
 
 
-def refused(path, suite=None, kind=ValueError):
-    """Return the one-line error for a file."""
-    with pytest.raises(kind) as error:
+def refused(path, *words, suite=None, kind=ValueError):
+    with refuses(kind, path, *words):
         Store(path, suite).all()
-    assert "\n" not in str(error.value)
-    assert str(path) in str(error.value)
-    return str(error.value)
 
 
 def execute(path, statement, *values):
@@ -110,7 +106,7 @@ def test_a_reader_beside_a_writer_leaves_its_journals(path):
 def test_a_run_with_another_source_is_not_continued(path, monkeypatch):
     monkeypatch.setattr(store_file, "hashes", lambda factories: dict.fromkeys(factories, "0" * 64))
     name = SUITE.cells()[0].model
-    assert f"another source of trust model {name}, " in refused(path, SUITE)
+    refused(path, name, suite=SUITE)
     with Store(path) as store:  # reading is still allowed
         assert len(store.all()) == 3
     with Store(path, SUITE, overwrite=True) as store:
@@ -119,7 +115,7 @@ def test_a_run_with_another_source_is_not_continued(path, monkeypatch):
 
 
 def test_a_folder_is_refused(tmp_path):
-    assert "is a folder; give the path of the results.sqlite in it" in refused(tmp_path)
+    refused(tmp_path, "results.sqlite")
 
 
 def test_a_cell_counts_once_and_one_that_failed_is_played_again(path):
@@ -136,7 +132,7 @@ def test_a_cell_counts_once_and_one_that_failed_is_played_again(path):
 
 def test_a_run_with_another_writer_is_refused(path):
     with Store(path, SUITE):
-        assert "another run writes" in refused(path, SUITE)
+        refused(path, suite=SUITE)
         with Store(path) as reader:  # reading is always allowed
             assert len(reader.all()) == 3
     with Store(path, SUITE) as store:
@@ -213,20 +209,20 @@ def test_a_suite_that_plays_stored_cells_in_another_way_is_refused(tmp_path, cha
         for cell in SUITE.cells():
             store.add(cell, RESULT)
     before = path.read_bytes()
-    assert f"another suite (different: {next(iter(changes))})" in refused(path, tiny(**changes))
+    refused(path, next(iter(changes)), suite=tiny(**changes))
     assert path.read_bytes() == before
 
 
 def test_another_suite_format_or_software_is_refused(path):
-    assert "another suite (different: games)" in refused(path, tiny(games=4))
+    refused(path, "games", suite=tiny(games=4))
     other = json.dumps({"package": {"name": "roletrust-env", "version": "0.0.1"}})
     execute(path, "UPDATE facts SET value = ? WHERE name = 'software'", other)
-    assert "other software versions" in refused(path, SUITE)
+    refused(path, "software", suite=SUITE)
     with Store(path) as store:  # reading is still allowed
         assert len(store.all()) == 3
     execute(path, "UPDATE facts SET value = '99' WHERE name = 'format'")
-    assert "format 99" in refused(path)
-    assert "format 99" in refused(path, SUITE)
+    refused(path, "99")
+    refused(path, "99", suite=SUITE)
 
 
 @pytest.mark.parametrize("writing", [None, SUITE])
@@ -246,7 +242,7 @@ def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
     truncated.write_bytes(truncated.read_bytes()[: truncated.stat().st_size // 2])
     for path in (other, noise, truncated):
         before = path.read_bytes()
-        assert "is damaged or is not a results file of a benchmark" in refused(path, writing)
+        refused(path, suite=writing)
         assert path.read_bytes() == before
 
 
@@ -295,7 +291,7 @@ def test_overwriting_fails_while_another_run_writes(path):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    assert "there is no" in refused(tmp_path / "none.sqlite")
+    refused(tmp_path / "none.sqlite")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -322,4 +318,4 @@ def test_a_full_disk_loses_nothing(path):
 
 def test_a_path_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "results.sqlite").mkdir()
-    assert "cannot be written" in refused(tmp_path / "results.sqlite", SUITE, OSError)
+    refused(tmp_path / "results.sqlite", suite=SUITE, kind=OSError)
