@@ -67,7 +67,7 @@ def test_a_batch_is_its_games_one_by_one(
 
 
 def test_a_target_that_is_not_there_is_refused() -> None:
-    with refuses(ValueError, "targets", "(3,)", "2"):
+    with refuses(ValueError, "targets", "(3,)", "provider", "2"):
         ratings(BadMouthing(targets=(3,)))
 
 

@@ -115,7 +115,7 @@ def test_rep_trap_flips_the_verdict_that_is_easiest_to_flip() -> None:
     "policy", [BallotStuffing(accomplices=(3,)), Complementary(targets=(3,))], ids=str
 )
 def test_a_place_that_is_not_there_is_refused(policy: Policy) -> None:
-    with refuses(ValueError, "(3,)", "2"):
+    with refuses(ValueError, "(3,)", "provider", "2"):
         ratings(policy, seen())
 
 

@@ -62,5 +62,5 @@ def test_by_name() -> None:
 
 
 def test_a_place_that_is_no_providers_is_refused() -> None:
-    with refuses(ValueError, "targets", "(3,)", "2"):
+    with refuses(ValueError, "targets", "(3,)", "provider", "2"):
         played("mean", Silent(targets=(3,)))
