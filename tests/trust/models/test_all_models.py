@@ -192,9 +192,8 @@ def test_parameters_out_of_range_unknown_or_not_taken_are_refused(name: str) -> 
     wrong += [("initial", value, "[0, 1]") for value in (-0.01, 1.01, float("nan"))]
     for field, value, allowed in wrong:
         taken = registry.accepted_parameters(name, {field: value})
-        with refuses(ValueError, field) as error:
+        with refuses(ValueError, field, *((value, allowed) if taken else ())):
             make_trust_model(name, **{field: value})
-        assert not taken or (str(value) in str(error.value) and allowed in str(error.value))
     with refuses(ValueError, "lambda", name):
         make_trust_model(name, **{"lambda": 0.5})
 
