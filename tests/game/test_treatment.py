@@ -143,7 +143,7 @@ def test_an_action_has_no_such_channel_and_says_so() -> None:
 
 def test_what_is_wrong_is_refused() -> None:
     game = Game(PAPER)
-    with refuses(ValueError, "raters", "(3,)", "2"):
+    with refuses(ValueError, "raters", "(3,)", "rater", "2"):
         played(game, {"sp_0": Conflicting(raters=(3,))})
     with refuses(ValueError, "0", "sp_0", "treatment"):
         played(game, {"sp_0": Rude()})
