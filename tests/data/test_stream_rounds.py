@@ -260,7 +260,7 @@ def test_rounds_of_a_number_of_ratings_do_not_depend_on_batches(tmp_path: Path) 
     with refuses(ValueError, "state.npz", "7"):
         TrustStream.load(tmp_path / "state.npz", model)
     for wrong, words in (
-        ({"count": 0}, ("1",)),
+        ({"count": 0}, ("0",)),
         ({"count": 3, "every": 1.0}, ()),
     ):
         with refuses(ValueError, *words):

@@ -104,7 +104,7 @@ def test_postgresql_keeps_the_same(tmp_path: Path):
         with managed(
             address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))
         ) as manager:
-            with refuses(StoreError, "s"):
+            with refuses(StoreError, "postgres"):
                 Store(address).open()
             ann, _ = joined(manager, clock, "ann", "bob")
             check_failures(manager, ann)

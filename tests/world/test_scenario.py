@@ -326,9 +326,9 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
 
 def test_a_scenario_is_frozen() -> None:
     scenario = make_scenario("peers")
-    with refuses(ValueError):
+    with refuses(ValueError, "lam", 0.9):
         scenario.lam = 0.9
-    with refuses(ValueError):
+    with refuses(ValueError, "count", 9):
         scenario.agents[0].count = 9
     assert hash(scenario) == hash(make_scenario("peers"))
 
