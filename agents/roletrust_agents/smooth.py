@@ -28,9 +28,11 @@ SOFT = 1e-8
 """Smoothing of the copy of role-trust, as a distance to the mean rating; the bias is sqrt(SOFT)."""
 
 
-_ANYWHERE, _TRIED = 1_000_000, 2
-"""Pairs of agents in all rounds of all games whose gradients fit into any memory, and rounds that
-are tried out."""
+_ANYWHERE = 1_000_000
+"""Number of pairs of agents in all rounds of all games whose gradients fit into any memory."""
+
+_TRIED, _GAMES = 2, 4
+"""Number of rounds that are tried out, and of games: what games share counts once for all."""
 
 
 class SmoothRoleTrust(RoleTrust):
@@ -132,13 +134,13 @@ def _kept(task: AttackTask, attacker: Attacker) -> int:
         return part
 
     with torch.autograd.graph.saved_tensors_hooks(keep, lambda part: part):
-        played = judged_rollout(task, attacker, (1, 1), *random_sources(task, 0, SEARCHED))
+        played = judged_rollout(task, attacker, (1, _GAMES), *random_sources(task, 0, SEARCHED))
         graph, after = [], [0]
         for _, outcome in islice(played, _TRIED):
             graph.append(outcome.reward)  # alive, so that no place is taken twice
             after.append(sum(sizes.values()))
     del graph
-    return max(b - a for a, b in pairwise(after))
+    return max(b - a for a, b in pairwise(after)) // _GAMES
 
 
 @contextmanager
