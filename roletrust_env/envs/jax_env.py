@@ -6,14 +6,13 @@ They play the same rules as all other environments: `Game.step` on a third array
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from gymnasium.spaces import Box
 from jax import lax
 
 from roletrust_env import counter_rng
@@ -34,6 +33,42 @@ Observations: TypeAlias = dict[str, Array]
 Step: TypeAlias = tuple[Observations, Any, dict[str, Array], dict[str, Array], dict[str, Array]]
 """Observations, state, rewards, flags of agents that are done, with the key `"__all__"`, and
 infos."""
+
+
+@dataclass(frozen=True)
+class JaxBox:
+    """A space of arrays, as JaxMARL has it.
+
+    Attributes:
+        low: Least value of an entry.
+        high: Greatest value of an entry.
+        shape: Shape of an array.
+    """
+
+    low: float
+    high: float
+    shape: tuple[int, ...]
+
+    @property
+    def dtype(self) -> Any:
+        """The dtype of an array: JAX's default precision."""
+        return jnp.zeros(()).dtype
+
+    def sample(self, key: Array) -> Array:
+        """Return a random array of the space: uniform, or standard normal without bounds.
+
+        Args:
+            key: Key of JAX.
+        """
+        if math.isinf(self.low) or math.isinf(self.high):
+            return jax.random.normal(key, self.shape)
+        return jax.random.uniform(key, self.shape, minval=self.low, maxval=self.high)
+
+    def contains(self, array: Array) -> Array:
+        """Return whether an array is in the space, a boolean of JAX."""
+        if jnp.shape(array) != self.shape:
+            return jnp.asarray(False)
+        return ((array >= self.low) & (array <= self.high)).all()
 
 
 class JaxEnv(ABC):
@@ -69,7 +104,7 @@ class JaxEnv(ABC):
         advance = self._advance_or_begin_games
         self._advance_or_begin = games_last(partial(advance, lax.cond), partial(advance, _always))
         self.action_spaces = {
-            a: Box(0.0, 1.0, (n,), np.float32) for a, n in zip(agents, sizes, strict=True)
+            agent: JaxBox(0.0, 1.0, (size,)) for agent, size in zip(agents, sizes, strict=True)
         }
         key = jax.random.key(0)
         try:
@@ -83,7 +118,7 @@ class JaxEnv(ABC):
                 f"leaves JAX ({type(error).__name__}); take another model, or another environment"
             ) from error
         self.observation_spaces = {
-            agent: Box(*self._bounds, seen[agent].shape, np.float32) for agent in agents
+            agent: JaxBox(*self._bounds, seen[agent].shape) for agent in agents
         }
 
     _bounds: tuple[float, float] = (0.0, 1.0)
@@ -91,11 +126,11 @@ class JaxEnv(ABC):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({game_facts(self.game)})"
 
-    def observation_space(self, agent: str) -> Box:
+    def observation_space(self, agent: str) -> JaxBox:
         """Return the observation space of an agent."""
         return space_of(agent, self.observation_spaces)
 
-    def action_space(self, agent: str) -> Box:
+    def action_space(self, agent: str) -> JaxBox:
         """Return the action space of an agent."""
         return space_of(agent, self.action_spaces)
 
@@ -111,7 +146,24 @@ class JaxEnv(ABC):
         begun: tuple[Observations, Any] = self._begin(_words(key))
         return begun
 
-    def step(self, key: Array, state: Any, actions: Mapping[str, Array]) -> Step:
+    @property
+    @abstractmethod
+    def agent_classes(self) -> dict[str, list[str]]:
+        """The agents of each class, whose spaces are equal."""
+
+    @abstractmethod
+    def get_avail_actions(self, state: Any) -> dict[str, Array]:
+        """Return which entries of its action count for each agent, boolean, of the action's
+        shape.
+        """
+
+    def step(
+        self,
+        key: Array,
+        state: Any,
+        actions: Mapping[str, Array],
+        reset_state: Any | None = None,
+    ) -> Step:
         """Play one round, and begin another episode if this one is over; the observations are then
         those of its start.
 
@@ -119,12 +171,18 @@ class JaxEnv(ABC):
             key: Key of JAX.
             state: State before the round.
             actions: Action of each agent.
+            reset_state: State with which another episode begins; None draws one.
 
         Raises:
             ValueError: An action is missing or has another shape than its space.
         """
-        played: Step = self._advance_or_begin(_words(key), state, self._checked(actions))
-        return played
+        if reset_state is None:
+            played: Step = self._advance_or_begin(_words(key), state, self._checked(actions))
+            return played
+        _, after, rewards, dones, infos = self.step_env(key, state, actions)
+        over = dones["__all__"]
+        after = jax.tree.map(lambda new, old: jnp.where(over, new, old), reset_state, after)
+        return self.get_obs(after), after, rewards, dones, infos
 
     def step_env(self, key: Array, state: Any, actions: Mapping[str, Array]) -> Step:
         """Play one round, without another episode after it. See `step`.
@@ -265,6 +323,23 @@ class RoleTrustJaxEnv(JaxEnv):
             game, game.roster.names, list(map(game.roster.action_size, game.roster.names))
         )
 
+    @property
+    def agent_classes(self) -> dict[str, list[str]]:
+        """The raters (`sr`), the providers (`sp`) and the agents with both roles (`srsp`)."""
+        classes: dict[str, list[str]] = {}
+        for agent in self.agents:
+            classes.setdefault(agent.partition("_")[0], []).append(agent)
+        return classes
+
+    def get_avail_actions(self, state: State) -> dict[str, Array]:
+        """Return which entries of its action count for each agent: none of an absent agent."""
+        present = self.game.present(state)
+        return {
+            agent: jnp.ones(self.action_spaces[agent].shape, bool)
+            & (True if present is None else present[place])
+            for place, agent in enumerate(self.agents)
+        }
+
     def get_obs(self, state: State) -> Observations:
         """Return the observation of each agent."""
         seen = (part for part in self.game.observations(state) if part is not None)
@@ -332,6 +407,15 @@ class AttackJaxEnv(JaxEnv):
         self.task = task_by_id(task_id, {**arguments, "like": jnp.zeros(())})
         self._bounds = self.task.bounds
         super().__init__(self.task.game, ["attacker"], [self.task.action_size])
+
+    @property
+    def agent_classes(self) -> dict[str, list[str]]:
+        """The attacker, the only agent."""
+        return {"attacker": ["attacker"]}
+
+    def get_avail_actions(self, state: Any) -> dict[str, Array]:
+        """Return that every entry of the attacker's action counts."""
+        return {"attacker": jnp.ones(self.action_spaces["attacker"].shape, bool)}
 
     def get_obs(self, state: Any) -> Observations:
         """Return the observation of the attacker."""

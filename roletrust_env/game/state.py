@@ -83,9 +83,14 @@ class State(NamedTuple):
     met: Array | None = None
 
     def __repr__(self) -> str:
-        s, p, batch = self.ratings.shape[0], self.quality.shape[0], self.round.shape
-        at = f"round: {int(self.round)}" if not batch else f"batch: {tuple(batch)}"
-        return f"State({at}, raters: {s}, providers: {p}, trust: {type(self.trust).__name__})"
+        # The leaves may be anything: JAX maps trees to shapes, axes and tracers.
+        shape: tuple[int, ...] = getattr(self.ratings, "shape", ())
+        if len(shape) < 2:
+            return shapes(self)
+        single = isinstance(self.round, np.ndarray | np.generic) and not self.round.ndim
+        at = f"round: {self.round}" if single else f"batch: {tuple(shape[2:])}"
+        trust = type(self.trust).__name__
+        return f"State({at}, raters: {shape[0]}, providers: {shape[1]}, trust: {trust})"
 
 
 class Noise(NamedTuple):

@@ -173,6 +173,55 @@ def test_derivatives_pass_through_a_batch(double):
     np.testing.assert_allclose(of_batch, slopes, rtol=1e-9)
 
 
+def test_the_quick_start_of_jaxmarl_runs():
+    env = RoleTrustJaxEnv("open-system", max_cycles=4)
+    _, key_reset, key_act, key_step = jax.random.split(jax.random.key(0), 4)
+    _, state = env.reset(key_reset)
+    key_act = jax.random.split(key_act, env.num_agents)
+    actions = {a: env.action_space(a).sample(key_act[i]) for i, a in enumerate(env.agents)}
+    seen, state, *_ = env.step(key_step, state, actions)
+    for agent in env.agents:
+        assert env.action_space(agent).contains(actions[agent])
+        assert env.observation_space(agent).contains(seen[agent])
+    classes = env.agent_classes
+    assert [agent for agents in classes.values() for agent in agents] == env.agents
+    for agents in classes.values():
+        assert len({env.observation_space(a).shape for a in agents}) == 1
+    available = env.get_avail_actions(state)
+    present = np.asarray(env.game.present(state))
+    assert not present.all()
+    for agent, there in zip(env.agents, present, strict=True):
+        assert available[agent].shape == env.action_space(agent).shape
+        assert bool(available[agent].all()) == bool(available[agent].any()) == there
+
+
+def test_an_episode_may_begin_with_a_given_state():
+    env = RoleTrustJaxEnv("paper-3x3", max_cycles=2)
+    keys = jax.random.split(jax.random.key(1), 3)
+    still = {agent: jnp.ones(space.shape) for agent, space in env.action_spaces.items()}
+    _, first = env.reset(keys[0])
+    step = jax.jit(env.step)
+    seen, after, _, dones, _ = step(keys[1], first, still, first)
+    assert not dones["__all__"]
+    assert after.round == 1
+    seen, after, _, dones, _ = step(keys[2], after, still, first)
+    assert dones["__all__"]
+    jax.tree.map(np.testing.assert_array_equal, after, first)
+    np.testing.assert_array_equal(seen["sr_0"], env.get_obs(first)["sr_0"])
+
+
+def test_a_state_has_a_text_whatever_its_leaves_are():
+    env = RoleTrustJaxEnv("peers", max_cycles=2)
+    key = jax.random.key(0)
+    _, state = env.reset(key)
+    texts = [repr(jax.eval_shape(env.reset, key)[1]), repr(jax.tree.map(jnp.shape, state))]
+    jax.jit(lambda state: texts.append(repr(state)) or state.round)(state)
+    states = jax.vmap(lambda key: env.reset(key)[1])(jax.random.split(key, 2))
+    jax.vmap(lambda state: texts.append(repr(state)) or state.round)(states)
+    texts += [repr(states), repr(jax.tree.map(lambda _: None, state))]
+    assert all(text.startswith("State(") for text in texts)
+
+
 def test_an_episode_follows_another_in_one_scan():
     env = RoleTrustJaxEnv("paper-3x3", max_cycles=3)
     still = {agent: jnp.ones(space.shape) for agent, space in env.action_spaces.items()}

@@ -134,7 +134,7 @@ def test_a_memory_is_reset_for_every_batch():
     [
         (None, "policy"),
         (lambda observations: observations, "action"),
-        (lambda observations: np.full((len(observations), 1), 1.5), "outside"),
+        (lambda observations: np.full((len(observations), 1), 1.5), "1.5"),
         (lambda observations: np.full((len(observations), 1), np.nan), "nan"),
     ],
 )
