@@ -1,5 +1,6 @@
 """Compiled rounds: a round of the rules is recorded once, compiled, and played from then on."""
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
@@ -38,17 +39,13 @@ class Layout:
 
     def __init__(self, tree: Any) -> None:
         self._tree = map_leaves(lambda leaf: None if leaf is None else is_array(leaf), tree)
-        shapes = [
-            (leaf.shape, np.dtype(leaf.dtype))
-            for leaf in (x if isinstance(x, Recorded) else np.asarray(x) for x in _arrays(tree))
-        ]
+        arrays = [leaf if isinstance(leaf, Recorded) else np.asarray(leaf) for leaf in _arrays(tree)]
         # The longest numbers first, so that all are aligned for any number of games.
-        order = sorted(range(len(shapes)), key=lambda k: -shapes[k][1].itemsize)
-        starts, self.size = [0] * len(shapes), 0
-        for k in order:
+        starts, self.size = dict[int, int](), 0
+        for k in sorted(range(len(arrays)), key=lambda k: -arrays[k].dtype.itemsize):
             starts[k] = self.size
-            self.size += int(np.prod(shapes[k][0], dtype=int)) * shapes[k][1].itemsize
-        self.arrays = [(*x, start) for x, start in zip(shapes, starts, strict=True)]
+            self.size += arrays[k].size * arrays[k].dtype.itemsize
+        self.arrays = [(a.shape, a.dtype, starts[k]) for k, a in enumerate(arrays)]
 
     def tree(self, parts: Any) -> Any:
         """Return a tree of this structure with other arrays, in order."""
@@ -57,12 +54,11 @@ class Layout:
 
     def views(self, memory: Memory, games: tuple[int, ...] = ()) -> list[npt.NDArray[Any]]:
         """Return the arrays in a block of memory, for a batch of this shape."""
-        many, found = int(np.prod(games, dtype=int)), []
-        for shape, dtype, start in self.arrays:
-            size = int(np.prod(shape, dtype=int)) * dtype.itemsize
-            part = memory[start * many : (start + size) * many]
-            found.append(part.view(dtype).reshape((*shape, *games)))
-        return found
+        many = math.prod(games)
+        return [
+            np.ndarray((*shape, *games), dtype, memory.data, start * many)
+            for shape, dtype, start in self.arrays
+        ]
 
 
 def _arrays(tree: Any) -> list[Any]:

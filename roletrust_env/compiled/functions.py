@@ -112,8 +112,8 @@ def log(x: Any) -> Any:
     z, half = s * s, 0.5 * f * f
     rest = s * (half + z * _polynomial(z, n.log))
     found = e * n.ln2[0] - ((half - (rest + e * n.ln2[1])) - f)
-    low = xp.where(x < 0, np.nan, -np.inf)
-    return xp.where(x < n.least, low, xp.where(x < np.inf, found, x))
+    found = xp.where(x < n.least, -np.inf, xp.where(x < np.inf, found, x))
+    return xp.where(x < 0, np.nan, found)
 
 
 def log1p(x: Any) -> Any:
@@ -194,8 +194,8 @@ def power(x: Any, y: Any) -> Any:
             x,
         )
     raised = xp.exp(y * xp.log(x))
-    at_0 = xp.where(y > 0, 0.0, np.inf)
-    return xp.where(y == 0, 1.0, xp.where(x == 0, at_0, raised))
+    raised = xp.where((x == 0) & (y < 0), np.inf, xp.where((x == 0) & (y > 0), 0.0, raised))
+    return xp.where(y == 0, 1.0, raised)
 
 
 def floor_divide(x: Any, y: Any) -> Any:
