@@ -149,10 +149,14 @@ class Random:
         whole = 1 + xp.floor(xp.log1p(-chance) / math.log(continuation))
         return xp.astype(xp.clip(whole, None, most), whole_dtype(chance))
 
-    def _numbers(self, distribution: Callable[..., Array], shape: Sequence[int]) -> Array:
+    def policy_key(self) -> Array:
+        """Return the key of the next numbers that policies draw, words of shape (4, 1)."""
         index = np.asarray([self._calls], np.uint32)
-        key = self._on_device(np.stack(self._subkey(POLICIES, index)))
         self._calls += 1
+        return self._on_device(np.stack(self._subkey(POLICIES, index)))
+
+    def _numbers(self, distribution: Callable[..., Array], shape: Sequence[int]) -> Array:
+        key = self.policy_key()
         games = counter_rng.counters(self.like, math.prod(shape[1:]))
         return distribution(self.like, math.prod(shape[:1]), games, key).reshape(tuple(shape))
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from roletrust_env.compiled.record import Recorded, UnrecordableError
-from roletrust_env.compiled.schedule import Affine, Item, Put, Schedule, by_axis, loops
+from roletrust_env.compiled.schedule import Affine, Item, Put, Schedule, by_axis
 
 BLOCKS = ("before", "after", "inputs", "outputs", "shared", "scratch")
 """Blocks of memory that the function gets, in order after the number of games."""
@@ -138,9 +138,8 @@ class _Emitter:
             return scalar
         vector = self._vector(element)
         first = self._emit(f"insertelement {vector} poison, {element} {scalar}, i64 0")
-        return self._emit(
-            f"shufflevector {vector} {first}, {vector} poison, <{self._width} x i32> zeroinitializer"
-        )
+        zeros = f"<{self._width} x i32> zeroinitializer"
+        return self._emit(f"shufflevector {vector} {first}, {vector} poison, {zeros}")
 
     def _call(self, function: str, dtype: Any, *args: str) -> str:
         kind = self._type(dtype)
@@ -214,11 +213,11 @@ class _Emitter:
     def _load(self, address: str, dtype: Any, scalar: bool = False) -> str:
         """Return the numbers at an address; one number for all games if `scalar`."""
         element = _TYPES[np.dtype(dtype).str[1:]]
-        stored = "i8" if dtype == bool else element
+        stored = "i8" if np.dtype(dtype).kind == "b" else element
         align = np.dtype(dtype).itemsize
         kind = stored if scalar else self._vector(stored)
         value = self._emit(f"load {kind}, ptr {address}, align {align}")
-        if dtype == bool:
+        if np.dtype(dtype).kind == "b":
             zero = "0" if scalar or self._width == 1 else "zeroinitializer"
             value = self._emit(f"icmp ne {kind} {value}, {zero}")
         return self._splat(value, element) if scalar else value
@@ -227,7 +226,7 @@ class _Emitter:
         address, dtype = self._address(memory, index)
         kind = self._type(dtype)
         value = self._cast(value, source, np.dtype(dtype))
-        if dtype == bool:
+        if np.dtype(dtype).kind == "b":
             stored = self._vector("i8")
             value, kind = self._emit(f"zext {kind} {value} to {stored}"), stored
         self._lines.append(
@@ -236,8 +235,8 @@ class _Emitter:
 
     def _table(self, values: Any) -> str:
         """Return the name of a constant table of numbers."""
-        element = "i8" if values.dtype == bool else _TYPES[values.dtype.str[1:]]
-        kind = np.dtype(np.int8) if values.dtype == bool else values.dtype
+        element = "i8" if values.dtype.kind == "b" else _TYPES[values.dtype.str[1:]]
+        kind = np.dtype(np.int8) if values.dtype.kind == "b" else values.dtype
         entries = ", ".join(f"{element} {_literal(x, kind)}" for x in values.reshape(-1).tolist())
         text = f"private unnamed_addr constant [{values.size} x {element}] [{entries}]"
         return self._globals.setdefault(text, f"@t{len(self._globals)}")
@@ -259,7 +258,7 @@ class _Emitter:
         key = base, flat
         if (known := self._known(key)) is not None:
             return known
-        if base.op == "input" or base in self._offsets and base not in self._schedule.inline:
+        if base.op == "input" or base in self._offsets:
             value = self._read(base, flat)
         else:
             value = self._computed(base, indices)
@@ -305,7 +304,7 @@ class _Emitter:
             return self._number(values.flat[index.constant], node.dtype)
         key = node, index
         if (known := self._known(key)) is None:
-            element = "i8" if node.dtype == bool else _TYPES[node.dtype.str[1:]]
+            element = "i8" if node.dtype.kind == "b" else _TYPES[node.dtype.str[1:]]
             address = self._entry(self._table(values), element, self._position(index))
             known = self._memo[-1][key] = self._load(address, node.dtype, scalar=True)
         return known
@@ -357,10 +356,10 @@ class _Emitter:
         if source == target:
             return value
         before, after = self._type(source), self._type(target)
-        if source == bool and target.kind == "f":
+        if source.kind == "b" and target.kind == "f":
             one, zero = self._number(1, target), self._number(0, target)
             return self._emit(f"select {before} {value}, {after} {one}, {after} {zero}")
-        if target == bool:
+        if target.kind == "b":
             test = "fcmp une" if source.kind == "f" else "icmp ne"
             return self._emit(f"{test} {before} {value}, {self._number(0, source)}")
         wider = source.itemsize < target.itemsize
@@ -396,7 +395,7 @@ class _Emitter:
             if self._width > 1:
                 place = self._emit(f"extractelement <{self._width} x i64> {at}, i64 {game}")
             if table.op == "constant":
-                stored = "i8" if node.dtype == bool else element
+                stored = "i8" if node.dtype.kind == "b" else element
                 address = self._entry(self._table(table.data), stored, place)
             else:
                 flat = Index(0, ((place, 1),))
@@ -407,9 +406,9 @@ class _Emitter:
                 address = self._emit(
                     f"getelementptr inbounds i8, ptr {address}, i64 {game * node.dtype.itemsize}"
                 )
-            stored = "i8" if node.dtype == bool else element
+            stored = "i8" if node.dtype.kind == "b" else element
             value = self._emit(f"load {stored}, ptr {address}")
-            if node.dtype == bool:
+            if node.dtype.kind == "b":
                 value = self._emit(f"icmp ne i8 {value}, 0")
             if self._width == 1:
                 return value
@@ -505,20 +504,20 @@ def _run() -> str:
 
 
 def _literal(value: Any, dtype: Any) -> str:
-    if dtype == bool:
+    if np.dtype(dtype).kind == "b":
         return "true" if value else "false"
     if np.dtype(dtype).kind != "f":
         return str(int(value))
     return f"0x{struct.unpack('<Q', struct.pack('<d', float(value)))[0]:016X}"
 
 
-def _identity(name: str, dtype: Any) -> Any:
+def _identity(name: str, dtype: Any) -> float:
     """Return the number that a reduction begins with."""
     if name in ("maximum", "minimum") and dtype.kind == "f":
         return -math.inf if name == "maximum" else math.inf
     if name in ("maximum", "minimum"):
-        return np.iinfo(dtype).min if name == "maximum" else np.iinfo(dtype).max
-    return {"add": 0, "multiply": 1, "bitwise_or": 0, "bitwise_and": 1, "bitwise_xor": 0}[name]
+        return int(np.iinfo(dtype).min) if name == "maximum" else int(np.iinfo(dtype).max)
+    return 1 if name in ("multiply", "bitwise_and") else 0
 
 
 def _allocated(schedule: Schedule, width: int) -> tuple[int, dict[Recorded, int]]:
@@ -529,7 +528,7 @@ def _allocated(schedule: Schedule, width: int) -> tuple[int, dict[Recorded, int]
     offsets: dict[Recorded, int] = {}
     top = 0
     for node, (first, last) in sorted(schedule.spans.items(), key=lambda span: span[1]):
-        size = -(-node.size * node.dtype.itemsize * width // _ALIGNMENT) * _ALIGNMENT
+        size = _size(node, width)
         taken = sorted(
             (at, at + _size(other, width))
             for other, at in offsets.items()
@@ -546,4 +545,6 @@ def _allocated(schedule: Schedule, width: int) -> tuple[int, dict[Recorded, int]
 
 
 def _size(node: Recorded, width: int) -> int:
-    return -(-node.size * node.dtype.itemsize * width // _ALIGNMENT) * _ALIGNMENT
+    """Return the number of bytes of an array in scratch memory."""
+    used = node.size * int(node.dtype.itemsize) * width
+    return -(-used // _ALIGNMENT) * _ALIGNMENT

@@ -7,23 +7,17 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.compiled.emit import BLOCKS, Place, emit
+from roletrust_env.arrays import Array
+from roletrust_env.compiled.emit import Place, emit
 from roletrust_env.compiled.library import Function, load
 from roletrust_env.compiled.record import Recorded, UnrecordableError, constant, make_input
 from roletrust_env.compiled.schedule import Put
-from roletrust_env.trees import is_array, leaves, map_leaves
+from roletrust_env.randomness import Random
+from roletrust_env.trees import arrays, is_array, map_leaves
 
 Memory = npt.NDArray[np.uint8]
 Play = Callable[..., tuple[Any, Any]]
-"""A round: a pure function of a state and of further inputs, which returns the next state and a
-tree of whatever else is wanted."""
-
-
-def recorded_like(dtype: Any = np.float64) -> Recorded:
-    """Return the array to make a game or a task with, as its argument `like`, so that it can be
-    recorded.
-    """
-    return constant(np.zeros((), dtype))
+"""A round, see `Program.record`."""
 
 
 class Layout:
@@ -39,13 +33,20 @@ class Layout:
 
     def __init__(self, tree: Any) -> None:
         self._tree = map_leaves(lambda leaf: None if leaf is None else is_array(leaf), tree)
-        arrays = [leaf if isinstance(leaf, Recorded) else np.asarray(leaf) for leaf in _arrays(tree)]
+        parts = [leaf if isinstance(leaf, Recorded) else np.asarray(leaf) for leaf in arrays(tree)]
         # The longest numbers first, so that all are aligned for any number of games.
         starts, self.size = dict[int, int](), 0
-        for k in sorted(range(len(arrays)), key=lambda k: -arrays[k].dtype.itemsize):
+        for k in sorted(range(len(parts)), key=lambda k: -parts[k].dtype.itemsize):
             starts[k] = self.size
-            self.size += arrays[k].size * arrays[k].dtype.itemsize
-        self.arrays = [(a.shape, a.dtype, starts[k]) for k, a in enumerate(arrays)]
+            self.size += parts[k].size * parts[k].dtype.itemsize
+        self.arrays = [(a.shape, a.dtype, starts[k]) for k, a in enumerate(parts)]
+
+    def symbols(self, name: str) -> list[Recorded]:
+        """Return an input for each array."""
+        return [
+            make_input(f"{name} {k}", shape, dtype)
+            for k, (shape, dtype, _) in enumerate(self.arrays)
+        ]
 
     def tree(self, parts: Any) -> Any:
         """Return a tree of this structure with other arrays, in order."""
@@ -61,18 +62,41 @@ class Layout:
         ]
 
 
-def _arrays(tree: Any) -> list[Any]:
-    return [leaf for leaf in leaves(tree) if is_array(leaf)]
+class RecordedRandom(Random):
+    """Random numbers of policies, made from keys that are known only when a round is played.
+
+    Args:
+        like: Array of the game.
+        game: Index of the game in its batch.
+
+    Attributes:
+        keys: An input for each draw so far.
+    """
+
+    def __init__(self, like: Recorded, game: Recorded) -> None:
+        self.like, self._game, self.keys = like, game, list[Recorded]()
+
+    def policy_key(self) -> Array:
+        """Return the key of the next draw. See `Random.policy_key`."""
+        self.keys.append(make_input(f"policies {len(self.keys)}", (4,), np.int32))
+        return _of_game(self.keys[-1], self._game)[:, None]
+
+
+def _of_game(key: Array, game: Recorded) -> Array:
+    """Return the key of a game: the second of four words counts the games."""
+    return key + game * np.asarray([0, 1, 0, 0], np.int32)
 
 
 class Program(NamedTuple):
-    """A compiled round.
+    """A recorded round, as source.
 
     Attributes:
         state: Layout of the state.
         inputs: Layout of the inputs of each game.
-        keys: Layout of the keys, which are the same for all games.
+        keys: Layout of the keys, which are the same for all games: those given, then those of
+            policies.
         outputs: Layout of what a round returns.
+        draws: Number of draws of policies in a round.
         source: Source of the round, in the language of LLVM.
         scratch: Number of bytes of scratch memory.
         width: Number of games that are played at once.
@@ -82,69 +106,92 @@ class Program(NamedTuple):
     inputs: Layout
     keys: Layout
     outputs: Layout
+    draws: int
     source: str
     scratch: int
     width: int
 
     @classmethod
-    def of(cls, play: Play, state: Any, inputs: tuple[Any, ...], batch: bool) -> "Program":
+    def record(
+        cls,
+        make: Callable[[Recorded], Play],
+        state: Any,
+        inputs: tuple[Any, ...],
+        *,
+        keys: int = 1,
+        batch: bool = False,
+    ) -> "Program":
         """Record a round.
 
         Args:
-            play: Round of a game that was made with `recorded_like`.
+            make: Function that makes a game for an array of its library, and returns its round:
+                a pure function of the state, the inputs and the random numbers of policies, which
+                returns the next state and a tree of whatever else is wanted.
             state: Example of a state of one game, on NumPy.
-            inputs: Example of the inputs for one game. Words, uint32, are keys: in a batch the
-                second of four words is that of the first game, and one more for each next game.
+            inputs: Example of the inputs for one game.
+            keys: Number of inputs at the end that are keys, see `Random.round_key`: words of shape
+                (..., 4), the same for all games.
             batch: Whether the program is for batches.
 
         Raises:
             UnrecordableError: A rule cannot be recorded.
         """
-        words = [isinstance(x, np.ndarray) and x.dtype == np.uint32 for x in inputs]
-        before = Layout(state)
-        given = Layout(tuple(x for x, word in zip(inputs, words, strict=True) if not word))
-        keys = Layout(tuple(x for x, word in zip(inputs, words, strict=True) if word))
-        places: dict[Recorded, Place] = {}
-
-        def make(layout: Layout, block: str) -> list[Recorded]:
-            made = [
-                make_input(f"{block} {k}", shape, np.int32 if dtype == np.uint32 else dtype)
-                for k, (shape, dtype, _) in enumerate(layout.arrays)
-            ]
-            for node, (_, _, start) in zip(made, layout.arrays, strict=True):
-                places[node] = Place(block, start, node.dtype)
-            return made
-
+        before, given = Layout(state), Layout(inputs[: len(inputs) - keys])
+        of_keys = [np.asarray(key) for key in inputs[len(inputs) - keys :]]
+        dtypes = {dtype for _, dtype, _ in before.arrays if dtype.kind == "f"}
+        like = constant(np.zeros((), np.result_type(*dtypes)))
         game = make_input("game", (), np.int32)
-        places[game] = Place("games", 0, np.int32)
-        second = np.asarray([0, 1, 0, 0], np.int32)
-        symbols = before.tree(make(before, "before"))
-        of_keys = iter([key + game * second for key in make(keys, "shared")])
-        of_games = given.tree(make(given, "inputs"))
-        rest = iter(of_games)
-        after, outputs = play(
-            symbols, *(next(of_keys) if word else next(rest) for word in words)
-        )
+        random = RecordedRandom(like, game)
+        symbols, parameters = before.symbols("state"), given.symbols("input")
+        words = [make_input(f"key {k}", key.shape, np.int32) for k, key in enumerate(of_keys)]
+        try:
+            after, outputs = make(like)(
+                before.tree(symbols),
+                *given.tree(parameters),
+                *(_of_game(key, game) for key in words),
+                random,
+            )
+        except UnrecordableError as error:
+            raise UnrecordableError(_refusal(error)) from error
+        except ValueError as error:  # such as of a game that refuses other libraries than NumPy
+            raise UnrecordableError(_refusal(error)) from error
         after, outputs = map_leaves(_recorded, after), map_leaves(_recorded, outputs)
-        shapes = [(leaf.shape, leaf.dtype.kind) for leaf in _arrays(after)]
+        shapes = [(leaf.shape, leaf.dtype.kind) for leaf in arrays(after)]
         if shapes != [(shape, dtype.kind) for shape, dtype, _ in before.arrays]:
-            raise UnrecordableError("a round changes the structure of the state")
+            raise UnrecordableError(_refusal("a round changes the structure of the state"))
         results = Layout(outputs)
+        all_keys = Layout(tuple(np.empty(key.shape, np.uint32) for key in [*words, *random.keys]))
+        places = {game: Place("games", 0, game.dtype)}
+        for block, layout, nodes in (
+            ("before", before, symbols),
+            ("inputs", given, parameters),
+            ("shared", all_keys, [*words, *random.keys]),
+        ):
+            for node, (_, _, start) in zip(nodes, layout.arrays, strict=True):
+                places[node] = Place(block, start, node.dtype)
         puts = [
             Put(leaf, Place(block, start, dtype), np.arange(leaf.size).reshape(leaf.shape))
             for block, layout, tree in (("after", before, after), ("outputs", results, outputs))
-            for leaf, (_, dtype, start) in zip(_arrays(tree), layout.arrays, strict=True)
+            for leaf, (_, dtype, start) in zip(arrays(tree), layout.arrays, strict=True)
         ]
-        width = 1
-        if batch:
-            double = any(dtype == np.float64 for _, dtype, _ in before.arrays)
-            width = 8 if double else 16
+        width = 1 if not batch else 8 if like.dtype == np.float64 else 16
         code = emit(places, puts, width)
-        return cls(before, given, keys, results, code.source, code.scratch, width)
+        return cls(before, given, all_keys, results, len(random.keys), *code, width)
 
     def function(self) -> Function:
         """Return the compiled function."""
         return load(self.source, keep_lock=self.width == 1)
+
+    def policy_keys(self, random: Random | None) -> list[Array]:
+        """Return the keys of the draws of policies in the next round."""
+        if not self.draws:
+            return []
+        assert random is not None  # the policies draw from it
+        return [random.policy_key()[:, 0] for _ in range(self.draws)]
+
+
+def _refusal(reason: object) -> str:
+    return f'engine "compiled" cannot play this game: {reason}'
 
 
 def _recorded(leaf: Any) -> Any:
@@ -158,7 +205,7 @@ def _block(size: int) -> Memory:
     return memory[start : start + size]
 
 
-def _address(memory: Memory) -> int:
+def _address(memory: npt.NDArray[Any]) -> int:
     address: int = memory.__array_interface__["data"][0]
     return address
 
@@ -172,17 +219,18 @@ class CompiledGame:
     Example:
         >>> from roletrust_env import Game, make_scenario
         >>> from roletrust_env.game.state import Actions
-        >>> def play(game):
-        ...     def round(state, quality, ratings, key):
+        >>> scenario = make_scenario("paper-3x3")
+        >>> def make(like):
+        ...     game = Game(scenario, like=like)
+        ...     def play(state, quality, ratings, key, random):
         ...         after, rewards = game.step(state, Actions(quality, ratings), game.noise(key))
         ...         return after, (rewards,)
-        ...     return round
-        >>> scenario = make_scenario("paper-3x3")
-        >>> game, twin = Game(scenario), Game(scenario, like=recorded_like())
+        ...     return play
+        >>> game = Game(scenario)
         >>> random = game.random(seed=0)
         >>> state = game.start(game.draw(random, start=True))
         >>> example = state.quality, state.ratings, random.round_key()
-        >>> compiled = CompiledGame(Program.of(play(twin), state, example, batch=False))
+        >>> compiled = CompiledGame(Program.record(make, state, example))
         >>> compiled.begin(state)
         >>> (rewards,) = compiled.play(state.quality, state.ratings, random.round_key())
         >>> rewards.shape, int(compiled.state.round)
@@ -196,8 +244,7 @@ class CompiledGame:
             _block(layout.size) for layout in (program.inputs, program.outputs, program.keys)
         ] + [_block(program.scratch)]
         inputs, outputs, keys, _ = self._blocks
-        self._inputs = program.inputs.views(inputs)
-        self._keys = program.keys.views(keys)
+        self._parameters = program.inputs.views(inputs) + program.keys.views(keys)
         self._outputs = program.outputs.tree(program.outputs.views(outputs))
         self._views = [program.state.views(memory) for memory in self._states]
         fixed = [_address(block) for block in self._blocks]
@@ -226,19 +273,22 @@ class CompiledGame:
 
     def begin(self, state: Any) -> None:
         """Go on from a state."""
-        for view, leaf in zip(self._views[self._now], _arrays(state), strict=True):
+        for view, leaf in zip(self._views[self._now], arrays(state), strict=True):
             view[...] = leaf
 
-    def play(self, *inputs: Any) -> Any:
+    def play(self, *inputs: Any, random: Random | None = None) -> Any:
         """Play one round.
 
         Args:
-            *inputs: Inputs of the round, those that are keys last.
+            *inputs: Inputs of the round.
+            random: Random numbers of policies that draw some.
 
         Returns:
             What the round returns; its arrays are written to in the next round.
         """
-        for view, given in zip((*self._inputs, *self._keys), inputs, strict=True):
+        if self.program.draws:
+            inputs = (*inputs, *self.program.policy_keys(random))
+        for view, given in zip(self._parameters, inputs, strict=True):
             view[...] = given
         self._function(self._calls[self._now])
         self._now = 1 - self._now
@@ -265,20 +315,22 @@ class CompiledBatch:
     def __reduce__(self) -> Any:
         return CompiledBatch, (self.program,)
 
-    def play(self, state: Any, *inputs: Any) -> tuple[Any, Any]:
+    def play(self, state: Any, *inputs: Any, random: Random | None = None) -> tuple[Any, Any]:
         """Return the state after a round and what the round returns.
 
         Args:
             state: State of the games, whose arrays have the games last.
-            *inputs: Inputs of the round, those that are keys last.
+            *inputs: Inputs of the round.
+            random: Random numbers of policies that draw some.
         """
         program = self.program
+        inputs = (*inputs, *program.policy_keys(random))
         many = len(program.inputs.arrays)
-        games = int(_arrays(state)[0].shape[-1])
+        games = int(arrays(state)[0].shape[-1])
         room = max(games, program.width)
         before = self._made[1] if state is self._made[0] else None
         if before is None:
-            before = _filled(program.state, _arrays(state), games, room)
+            before = _filled(program.state, arrays(state), games, room)
         given = _filled(program.inputs, inputs[:many], games, room)
         keys = _filled(program.keys, inputs[many:], 1, 1)
         after, outputs = _block(program.state.size * room), _block(program.outputs.size * room)
@@ -287,7 +339,9 @@ class CompiledBatch:
         self._function(_address(words))
         next_state = program.state.tree(_cut(program.state.views(after, (room,)), games))
         self._made = next_state, after if room == games else None
-        return next_state, program.outputs.tree(_cut(program.outputs.views(outputs, (room,)), games))
+        return next_state, program.outputs.tree(
+            _cut(program.outputs.views(outputs, (room,)), games)
+        )
 
 
 def _filled(layout: Layout, parts: Any, games: int, room: int) -> Memory:

@@ -1,4 +1,4 @@
-"""Mathematical functions, written with the arithmetic that a processor does on many numbers at once.
+"""Mathematical functions, written with arithmetic that a processor does on many numbers at once.
 
 Each is accurate to a few roundings. The coefficients of float64 and of the logarithm of float32 are
 those of FDLIBM (Sun Microsystems), those of float32 those of Cephes (Moshier). Subnormal numbers

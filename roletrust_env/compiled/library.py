@@ -106,9 +106,9 @@ def _compiled(source: str, path: Path) -> bytes:
     try:
         llvm, machine = _llvm(), _machine()
         module = llvm.parse_assembly(source)
-        builder = llvm.create_pass_builder(
-            machine, llvm.create_pipeline_tuning_options(speed_level=2)
-        )
+        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        options.loop_unrolling = False  # it takes most of the time, and gains nothing
+        builder = llvm.create_pass_builder(machine, options)
         builder.getModulePassManager().run(module, builder)
         code: bytes = machine.emit_object(module)
         return code

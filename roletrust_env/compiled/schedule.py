@@ -107,6 +107,7 @@ class Schedule:
     """
 
     def __init__(self, outputs: Sequence[Put]) -> None:
+        outputs = [put for put in outputs if put.source.size]
         order = graph_order([put.source for put in outputs])
         self.kernels: list[Kernel] = []
         self.spans: dict[Recorded, tuple[int, int]] = {}
@@ -125,7 +126,7 @@ class Schedule:
             self._place(put, put.source.shape)
 
     def _place(self, item: Item, shape: tuple[int, ...]) -> int:
-        """Put an operation into the first kernel that can have it, and return the kernel's index."""
+        """Put an operation into the first kernel that can have it; return its index."""
         needed, earliest = loops(shape), 0
         size = math.prod(shape)
         reads = list(self._reads(item, size))

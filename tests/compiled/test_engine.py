@@ -1,0 +1,150 @@
+"""Compiled rounds play as the rules do."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from recorded_rounds import Round, act, batch_gap, episode_gap, largest_gap, record, start
+
+from roletrust_env import Game, make_scenario, scenarios, trust_models
+from roletrust_env.compiled.engine import CompiledBatch, CompiledGame, Program
+from roletrust_env.compiled.record import UnrecordableError
+from roletrust_env.trees import arrays
+
+REFUSED_PRESETS = {"paper-3x3-hog", "city"}
+PLAYED = [name for name in scenarios() if name not in REFUSED_PRESETS]
+SMALL = [name for name in PLAYED if name != "crowd-100x100"]
+EXACT = 1e-12
+
+
+@pytest.mark.parametrize("model", ["role-trust", "leave-one-out", "eigentrust", "travos"])
+def test_episode_is_that_of_the_rules(model):
+    program = record("paper-3x3", model)
+    assert episode_gap("paper-3x3", model, program, 40) < EXACT
+
+
+@pytest.mark.parametrize("preset", ["peers", "robots-that-move", "market"])
+def test_presets_are_those_of_the_rules(preset):
+    assert episode_gap(preset, "role-trust", record(preset, "role-trust"), 30) < EXACT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", list(trust_models()))
+@pytest.mark.parametrize("preset", SMALL)
+def test_whole_episodes_are_those_of_the_rules(preset, model):
+    assert episode_gap(preset, model, record(preset, model)) < EXACT
+
+
+@pytest.mark.slow
+def test_large_game_is_that_of_the_rules():
+    program = record("crowd-100x100", "role-trust")
+    assert episode_gap("crowd-100x100", "role-trust", program, 20) < EXACT
+
+
+@pytest.mark.parametrize("games", [3, 8, 21])
+def test_batch_is_that_of_the_rules(games):
+    program = record("paper-3x3", "role-trust", batch=True)
+    assert batch_gap("paper-3x3", "role-trust", program, games, 12) < EXACT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", list(trust_models()))
+@pytest.mark.parametrize("preset", ["paper-3x3", "robots-that-move", "market"])
+def test_batches_are_those_of_the_rules(preset, model):
+    program = record(preset, model, batch=True)
+    assert batch_gap(preset, model, program, 21, 12) < EXACT
+
+
+def test_batch_in_float32_is_near_float64():
+    program = record("paper-3x3", "role-trust", np.float32, batch=True)
+    assert batch_gap("paper-3x3", "role-trust", program, 32, 12, np.float32) < 1e-4
+    assert all(dtype != np.float64 for _, dtype, _ in program.outputs.arrays)
+
+
+def test_games_of_a_batch_are_independent_of_its_size():
+    game = Game(make_scenario("paper-3x3"))
+    batch = CompiledBatch(record("paper-3x3", "role-trust", batch=True))
+    few, many = [], []
+    for games, found in ((8, few), (1000, many)):
+        state, random = start(game, (games,))
+        for _ in range(5):
+            state, _ = batch.play(state, state.quality, state.ratings, random.round_key())
+        found.extend(leaf[..., :8] for leaf in arrays(state))
+    assert all(np.array_equal(one, other) for one, other in zip(few, many, strict=True))
+
+
+def test_state_before_is_not_changed():
+    game = Game(make_scenario("paper-3x3"))
+    state, random = start(game, (16,))
+    batch = CompiledBatch(record("paper-3x3", "role-trust", batch=True))
+    first, _ = batch.play(state, state.quality, state.ratings, random.round_key())
+    was = copy.deepcopy(first)
+    batch.play(first, first.quality, first.ratings, random.round_key())
+    assert largest_gap(first, was) == 0
+
+
+@pytest.mark.parametrize("clone", [copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
+def test_copy_goes_on_alone(clone):
+    game = Game(make_scenario("paper-3x3"))
+    state, random = start(game)
+    compiled = CompiledGame(record("paper-3x3", "role-trust"))
+    compiled.begin(state)
+    actions = act(state, np.random.default_rng(0))
+    compiled.play(*actions, random.round_key())
+    twin, key = clone(compiled), random.round_key()
+    before = twin.state
+    compiled.play(*actions, key)
+    assert largest_gap(twin.state, before) == 0
+    twin.play(*actions, key)
+    assert largest_gap(twin.state, compiled.state) == 0
+
+
+@pytest.mark.parametrize("preset", sorted(REFUSED_PRESETS))
+def test_refused_presets(preset):
+    scenario = make_scenario(preset)
+    state, random = start(Game(make_scenario("paper-3x3")))
+    with pytest.raises(UnrecordableError):
+        Program.record(
+            lambda like: Round(scenario, "mean", like), state, (state.quality, random.round_key())
+        )
+
+
+def test_rule_that_branches_on_a_value_is_refused():
+    scenario = make_scenario("paper-3x3")
+    state, random = start(Game(scenario))
+
+    class Branching(Round):
+        def __call__(self, state, quality, ratings, key, random):
+            return super().__call__(
+                state, quality if quality.sum() > 1 else 0 * quality, ratings, key, random
+            )
+
+    with pytest.raises(UnrecordableError, match="branch"):
+        Program.record(
+            lambda like: Branching(scenario, "mean", like),
+            state,
+            (state.quality, state.ratings, random.round_key()),
+        )
+
+
+def test_policies_draw_the_numbers_of_the_rules():
+    scenario = make_scenario("paper-3x3")
+    game = Game(scenario)
+    state, random = start(game)
+
+    class Drawn(Round):
+        def __call__(self, state, key, random):
+            return super().__call__(state, random.uniform((3,)), state.service, key, random)
+
+    program = Program.record(
+        lambda like: Drawn(scenario, "role-trust", like), state, (random.round_key(),)
+    )
+    compiled, reference = CompiledGame(program), Drawn(scenario, "role-trust", game.like)
+    compiled.begin(state)
+    twin = copy.deepcopy(random)
+    for _ in range(5):
+        state, shown = reference(state, key=random.round_key(), random=random)
+        played = compiled.play(twin.round_key(), random=twin)
+        assert largest_gap(shown, played) < EXACT
+    assert program.draws == 1
