@@ -91,22 +91,16 @@ def _polynomial(x: Any, coefficients: tuple[float, ...]) -> Any:
     return reduce(lambda value, c: value * x + c, reversed(coefficients[:-1]), coefficients[-1])
 
 
-def _bits(x: Any, dtype: Any) -> Any:
-    from roletrust_env.compiled.record import bitcast
-
-    return bitcast(x, dtype)
-
-
 def log(x: Any) -> Any:
     """Return the natural logarithm."""
     xp, n = x.__array_namespace__(), _NUMBERS[x.dtype.char]
-    bits = _bits(x, n.whole)
+    bits = xp.bitcast(x, n.whole)
     mantissa = (bits & ((1 << n.digits) - 1)) | (n.bias << n.digits)
-    m = _bits(mantissa, x.dtype)
+    m = xp.bitcast(mantissa, x.dtype)
     magic = 2.0**n.digits  # the sum with it has a whole number in its lowest bits
     exponent = (bits >> n.digits) | int(np.asarray(magic, x.dtype).view(n.whole))
     high = m > math.sqrt(2)
-    e = _bits(exponent, x.dtype) - (magic + n.bias) + xp.astype(high, x.dtype)
+    e = xp.bitcast(exponent, x.dtype) - (magic + n.bias) + xp.astype(high, x.dtype)
     f = xp.where(high, m * 0.5, m) - 1.0
     s = f / (2.0 + f)
     z, half = s * s, 0.5 * f * f
@@ -135,7 +129,7 @@ def exp(x: Any) -> Any:
     c = r - t * _polynomial(t, n.exp)
     found = 1.0 - ((r_low - (r * c) / (2.0 - c)) - r_high)
     magic = 2.0**n.digits + n.bias
-    found = found * _bits(_bits(power + magic, n.whole) << n.digits, x.dtype)
+    found = found * xp.bitcast(xp.bitcast(power + magic, n.whole) << n.digits, x.dtype)
     return xp.where(x > high + 0.5, np.inf, xp.where(x < low, 0.0, found))
 
 

@@ -10,7 +10,9 @@ from numpy.lib.array_utils import normalize_axis_index
 
 from roletrust_env.arrays import Array
 from roletrust_env.compiled.record import (
+    Recorded,
     UnrecordableError,
+    bitcast,
     broadcast,
     cast,
     concat,
@@ -168,7 +170,7 @@ class _Namespace:
     __name__ = "roletrust_env.compiled.namespace"
 
     def __init__(self) -> None:
-        self.einsum = _einsum
+        self.einsum, self.bitcast = _einsum, bitcast
         self.linalg = SimpleNamespace(solve=_solve)
         self.asarray = self.array = _asarray
         self.astype = cast
@@ -225,4 +227,4 @@ def _reduces(ufunc: Any, dtype: Any = None) -> Any:
     return function
 
 
-NAMESPACE = _Namespace()
+Recorded.namespace = _Namespace()

@@ -7,7 +7,7 @@ every operation whose arrays are all constants. Equal operations are one node.
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -23,13 +23,6 @@ Indices = npt.NDArray[np.int32]
 
 class UnrecordableError(ValueError):
     """An operation cannot be recorded, so the game cannot be compiled."""
-
-
-def _namespace() -> Any:
-    """Return the functions of the array API standard, which are written with these arrays."""
-    from roletrust_env.compiled.namespace import NAMESPACE
-
-    return NAMESPACE
 
 
 class Recorded:
@@ -52,6 +45,7 @@ class Recorded:
     __slots__ = ("__weakref__", "args", "data", "dtype", "op", "ranks", "shape")
 
     device = None  # as of an array that JAX traces
+    namespace: ClassVar[Any]  # set by the module of this name, which is written with these arrays
 
     def __init__(
         self, op: str, args: tuple["Recorded", ...], data: Any, shape: Shape, dtype: Any
@@ -64,7 +58,7 @@ class Recorded:
         return f"Recorded({self.op}, shape={self.shape}, dtype={self.dtype})"
 
     def __array_namespace__(self, *, api_version: str | None = None) -> Any:
-        return _namespace()
+        return Recorded.namespace
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         """Record a function of NumPy that is called with a recorded array."""
@@ -73,7 +67,7 @@ class Recorded:
         return elementwise(ufunc, *inputs)
 
     def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
-        return getattr(_namespace(), function.__name__)(*args, **options)
+        return getattr(Recorded.namespace, function.__name__)(*args, **options)
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
         return np.asarray(self._known("a conversion to NumPy"), dtype)
@@ -156,10 +150,10 @@ class Recorded:
         return elementwise(np.invert, self)
 
     def __matmul__(self, other: Any) -> Array:
-        return _namespace().matmul(self, other)
+        return Recorded.namespace.matmul(self, other)
 
     def __rmatmul__(self, other: Any) -> Array:
-        return _namespace().matmul(other, self)
+        return Recorded.namespace.matmul(other, self)
 
     def astype(self, dtype: Any, copy: bool = True) -> Array:
         """Return the array in another dtype."""
@@ -185,15 +179,15 @@ class Recorded:
 
     def clip(self, low: Any = None, high: Any = None) -> Array:
         """Return the values within bounds."""
-        return _namespace().clip(self, low, high)
+        return Recorded.namespace.clip(self, low, high)
 
     def sum(self, axis: Any = None, dtype: Any = None, keepdims: bool = False) -> Array:
         """Return the sum along axes."""
-        return _namespace().sum(self, axis, dtype=dtype, keepdims=keepdims)
+        return Recorded.namespace.sum(self, axis, dtype=dtype, keepdims=keepdims)
 
     def mean(self, axis: Any = None, keepdims: bool = False) -> Array:
         """Return the mean along axes."""
-        return _namespace().mean(self, axis, keepdims=keepdims)
+        return Recorded.namespace.mean(self, axis, keepdims=keepdims)
 
     def max(self, axis: Any = None, keepdims: bool = False) -> Array:
         """Return the maximum along axes."""
@@ -266,7 +260,7 @@ def constant(values: Any, dtype: Any = None) -> Array:
     if isinstance(values, Recorded):
         return values if dtype is None else cast(values, dtype)
     if isinstance(values, list | tuple) and any(isinstance(part, Recorded) for part in values):
-        return _namespace().stack(values)
+        return Recorded.namespace.stack(values)
     array = np.ascontiguousarray(values, dtype).reshape(np.shape(values))
     return _node("constant", (), array, array.shape, array.dtype)
 
