@@ -38,6 +38,10 @@ _BINARY = {
 }
 _UNARY = {"absolute": "fabs", "sqrt": "sqrt", "floor": "floor", "rint": "rint"}
 _ALIGNMENT = 64
+_CHUNK = 500_000
+"""Number of bytes of games that are copied at once: about half of a cache of the second level."""
+
+_MOST_VECTORS = 8
 
 
 class Place(NamedTuple):
@@ -104,6 +108,8 @@ class _Emitter:
         self._block, self._count = "entry", 0
         self._memo: list[dict[Any, str]] = [{}]
         self._scratch, self._offsets = _allocated(schedule, width)
+        self._staged: dict[str, int] = {}  # where the games of a chunk are in scratch memory
+        self._vectors: dict[str, tuple[tuple[str, int], ...]] = {}
 
     # --- text
 
@@ -200,12 +206,14 @@ class _Emitter:
     def _address(self, memory: Any, index: Index) -> tuple[str, Any]:
         """Return the address of an entry, and the dtype in memory."""
         if isinstance(memory, Place):
-            size = np.dtype(memory.dtype).itemsize
-            position = self._position(self._bytes(index, size, memory.offset))
-            if self._width > 1 and memory.block != "shared":
-                position = self._emit(f"mul nsw i64 {position}, %games")
-                position = self._emit(f"add nsw i64 {position}, %g{size}")
-            return self._pointer(memory.block, position), memory.dtype
+            size, block = np.dtype(memory.dtype).itemsize, memory.block
+            if self._width == 1 or block == "shared":
+                position = self._position(self._bytes(index, size, memory.offset))
+                return self._pointer(block, position), memory.dtype
+            at = self._bytes(index, size * self._width, memory.offset * self._width)
+            terms = tuple(sorted((*at.terms, *self._vectors[block])))
+            position = self._position(Index(at.constant + self._staged[block], terms))
+            return self._pointer("scratch", position), memory.dtype
         size = memory.dtype.itemsize * self._width
         position = self._position(self._bytes(index, size, self._offsets[memory]))
         return self._pointer("scratch", position), memory.dtype
@@ -422,7 +430,7 @@ class _Emitter:
         if self._width == 1:
             self._kernels()
         else:
-            self._strips()
+            self._chunks()
         types = ", ".join(
             f"ptr noalias {'readonly ' * (name in ('before', 'inputs', 'shared'))}%{name}"
             for name in BLOCKS
@@ -444,22 +452,79 @@ class _Emitter:
             self._scratch,
         )
 
-    def _strips(self) -> None:
-        """Emit a loop over vectors of games; the last one overlaps the one before."""
-        width = self._width
-        more = self._emit(f"add nsw i64 %games, {width - 1}")
-        strips = self._emit(f"udiv i64 {more}, {width}")
+    def _chunks(self) -> None:
+        """Emit a loop over chunks of vectors of games, which are copied to scratch memory and back.
+
+        In a batch the numbers of one game lie far apart. The last vector overlaps the one before.
+        """
+        width, groups = self._width, self._groups()
+        sizes = {block: width * sum(size * n for size, _, n in groups[block]) for block in groups}
+        vectors = max(2, min(_MOST_VECTORS, _CHUNK // sum(sizes.values())))
+        for block in groups:
+            self._staged[block] = self._scratch
+            self._scratch += vectors * sizes[block] + _ALIGNMENT
+        more = self._emit(f"add nsw i64 %games, {vectors * width - 1}")
+        chunks = self._emit(f"udiv i64 {more}, {vectors * width}")
         last = self._emit(f"sub nsw i64 %games, {width}")
-        with self._loop(strips) as strip:
-            start = self._emit(f"mul nuw nsw i64 {strip}, {width}")
-            early = self._emit(f"icmp slt i64 {start}, {last}")
-            first = self._emit(f"select i1 {early}, i64 {start}, i64 {last}")
-            for size in (1, 4, 8):
-                self._lines.append(f"  %g{size} = mul nuw nsw i64 {first}, {size}")
-            small = self._splat(self._emit(f"trunc i64 {first} to i32"), "i32")
-            steps = ", ".join(f"i32 {k}" for k in range(width))
-            self._lines.append(f"  %game = add <{width} x i32> {small}, <{steps}>")
-            self._kernels()
+
+        def first_game(chunk: str, vector: str) -> str:
+            of_chunk = self._emit(f"mul nuw nsw i64 {chunk}, {vectors}")
+            start = self._emit(f"add nuw nsw i64 {of_chunk}, {vector}")
+            start = self._emit(f"mul nuw nsw i64 {start}, {width}")
+            return self._call_scalar("smin", start, last)
+
+        def copy(chunk: str, blocks: Sequence[str], inwards: bool) -> None:
+            for block in blocks:
+                for size, offset, count in groups[block]:
+                    with self._loop(count) as row, self._loop(vectors) as vector:
+                        there = self._position(Index(offset, ((row, size),)))
+                        there = self._emit(f"mul nsw i64 {there}, %games")
+                        games = self._emit(f"mul nsw i64 {first_game(chunk, vector)}, {size}")
+                        there = self._emit(f"add nsw i64 {there}, {games}")
+                        here = Index(
+                            self._staged[block] + offset * width,
+                            ((row, size * width), (vector, sizes[block])),
+                        )
+                        ends = [
+                            self._pointer(block, there),
+                            self._pointer("scratch", self._position(here)),
+                        ]
+                        source, target = ends if inwards else ends[::-1]
+                        kind = f"<{width} x i{8 * size}>"
+                        value = self._emit(f"load {kind}, ptr {source}, align {size}")
+                        self._lines.append(f"  store {kind} {value}, ptr {target}, align {size}")
+
+        with self._loop(chunks) as chunk:
+            copy(chunk, ("before", "inputs"), inwards=True)
+            with self._loop(vectors) as vector:
+                self._vectors = {block: ((vector, sizes[block]),) for block in groups}
+                first = self._emit(f"trunc i64 {first_game(chunk, vector)} to i32")
+                steps = ", ".join(f"i32 {k}" for k in range(width))
+                all_first = self._splat(first, "i32")
+                self._lines.append(f"  %game = add <{width} x i32> {all_first}, <{steps}>")
+                self._kernels()
+            copy(chunk, ("after", "outputs"), inwards=False)
+
+    def _groups(self) -> dict[str, list[tuple[int, int, int]]]:
+        """Return, for each block, the numbers of each size: their size, offset and count."""
+        puts = (item for kernel in self._schedule.kernels for item in kernel.items)
+        arrays = [(place, node.size) for node, place in self._inputs.items()] + [
+            (put.target, put.source.size)
+            for put in puts
+            if isinstance(put, Put) and isinstance(put.target, Place)
+        ]
+        groups: dict[str, list[tuple[int, int, int]]] = {}
+        for block in ("before", "inputs", "after", "outputs"):
+            own = [(place, n) for place, n in arrays if place.block == block]
+            groups[block] = []
+            for size in sorted({np.dtype(place.dtype).itemsize for place, _ in own}):
+                same = [(p.offset, n) for p, n in own if np.dtype(p.dtype).itemsize == size]
+                groups[block].append((size, min(same)[0], sum(n for _, n in same)))
+        return groups
+
+    def _call_scalar(self, function: str, one: str, other: str) -> str:
+        self._declared.add(f"declare i64 @llvm.{function}.i64(i64, i64)")
+        return self._emit(f"call i64 @llvm.{function}.i64(i64 {one}, i64 {other})")
 
     def _kernels(self) -> None:
         for kernel in self._schedule.kernels:
