@@ -41,7 +41,8 @@ class Affine(NamedTuple):
 def by_axis(shown: Recorded) -> list[Affine] | None:
     """Return where along each axis of its argument a view reads; None if that is no sum."""
     base = shown.args[0]
-    axes = [Affine.of(places) for places in np.unravel_index(shown.data, base.shape)]
+    places = np.unravel_index(shown.data, base.shape) if base.shape else ()
+    axes = [Affine.of(axis) for axis in places]
     return None if None in axes else [axis for axis in axes if axis is not None]
 
 
