@@ -378,7 +378,8 @@ class _Emitter:
             "ii": "sext" if wider else "trunc",
             "bi": "zext",
         }[source.kind + target.kind]
-        return self._emit(f"{name} {before} {value} to {after}")
+        made = self._emit(f"{name} {before} {value} to {after}")
+        return self._emit(f"freeze {after} {made}") if name == "fptosi" else made
 
     def _reduced(self, node: Recorded, indices: Sequence[Index]) -> str:
         (rows,) = node.args
@@ -397,24 +398,17 @@ class _Emitter:
     def _gathered(self, node: Recorded, indices: Sequence[Index]) -> str:
         table, at = node.args[0], self.value(node.args[1], indices)
         element, kind = _TYPES[node.dtype.str[1:]], self._type(node.dtype)
-        found = "poison"
+        stored, found = "i8" if node.dtype.kind == "b" else element, "poison"
         for game in range(self._width):
             place = at
             if self._width > 1:
                 place = self._emit(f"extractelement <{self._width} x i64> {at}, i64 {game}")
             if table.op == "constant":
-                stored = "i8" if node.dtype.kind == "b" else element
                 address = self._entry(self._table(table.data), stored, place)
             else:
-                flat = Index(0, ((place, 1),))
-                base = table
-                if table.op == "view":
-                    base, flat = table.args[0], self._listed(table.data.reshape(-1), [flat])
-                address, _ = self._address(self._inputs.get(base, base), flat)
-                address = self._emit(
-                    f"getelementptr inbounds i8, ptr {address}, i64 {game * node.dtype.itemsize}"
-                )
-            stored = "i8" if node.dtype.kind == "b" else element
+                address, _ = self._address(self._inputs.get(table, table), Index(0, ((place, 1),)))
+                lane = game * node.dtype.itemsize
+                address = self._emit(f"getelementptr inbounds i8, ptr {address}, i64 {lane}")
             value = self._emit(f"load {stored}, ptr {address}")
             if node.dtype.kind == "b":
                 value = self._emit(f"icmp ne i8 {value}, 0")

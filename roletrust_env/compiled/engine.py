@@ -180,7 +180,7 @@ class Program(NamedTuple):
 
     def function(self) -> Function:
         """Return the compiled function."""
-        return load(self.source, keep_lock=self.width == 1)
+        return load(self.source)
 
     def policy_keys(self, random: Random | None) -> list[Array]:
         """Return the keys of the draws of policies in the next round."""

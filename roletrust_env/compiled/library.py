@@ -49,12 +49,11 @@ _LOADED: dict[str, Any] = {}
 """Engine that holds the code of each source."""
 
 
-def load(source: str, keep_lock: bool) -> Function:
-    """Return the function `run` of a source, compiled now or before.
+def load(source: str) -> Function:
+    """Return the function `run` of a source, compiled now or before. It keeps the lock of Python.
 
     Args:
         source: Source in the language of LLVM.
-        keep_lock: Whether the function keeps the lock of Python, which is faster for short ones.
     """
     if source not in _LOADED:
         llvm = _llvm()
@@ -62,7 +61,7 @@ def load(source: str, keep_lock: bool) -> Function:
         engine.add_object_file(llvm.ObjectFileRef.from_data(_object_code(source)))
         engine.finalize_object()
         _LOADED[source] = engine
-    kind = (ctypes.PYFUNCTYPE if keep_lock else ctypes.CFUNCTYPE)(None, ctypes.c_void_p)
+    kind = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
     return kind(_LOADED[source].get_function_address("run"))
 
 

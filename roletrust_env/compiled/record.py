@@ -121,11 +121,11 @@ class Recorded:
         return view(self, np.transpose)
 
     def __getitem__(self, key: Any) -> Array:
-        if isinstance(key, Recorded) and key.op != "constant":
+        if isinstance(key, Recorded) and key.op != "constant" and key.dtype.kind == "i":
             return gather(self, key)
         parts = key if isinstance(key, tuple) else (key,)
         if any(isinstance(part, Recorded) and part.op != "constant" for part in parts):
-            raise UnrecordableError("an index with several axes depends on values of the game")
+            raise UnrecordableError("a selection depends on values of the game")
         known = tuple(part.data if isinstance(part, Recorded) else part for part in parts)
         return view(self, lambda positions: positions[known])
 
@@ -261,7 +261,7 @@ def constant(values: Any, dtype: Any = None) -> Array:
         return values if dtype is None else cast(values, dtype)
     if isinstance(values, list | tuple) and any(isinstance(part, Recorded) for part in values):
         return Recorded.namespace.stack(values)
-    array = np.ascontiguousarray(values, dtype).reshape(np.shape(values))
+    array = np.array(values, dtype, order="C")
     return _node("constant", (), array, array.shape, array.dtype)
 
 
@@ -433,14 +433,17 @@ def reduce(ufunc: Any, array: Any, axis: Any = None, keepdims: bool = False) -> 
     return _node(f"reduce_{name}", (rows,), None, outer, array.dtype)
 
 
-def gather(table: Recorded, places: Recorded) -> Array:
-    """Return rows of a table at places along its first axis."""
-    rows = math.prod(table.shape[1:])
+def gather(table: Array, places: Array) -> Array:
+    """Return rows of a table at places along its first axis; those outside are the last row."""
+    rows, length = math.prod(table.shape[1:]), table.shape[0]
     shape = (*places.shape, *table.shape[1:])
-    at = broadcast(places.reshape(*places.shape, *[1] * (table.ndim - 1)), shape)
+    at = cast(places, np.int64).reshape(*places.shape, *[1] * (table.ndim - 1))
+    at = where(at < 0, at + length, at).clip(0, length - 1)
     within = np.broadcast_to(np.arange(rows).reshape(table.shape[1:]), shape)
-    flat = cast(at, np.int64) * rows + within
-    return _node("gather", (table, flat), None, shape, table.dtype)
+    if table.op == "view":  # it is needed as it lies in memory
+        positions = np.arange(table.size, dtype=np.int32).reshape(table.shape)
+        table = _node("concat", (table,), (positions,), table.shape, table.dtype)
+    return _node("gather", (table, at * rows + within), None, shape, table.dtype)
 
 
 def concat(arrays: Sequence[Any], axis: int = 0) -> Array:

@@ -150,15 +150,16 @@ class Schedule:
 
     def _reads(self, item: Item, size: int) -> Iterator[tuple[Recorded, bool]]:
         """Yield the arrays that an operation reads, and whether it reads only its own entry."""
-        own = np.arange(size)
         if isinstance(item, Put):
-            yield from self._leaves(item.source, own, size)
-        elif item.op == "gather":
-            yield _base(item.args[0]), False
-            yield from self._leaves(item.args[1], own, size)
+            yield from self._leaves(item.source, np.arange(size), size)
         else:
-            for arg in item.args:
+            yield from self._tables(item)
+            for arg in item.args[item.op == "gather" :]:
                 yield from self._leaves(arg, np.arange(arg.size), size)
+
+    def _tables(self, node: Recorded) -> Iterator[tuple[Recorded, bool]]:
+        if node.op == "gather" and node.args[0].op != "constant":
+            yield node.args[0], False
 
     def _leaves(self, node: Recorded, at: Positions, size: int) -> Iterator[tuple[Recorded, bool]]:
         if node.op == "constant":
@@ -168,8 +169,7 @@ class Schedule:
         elif node not in self.inline:
             yield node, len(at) == size == node.size and bool((at == np.arange(size)).all())
         else:
-            if node.op == "gather":
-                yield _base(node.args[0]), False
+            yield from self._tables(node)
             for arg in node.args[node.op == "gather" :]:
                 yield from self._leaves(arg, at, size)
 
@@ -190,7 +190,7 @@ def _inlined(order: Sequence[Recorded], outputs: Sequence[Put]) -> set[Recorded]
             readers.setdefault(_base(arg), set()).add(reader)
     for node in order:
         if node.op == "gather":
-            tables.add(_base(node.args[0]))
+            tables.add(node.args[0])
     inline = set()
     for node in order:
         if node.op in ("constant", "input", "view", "concat") or node.op.startswith("reduce"):
