@@ -38,8 +38,8 @@ _BINARY = {
 }
 _UNARY = {"absolute": "fabs", "sqrt": "sqrt", "floor": "floor", "rint": "rint"}
 _ALIGNMENT = 64
-_CHUNK = 500_000
-"""Number of bytes of games that are copied at once: about half of a cache of the second level."""
+_CHUNK = 1_000_000
+"""Number of bytes of games that are copied at once: about a cache of the second level."""
 
 _MOST_VECTORS = 8
 
@@ -457,23 +457,24 @@ class _Emitter:
         for block in groups:
             self._staged[block] = self._scratch
             self._scratch += vectors * sizes[block] + _ALIGNMENT
-        more = self._emit(f"add nsw i64 %games, {vectors * width - 1}")
-        chunks = self._emit(f"udiv i64 {more}, {vectors * width}")
+        more = self._emit(f"add nsw i64 %games, {width - 1}")
+        in_all = self._emit(f"udiv i64 {more}, {width}")
+        more = self._emit(f"add nsw i64 {in_all}, {vectors - 1}")
+        chunks = self._emit(f"udiv i64 {more}, {vectors}")
         last = self._emit(f"sub nsw i64 %games, {width}")
 
-        def first_game(chunk: str, vector: str) -> str:
-            of_chunk = self._emit(f"mul nuw nsw i64 {chunk}, {vectors}")
-            start = self._emit(f"add nuw nsw i64 {of_chunk}, {vector}")
+        def first_game(first: str, vector: str) -> str:
+            start = self._emit(f"add nuw nsw i64 {first}, {vector}")
             start = self._emit(f"mul nuw nsw i64 {start}, {width}")
             return self._call_scalar("smin", start, last)
 
-        def copy(chunk: str, blocks: Sequence[str], inwards: bool) -> None:
+        def copy(first: str, many: str, blocks: Sequence[str], inwards: bool) -> None:
             for block in blocks:
                 for size, offset, count in groups[block]:
-                    with self._loop(count) as row, self._loop(vectors) as vector:
+                    with self._loop(count) as row, self._loop(many) as vector:
                         there = self._position(Index(offset, ((row, size),)))
                         there = self._emit(f"mul nsw i64 {there}, %games")
-                        games = self._emit(f"mul nsw i64 {first_game(chunk, vector)}, {size}")
+                        games = self._emit(f"mul nsw i64 {first_game(first, vector)}, {size}")
                         there = self._emit(f"add nsw i64 {there}, {games}")
                         here = Index(
                             self._staged[block] + offset * width,
@@ -489,15 +490,18 @@ class _Emitter:
                         self._lines.append(f"  store {kind} {value}, ptr {target}, align {size}")
 
         with self._loop(chunks) as chunk:
-            copy(chunk, ("before", "inputs"), inwards=True)
-            with self._loop(vectors) as vector:
+            first = self._emit(f"mul nuw nsw i64 {chunk}, {vectors}")
+            rest = self._emit(f"sub nuw nsw i64 {in_all}, {first}")
+            many = self._call_scalar("smin", rest, str(vectors))
+            copy(first, many, ("before", "inputs"), inwards=True)
+            with self._loop(many) as vector:
                 self._vectors = {block: ((vector, sizes[block]),) for block in groups}
-                first = self._emit(f"trunc i64 {first_game(chunk, vector)} to i32")
+                game = self._emit(f"trunc i64 {first_game(first, vector)} to i32")
                 steps = ", ".join(f"i32 {k}" for k in range(width))
-                all_first = self._splat(first, "i32")
+                all_first = self._splat(game, "i32")
                 self._lines.append(f"  %game = add <{width} x i32> {all_first}, <{steps}>")
                 self._kernels()
-            copy(chunk, ("after", "outputs"), inwards=False)
+            copy(first, many, ("after", "outputs"), inwards=False)
 
     def _groups(self) -> dict[str, list[tuple[int, int, int]]]:
         """Return, for each block, the numbers of each size: their size, offset and count."""
