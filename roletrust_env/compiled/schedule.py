@@ -108,7 +108,7 @@ class Schedule:
     """
 
     def __init__(self, outputs: Sequence[Put]) -> None:
-        outputs = [put for put in outputs if put.source.size]
+        outputs = [part for put in outputs for part in _parts(put) if part.source.size]
         order = graph_order([put.source for put in outputs])
         self.kernels: list[Kernel] = []
         self.spans: dict[Recorded, tuple[int, int]] = {}
@@ -172,6 +172,15 @@ class Schedule:
             yield from self._tables(node)
             for arg in node.args[node.op == "gather" :]:
                 yield from self._leaves(arg, at, size)
+
+
+def _parts(put: Put) -> Iterator[Put]:
+    """Yield the copies of the parts of a concatenation, which needs no memory of its own then."""
+    if put.source.op != "concat":
+        yield put
+        return
+    for part, places in zip(put.source.args, put.source.data, strict=True):
+        yield from _parts(Put(part, put.target, put.positions.reshape(-1)[places]))
 
 
 def _base(node: Recorded) -> Recorded:
