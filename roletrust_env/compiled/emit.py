@@ -13,7 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from roletrust_env.compiled.record import Recorded, UnrecordableError
-from roletrust_env.compiled.schedule import Affine, Item, Put, Schedule, by_axis
+from roletrust_env.compiled.schedule import (
+    ALIGNMENT,
+    Affine,
+    Item,
+    Put,
+    Schedule,
+    allocated,
+    by_axis,
+)
 
 BLOCKS = ("before", "after", "inputs", "outputs", "shared", "scratch")
 """Blocks of memory that the function gets, in order after the number of games."""
@@ -37,7 +45,6 @@ _BINARY = {
     "not_equal": ("fcmp une", "icmp ne"),
 }
 _UNARY = {"absolute": "fabs", "sqrt": "sqrt", "floor": "floor", "rint": "rint"}
-_ALIGNMENT = 64
 _CHUNK = 1_000_000
 """Number of bytes of games that are copied at once: about a cache of the second level."""
 
@@ -107,7 +114,7 @@ class _Emitter:
         self._allocas: list[str] = []
         self._block, self._count = "entry", 0
         self._memo: list[dict[Any, str]] = [{}]
-        self._scratch, self._offsets = _allocated(schedule, width)
+        self._scratch, self._offsets = allocated(schedule, width)
         self._staged: dict[str, int] = {}  # where the games of a chunk are in scratch memory
         self._vectors: dict[str, tuple[tuple[str, int], ...]] = {}
 
@@ -385,7 +392,7 @@ class _Emitter:
         (rows,) = node.args
         name, kind = node.op.removeprefix("reduce_"), self._type(node.dtype)
         total = self._new()
-        self._allocas.append(f"  {total} = alloca {kind}, align {_ALIGNMENT}")
+        self._allocas.append(f"  {total} = alloca {kind}, align {ALIGNMENT}")
         first = self._number(_identity(name, node.dtype), node.dtype)
         self._lines.append(f"  store {kind} {first}, ptr {total}")
         with self._loop(rows.shape[-1]) as variable:
@@ -456,7 +463,7 @@ class _Emitter:
         vectors = max(2, min(_MOST_VECTORS, _CHUNK // sum(sizes.values())))
         for block in groups:
             self._staged[block] = self._scratch
-            self._scratch += vectors * sizes[block] + _ALIGNMENT
+            self._scratch += vectors * sizes[block] + ALIGNMENT
         more = self._emit(f"add nsw i64 %games, {width - 1}")
         in_all = self._emit(f"udiv i64 {more}, {width}")
         more = self._emit(f"add nsw i64 {in_all}, {vectors - 1}")
@@ -581,33 +588,3 @@ def _identity(name: str, dtype: Any) -> float:
     if name in ("maximum", "minimum"):
         return int(np.iinfo(dtype).min) if name == "maximum" else int(np.iinfo(dtype).max)
     return 1 if name in ("multiply", "bitwise_and") else 0
-
-
-def _allocated(schedule: Schedule, width: int) -> tuple[int, dict[Recorded, int]]:
-    """Return the size of the scratch memory, and the place of each stored array in it.
-
-    Arrays that are not needed at the same time share memory.
-    """
-    offsets: dict[Recorded, int] = {}
-    top = 0
-    for node, (first, last) in sorted(schedule.spans.items(), key=lambda span: span[1]):
-        size = _size(node, width)
-        taken = sorted(
-            (at, at + _size(other, width))
-            for other, at in offsets.items()
-            if schedule.spans[other][0] <= last and first <= schedule.spans[other][1]
-        )
-        at = 0
-        for start, end in taken:
-            if at + size <= start:
-                break
-            at = max(at, end)
-        offsets[node] = at
-        top = max(top, at + size)
-    return top, offsets
-
-
-def _size(node: Recorded, width: int) -> int:
-    """Return the number of bytes of an array in scratch memory."""
-    used = node.size * int(node.dtype.itemsize) * width
-    return -(-used // _ALIGNMENT) * _ALIGNMENT

@@ -1,6 +1,7 @@
 """Compiled rounds: a round of the rules is recorded once, compiled, and played from then on."""
 
 import math
+import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
@@ -299,6 +300,10 @@ def _game_of(program: Program, state: bytes) -> CompiledGame:
     return CompiledGame(program)._with(state)
 
 
+_MOST_BLOCKS = 6
+_UNUSED = 2  # references to memory: the block, and the call that counts
+
+
 class CompiledBatch:
     """A compiled round as a pure function, for batches of any number of games.
 
@@ -311,6 +316,7 @@ class CompiledBatch:
         self._function = program.function()
         self._scratch = _block(program.scratch)
         self._made: tuple[Any, Memory | None] = (None, None)
+        self._blocks: list[Memory] = []
 
     def __reduce__(self) -> Any:
         return CompiledBatch, (self.program,)
@@ -333,7 +339,9 @@ class CompiledBatch:
             before = _filled(program.state, arrays(state), games, room)
         given = _filled(program.inputs, inputs[:many], games, room)
         keys = _filled(program.keys, inputs[many:], 1, 1)
-        after, outputs = _block(program.state.size * room), _block(program.outputs.size * room)
+        after, outputs = (
+            self._memory(layout.size * room) for layout in (program.state, program.outputs)
+        )
         blocks = before, after, given, outputs, keys, self._scratch
         words = np.asarray([room, *map(_address, blocks)], np.uint64)
         self._function(_address(words))
@@ -342,6 +350,17 @@ class CompiledBatch:
         return next_state, program.outputs.tree(
             _cut(program.outputs.views(outputs, (room,)), games)
         )
+
+    def _memory(self, size: int) -> Memory:
+        """Return memory for results: that of earlier ones, once nobody has them any more.
+
+        The system would clear large new memory first, which takes as long as a round.
+        """
+        for block in self._blocks:
+            if len(block) == size and sys.getrefcount(block.base) == _UNUSED:
+                return block
+        self._blocks = [*self._blocks[1 - _MOST_BLOCKS :], _block(size)]
+        return self._blocks[-1]
 
 
 def _filled(layout: Layout, parts: Any, games: int, room: int) -> Memory:

@@ -17,6 +17,9 @@ from roletrust_env.compiled.record import Recorded
 
 Positions: TypeAlias = npt.NDArray[Any]
 
+ALIGNMENT = 64
+"""Number of bytes of a line of the cache, at which arrays in memory begin."""
+
 
 class Affine(NamedTuple):
     """Positions that are a sum over the axes: `offset + sum of index x stride`."""
@@ -210,3 +213,33 @@ def _inlined(order: Sequence[Recorded], outputs: Sequence[Put]) -> set[Recorded]
         if read is node or (read.size <= node.size and by_axis(read) is not None):
             inline.add(node)
     return inline
+
+
+def allocated(schedule: Schedule, width: int) -> tuple[int, dict[Recorded, int]]:
+    """Return the size of the scratch memory, and the place of each stored array in it.
+
+    Arrays that are not needed at the same time share memory.
+    """
+    offsets: dict[Recorded, int] = {}
+    top = 0
+    for node, (first, last) in sorted(schedule.spans.items(), key=lambda span: span[1]):
+        size = _size(node, width)
+        taken = sorted(
+            (at, at + _size(other, width))
+            for other, at in offsets.items()
+            if schedule.spans[other][0] <= last and first <= schedule.spans[other][1]
+        )
+        at = 0
+        for start, end in taken:
+            if at + size <= start:
+                break
+            at = max(at, end)
+        offsets[node] = at
+        top = max(top, at + size)
+    return top, offsets
+
+
+def _size(node: Recorded, width: int) -> int:
+    """Return the number of bytes of an array in scratch memory."""
+    used = node.size * int(node.dtype.itemsize) * width
+    return -(-used // ALIGNMENT) * ALIGNMENT

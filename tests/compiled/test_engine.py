@@ -84,6 +84,20 @@ def test_state_before_is_not_changed():
     assert largest_gap(first, was) == 0
 
 
+def test_results_that_somebody_keeps_are_not_written_to():
+    game = Game(make_scenario("paper-3x3"))
+    state, random = start(game, (16,))
+    batch = CompiledBatch(record("paper-3x3", "role-trust", batch=True))
+    kept, copies = [], []
+    for _ in range(12):
+        state, outputs = batch.play(state, state.quality, state.ratings, random.round_key())
+        kept.append((state.trust.top[0, :3], outputs[0][1]))
+        copies.append(copy.deepcopy(kept[-1]))
+        if len(kept) > 4:
+            del kept[0], copies[0]
+    assert largest_gap(tuple(kept), tuple(copies)) == 0
+
+
 @pytest.mark.parametrize("clone", [copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
 def test_copy_goes_on_alone(clone):
     game = Game(make_scenario("paper-3x3"))
