@@ -14,7 +14,7 @@ from roletrust_env.compiled.library import Function, load
 from roletrust_env.compiled.record import Recorded, UnrecordableError, constant, make_input
 from roletrust_env.compiled.schedule import Put
 from roletrust_env.randomness import Random
-from roletrust_env.trees import arrays, is_array, map_leaves
+from roletrust_env.trees import arrays, map_leaves
 
 Memory = npt.NDArray[np.uint8]
 Play = Callable[..., tuple[Any, Any]]
@@ -22,10 +22,10 @@ Play = Callable[..., tuple[Any, Any]]
 
 
 class Layout:
-    """The places of the arrays of a tree in a block of memory. Flags of Python are false in it.
+    """The places of the arrays of a tree in a block of memory.
 
     Args:
-        tree: Arrays of one game; other leaves are None or flags.
+        tree: Arrays of one game.
 
     Attributes:
         arrays: Shape in one game, dtype and number of bytes before it of each array.
@@ -33,7 +33,7 @@ class Layout:
     """
 
     def __init__(self, tree: Any) -> None:
-        self._tree = map_leaves(lambda leaf: None if leaf is None else is_array(leaf), tree)
+        self._tree = map_leaves(lambda _: True, tree)
         parts = [leaf if isinstance(leaf, Recorded) else np.asarray(leaf) for leaf in arrays(tree)]
         # The longest numbers first, so that all are aligned for any number of games.
         starts, self.size = dict[int, int](), 0
@@ -52,7 +52,7 @@ class Layout:
     def tree(self, parts: Any) -> Any:
         """Return a tree of this structure with other arrays, in order."""
         rest = iter(parts)
-        return map_leaves(lambda leaf: next(rest) if leaf else leaf, self._tree)
+        return map_leaves(lambda _: next(rest), self._tree)
 
     def views(self, memory: Memory, games: tuple[int, ...] = ()) -> list[npt.NDArray[Any]]:
         """Return the arrays in a block of memory, for a batch of this shape."""
@@ -156,7 +156,7 @@ class Program(NamedTuple):
             raise UnrecordableError(_refusal(error)) from error
         except ValueError as error:  # such as of a game that refuses other libraries than NumPy
             raise UnrecordableError(_refusal(error)) from error
-        after, outputs = map_leaves(_recorded, after), map_leaves(_recorded, outputs)
+        after, outputs = map_leaves(constant, after), map_leaves(constant, outputs)
         shapes = [(leaf.shape, leaf.dtype.kind) for leaf in arrays(after)]
         if shapes != [(shape, dtype.kind) for shape, dtype, _ in before.arrays]:
             raise UnrecordableError(_refusal("a round changes the structure of the state"))
@@ -193,10 +193,6 @@ class Program(NamedTuple):
 
 def _refusal(reason: object) -> str:
     return f'engine "compiled" cannot play this game: {reason}'
-
-
-def _recorded(leaf: Any) -> Any:
-    return constant(leaf) if is_array(leaf) else leaf
 
 
 def _block(size: int) -> Memory:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.arrays import Array, check_within, numpy_array, within
+from roletrust_env.arrays import Array, check_within, namespace, numpy_array, within
 from roletrust_env.errors import short
 from roletrust_env.game.state import Actions
 from roletrust_env.world.roster import Roster, shown
@@ -114,9 +114,8 @@ class JointAction:
         if not roster.n_both:
             return Actions(quality, ratings)
         both = joint[n_sr * p + n_sp :].reshape(roster.n_both, 1 + p)
-        return Actions(
-            np.concatenate([quality, both[:, 0]]), np.concatenate([ratings, both[:, 1:]])
-        )
+        concat = namespace(joint).concat
+        return Actions(concat([quality, both[:, 0]]), concat([ratings, both[:, 1:]]))
 
     def _joined(self, actions: Mapping[str, Any], agents: Sequence[str]) -> Joint | None:
         """Return valid actions of all agents in one vector; None if they are something else."""

@@ -9,6 +9,7 @@ from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.env_logger import EnvLogger
 
+from roletrust_env.envs.arguments import Engine
 from roletrust_env.envs.observer import Vector
 from roletrust_env.envs.parallel import parallel_env
 from roletrust_env.envs.spectator import RenderMode
@@ -21,12 +22,13 @@ def env(
     scenario: str | Path | Scenario = "paper-3x3",
     trust_model: str | TrustModel[Any] = "role-trust",
     render_mode: RenderMode | None = None,
+    engine: Engine = "rules",
     **changes: Any,
 ) -> AECEnv[str, Vector, Vector | None]:
     """Return the game as a PettingZoo AEC environment, in which agents act in turn. Arguments as
     for `parallel_env`.
     """
-    return RoleTrustAECEnv(parallel_env(scenario, trust_model, render_mode, **changes))
+    return RoleTrustAECEnv(parallel_env(scenario, trust_model, render_mode, engine, **changes))
 
 
 class RoleTrustAECEnv(parallel_to_aec_wrapper[str, Vector, Vector]):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from inspect import Parameter, signature
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 import gymnasium
 
@@ -14,6 +14,22 @@ from roletrust_env.world import Scenario
 from roletrust_env.world.roster import shown
 
 Space = TypeVar("Space")
+
+
+Engine = Literal["rules", "compiled"]
+"""What plays the rounds: the rules on NumPy, or `roletrust_env.compiled`."""
+
+
+def is_compiled(engine: str) -> bool:
+    """Return whether an engine is the compiled one.
+
+    Raises:
+        ValueError: There is no such engine.
+    """
+    if engine not in get_args(Engine):
+        known = " or ".join(map(repr, get_args(Engine)))
+        raise ValueError(f"engine must be {known}, got {engine!r}")
+    return engine == "compiled"
 
 
 def refuse_unknown(

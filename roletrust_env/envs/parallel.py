@@ -1,9 +1,9 @@
 """The PettingZoo environment in which all agents act at once (parallel)."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,13 +13,15 @@ from pettingzoo import ParallelEnv
 from roletrust_env.arrays import Array
 from roletrust_env.envs.actions import JointAction
 from roletrust_env.envs.arguments import (
+    Engine,
+    is_compiled,
     option,
     refuse_empty_start,
     refuse_unknown,
     seed_spaces,
     space_of,
 )
-from roletrust_env.envs.observer import Observer, Vector
+from roletrust_env.envs.observer import Observer, Shown, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import short
 from roletrust_env.game.brief import game_facts
@@ -31,32 +33,15 @@ from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT
 
+if TYPE_CHECKING:
+    from roletrust_env.compiled import CompiledGame
+
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
 
 Step: TypeAlias = tuple[
     dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
 ]
 """Observations, rewards, terminations, truncations and infos by the name of the agent."""
-
-
-class Shown(NamedTuple):
-    """What the agents observe in a state, and what their infos hold.
-
-    Attributes:
-        observations: Observations of all agents, one after the other, see `Observer`.
-        trust: Trust of each agent by its role, shape (N,).
-        quality: Quality that each provider delivered in the last round, shape (P,).
-        received: True quality of the services that each rater received in it, shape (S, P).
-        of_both: ToR and ToP of the SR+SP agents, shape (n_both,) each; None without any.
-        phase: Phase of each agent, see `Population`, shape (N,); None where all are always present.
-    """
-
-    observations: Array
-    trust: Array
-    quality: Array
-    received: Array
-    of_both: tuple[Array, Array] | None
-    phase: Array | None
 
 
 class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
@@ -157,12 +142,15 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         scenario: str | Path | Scenario = "paper-3x3",
         trust_model: str | TrustModel[Any] = "role-trust",
         render_mode: RenderMode | None = None,
+        engine: Engine = "rules",
         **changes: Any,
     ) -> None:
         refuse_unknown(type(self), changes)
         scenario = make_scenario(scenario)
         self.game = Game(scenario.change(**changes) if changes else scenario, trust_model)
         refuse_empty_start(self.game.scenario)
+        self.engine = engine
+        self._compiled = compiled_game(self.game) if is_compiled(engine) else None
         self.layout = layout = self.game.layout
         self.render_mode = render_mode
         self.metadata = deepcopy(self.metadata)  # wrappers add render modes
@@ -193,10 +181,11 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.np_random: np.random.Generator | None = None
         self._random: Random | None = None
         self._end = self._length = 0
-        self._state: State | None = None
+        self._played: State | None = None  # by the rules; the compiled engine has its own
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({game_facts(self.game)})"
+        engine = "" if self._compiled is None else f", engine: {self.engine}"
+        return f"{type(self).__name__}({game_facts(self.game)}{engine})"
 
     def _repr_html_(self) -> str:
         return self._spectator.html(repr(self), self._state)
@@ -255,14 +244,16 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         state = self.game.start(self.game.draw(self._random, start=True))
         self._end = int(self.game.random_end(self._random))
         self._length = min(self._end, self.game.scenario.max_cycles)
-        self._state = state
+        if self._compiled is not None:
+            self._compiled.begin(state)
+        self._played = state
         present = self.game.present(state)
         self.agents = [
             a for i, a in enumerate(self.possible_agents) if present is None or present[i]
         ]
         if self.render_mode is not None:
             self._spectator.follow(state)
-        shown = self._show(state)
+        shown = self._observer.show(state)
         observations = self._observer.split(shown.observations, self.agents)
         return observations, self._inform(shown, self.agents)
 
@@ -291,12 +282,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Play one round with actions that are checked already, see `JointAction`. Returns what
         `step` returns.
         """
-        assert self._random is not None  # there is an episode
-        assert self._state is not None
-        noise = self.game.draw(self._random)
-        state, rewards = self.game.step(self._state, self.joint.split(joint), noise)
-        self._state, shown, round = state, self._show(state), int(state.round)
-        over, acted = round >= self._length, self.agents
+        rewards, shown = self._play(joint)
+        round, acted = int(shown.round), self.agents
+        over = round >= self._length
         if shown.phase is None:
             agents = staying = acted
             reward = dict(zip(agents, rewards.tolist(), strict=True))
@@ -317,7 +305,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         truncations = {agent: over and not terminations[agent] for agent in agents}
         self.agents = [] if over else list(staying)
         if self.render_mode is not None:
-            self._spectator.follow(state)
+            self._spectator.follow(self._current())
         observations = self._observer.split(shown.observations, agents)
         return observations, reward, terminations, truncations, self._inform(shown, agents)
 
@@ -339,17 +327,26 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Close the window, if there is one."""
         self._spectator.close()
 
-    def _show(self, state: State) -> Shown:
-        """Return what is observed of a state, and what the infos hold."""
-        game, both = self.game, self.game.roster.both
-        return Shown(
-            observations=self._observer.observe(state),
-            trust=game.agent_trust(state),
-            quality=state.quality,
-            received=state.quality * state.awaiting,
-            of_both=tuple(map(both, game.published(state))) if game.roster.n_both else None,
-            phase=None if state.population is None else state.population.phase,
-        )
+    def _play(self, joint: npt.NDArray[np.float64]) -> tuple[Array, Shown]:
+        """Play one round, and return the rewards, shape (N,), and what is shown of the state."""
+        assert self._random is not None  # there is an episode
+        assert self._played is not None
+        if self._compiled is not None:
+            rewards, shown = self._compiled.play(joint, self._random.round_key())
+            return rewards, shown._replace(received=shown.received.copy())
+        noise = self.game.draw(self._random)
+        self._played, rewards = self.game.step(self._played, self.joint.split(joint), noise)
+        return rewards, self._observer.show(self._played)
+
+    @property
+    def _state(self) -> State | None:
+        """The state of the game; None before the first episode."""
+        return None if self._played is None else self._current()
+
+    def _current(self) -> State:
+        assert self._played is not None  # there is an episode
+        state: State = self._played if self._compiled is None else self._compiled.state
+        return state
 
     def _inform(self, shown: Shown, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
         """Return the infos of some agents."""
@@ -379,10 +376,38 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         return {agent: infos[agent] for agent in agents}
 
 
+def compiled_game(game: Game) -> "CompiledGame":
+    """Return the rounds of a game in the compiled engine.
+
+    Raises:
+        ValueError: The engine cannot play the game, or is not installed. The message says why.
+    """
+    from roletrust_env.compiled import CompiledGame, Program
+
+    def make(like: Array) -> Callable[..., tuple[State, tuple[Array, Shown]]]:
+        recorded = Game(game.scenario, game.model, like)
+        joint_action, observer = JointAction(recorded.roster), Observer(recorded)
+
+        def play(
+            state: State, joint: Array, key: Array, random: Random
+        ) -> tuple[State, tuple[Array, Shown]]:
+            noise = recorded.noise(key)
+            after, rewards = recorded.step(state, joint_action.split(joint), noise)
+            return after, (rewards, observer.show(after))
+
+        return play
+
+    random = game.random(0)
+    state = game.start(game.draw(random, start=True))
+    joint = np.zeros(sum(map(game.roster.action_size, game.roster.names)))
+    return CompiledGame(Program.record(make, state, (joint, random.round_key())))
+
+
 def parallel_env(
     scenario: str | Path | Scenario = "paper-3x3",
     trust_model: str | TrustModel[Any] = "role-trust",
     render_mode: RenderMode | None = None,
+    engine: Engine = "rules",
     **changes: Any,
 ) -> RoleTrustParallelEnv:
     """Return the game as a PettingZoo parallel environment, in which all agents act at once.
@@ -391,12 +416,15 @@ def parallel_env(
         scenario: Name of a preset (`roletrust list`), path of a TOML or YAML file, or a `Scenario`.
         trust_model: Name of a trust model, or a trust model.
         render_mode: `"human"`, `"rgb_array"`, `"ansi"` or None.
+        engine: `"rules"`, or `"compiled"`, which plays the same rounds faster, to the rounding of
+            float64; see `roletrust_env.compiled`.
         **changes: Other values of fields of the scenario, such as `max_cycles=50`, `lam=0.7` or
             `noise=0.0`.
 
     Raises:
         TypeError: An argument is unknown, and no field of a scenario.
-        ValueError: A name is unknown, a file cannot be read, or a value is not allowed.
+        ValueError: A name is unknown, a file cannot be read, a value is not allowed, or the
+            compiled engine cannot play the game.
 
     Example:
         >>> env = parallel_env("paper-3x3", max_cycles=50)
@@ -404,4 +432,4 @@ def parallel_env(
         >>> env.agents
         ['sr_0', 'sr_1', 'sr_2', 'sp_0', 'sp_1', 'sp_2']
     """
-    return RoleTrustParallelEnv(scenario, trust_model, render_mode, **changes)
+    return RoleTrustParallelEnv(scenario, trust_model, render_mode, engine, **changes)
