@@ -88,12 +88,7 @@ class SmoothTask(AttackTask):
         super().__init__(
             Game(task.game.scenario, smooth_model(task.game.model), torch.zeros(())),
             task.compromised,
-            objective=task.objective,
-            stealth=task.stealth,
-            knowledge=task.knowledge,
-            others=task.joint_policy.policies,
-            accomplices=task.accomplices,
-            consumers=task.consumers,
+            **task.options,
         )
         self.temperature = temperature
 

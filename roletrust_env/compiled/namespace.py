@@ -197,6 +197,10 @@ class _Namespace:
         shape = np.broadcast_shapes(*(constant(array).shape for array in arrays))
         return [broadcast(array, shape) for array in arrays]
 
+    def round(self, array: Any) -> Array:
+        """Return the nearest whole numbers."""
+        return elementwise(np.rint, array)
+
     def isnan(self, array: Any) -> Array:
         """Return whether entries are NaN."""
         return elementwise(np.not_equal, array, array)

@@ -16,6 +16,8 @@ NUMBERS = "fiub"
 
 Joint = npt.NDArray[np.float64]
 
+_ARRAYS = {np.ndarray}
+
 
 def check_action(
     action: Any, shape: tuple[int, ...], low: float = 0.0, what: str = "the action"
@@ -54,6 +56,7 @@ class JointAction:
         sizes = list(map(roster.action_size, roster.names))
         ends = np.cumsum(sizes).tolist()
         self._sizes = dict(zip(roster.names, sizes, strict=True))
+        self._shapes = [(size,) for size in sizes]
         self._slots = {
             agent: slice(end - size, end)
             for (agent, size), end in zip(self._sizes.items(), ends, strict=True)
@@ -121,10 +124,11 @@ class JointAction:
         """Return valid actions of all agents in one vector; None if they are something else."""
         if type(actions) is not dict or not len(actions) == len(agents) == len(self._sizes):
             return None
-        parts: list[Any] = [actions.get(agent) for agent in agents]
-        if any(type(part) is not np.ndarray for part in parts):
+        try:
+            parts = [actions[agent] for agent in agents]
+        except KeyError:
             return None
-        if [part.shape for part in parts] != [(size,) for size in self._sizes.values()]:
+        if {*map(type, parts)} != _ARRAYS or [part.shape for part in parts] != self._shapes:
             return None
         try:
             joint = np.concatenate(parts, dtype=np.float64)

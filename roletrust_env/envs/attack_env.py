@@ -1,6 +1,4 @@
-"""Attack tasks as Gymnasium environments, and a batch of such tasks, which all environments of
-tasks play.
-"""
+"""Attack tasks as Gymnasium environments."""
 
 from collections.abc import Mapping
 from copy import deepcopy
@@ -11,108 +9,20 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.spaces import Box
 
-from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.actions import check_action
-from roletrust_env.envs.arguments import check_games, refuse_unknown
+from roletrust_env.envs.arguments import Engine, is_compiled, refuse_unknown
 from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
+from roletrust_env.envs.task_batch import TaskRound, compiled_game, task_spaces
 from roletrust_env.errors import suggest
-from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
+from roletrust_env.game.attack_task import AttackTask, TaskState
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.state import State
 from roletrust_env.parameters import whole_number
 from roletrust_env.randomness import Random
-from roletrust_env.trees import map_leaves
 
 Vector = npt.NDArray[np.float32]
-
-
-def task_spaces(task: AttackTask) -> tuple[Box, Box]:
-    """Return the observation space and the action space of one game of a task."""
-    trial = TaskBatch(task)
-    trial.restart(task.game.random(0))  # the shape does not depend on the seed
-    seen = trial.observe().shape[0]
-    return Box(*task.bounds, (seen,), np.float32), Box(0.0, 1.0, (task.action_size,), np.float32)
-
-
-class TaskBatch:
-    """Games of one task in progress.
-
-    Args:
-        task: Attack task.
-        shape: Shape of the batch: `()` for one game, `(E,)` for E games.
-        rounds: Length of an episode, if less than that of a game; None is a whole game.
-        whole: Whether no game ends at random.
-
-    Attributes:
-        rounds: Greatest length of an episode.
-    """
-
-    def __init__(
-        self,
-        task: AttackTask,
-        shape: tuple[int, ...] = (),
-        rounds: int | None = None,
-        whole: bool = False,
-    ) -> None:
-        if shape:
-            random = task.game.random(0)
-            one = task.start(task.game.draw(random, start=True), random)
-            check_games("num_envs", shape[0], (one, task.observe(one)))
-        self.task = task
-        self.shape = shape
-        self.rounds = min(rounds or task.game.scenario.max_cycles, task.game.scenario.max_cycles)
-        self.state: TaskState | None = None
-        self._whole, self._end = whole, self.rounds + 1
-
-    def restart(self, random: Random, ended: Array | None = None) -> None:
-        """Restart all games, or only those that have ended, boolean, (E,)."""
-        fresh = self.task.start(self.task.game.draw(random, self.shape, start=True), random)
-        begun = fresh, self._end if self._whole else self.task.game.random_end(random, self.shape)
-        self.state, self._end = (
-            begun if ended is None else choose(ended, begun, (self.state, self._end))
-        )
-
-    def step(
-        self, action: Array, random: Random, waiting: Array | None = None
-    ) -> tuple[Outcome, Array, Array]:
-        """Play one round of all games except those that wait, boolean, (E,); `action` has shape (A,
-        ...).
-
-        Returns:
-            The outcome; whether an episode has terminated, as all compromised agents are gone or
-            the game has ended at random; and whether it is truncated at its greatest length. They
-            have no meaning for a game that waits.
-        """
-        if self.state is None:
-            raise RuntimeError("call reset() before step(): there is no episode")
-        noise = self.task.game.draw(random, self.shape)
-        after, outcome = self.task.step(self.state, action, noise, random)
-        self.state = after if waiting is None else choose(waiting, self.state, after)
-        round = after.game.round
-        terminated = outcome.caught | (round >= self._end)
-        return outcome, terminated, (round >= self.rounds) & ~terminated
-
-    def observe(self) -> Array:
-        """Return the observation of the attacker, shape (K, ...)."""
-        if self.state is None:
-            raise RuntimeError("call reset() before observe(): there is no episode")
-        return self.task.observe(self.state)
-
-    @property
-    def games(self) -> State:
-        """The state of the games."""
-        if self.state is None:
-            raise RuntimeError("call reset() first: there is no episode")
-        return self.state.game
-
-
-def choose(condition: Array, yes: Any, no: Any) -> Any:
-    """Choose between two trees of the same structure, by game."""
-    xp = namespace(condition)
-    return map_leaves(lambda one, other: xp.where(condition, one, other), yes, no)
 
 
 class AttackEnv(gymnasium.Env[Vector, Vector]):
@@ -181,7 +91,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     ## Arguments
 
     See `make_task`; the default of `like` is NumPy's float64. In addition `render_mode`: `"human"`,
-    `"rgb_array"` or `"ansi"`; the learner's agents are marked.
+    `"rgb_array"` or `"ansi"`, where the learner's agents are marked; and `engine`: `"rules"` or
+    `"compiled"`, which plays the same rounds faster, to the rounding of the dtype.
 
     ## Version History
 
@@ -193,7 +104,9 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     defaults: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     """Default arguments of `make_task`."""
 
-    def __init__(self, *, render_mode: RenderMode | None = None, **arguments: Any) -> None:
+    def __init__(
+        self, *, render_mode: RenderMode | None = None, engine: Engine = "rules", **arguments: Any
+    ) -> None:
         refuse_unknown(type(self), arguments, make_task)
         if not isinstance(arguments.get("like"), np.ndarray | None):
             raise ValueError(
@@ -204,7 +117,9 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
         self.metadata = deepcopy(self.metadata)  # wrappers add render modes
-        self._state: TaskState | None = None
+        self.engine = engine
+        self._compiled = compiled_game(self.task) if is_compiled(engine) else None
+        self._played: TaskState | None = None  # by the rules; the compiled engine has its own
         self._random: Random | None = None
         self._playing, self._end, self._length = False, 0, 0
         self._spectator = Spectator(self.task.game, render_mode)
@@ -212,10 +127,11 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self._spec: EnvSpec | None = None
 
     def __repr__(self) -> str:
-        return repr(self.task).replace(type(self.task).__name__, type(self).__name__, 1)
+        task = repr(self.task).replace(type(self.task).__name__, type(self).__name__, 1)
+        return task if self._compiled is None else f"{task[:-1]}, engine: {self.engine})"
 
     def _repr_html_(self) -> str:
-        return self._spectator.html(repr(self), self._state and self._state.game)
+        return self._spectator.html(repr(self), self._games())
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -238,7 +154,9 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         if seed is not None or self._random is None:
             self._random = Random(self.np_random, self.task.game.like)
         state = self.task.start(self.task.game.draw(self._random, start=True), self._random)
-        self._state = state
+        if self._compiled is not None:
+            self._compiled.begin(state)
+        self._played = state
         self._playing, self._end = True, int(self.task.game.random_end(self._random))
         self._length = min(self._end, self.task.game.scenario.max_cycles)
         if self.render_mode is not None:
@@ -254,19 +172,40 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
             RuntimeError: `reset` was not called, or the episode is over.
         """
         action = check_action(action, self.action_space.shape or ())
-        if not self._playing or self._state is None or self._random is None:
+        if not self._playing:
             raise RuntimeError("call reset() before step(): the episode has not begun or is over")
-        noise = self.task.game.draw(self._random)
-        self._state, outcome = self.task.step(self._state, action, noise, self._random)
-        caught, round = bool(outcome.caught), int(self._state.game.round)
+        outcome, rounds, seen = self._play(action)
+        caught, round = bool(outcome.caught), int(rounds)
         over = round >= self._length
         self._playing = not (caught or over)
         terminated = caught or (over and round >= self._end)
         if self.render_mode is not None:
-            self._spectator.follow(self._state.game)
+            self._spectator.follow(self._current().game)
         info = {"objective": float(outcome.objective), "cost": float(outcome.cost)}
-        observation = self.task.observe(self._state).astype(np.float32)
+        observation = seen.astype(np.float32)
         return observation, float(outcome.reward), terminated, over and not terminated, info
+
+    def _play(self, action: Vector) -> TaskRound:
+        """Play one round with a valid action."""
+        assert self._played is not None  # there is an episode
+        assert self._random is not None
+        if self._compiled is not None:
+            played: TaskRound = self._compiled.play(
+                action, self._random.round_key(), random=self._random
+            )
+            return played
+        noise = self.task.game.draw(self._random)
+        self._played, outcome = self.task.step(self._played, action, noise, self._random)
+        return TaskRound(outcome, self._played.game.round, self.task.observe(self._played))
+
+    def _games(self) -> State | None:
+        """Return the state of the game; None before the first episode."""
+        return None if self._played is None else self._current().game
+
+    def _current(self) -> TaskState:
+        assert self._played is not None  # there is an episode
+        state: TaskState = self._played if self._compiled is None else self._compiled.state
+        return state
 
     def render(self) -> Any:
         """Show the state of the game by `render_mode`."""

@@ -302,7 +302,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             staying = [agent for agent in agents if not terminations[agent]]
         if over and round >= self._end:
             terminations = dict.fromkeys(agents, True)
-        truncations = {agent: over and not terminations[agent] for agent in agents}
+        truncations = dict.fromkeys(agents, False)
+        if over:
+            truncations = {agent: not terminations[agent] for agent in agents}
         self.agents = [] if over else list(staying)
         if self.render_mode is not None:
             self._spectator.follow(self._current())
@@ -332,8 +334,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         assert self._random is not None  # there is an episode
         assert self._played is not None
         if self._compiled is not None:
-            rewards, shown = self._compiled.play(joint, self._random.round_key())
-            return rewards, shown._replace(received=shown.received.copy())
+            played: tuple[Array, Shown] = self._compiled.play(joint, self._random.round_key())
+            return played
         noise = self.game.draw(self._random)
         self._played, rewards = self.game.step(self._played, self.joint.split(joint), noise)
         return rewards, self._observer.show(self._played)
@@ -351,7 +353,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     def _inform(self, shown: Shown, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
         """Return the infos of some agents."""
         sr, sp, both = self._by_role
-        trust, quality, received = shown.trust.tolist(), shown.quality.tolist(), [*shown.received]
+        trust, quality = shown.trust.tolist(), shown.quality.tolist()
+        received = [*shown.received.copy()]  # the compiled engine writes to it in the next round
         infos: dict[str, dict[str, Any]] = {
             agent: {"trust": value, "received": row}
             for agent, value, row in zip(sr, trust, received, strict=False)

@@ -15,9 +15,9 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from roletrust_env.envs.actions import check_action
-from roletrust_env.envs.arguments import check_games
-from roletrust_env.envs.attack_env import TaskBatch, choose, task_spaces
+from roletrust_env.envs.arguments import Engine, check_games
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
+from roletrust_env.envs.task_batch import TaskBatch, choose, task_spaces
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
@@ -258,10 +258,12 @@ class AttackVecEnv(BatchVecEnv):
             as in `AttackEnv`.
         seed: Random seed; `seed(...)` before `reset()` sets another.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
+        engine: `"rules"`, or `"compiled"`, which plays the same rounds faster, to the rounding of
+            the dtype.
 
     Raises:
-        ValueError: The task does not play on NumPy, or the number of games is not a whole
-            number of 1 or more.
+        ValueError: The task does not play on NumPy, the number of games is not a whole
+            number of 1 or more, or the compiled engine cannot play the task.
 
     Example:
         >>> from roletrust_env import make_task
@@ -280,6 +282,7 @@ class AttackVecEnv(BatchVecEnv):
         scaled: bool = True,
         seed: int | None = None,
         render_mode: RenderMode | None = None,
+        engine: Engine = "rules",
     ) -> None:
         if not isinstance(task, AttackTask):
             raise ValueError(
@@ -287,7 +290,7 @@ class AttackVecEnv(BatchVecEnv):
             )
         num_envs = whole_number("num_envs", num_envs, 1)
         self.task = task
-        self._batch = TaskBatch(task, (num_envs,), whole=self._whole)
+        self._batch = TaskBatch(task, (num_envs,), engine=engine, whole=self._whole)
         roster = task.game.roster
         self._compromised = [(name, roster.names.index(name)) for name in task.compromised]
         attackers = {*task.identities, *task.joint_policy.attackers}

@@ -11,10 +11,11 @@ from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, check_within, namespace
 from roletrust_env.envs.actions import check_action
-from roletrust_env.envs.arguments import option, refuse_unknown
-from roletrust_env.envs.attack_env import TASKS, TaskBatch, task_by_id, task_spaces
+from roletrust_env.envs.arguments import Engine, option, refuse_unknown
+from roletrust_env.envs.attack_env import TASKS, task_by_id
 from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RenderMode, Spectator
+from roletrust_env.envs.task_batch import TaskBatch, task_spaces
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import whole_number
 
@@ -39,13 +40,16 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             `AutoresetMode`, or its value.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
         max_episode_steps: Length of an episode, if less than that of the game.
-        like: Array of the library, dtype and device to play with; by default NumPy's float32. With
+        engine: `"rules"`, or `"compiled"`, which plays the same rounds on NumPy faster, to the
+            rounding of the dtype.
+        like: Array of the library, dtype and device to play with; by default NumPy's float64. With
             a torch tensor, observations, rewards, flags and masks are tensors, too.
         **arguments: Arguments of `make_task`, which replace the defaults of the task.
 
     Raises:
         TypeError: An argument is unknown.
-        ValueError: A name is unknown or a value is not allowed.
+        ValueError: A name is unknown, a value is not allowed, or the compiled engine cannot play
+            the task.
     """
 
     def __init__(
@@ -56,6 +60,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: RenderMode | None = None,
         max_episode_steps: int | None = None,
+        engine: Engine = "rules",
         **arguments: Any,
     ) -> None:
         refuse_unknown(type(self), arguments, make_task)
@@ -66,8 +71,9 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         num_envs = whole_number("num_envs", num_envs, 1)
         if max_episode_steps is not None:
             max_episode_steps = whole_number("max_episode_steps", max_episode_steps, 1)
+        arguments["like"] = np.zeros(()) if arguments.get("like") is None else arguments["like"]
         self.task = task_by_id(task_id, arguments)
-        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps)
+        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps, engine)
         self.num_envs = num_envs
         self.metadata = {**deepcopy(TASKS[task_id].metadata), "autoreset_mode": mode}
         self.render_mode = render_mode

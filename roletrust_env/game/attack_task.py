@@ -434,6 +434,24 @@ class AttackTask(Frozen):
         reward = objective - self.stealth.weight * cost
         return Outcome(reward, objective, cost, caught)
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """Arguments of the constructor beside the game and the compromised agents."""
+        return {
+            "objective": self.objective,
+            "stealth": self.stealth,
+            "knowledge": self.knowledge,
+            "others": self.joint_policy.policies,
+            "accomplices": self.accomplices,
+            "consumers": self.consumers,
+        }
+
+    def on_library(self, like: Array) -> Self:
+        """Return the same task on the library, dtype and device of an array."""
+        game = Game(self.game.scenario, self.game.model, like)
+        other = type(self)(game, self.compromised, **self.options)
+        return other.changed(blind_share=self.blind_share)
+
     def with_blind_share(self, share: float) -> Self:
         """Return the same task in which `mislead` leaves out a share of what a blind choice loses
         to the best one.

@@ -38,6 +38,11 @@ class CoalitionTask(AttackTask):
         self.coalition = Coalition(self.game, self.identities, wide=wide)
 
     @property
+    def options(self) -> dict[str, Any]:
+        """Arguments of the constructor beside the game and the compromised agents."""
+        return {**super().options, "wide": self.coalition.silent or self.coalition.treats}
+
+    @property
     def bounds(self) -> tuple[float, float]:
         """Least and greatest value of an entry of an observation."""
         return -1.0, 1.0

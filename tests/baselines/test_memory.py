@@ -12,7 +12,7 @@ from roletrust_baselines import (
     RankLies,
     Sleeper,
 )
-from roletrust_env.envs.attack_env import TaskBatch
+from roletrust_env.envs.task_batch import TaskBatch
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trees import arrays
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from roletrust_env import Actions, AttackVecEnv, make_scenario, make_task
-from roletrust_env.envs.attack_env import TaskBatch
+from roletrust_env.envs.task_batch import TaskBatch
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.game.accounts import ACCOUNT_FEATURES

@@ -7,7 +7,7 @@ from typing import Any
 
 from roletrust_agents.learned.coalition_attacker import attacker_for, with_knowledge
 from roletrust_agents.learned.network import Network
-from roletrust_env.envs.attack_env import task_spaces
+from roletrust_env.envs.task_batch import task_spaces
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask

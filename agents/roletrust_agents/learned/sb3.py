@@ -10,7 +10,7 @@ from roletrust_agents.learned.coalition_attacker import NetworkAttacker
 from roletrust_agents.learned.network import Floats
 from roletrust_agents.learned.policy import LearnedPolicy, policy_for
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.attack_env import task_spaces
+from roletrust_env.envs.task_batch import task_spaces
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.game.attack_task import AttackTask
 

@@ -16,7 +16,7 @@ from roletrust_agents.training.learners import (
     set_parameters,
 )
 from roletrust_agents.training.settings import make_settings
-from roletrust_env.envs.attack_env import task_spaces
+from roletrust_env.envs.task_batch import task_spaces
 from roletrust_env.game.make_task import make_task
 
 COALITION = ("sr_2", "sp_1", "srsp_0", "sr_0")
