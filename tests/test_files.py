@@ -17,7 +17,8 @@ from roletrust_env import TrustStream, make_trust_model
 from roletrust_env.benchmarking.store import Store as Results
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.team_trust import replay_rounds
-from roletrust_env.service.manager import Settings, TrustManager
+from roletrust_env.service.manager import TrustManager
+from roletrust_env.service.requests import Settings
 from roletrust_env.service.store import Store
 
 FILES = Path(__file__).parent / "files" / "f785aa31"

@@ -23,7 +23,8 @@ from roletrust_env.errors import printable
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.service import answers
 from roletrust_env.service.journal_trust import RoundEnd
-from roletrust_env.service.manager import Member, RefusedError, Request, TrustManager
+from roletrust_env.service.manager import TrustManager
+from roletrust_env.service.requests import Member, RefusedError, Request
 from roletrust_env.service.store import StoreError
 from roletrust_env.service.tokens import MAX_TOKEN, Leave, Name, Rating, Registration
 from roletrust_env.service.writer import BusyError, Writer

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from importlib.metadata import version
-from typing import Any, NamedTuple
+from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from sqlalchemy import select
@@ -17,7 +17,6 @@ from roletrust_env.data.explanation import Explanation
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.live.clock import steady
 from roletrust_env.live.validation import (
-    Envelope,
     MessageValidator,
     NewcomerLimit,
     RefusalReason,
@@ -25,12 +24,21 @@ from roletrust_env.live.validation import (
     is_genuine,
     rating_error,
 )
-from roletrust_env.live.wire.keys import KnownKeys, is_forgeable
+from roletrust_env.live.wire.keys import KnownKeys
 from roletrust_env.parameters import truth_value
 from roletrust_env.service.journal_trust import SECOND, JournalTrust, RoundEnd, Standing
+from roletrust_env.service.requests import (
+    Member,
+    Receipt,
+    RefusedError,
+    Request,
+    Settings,
+    Signed,
+    refusal,
+    registered_key,
+)
 from roletrust_env.service.store import BLOCK, Event, Store, StoreError, events
 from roletrust_env.service.tokens import (
-    Claims,
     Rating,
     Registration,
     has_work,
@@ -44,119 +52,6 @@ _VERSION = version("roletrust-env")
 _NANO = 1000  # nanoseconds of a microsecond
 _LONGEST = 10**9  # seconds of a round or of a tolerance
 _AGAIN = "~"  # between the name of an agent that has come back, and how often it has begun
-
-_WHY = {
-    RefusalReason.ELSEWHERE: "the token of {} is not for this place",
-    RefusalReason.UNKNOWN: "{} is not registered here",
-    RefusalReason.FUTURE: "the token of {} was signed in the future",
-    RefusalReason.PAST: "the token of {} was signed too long ago, so sign it anew",
-    RefusalReason.CLOCK: "the clock here has gone back since the last token of {}, so try again later",  # noqa: E501
-    RefusalReason.REPLAYED: "a token of {} that was signed at this time or later has come before, so sign it anew",  # noqa: E501
-    RefusalReason.UNSIGNED: "the token of {} has no signature",
-    RefusalReason.MIS_SIGNED: "the token was not signed with the key of {}",
-    RefusalReason.NO_WORK: "the registration of {} lacks its proof of work",
-    RefusalReason.TAKEN: "the name {} belongs to another key",
-    RefusalReason.CROWDED: "{} comes with too many other newcomers, so try again later",
-    RefusalReason.FLOOD: "{} has rated too often, so try again in the next round",
-    RefusalReason.UNKNOWN_PROVIDER: "{} rates an agent that is not registered here",
-    RefusalReason.ITSELF: "{} rates itself",
-    RefusalReason.DOUBLED: "{} rates an agent twice in a request",
-    RefusalReason.NOT_A_NUMBER: "the rating of {} is no number",
-    RefusalReason.OUT_OF_RANGE: "the rating of {} is off the scale",
-}
-
-
-class Signed(NamedTuple):
-    """A token that has been read.
-
-    Attributes:
-        token: Token as it came.
-        claims: Its claims.
-        envelope: Its origin.
-    """
-
-    token: str
-    claims: Any
-    envelope: Envelope
-
-
-class Settings(NamedTuple):
-    """Settings of a manager.
-
-    Attributes:
-        every: Length of a round, seconds.
-        scale: Worst and best rating.
-        same_agents: Whether the rater and the provider of a name are one agent.
-        work: Zero bits of the proof of work of a newcomer, see `has_work`.
-        quota: Number of ratings that an agent may send in a round.
-        newcomers: Number of agents that may register in a round.
-        tolerance: Largest difference between the time of signing and the clock, seconds.
-    """
-
-    every: float = 60.0
-    scale: tuple[float, float] = (0.0, 1.0)
-    same_agents: bool = True
-    work: int = 16
-    quota: int = 1000
-    newcomers: int = 100
-    tolerance: float = 60.0
-
-
-class Request(NamedTuple):
-    """Tokens of one kind, which count as a whole.
-
-    Attributes:
-        kind: Kind of the claims.
-        tokens: Tokens, at least one.
-        name: Agent that the request is about; None for the one that the tokens name.
-    """
-
-    kind: type[Claims]
-    tokens: Sequence[str]
-    name: str | None = None
-
-
-class Receipt(NamedTuple):
-    """Acknowledgement of a token.
-
-    Attributes:
-        seq: Number of its event in the journal.
-        time: Time of arrival, seconds.
-    """
-
-    seq: int
-    time: float
-
-
-class RefusedError(Exception):
-    """A request that does not count.
-
-    Attributes:
-        reason: Reason.
-        detail: What is wrong, and what would be right, in a sentence.
-        at: Place of the token in the request.
-        sender: Agent that the token names; empty if it names none.
-    """
-
-    def __init__(self, reason: RefusalReason, detail: str, at: int = 0, sender: str = "") -> None:
-        super().__init__(f"{reason}: {detail}")
-        self.reason, self.detail, self.at, self.sender = reason, detail, at, sender
-
-
-class Member(NamedTuple):
-    """A registered agent.
-
-    Attributes:
-        name: Name.
-        identity: Name in the journal: who comes back is another agent there, such as `ann~2`.
-        key: Public key, see `Registration.key`.
-        receipt: Acknowledgement of the registration.
-    """
-
-    name: str
-    identity: str
-    key: str
-    receipt: Receipt
 
 
 class TrustManager:
@@ -362,10 +257,10 @@ class TrustManager:
         try:
             signed = [self._read(request, at) for at in range(len(request.tokens))]
             return self._acknowledged(signed) or self._accept(request, signed)
-        except RefusedError as refusal:
+        except RefusedError as refused:
             self._take_back(mark)
-            self.validator.refuse(refusal.sender, refusal.reason)
-            return refusal
+            self.validator.refuse(refused.sender, refused.reason)
+            return refused
         except StoreError as error:
             self._take_back(mark)
             return error
@@ -382,9 +277,9 @@ class TrustManager:
             raise RefusedError(RefusalReason.GARBAGE, str(error), at) from None
         claims = signed.claims
         if claims.aud != self._store.name:
-            raise _refusal(RefusalReason.ELSEWHERE, claims, at, f"this is {self._store.name}")
+            raise refusal(RefusalReason.ELSEWHERE, claims, at, f"this is {self._store.name}")
         if request.name not in (None, claims.iss):
-            raise _refusal(
+            raise refusal(
                 RefusalReason.ELSEWHERE, claims, at, f"the request is about {request.name}"
             )
         return signed
@@ -420,7 +315,7 @@ class TrustManager:
                     return [self._members[claims.iss].receipt]
                 self._register(one)
             elif claims.iss not in self._members:
-                raise _refusal(RefusalReason.UNKNOWN, claims, at, "register it first")
+                raise refusal(RefusalReason.UNKNOWN, claims, at, "register it first")
             elif isinstance(claims, Rating):
                 self._rate(one, at, rated)
             else:
@@ -453,14 +348,14 @@ class TrustManager:
         if reason := rating_error(
             rater, provider, claims.rating, self._members, before, self.settings.scale
         ):
-            raise _refusal(
+            raise refusal(
                 reason,
                 claims,
                 at,
                 f"it is {claims.rating} of {provider}, from {worst:g} to {best:g}",
             )
         if self._sent[rater] >= self.settings.quota:
-            raise _refusal(
+            raise refusal(
                 RefusalReason.FLOOD,
                 claims,
                 at,
@@ -494,24 +389,24 @@ class TrustManager:
         claims = signed.claims
         name = claims.iss
         if not has_work(claims, self.settings.work):
-            raise _refusal(
+            raise refusal(
                 RefusalReason.NO_WORK, claims, 0, f"it costs {self.settings.work} bits here"
             )
         if name not in self._keys:
-            self._keys[name] = _key(claims)
+            self._keys[name] = registered_key(claims)
             self._undo.append(partial(self._keys.pop, name))
         elif name in self._members or claims.key != key_as_text(self._keys[name]):
-            raise _refusal(RefusalReason.TAKEN, claims, 0, "choose another one")
+            raise refusal(RefusalReason.TAKEN, claims, 0, "choose another one")
         self._verify(signed, 0)
         if not self._limit.admits(self._time * _NANO):
-            raise _refusal(
+            raise refusal(
                 RefusalReason.CROWDED,
                 claims,
                 0,
                 f"{self.settings.newcomers:,} in a round are allowed",
             )
         if not self._trust.fits(sum(self._begun.values()) + 1):
-            raise _refusal(
+            raise refusal(
                 RefusalReason.CROWDED, claims, 0, f"{self._model} has no room for more agents"
             )
         self._undo.append(partial(self._unjoin, name))
@@ -530,7 +425,7 @@ class TrustManager:
         """
         envelope = signed.envelope
         if reason := self.validator.error(envelope, round(self._clock() * 1e9)):
-            raise _refusal(reason, signed.claims, at, f"the clock here says {self._clock():.3f}")
+            raise refusal(reason, signed.claims, at, f"the clock here says {self._clock():.3f}")
         before = self.validator.remember(envelope.sender, envelope.stamp)
         self._undo.append(partial(self.validator.remember, envelope.sender, before))
 
@@ -661,28 +556,6 @@ class TrustManager:
     def close(self) -> None:
         """Release the store."""
         self._store.close()
-
-
-def _refusal(reason: RefusalReason, claims: Claims, at: int, hint: str) -> RefusedError:
-    return RefusedError(reason, f"{_WHY[reason].format(claims.iss)}; {hint}", at, claims.iss)
-
-
-def _key(claims: Registration) -> Ed25519PublicKey:
-    """Return the key of a registration.
-
-    Raises:
-        RefusedError: Anybody could sign with it, or it is written in another way than `key_as_text`
-            does.
-    """
-    key = key_of_text(claims.key)
-    if is_forgeable(key) or key_as_text(key) != claims.key:
-        raise RefusedError(
-            RefusalReason.GARBAGE,
-            "the key is of small order, or not as RFC 8037 has it",
-            0,
-            claims.iss,
-        )
-    return key
 
 
 def _put(table: dict[str, int], name: str, value: int | None) -> None:

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from roletrust_env.service.manager import Receipt, RefusedError, Request, TrustManager
+from roletrust_env.service.manager import TrustManager
+from roletrust_env.service.requests import Receipt, RefusedError, Request
 from roletrust_env.service.store import StoreError
 
 MAX_WAITING = 10_000

@@ -42,7 +42,8 @@ import threading, time, uvicorn
 from pathlib import Path
 from roletrust_env.service.client import TrustClient
 from roletrust_env.service.http import make_app
-from roletrust_env.service.manager import Settings, TrustManager
+from roletrust_env.service.manager import TrustManager
+from roletrust_env.service.requests import Settings
 from roletrust_env.service.store import Store
 app = make_app(TrustManager(Store("trust.sqlite"), "role-trust", Settings(work=4)))
 server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="error"))

@@ -9,7 +9,8 @@ from contextlib import closing, contextmanager
 
 import uvicorn
 
-from roletrust_env.service.manager import Settings, TrustManager
+from roletrust_env.service.manager import TrustManager
+from roletrust_env.service.requests import Settings
 from roletrust_env.service.store import Store
 
 

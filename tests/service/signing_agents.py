@@ -7,7 +7,8 @@ from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from roletrust_env.service.manager import Receipt, Request, Settings, TrustManager
+from roletrust_env.service.manager import TrustManager
+from roletrust_env.service.requests import Receipt, Request, Settings
 from roletrust_env.service.store import Store
 from roletrust_env.service.tokens import Leave, Rating, Registration, key_as_text, sign, with_work
 

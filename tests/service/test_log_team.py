@@ -10,7 +10,7 @@ from refusals import assert_names
 from signing_agents import QUICK, Agent, Clock, managed
 
 from roletrust_env import make_scenario
-from roletrust_env.service.manager import Request
+from roletrust_env.service.requests import Request
 from roletrust_env.service.tokens import Rating
 
 ABILITY = {"ann": 0.9, "bob": 0.5, "cec": 0.7, "dan": 1.0}

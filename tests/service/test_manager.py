@@ -22,7 +22,8 @@ from roletrust_env.data.log_rounds import log_rounds, played
 from roletrust_env.data.rounds import MOST
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.service import journal_trust
-from roletrust_env.service.manager import RefusedError, Request, TrustManager
+from roletrust_env.service.manager import TrustManager
+from roletrust_env.service.requests import RefusedError, Request
 from roletrust_env.service.store import Store, StoreError
 from roletrust_env.service.tokens import Rating, Registration, key_as_text, sign
 from roletrust_env.trust import make_trust_model

@@ -150,7 +150,8 @@ def _manage(
     from roletrust_env.live.validation import RefusalReason
     from roletrust_env.service.connections import limited_protocol
     from roletrust_env.service.http import make_app
-    from roletrust_env.service.manager import Settings, TrustManager
+    from roletrust_env.service.manager import TrustManager
+    from roletrust_env.service.requests import Settings
     from roletrust_env.service.store import Store
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
