@@ -5,62 +5,33 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from datetime import date
-from decimal import Decimal
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, FiniteFloat, NonNegativeInt
 
-from roletrust_env.arrays import numpy_array
 from roletrust_env.data.evidence import Evidence, PairCounts, Role
 from roletrust_env.data.names import NameIndex, Names
 from roletrust_env.data.rounds import check_lateness, check_rounds, judged, round_numbers, spans
-from roletrust_env.data.units import (
-    UNITS,
-    check_scale,
-    date_seconds,
-    has_zone,
-    iso_dates,
-    lost_digits,
-    unit_ratings,
+from roletrust_env.data.stream_columns import (
+    StreamColumns,
+    among,
+    joined_columns,
+    number_column,
+    seconds_column,
 )
+from roletrust_env.data.stream_file import StreamHeader, header_array, read_header
+from roletrust_env.data.units import check_scale, unit_ratings
 from roletrust_env.errors import short
 from roletrust_env.parameters import truth_value
 from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.storage.files import clear_unfinished, locked
-from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted
+from roletrust_env.storage.untrusted import parse_json
 from roletrust_env.trust.edges import edge_model
 from roletrust_env.trust.key_index import Floats, Ints, staying
 from roletrust_env.trust.run import make_run
 from roletrust_env.trust.stored import taken
-
-_FORMAT = 5
-
-
-class _Header(UntrustedModel):
-    """Content of a file beside its arrays; the names with an underscore are attributes of a
-    stream.
-    """
-
-    format: Literal[5] = 5
-    settings: dict[str, Any]
-    start: FiniteFloat | None = Field(alias="_start")
-    latest: FiniteFloat | None = Field(alias="_latest")
-    begun: bool = Field(alias="_begun")
-    n_late: NonNegativeInt
-    n_ahead: NonNegativeInt
-    n_repeated: NonNegativeInt
-    texts: list[list[str] | None] = Field(min_length=4, max_length=4)
-    """Names of raters, of providers, and of both in ratings that wait; None where they are whole
-    numbers."""
-
-
-Columns: TypeAlias = tuple[Names, Names, Floats, Floats, Floats]
-"""Names of raters and of providers, ratings on [0, 1], times, and what these do not hold, see
-`lost_digits`."""
 
 
 class TrustStream:
@@ -179,7 +150,7 @@ class TrustStream:
         self._start: float | None = None
         self._latest: float | None = None  # time of the latest rating that was taken
         self._waiting: list[
-            Columns
+            StreamColumns
         ] = []  # the ratings of the round that has begun, whose newcomers have no place yet
         self._begun = False  # whether a round has begun
 
@@ -216,7 +187,7 @@ class TrustStream:
                 "raters and providers are the same agents, so both must be whole numbers, or both "
                 "texts"
             )
-        values = unit_ratings(_numbers("ratings", ratings, len(who)), self.scale)
+        values = unit_ratings(number_column("ratings", ratings, len(who)), self.scale)
         if len(whom) != len(who):
             raise ValueError(f"there are {len(who)} raters and {len(whom)} providers")
         if (times is None) != (self.every is None):
@@ -231,12 +202,12 @@ class TrustStream:
             self._play(who, whom, values)
         elif len(who):
             when, lost = (
-                (self._places(len(who)), 0.0) if times is None else _seconds(times, len(who))
+                (self._places(len(who)), 0.0) if times is None else seconds_column(times, len(who))
             )
             rests = (
                 np.broadcast_to(lost, when.shape)
                 if rests is None
-                else _numbers("rests", rests, len(who))
+                else number_column("rests", rests, len(who))
             )
             self._wait((who, whom, values, when, rests))
 
@@ -257,7 +228,7 @@ class TrustStream:
             numbers = round_numbers(np.maximum(times, start), self.every, start, self.rounds)
         return np.maximum(numbers, self.rounds)
 
-    def _wait(self, columns: Columns) -> None:
+    def _wait(self, columns: StreamColumns) -> None:
         """Keep ratings until their round has ended, and play the rounds that have.
 
         Raises:
@@ -269,7 +240,7 @@ class TrustStream:
                 columns[3], self.every, self.lead, self._start, self._latest, self.rounds
             )
         there = ~(ahead | late) if self.late == "drop" else ~ahead
-        own: Columns = tuple(column[there] for column in columns)  # type: ignore[assignment]
+        own: StreamColumns = tuple(column[there] for column in columns)  # type: ignore[assignment]
         if there.any():
             parts = [*self._waiting, own]
             if start != self._start or np.any(self._round_numbers(own[3], start) > self.rounds):
@@ -289,11 +260,11 @@ class TrustStream:
         self.n_late += int(late.sum())
         self.n_ahead += int(ahead.sum())
 
-    def _together(self, parts: list[Columns]) -> Columns:
+    def _together(self, parts: list[StreamColumns]) -> StreamColumns:
         """Return ratings that wait as columns, without those that repeat another one, unless they
         count again.
         """
-        columns = _joined(parts)
+        columns = joined_columns(parts)
         if self.repeats:
             return columns
         first = dict[Any, int]()
@@ -345,7 +316,7 @@ class TrustStream:
             >>> stream.provider_trust()
             {'shop': 0.75}
         """
-        columns = _joined(self._waiting)
+        columns = joined_columns(self._waiting)
         waiting = (np.concatenate(columns[:2]),) * 2 if self.same_agents else columns[:2]
         one, gone = self._raters.leaving(raters, waiting[0])
         other, lost = self._providers.leaving(providers, waiting[1])
@@ -359,7 +330,7 @@ class TrustStream:
         self._raters.keep(stay[0])
         if not self.same_agents:
             self._providers.keep(stay[1])
-        there = ~(_among(columns[0], gone) | _among(columns[1], lost))
+        there = ~(among(columns[0], gone) | among(columns[1], lost))
         self._waiting = [tuple(column[there] for column in columns)] if there.any() else []  # type: ignore[list-item]
         self._expect_names()
 
@@ -411,7 +382,7 @@ class TrustStream:
         waiting = self._together(self._waiting)
         self._waiting = [waiting] if len(waiting[0]) else []
         people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
-        header = _Header(
+        header = StreamHeader(
             settings=self._settings(),
             _start=self._start,
             _latest=self._latest,
@@ -422,9 +393,7 @@ class TrustStream:
             texts=[names.tolist() if names.dtype == object else None for names in people],
         )
         arrays = {
-            "header": np.frombuffer(
-                json.dumps(header.model_dump(by_alias=True)).encode(), np.uint8
-            ),
+            "header": header_array(header),
             **{f"names_{n}": names for n, names in enumerate(people) if names.dtype != object},
             "ratings": waiting[2],
             "times": waiting[3],
@@ -459,16 +428,7 @@ class TrustStream:
         stream = cls(model, **settings)
         try:
             arrays = load_arrays(Path(path))
-            text = taken(arrays, "header", np.uint8, (None,)).tobytes()
-            if (
-                (data := parse_json(text))
-                and isinstance(data, dict)
-                and data.get("format") != _FORMAT
-            ):
-                raise ValueError(
-                    f"its format is {short(str(data.get('format')))}, and {_FORMAT} is read here"
-                )
-            header = parse_untrusted(_Header, text)
+            header = read_header(arrays)
             before, now = header.settings, stream._settings()
             other = [name for name in {**before, **now} if before.get(name) != now.get(name)]
             if not other:
@@ -513,7 +473,7 @@ class TrustStream:
             yield stream
             stream.save(path)
 
-    def _restore(self, arrays: dict[str, npt.NDArray[Any]], header: _Header) -> None:
+    def _restore(self, arrays: dict[str, npt.NDArray[Any]], header: StreamHeader) -> None:
         """Take what was saved.
 
         Raises:
@@ -621,72 +581,3 @@ class TrustStream:
         self._run.play(who, whom, values)
         if self._pairs is not None:
             self._pairs.add(who, whom, None if self.every is None else times)
-
-
-def _seconds(times: Any, length: int) -> tuple[Floats, Floats | float]:
-    """Return a column of times as numbers, dates as seconds since 1970, and what these do not hold,
-    see `lost_digits`.
-
-    Raises:
-        ValueError: A time is none, or some dates have a time zone and others none.
-    """
-    array = numpy_array("the column of times", times, "numbers or dates")
-    if array.dtype.kind in "OUT" and array.size:
-        texts = [
-            one.isoformat() if isinstance(one, date) else one for one in array.ravel().tolist()
-        ]
-        if all(isinstance(text, str) for text in texts):
-            ticks, unit = iso_dates(
-                texts, lambda at: f"times, position {at + 1}", zoned=has_zone(texts[0])
-            )
-            found, scale = ticks.reshape(array.shape), UNITS[unit]
-            return _numbers("times", found / scale, length), lost_digits(
-                found / scale, found, scale
-            )
-    if array.dtype.kind == "M":
-        fine = np.datetime_data(array.dtype)[0] in ("ns", "ps", "fs", "as")
-        array = array.astype("M8[ns]") if fine else array
-        seconds = _numbers("times", date_seconds(array), length)
-        return seconds, lost_digits(seconds, array.astype(np.int64), UNITS["ns"]) if fine else 0.0
-    if array.dtype.kind == "b":
-        raise ValueError("times must be numbers")
-    seconds = _numbers("times", times, length)
-    if array.dtype.kind in "iu":
-        return seconds, lost_digits(seconds, array.astype(np.int64), 1)
-    exact = enumerate(array.tolist() if array.dtype == object else ())
-    lost = {
-        at: float(one - type(one)(seconds[at]))
-        for at, one in exact
-        if isinstance(one, int | Decimal)
-    }
-    return seconds, np.array([lost.get(at, 0.0) for at in range(length)]) if lost else 0.0
-
-
-def _numbers(column: str, values: Any, length: int) -> Floats:
-    """Return a column as finite numbers."""
-    array = numpy_array(f"the column of {column}", values, "numbers")
-    try:
-        if array.dtype.kind not in "biufO":
-            raise TypeError
-        array = array.astype(np.float64, copy=False)
-    except (ValueError, TypeError, OverflowError):
-        raise ValueError(f"{column} must be numbers") from None
-    if array.shape != (length,):
-        raise ValueError(f"{column} have shape {array.shape}; there are {length} raters")
-    if not (known := np.isfinite(array)).all():
-        raise ValueError(
-            f"{column} hold {array[~known][0]} at position {known.argmin() + 1}; all must be "
-            "numbers"
-        )
-    return array
-
-
-def _joined(parts: list[Columns]) -> Columns:
-    """Return columns one after the other; columns without ratings if there are none."""
-    none = np.zeros(0, np.int64), np.zeros(0, np.int64), *np.zeros((3, 0))
-    return tuple(np.concatenate(columns) for columns in zip(*parts or [none], strict=True))  # type: ignore[return-value]
-
-
-def _among(names: Names, chosen: set[Any]) -> npt.NDArray[np.bool_]:
-    """Return whether each name is one of the chosen."""
-    return np.fromiter((name in chosen for name in names.tolist()), bool, len(names))
