@@ -2,12 +2,20 @@
 
 import gzip
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from dialect_files import (
+    ROWS,
+    TIMED,
+    read_with_notes,
+    text,
+    texts,
+    with_times,
+    write,
+)
 from refusals import refuses
 
 from roletrust_env.data.columns import Columns
@@ -17,132 +25,6 @@ from roletrust_env.data.units import find_unit
 
 arrow = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
-
-ROWS = [
-    ("ann", "Café", 5, 1706702400),
-    ("bob", "Café", 1, 1706702460),
-    ("ann", "寿司", 3, 1706788800),
-]
-DAYS = ["2024-01-31T12:00:00", "2024-01-31T12:01:00", "2024-02-01T12:00:00"]
-OTHER_DATES = {
-    "day-first": ["31.01.2024 12:00", "31.01.2024 12:01", "1.2.2024 12:00"],
-    "month-first": ["1/31/2024 12:00 PM", "1/31/2024 12:01pm", "2/1/2024 12:00 PM"],
-    "slashes": ["31/01/2024, 12:00:00", "31/01/2024, 12:01:00", "01/02/2024, 12:00:00"],
-    "names": ["Jan 31, 2024 12:00", "January 31, 2024 12:01:00.0", "Feb. 1, 2024 12:00"],
-    "mail": [
-        "Wed, 31 Jan 2024 13:00:00 +0100",
-        "31 jan 2024 12:01:00 GMT",
-        "Thu, 01 Feb 2024 06:30:00 -0530",
-    ],
-}
-TIMED = Columns(time="time")
-
-
-def text(
-    separator: str = ",",
-    header: str = "rater,ratee,rating,time",
-    rows: list[Any] = ROWS,
-    end: str = "\n",
-) -> str:
-    """Return the rows as a text; without a header if that is empty."""
-    lines = [separator.join(map(str, row)) for row in rows]
-    return "".join(
-        line + end for line in [*([header.replace(",", separator)] if header else []), *lines]
-    )
-
-
-def with_times(times: list[Any]) -> list[tuple[Any, ...]]:
-    return [(*row[:3], time) for row, time in zip(ROWS, times, strict=True)]
-
-
-def texts() -> Iterator[tuple[str, bytes]]:
-    """Yield names and contents of files that hold the same log."""
-    for name, separator in (
-        ("a.csv", ","),
-        ("b.tsv", "\t"),
-        ("c.csv", ";"),
-        ("d.dat", "::"),
-        ("e", "|"),
-        ("f.txt", " "),
-    ):
-        yield name, text(separator).encode()
-        yield f"no-header-{name}", text(separator, "").encode()
-    yield "blanks.txt", text("  \t ").replace("ann", "  ann").encode()
-    for encoding in ("utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32"):
-        yield f"{encoding}.csv", text("\t").encode(encoding)
-    yield "crlf.csv", text(end="\r\n").encode()
-    yield "cr.csv", text(end="\r").encode()
-    yield "no-end.csv", text().rstrip().encode()
-    yield "blank-lines.csv", ("\n" + text().replace("\n", "\n\n  \n,,,\n,,,,,\n") + "\n\n").encode()
-    yield (
-        "comments.csv",
-        ("# made by hand\n\n" + text() + "# the, end, of, it\n# it's \"all\n").encode(),
-    )
-    yield "comments-inside.csv", text().replace("bob", "# a pause\nbob").encode()
-    yield "sep.csv", ("sep=;\n" + text(";")).encode()
-    yield "konect", ("% sym weighted x\n" + text(" ", "")).encode()
-    yield (
-        "utc.csv",
-        text(rows=with_times([day.replace("T", " ") + " UTC" for day in DAYS])).encode(),
-    )
-    yield (
-        "header-in-comment.tsv",
-        ("% sym weighted\n# Rater\tRatee\tRating\tTime\n" + text("\t", "")).encode(),
-    )
-    yield "blanks-after-commas.csv", text(", ").encode()
-    yield "quotes.csv", text('", "').replace("\n", '"\n"').rstrip('"').encode().join([b'"', b""])
-    yield "padded.csv", text().replace("ann", " ann\t").replace("Café", "Café\u00a0").encode()
-    yield "names.csv", text(header="User ID,item_id,stars,timestamp").encode()
-    yield "graph.csv", text(header="Source,Target,Weight,Date").encode()
-    yield (
-        "books.csv",
-        text('";"', "User-ID,ISBN,Book-Rating,Review Time")
-        .replace("\n", '"\n"')
-        .join('""')[:-2]
-        .encode("utf-16"),
-    )
-    yield (
-        "more.csv",
-        text(header='"from",to,score,time').replace("\n", ',"two\nlines, ""quoted"""\n').encode(),
-    )
-    yield (
-        "extra.csv",
-        text(
-            header=",rater,ratee,rating,time", rows=[(n, *row) for n, row in enumerate(ROWS)]
-        ).encode(),
-    )
-    yield (
-        "decimal-commas.csv",
-        text(";", rows=[(a, b, f"{c},0", d) for a, b, c, d in ROWS]).encode(),
-    )
-    for unit, more in (("ms", 3), ("us", 6), ("ns", 9)):
-        yield (
-            f"{unit}.csv",
-            text(rows=with_times([f"{row[3]}{'0' * more}" for row in ROWS])).encode(),
-        )
-    yield "dates.csv", text(rows=with_times(DAYS)).encode()
-    yield (
-        "zone.csv",
-        text(
-            rows=with_times(
-                [day.replace("T", " ").replace("12:", "14:") + "+02:00" for day in DAYS]
-            )
-        ).encode(),
-    )
-    names = "rater", "ratee", "rating", "time"
-    lines = [json.dumps(dict(zip(names, row, strict=True))) for row in ROWS]
-    yield "lines.jsonl", "\n".join(lines).encode()
-    yield "mixed.jsonl", "\n".join([lines[0].replace("5,", '"5",'), *lines[1:]]).encode()
-    yield "lines.ndjson", "\n\n".join(lines).encode()
-    dated = [
-        json.dumps(dict(zip(("user", "item", "score", "date"), row, strict=True)))
-        for row in with_times(DAYS)
-    ]
-    yield "dated.jsonl", "\n".join(dated).encode()
-    yield "array.json", b"\xef\xbb\xbf\n [" + ", \n".join(lines).encode() + b"]\n"
-    yield "accents.csv", text().replace("Café,5", "Cafe\u0301,5").encode()
-    for name, times in OTHER_DATES.items():
-        yield f"{name}.tsv", text("\t", rows=with_times(times)).encode()
 
 
 def check(log: RatingLog) -> None:
@@ -168,17 +50,6 @@ def test_forty_texts_are_one_log(tmp_path: Path) -> None:
                 check(read_ratings(path, TIMED, scale=(1, 5)))
             except (ValueError, AssertionError) as error:
                 raise AssertionError(f"{path.name}: {content!r}") from error
-
-
-def write(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
-    (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
-    return folder / name
-
-
-def told(path: Path, columns: Columns = TIMED, **options: Any) -> tuple[RatingLog, str]:
-    lines: list[str] = []
-    log = read_ratings(path, columns, tell=lines.append, **options)
-    return log, "\n".join(lines)
 
 
 def test_names_of_any_type_are_the_same(tmp_path: Path) -> None:
@@ -245,7 +116,7 @@ def test_names_of_any_type_are_the_same(tmp_path: Path) -> None:
 
 def test_names_are_trimmed_and_the_joined_are_told(tmp_path: Path) -> None:
     path = write(tmp_path, "rater,ratee,rating\nann,x,1\nann ,x,1\n\u00a0ann, x,1\nAnn,x,1\n")
-    log, lines = told(path, Columns(), same_agents=True)
+    log, lines = read_with_notes(path, Columns(), same_agents=True)
     assert log.rater_names == ["ann", "Ann", "x"]
     assert log.raters.tolist() == [0, 0, 0, 1]
     assert "form of Unicode: 3." in lines
@@ -256,7 +127,7 @@ def test_letters_of_windows_are_not_those_of_latin_1(tmp_path: Path) -> None:
         ("ann\u2019s Café", "cp1252", "cp1252"),
         ("José", "latin-1", "latin-1"),
     ):
-        log, lines = told(
+        log, lines = read_with_notes(
             write(tmp_path, f"rater,ratee,rating\n{name},x,1\n".encode(encoding)), Columns()
         )
         assert (log.rater_names, word in lines) == ([name], True)
@@ -266,7 +137,7 @@ def test_letters_of_windows_are_not_those_of_latin_1(tmp_path: Path) -> None:
 
 
 def test_names_of_whole_floats_are_whole_numbers_if_all_of_the_column_are(tmp_path: Path) -> None:
-    log, lines = told(
+    log, lines = read_with_notes(
         write(tmp_path, "rater,ratee,rating\n3,x1,1\n3.0,x,1\n-1.0,x.0,0\n"), Columns()
     )
     assert (log.rater_names, log.raters.tolist(), log.ratee_names) == (
@@ -276,7 +147,7 @@ def test_names_of_whole_floats_are_whole_numbers_if_all_of_the_column_are(tmp_pa
     )
     assert "without their .0: 2." in lines
     for other in ("3.5", "03.0", "a"):
-        log, lines = told(
+        log, lines = read_with_notes(
             write(tmp_path, f"rater,ratee,rating\n3,x,1\n3.0,x,1\n{other},x,0\n"), Columns()
         )
         assert (log.rater_names, ".0" in lines) == (["3", "3.0", other], False)
@@ -294,7 +165,7 @@ def test_what_the_beginning_of_a_text_shows() -> None:
 
 def test_a_whole_column_decides_the_form_of_dates(tmp_path: Path) -> None:
     def dated(*times: str, **options: Any) -> tuple[list[float], str]:
-        log, lines = told(
+        log, lines = read_with_notes(
             write(tmp_path, text(";", rows=with_times([*times, *times[-1:] * (3 - len(times))]))),
             **options,
         )
@@ -378,8 +249,8 @@ def test_nanoseconds_are_exact(tmp_path: Path) -> None:
             read_ratings(path, TIMED)
     for times in (stamps, seconds, micro, milli):  # as numbers of JSON
         rows = [f'{{"rater": "a", "ratee": "x", "rating": 1, "time": {time}}}' for time in times]
-        for name, text in (("a.jsonl", "\n".join(rows)), ("a.json", f"[{','.join(rows)}]")):
-            assert len(read_ratings(write(tmp_path, text, name), TIMED).values) == 3
+        for name, content in (("a.jsonl", "\n".join(rows)), ("a.json", f"[{','.join(rows)}]")):
+            assert len(read_ratings(write(tmp_path, content, name), TIMED).values) == 3
 
 
 def test_labels_missing_values_and_overrides(tmp_path: Path) -> None:
@@ -388,7 +259,7 @@ def test_labels_missing_values_and_overrides(tmp_path: Path) -> None:
         read_ratings(write(tmp_path, "rater,ratee,rating\na,x,Yes\n", "yes.csv"))
     with refuses(ValueError, "5", "yes", "--missing"):
         read_ratings(path, labels={"yes": 1, "no": 0})
-    log, lines = told(path, TIMED, labels={"yes": 1, "no": 0}, missing=True)
+    log, lines = read_with_notes(path, TIMED, labels={"yes": 1, "no": 0}, missing=True)
     assert (log.rater_names, log.values.tolist()) == (["a"], [1])
     assert "blank rows: 1, rows with a missing value left out: 3." in lines
     path = write(tmp_path, "1|2,5|1\n3|2|0\n")
@@ -405,122 +276,14 @@ def test_labels_missing_values_and_overrides(tmp_path: Path) -> None:
             read_ratings(path, dialect=wrong, labels={"yes": 1, "no": 0})
 
 
-def test_faults_name_the_row_the_column_and_what_is_allowed(tmp_path: Path) -> None:
-    start = "rater,ratee,rating,time\n\n# a note\n"
-    for content, words in (
-        (start + "a,x,1,2\n\nb,x,good,3\n", ("6", "good")),
-        (
-            start.encode() + b"a,x,1,2\n" * 200_000 + b"Jos\xe9,x,1,3\n",
-            ("200004", "UTF-8", "latin-1"),
-        ),
-        (start.encode() + "é,x,1,2\n".encode() + b"\xe9,x,1,3\n", ("5", "UTF-8")),
-        (
-            start + 'a,x,"1,234.5",2\n',
-            ("row", "4", "1,234.5"),
-        ),
-        (start + "a,x,1,2\nb,x,1_0,3\n", ("5", "1_0")),
-        (
-            start + "a,x,1,2\nb,x,5,3\n",
-            ("row", "5", "--scale 1 5"),
-        ),
-        (start + '"a\nb",x,1,2\n"c,x,1,2\n', ("row", "5")),
-        (
-            "user,source,item,rating,time\na,b,x,1,2\n",
-            ("1", "user", "source"),
-        ),
-        (
-            "rater,ratee,mark\na,x,1\n",
-            ("1", "time", "--time"),
-        ),
-        ("a,x,1\n", ("time", "3", "--time")),
-    ):
-        with refuses(ValueError, *words):
-            read_ratings(write(tmp_path, content), TIMED, repeats=True)
-    for content, words in (
-        (
-            '{"rater": 1, "ratee": 2, "rating": 1}\n{"rater": \n',
-            ("2", "JSON"),
-        ),
-        (
-            '{"rater": 1, "ratee": "a", "rating": 1}\n{"rater": "b", "ratee\n',
-            ("2", "JSON"),
-        ),
-        ('[{"rater": 1}]', ("ratee",)),
-        ('[{"rater": 1}, 5]', ("2", "JSON")),
-        ('[{"rater": 1}', ("log.jsonl", "JSON")),
-        ('{"rater": 1, "rating": 1}\n', ("ratee",)),
-        ('[{"rater": 1, "rater": 2, "ratee": 1, "rating": 1}]', ("rater",)),
-    ):
-        with refuses(ValueError, *words):
-            read_ratings(write(tmp_path, content, "log.jsonl"))
-
-
-def test_hostile_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also those at which pyarrow's parser would end the process; brackets in texts do not
-    count."""
-    row = '{"rater": "a[{\\\\", "ratee": "\\"[", "rating": 1}\n'
-    assert len(read_ratings(write(tmp_path, row * 300, "LOG.JSONL"), repeats=True).values) == 300
-    monkeypatch.setattr("roletrust_env.data.tables._LONGEST", 30_000)
-    monkeypatch.setattr("roletrust_env.data.tables._BYTES", 30_000)
-    for name, content, words in (
-        ("log.jsonl", row + '{"rater": ' + "[" * 10_000, ("100", "0")),
-        (
-            "log.jsonl",
-            row + '{"rater": ' + '{"a": ' * 400 + "1" + "}" * 401,
-            ("100",),
-        ),
-        (
-            "log.json",
-            f'[{{"rater": {"[" * 200 + "]" * 200}, "ratee": 1, "rating": 1}}]',
-            ("100",),
-        ),
-        (
-            "log.jsonl",
-            row.encode() + b'{"rater": "Jos\xe9"}\n',
-            ("2", "UTF-8", "JSON"),
-        ),
-        (
-            "log.csv",
-            f"rater,ratee,rating\na,{'b' * 20_000},1\n",
-            ("2", "ratee", "20,000"),
-        ),
-        ("log.jsonl", f"null\n{row}", ("row", "1")),
-        ("log.json", "[null, 5]", ("row", "1")),
-        (
-            "log.csv",
-            "rater,ratee,rating\na,b,1\n" + "b" * 40_000,
-            ("30,000",),
-        ),
-    ):
-        with refuses(ValueError, name, *words):
-            read_ratings(write(tmp_path, content, name))
-    event = (
-        '"args": {"agentId": 1, "clientAddress": "0xab", "feedbackIndex": 1, "value": 1, '
-        '"valueDecimals": 0}}\n'
-    )
-    gone = f'{{"event": "NewFeedback", {event}{{"event": "FeedbackRevoked", {event}'
-    with refuses(ValueError, "log.jsonl"):
-        read_ratings(write(tmp_path, gone, "log.jsonl"))
-    latin = arrow.array([b"Jos\xe9"]).view(arrow.string())
-    parquet.write_table(
-        arrow.table({"rater": latin, "ratee": ["b"], "rating": [1]}), tmp_path / "log.parquet"
-    )
-    with refuses(ValueError, "log.parquet", "UTF8"):
-        read_ratings(tmp_path / "log.parquet")
-    with refuses(ValueError, "log.csv"):
-        read_ratings(
-            write(tmp_path, "rater,ratee,rating\na+2AA-,b,1\n"), dialect=Dialect(encoding="utf-7")
-        )
-    with refuses(ValueError, "-1e+308", "1e+308"):
-        read_ratings(write(tmp_path, "a,b,1\n"), scale=(-1e308, 1e308))
-
-
 def test_a_name_may_begin_with_a_mark(tmp_path: Path) -> None:
     for content in ("#a,x,1\nb,x,0\n", "#a,x,1\n#b,x,0\n", "rater,ratee,rating\n#a,x,1\nb,x,0\n"):
-        log, lines = told(write(tmp_path, content), Columns())
+        log, lines = read_with_notes(write(tmp_path, content), Columns())
         assert (log.rater_names[0], len(log.values)) == ("#a", 2)
         assert "comment" not in lines
-    log, lines = told(write(tmp_path, "# 1,2,1\n1,2,0\n" + "# more\n" * 300 + "3,4,1\n"), Columns())
+    log, lines = read_with_notes(
+        write(tmp_path, "# 1,2,1\n1,2,0\n" + "# more\n" * 300 + "3,4,1\n"), Columns()
+    )
     assert (log.rater_names, lines.count("lines of comment: 301")) == (["1", "3"], 1)
     assert read_ratings(write(tmp_path, "# by hand\n" * 300 + "1,2,0\n")).rater_names == ["1"]
 
@@ -567,7 +330,7 @@ def test_what_may_be_wrong_is_told_with_its_number(tmp_path: Path) -> None:
         ),
     ):
         content = "rater,ratee,rating,time\n" + "".join(f"a,x,1,{time}\n" for time in times)
-        assert message in told(write(tmp_path, content), **options)[1]
+        assert message in read_with_notes(write(tmp_path, content), **options)[1]
     for times in (
         "20240131 20240132",
         "20240131 20241301",
@@ -575,8 +338,11 @@ def test_what_may_be_wrong_is_told_with_its_number(tmp_path: Path) -> None:
         "20240131 20240131.5",
     ):
         content = "".join(f"a,{time},{n},{time}\n" for n, time in enumerate(times.split()))
-        assert "may be dates" not in told(write(tmp_path, content), Columns("1", "2", "3", "4"))[1]
-    assert "Warning" not in told(write(tmp_path, text()), scale=(1, 5), every=3600)[1]
+        assert (
+            "may be dates"
+            not in read_with_notes(write(tmp_path, content), Columns("1", "2", "3", "4"))[1]
+        )
+    assert "Warning" not in read_with_notes(write(tmp_path, text()), scale=(1, 5), every=3600)[1]
 
 
 def test_a_text_of_several_lines_is_not_cut(
@@ -607,7 +373,7 @@ def test_the_shared_logs_need_no_option_but_the_scale() -> None:
         read_ratings(path)
     log = read_ratings(path, TIMED, scale=(-10, 10))
     assert (len(log.values), log.shape) == (35_592, (4814, 5858))
-    log, lines = told(shared / "crowd-product" / "answer.csv.gz", Columns())
+    log, lines = read_with_notes(shared / "crowd-product" / "answer.csv.gz", Columns())
     assert (len(log.values), log.shape) == (24_945, (176, 8315))
     assert (
         "rater in column 'worker', ratee in column 'question', rating in column 'answer'" in lines
@@ -656,7 +422,9 @@ def test_feedback_events_are_ratings(tmp_path: Path) -> None:
     nested = [{"eventName": event.pop("eventName"), "args": event} for event in map(dict, funded)]
     for number, rows in enumerate((events, funded, nested)):
         path = write(tmp_path, "\n".join(map(json.dumps, rows)), "events.jsonl")
-        log, lines = told(path, Columns(time="blockTimestamp"), scale=(0, 100), repeats=True)
+        log, lines = read_with_notes(
+            path, Columns(time="blockTimestamp"), scale=(0, 100), repeats=True
+        )
         assert log.rater_names == ["0xab", "0xf0" if number else "0xcd", "0xef"]
         assert log.ratee_names == ["7", "8"]
         assert log.values.tolist() == [0.9, 0.05, 0.0001]
