@@ -9,7 +9,8 @@ import numpy.typing as npt
 from roletrust_env.data.log import Pairs, RatingLog
 from roletrust_env.data.rounds import round_numbers, spans
 from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.run import TrustRun, make_run
+from roletrust_env.trust.run import make_run
+from roletrust_env.trust.trust_run import TrustRun
 
 
 def log_rounds(log: RatingLog, every: float) -> Ints:

@@ -27,9 +27,9 @@ import numpy as np
 from roletrust_env.arrays import Array
 from roletrust_env.errors import printable
 from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.trust.grid_run import GridRun
 from roletrust_env.trust.model import Traits
 from roletrust_env.trust.ratings import Ratings
-from roletrust_env.trust.run import GridRun
 from roletrust_env.world.scenario import Scenario
 
 _LENGTH = 8  # bytes of the length of a message

@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.frozen import Frozen
+from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.edges import edge_model, start_on_edges, takes_peers
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import TrustModel, start_model
 from roletrust_env.trust.model_checks import check_trust_model, needs_watching, watched_update
 from roletrust_env.trust.ratings import Ratings, sum_at
-from roletrust_env.trust.run import EdgeRun
 from roletrust_env.world.access import meet
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Encounters, Scenario

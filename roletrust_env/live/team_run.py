@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from roletrust_env.live.team import RatingRows, Team, Trust
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
+from roletrust_env.trust.grid_run import GridRun
 from roletrust_env.trust.ratings import Ratings
-from roletrust_env.trust.run import GridRun
 from roletrust_env.trust.stored import taken
 
 _TRIALS, _ROUNDS = 18, 12

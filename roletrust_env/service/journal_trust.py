@@ -18,9 +18,10 @@ from roletrust_env.data.stream import TrustStream
 from roletrust_env.data.units import check_scale, unit_ratings
 from roletrust_env.service.store import Store, events
 from roletrust_env.trust.edges import runs_on_edges
+from roletrust_env.trust.grid_run import check_memory
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import TrustModel
-from roletrust_env.trust.run import check_memory, make_run
+from roletrust_env.trust.run import make_run
 
 SECOND = 1_000_000
 """Microseconds, in which the journal has times."""

@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from roletrust_env.errors import explain, printable
+from roletrust_env.trust.grid_run import GridRun, pairs_of
 from roletrust_env.trust.model import TrustModel
-from roletrust_env.trust.run import GridRun, pairs_of
 
 MOST_GAMES = 100_000
 """Number of games that a service remembers."""

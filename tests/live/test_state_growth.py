@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from roletrust_env.live.team import Team
 from roletrust_env.live.team_run import TeamRun, grows
 from roletrust_env.trust import make_trust_model, trust_models
+from roletrust_env.trust.grid_run import GridRun
 from roletrust_env.trust.models import Mean
-from roletrust_env.trust.run import GridRun
 
 BY_REPLAY = {"fire", "qor", "regression-aligned", "yu-singh", "zhang-cohen"}
 """Models in which the memory of silent agents changes, too."""

@@ -8,9 +8,9 @@ import pytest
 from roletrust_env.live.team import Team
 from roletrust_env.live.team_run import TeamRun
 from roletrust_env.trust import agent_trust, make_trust_model, run
+from roletrust_env.trust.grid_run import GridRun
 from roletrust_env.trust.model_checks import watched_update
 from roletrust_env.trust.ratings import Ratings
-from roletrust_env.trust.run import GridRun
 
 TEAM = Team(("sr_0", "srsp_0"), ("sp_0", "srsp_0"))
 

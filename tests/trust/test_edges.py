@@ -12,9 +12,9 @@ from refusals import refuses
 
 from roletrust_env.trees import map_kinds
 from roletrust_env.trust import Mean, Ratings, Traits, TrustModel, trust_models
+from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.edges import edge_model, no_ratings, runs_on_edges, start_on_edges
 from roletrust_env.trust.model import start_model
-from roletrust_env.trust.run import EdgeRun
 
 CENTRAL = [name for name in trust_models() if Traits.of(named(name)).family == "central"]
 EVERY_CENTRAL = pytest.mark.parametrize("name", CENTRAL)

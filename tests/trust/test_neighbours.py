@@ -8,9 +8,9 @@ import pytest
 
 from roletrust_env.trust import neighbours
 from roletrust_env.trust.algorithms import upper_median
+from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 from roletrust_env.trust.neighbours import LowerMedian, PairChains
-from roletrust_env.trust.run import EdgeRun
 
 
 class Far(LeaveOneOut):

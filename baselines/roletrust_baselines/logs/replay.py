@@ -20,7 +20,8 @@ from roletrust_env.trust.edges import pair_keys
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.outside import OutsideModel, round_tail
 from roletrust_env.trust.ratings import merge_repeats
-from roletrust_env.trust.run import TrustRun, make_run
+from roletrust_env.trust.run import make_run
+from roletrust_env.trust.trust_run import TrustRun
 
 TARGETS, ROUNDS = 20, 6
 """Number of targets, and of rounds that the attack lasts."""

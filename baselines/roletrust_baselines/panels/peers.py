@@ -21,8 +21,9 @@ from roletrust_env.metrics.score import ratio
 from roletrust_env.randomness import generator
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.algorithms import agent_trust
+from roletrust_env.trust.grid_run import GridRun
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.run import GridRun, make_run
+from roletrust_env.trust.run import make_run
 
 _FIRST, _SECOND, _TIE = (
     ("first", "1", "a", "model_a", "left"),

@@ -18,8 +18,9 @@ import numpy.typing as npt
 from roletrust_baselines.logs.models import LOG_MODELS, make_log_model
 from roletrust_baselines.panels.votes import Votes
 from roletrust_env.trust import Traits, trust_models
+from roletrust_env.trust.grid_run import GridRun
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.run import GridRun, make_run
+from roletrust_env.trust.run import make_run
 
 TIE = 1e-9
 """Weights that differ by less are equal."""

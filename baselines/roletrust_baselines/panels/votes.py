@@ -17,8 +17,8 @@ from roletrust_env.data.values import is_missing, named
 from roletrust_env.metrics.score import ratio
 from roletrust_env.randomness import generator
 from roletrust_env.storage.files import write_csv
+from roletrust_env.trust.grid_run import MEMORY
 from roletrust_env.trust.key_index import Floats, Ints
-from roletrust_env.trust.run import MEMORY
 
 _MAY_MISS = ("vote", "truth", "kind")
 _GOLD = {"item": "item", "truth": "truth"}

@@ -30,8 +30,8 @@ from roletrust_agents.learned.saved_defence import (
 )
 from roletrust_env.testing import check_trust_model
 from roletrust_env.trust import Ratings
+from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
-from roletrust_env.trust.run import EdgeRun
 
 
 def some_weights(seed=0):

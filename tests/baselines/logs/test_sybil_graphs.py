@@ -8,7 +8,7 @@ from refusals import refuses
 from roletrust_baselines.logs.sybil_graphs import SybilGraph, Topology
 from roletrust_env.data.log import RatingLog
 from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.run import EdgeRun
+from roletrust_env.trust.edge_run import EdgeRun
 
 NAMES = ["a", "b", "c"]
 LOG = RatingLog(

@@ -170,7 +170,7 @@ def test_without_the_extra_nothing_is_written(
 def test_models_that_do_not_fit_are_left_out(
     votes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("roletrust_env.trust.run.MEMORY", 1000.0)
+    monkeypatch.setattr("roletrust_env.trust.grid_run.MEMORY", 1000.0)
     more = [
         "--truth",
         "truth",

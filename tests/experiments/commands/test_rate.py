@@ -351,7 +351,7 @@ def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
 def test_models_that_do_not_fit_are_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("roletrust_env.trust.run.MEMORY", 1000.0)
+    monkeypatch.setattr("roletrust_env.trust.grid_run.MEMORY", 1000.0)
     options = ["--model", "mean", "--model", "travos", "--out", str(tmp_path / "out")]
     result = compare(str(tmp_path / "log"), "--synthetic", *options)
     assert result.exit_code == 0, result.output

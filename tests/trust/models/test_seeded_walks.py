@@ -12,12 +12,12 @@ from model_cases import Matrix, Vector, assert_matches
 from walks import numbers
 
 from roletrust_env.trust import Ratings
+from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.models.central.seeded_walks import (
     MeritRank,
     PersonalizedPageRank,
     SybilRank,
 )
-from roletrust_env.trust.run import EdgeRun
 
 Graph = dict[int, dict[int, float]]
 Rounds = Sequence[tuple[Matrix, Matrix]]
