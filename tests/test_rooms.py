@@ -4,10 +4,24 @@ draws it."""
 import re
 import subprocess
 import sys
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
 import grimp
+import gymnasium
+import numpy as np
+
+from roletrust_env import (
+    AttackVecEnv,
+    Game,
+    RoleVecEnv,
+    make_scenario,
+    make_task,
+    parallel_env,
+)
+from roletrust_env import env as aec_env
+from roletrust_env.trust.models.central.role_trust import RoleTrust
 
 HOUSE = Path(__file__).parent.parent
 FOLDERS = {  # by the name of the package
@@ -105,3 +119,65 @@ def test_every_file_is_read_in_one_sitting():
         lengths = {path: len(path.read_text().splitlines()) for path in folder.rglob("*.py")}
         assert lengths
         assert {path.name: n for path, n in lengths.items() if n > LONGEST} == {}
+
+
+def test_the_walk_of_a_round_names_the_files_that_a_round_runs():
+    env = parallel_env("paper-3x3")
+    env.reset(seed=0)
+    actions = {agent: env.action_space(agent).sample() for agent in env.agents}
+    for _ in range(2):
+        env.step(actions)
+    folder, files = HOUSE / "roletrust_env", set[str]()
+
+    def note(frame, event, argument):
+        file = Path(frame.f_code.co_filename)
+        if event == "call" and file.is_relative_to(folder) and file.parent != folder:
+            files.add(str(file.relative_to(folder)))
+
+    sys.setprofile(note)
+    env.step(actions)
+    sys.setprofile(None)
+    walk = PAGE.partition("## The walk of a round")[2].partition("\n## ")[0]
+    assert set(re.findall(r"`(\w+/[\w/]+\.py)`", walk)) == files
+    assert len(files) <= 10
+
+
+def test_every_round_is_one_call_of_the_rules_and_of_the_model(monkeypatch):
+    calls = Counter()
+
+    def counted(cls, name):
+        method = getattr(cls, name)
+
+        def call(self, *arguments):
+            calls[name] += 1
+            return method(self, *arguments)
+
+        monkeypatch.setattr(cls, name, call)
+
+    counted(Game, "step")
+    counted(RoleTrust, "update")
+    task = make_task("paper-3x3", ("sp_2",), objective="exploit")
+    envs = {
+        "parallel": parallel_env("paper-3x3"),
+        "task": gymnasium.make("RoleTrust/ProviderAttack-v0"),
+        "vector": gymnasium.make_vec("RoleTrust/ProviderAttack-v0", num_envs=5),
+        "sb3": AttackVecEnv(task, 5),
+        "roles": RoleVecEnv(Game(make_scenario("paper-3x3")), "sr", 5),
+    }
+    turns = aec_env("paper-3x3")
+    turns.reset(seed=0)
+    for name, env in envs.items():
+        env.reset()
+        calls.clear()
+        for _ in range(100):
+            if name == "parallel":
+                env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+            elif name in ("sb3", "roles"):
+                env.step(np.stack([env.action_space.sample() for _ in range(env.num_envs)]))
+            else:
+                env.step(env.action_space.sample())
+        assert calls == {"step": 100, "update": 100}, name
+    calls.clear()
+    for _ in range(100 * len(turns.possible_agents)):
+        turns.step(turns.action_space(turns.agent_selection).sample())
+    assert calls == {"step": 100, "update": 100}

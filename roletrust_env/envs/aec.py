@@ -10,8 +10,7 @@ from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.env_logger import EnvLogger
 
 from roletrust_env.envs.arguments import Engine
-from roletrust_env.envs.observer import Vector
-from roletrust_env.envs.parallel import parallel_env
+from roletrust_env.envs.parallel import Vector, parallel_env
 from roletrust_env.envs.spectator import RenderMode
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario

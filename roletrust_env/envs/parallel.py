@@ -2,15 +2,16 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 from pettingzoo import ParallelEnv
 
-from roletrust_env.arrays import Array
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.actions import JointAction
 from roletrust_env.envs.arguments import (
     Engine,
@@ -21,7 +22,6 @@ from roletrust_env.envs.arguments import (
     seed_spaces,
     space_of,
 )
-from roletrust_env.envs.observer import Observer, Shown, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import short
 from roletrust_env.game.brief import game_facts
@@ -36,12 +36,96 @@ from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT
 if TYPE_CHECKING:
     from roletrust_env.compiled import CompiledGame
 
+Vector = npt.NDArray[np.float32]
+
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
 
 Step: TypeAlias = tuple[
     dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
 ]
 """Observations, rewards, terminations, truncations and infos by the name of the agent."""
+
+
+class Shown(NamedTuple):
+    """What the agents observe in a state, and what their infos hold.
+
+    Attributes:
+        round: Number of rounds played, shape ().
+        observations: Observations of all agents, one after the other.
+        trust: Trust of each agent by its role, shape (N,).
+        quality: Quality that each provider delivered in the last round, shape (P,).
+        received: True quality of the services that each rater received in it, shape (S, P).
+        of_both: ToR and ToP of the SR+SP agents, shape (n_both,) each; None without any.
+        phase: Phase of each agent, see `Population`, shape (N,); None where all are always present.
+    """
+
+    round: Array
+    observations: Array
+    trust: Array
+    quality: Array
+    received: Array
+    of_both: tuple[Array, Array] | None
+    phase: Array | None
+
+
+class Observer:
+    """Makes the observations of single agents.
+
+    Args:
+        game: Game that is observed.
+    """
+
+    def __init__(self, game: Game) -> None:
+        roster = game.roster
+        s, p = roster.n_raters, roster.n_providers
+        self._game = game
+        size = 1 + s + 3 * p + 4 * s * p
+        of_raters, of_providers = game.layout.places()
+        provider = dict(zip(roster.provider_names, of_providers.T, strict=True))
+        rater = dict(zip(roster.rater_names, of_raters.T, strict=True))
+        seen: dict[str, list[npt.NDArray[np.intp]]] = {agent: [] for agent in roster.names}
+        for i, agent in enumerate(
+            agent for agent in roster.names if agent in provider and agent in rater
+        ):
+            seen[agent].append(np.asarray([size + i]))
+        for agent, places in [*provider.items(), *rater.items()]:
+            seen[agent].append(places)
+        self._places = np.concatenate([part for parts in seen.values() for part in parts])
+        ends = np.cumsum([sum(map(len, parts)) for parts in seen.values()]).tolist()
+        self._slices = {
+            agent: slice(*cut) for agent, cut in zip(seen, pairwise([0, *ends]), strict=True)
+        }
+
+    def show(self, state: State) -> Shown:
+        """Return what all agents observe in a state of one game, and what their infos hold."""
+        game, both = self._game, self._game.roster.both
+        published, trust = game.published(state), game.agent_trust(state)
+        has_both = game.roster.n_both > 0
+        parts = (
+            (state.round / game.scenario.max_cycles).reshape(1),
+            *published,
+            state.value,
+            state.quality,
+            *(grid.reshape(-1) for grid in (state.service, state.awaiting)),
+            *(grid.reshape(-1) for grid in (state.ratings, state.rated)),
+            *((trust[-game.roster.n_both :],) if has_both else ()),
+        )
+        return Shown(
+            round=state.round,
+            observations=namespace(trust).concat(parts)[self._places],
+            trust=trust,
+            quality=state.quality,
+            received=state.quality * state.awaiting,
+            of_both=(both(published[0]), both(published[1])) if has_both else None,
+            phase=None if state.population is None else state.population.phase,
+        )
+
+    def split(self, observations: Array, agents: Sequence[str]) -> dict[str, Vector]:
+        """Return the observations of some agents, as new arrays, from those of all, see
+        `show`.
+        """
+        single, slices = observations.astype(np.float32), self._slices
+        return {agent: single[slices[agent]] for agent in agents}
 
 
 class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):

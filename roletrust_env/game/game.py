@@ -18,20 +18,94 @@ from roletrust_env.frozen import Frozen
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.cells import Cells, for_batch
 from roletrust_env.game.noise import NoiseSource
-from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
 from roletrust_env.game.views import Layout, ProviderView, RaterView, make_views
 from roletrust_env.randomness import Random, generator
-from roletrust_env.trust import TrustModel
+from roletrust_env.trust import TrustModel, agent_trust
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import access, mobility, rating_delivery
 from roletrust_env.world.heterogeneity import AgentPropertySampler
-from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Choice, Everyone, InRange, Scenario
-from roletrust_env.world.service import make_service
+from roletrust_env.world.service import Perturbations, make_service
+
+
+class Payoff:
+    """The values of services, and the rewards of agents.
+
+    Args:
+        scenario: Scenario with the values and the weights.
+        roster: Agents of the scenario.
+        like: Array of the library, dtype and device to work with.
+    """
+
+    def __init__(self, scenario: Scenario, roster: Roster, like: Array) -> None:
+        self._weights, self._initial, self._roster = (
+            scenario.rewards,
+            scenario.initial_trust,
+            roster,
+        )
+        self._values = None
+        if len(set(scenario.values)) > 1:
+            shares = np.asarray(scenario.values) / max(scenario.values)
+            self._values = namespace(like).asarray(shares, dtype=like.dtype, device=like.device)
+        self._cost = scenario.rewards.quality_cost * max(scenario.values)
+
+    def next_value(self, value: Array, noise: Array | None) -> Array:
+        """Return the value of the next service of each provider, shape (P, ...), relative to the
+        highest value.
+        """
+        if self._values is None or noise is None:
+            return value
+        return self._values[cast(noise * len(self._values), whole_dtype(noise))]
+
+    def rewards(
+        self, tor: Array, top: Array, counts: Counts | None, quality: Array, value: Array
+    ) -> Array:
+        """Return the rewards, shape (N, ...).
+
+        Args:
+            tor: Trust of the raters, shape (S, ...).
+            top: Trust of the providers, shape (P, ...).
+            counts: Services that SR+SP agents rated and provided; None without such agents.
+            quality: Delivered quality, shape (P, ...).
+            value: Value of the services, shape (P, ...).
+        """
+        costs = self._cost * quality if self._values is None else self._cost * value * quality
+        weights, roster = self._weights, self._roster
+        of_both = None
+        if counts is not None:
+            of_both = weights.agent_trust * self._both_trust(tor, top, counts) - roster.both(costs)
+        of_raters = tor if weights.rater_trust == 1 else weights.rater_trust * tor
+        of_providers = top if weights.provider_trust == 1 else weights.provider_trust * top
+        return self._of_agents(of_raters, of_providers - costs, of_both)
+
+    def agent_trust(self, tor: Array, top: Array, counts: Counts | None) -> Array:
+        """Return the trust of every agent by its role, shape (N, ...)."""
+        toa = None if counts is None else self._both_trust(tor, top, counts)
+        return self._of_agents(tor, top, toa)
+
+    def _both_trust(self, tor: Array, top: Array, counts: Counts) -> Array:
+        both = self._roster.both
+        return agent_trust(
+            both(tor),
+            both(top),
+            rated=counts.rated,
+            provided=counts.provided,
+            initial=self._initial,
+        )
+
+    def _of_agents(self, of_raters: Array, of_providers: Array, of_both: Array | None) -> Array:
+        """Return an array over agents, shape (N, ...), from one each over raters, providers and
+        SR+SP agents.
+        """
+        parts = [of_raters, of_providers]
+        if of_both is not None:
+            both = self._roster.n_both
+            parts = [of_raters[: self._roster.n_raters - both], of_providers[:-both], of_both]
+        return namespace(of_raters).concat(parts)
 
 
 class Game(Frozen):
@@ -106,7 +180,7 @@ class Game(Frozen):
         self._payoff = Payoff(scenario, roster, like)
         # The state of the model after the last round with its published trust, so that the trust is
         # read out once.
-        self._published: tuple[Any, tuple[Array, Array] | None] = (None, None)
+        self._published: dict[str, tuple[Any, tuple[Array, Array]]] = {}
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({game_facts(self)})"
@@ -237,7 +311,7 @@ class Game(Frozen):
             state.trust, state.met, ratings, None if complete else rated, state.round
         )
         if self._on_numpy:
-            self._published = trust, (tor, top)
+            self._published["last"] = trust, (tor, top)
 
         counts = state.counts
         if counts is not None:
@@ -297,8 +371,8 @@ class Game(Frozen):
         """Return the published trust: ToR of the raters, shape (S, ...), and ToP of the providers,
         shape (P, ...).
         """
-        trust, published = self._published
-        if trust is state.trust and published is not None:  # most often that of the last round
+        trust, published = self._published.get("last", (None, None))
+        if published is not None and trust is state.trust:  # most often that of the last round
             return published
         return self._cells.read(state.trust)
 

@@ -60,20 +60,6 @@ class TrustModel(Protocol[State]):
         """Return the trust of each provider, shape (P, ...), in [0, 1]."""
 
 
-class Published:
-    """Read-outs of a model whose state has the published trust: `tor`, shape (S, ...), and `top`,
-    shape (P, ...).
-    """
-
-    def rater_trust(self, state: Any) -> Array:
-        """Return the trust of each rater. See `TrustModel.rater_trust`."""
-        return state.tor
-
-    def provider_trust(self, state: Any) -> Array:
-        """Return the trust of each provider. See `TrustModel.provider_trust`."""
-        return state.top
-
-
 class Traits(NamedTuple):
     """Properties of a trust model, from its class attributes of the same names; here with the
     default values.

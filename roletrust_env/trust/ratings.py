@@ -51,6 +51,20 @@ _LARGE, _BLOCK = 1_000_000, 100_000
 3,000 providers."""
 
 
+class Published:
+    """Read-outs of a model whose state has the published trust: `tor`, shape (S, ...), and `top`,
+    shape (P, ...).
+    """
+
+    def rater_trust(self, state: Any) -> Array:
+        """Return the trust of each rater. See `TrustModel.rater_trust`."""
+        return state.tor
+
+    def provider_trust(self, state: Any) -> Array:
+        """Return the trust of each provider. See `TrustModel.provider_trust`."""
+        return state.top
+
+
 class Ratings:
     """The ratings of one round, and the operations that a trust model needs on one value for each
     rating.

@@ -226,15 +226,6 @@ class Roster:
         """
         return of_agents[self._count["SR"] :]
 
-    def agents(self, of_raters: Array, of_providers: Array, of_both: Array | None) -> Array:
-        """Return an array over agents, shape (N, ...), from one each over raters, providers and
-        SR+SP agents.
-        """
-        parts = [of_raters, of_providers]
-        if of_both is not None:
-            parts = [of_raters[: self._count["SR"]], of_providers[: self._count["SP"]], of_both]
-        return namespace(of_raters).concat(parts)
-
     def both(self, of_raters_or_providers: Array) -> Array:
         """Return the rows of the SR+SP agents of an array over raters or over providers."""
         return of_raters_or_providers[of_raters_or_providers.shape[0] - self.n_both :]

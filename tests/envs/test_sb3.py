@@ -34,6 +34,7 @@ def test_it_plays_what_gymnasiums_batch_plays(scaled):
         "RoleTrust/ProviderAttack-v0",
         4,
         **SHORT,
+        like=np.zeros((), np.float32),
         autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP,
     )
     assert (env.reset() == other.reset(seed=7)[0]).all()

@@ -24,7 +24,7 @@ def task_env(**arguments: Any) -> Any:
 
 def test_reprs() -> None:
     aim = "compromised: sr_2, objective: damage, knowledge: black_box"
-    task = f"{FACTS}, numpy float32; {aim}"
+    task = f"{FACTS}; {aim}"
     assert repr(roletrust_env.parallel_env()) == f"RoleTrustParallelEnv({FACTS})"
     assert repr(roletrust_env.env()) == f"RoleTrustAECEnv({FACTS})"
     assert repr(task_env()) == f"RaterAttackEnv({FACTS}; {aim})"

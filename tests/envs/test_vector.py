@@ -185,7 +185,7 @@ def test_a_thousand_games_stay_in_their_spaces(task_id: str, level: str) -> None
         observations, rewards, terminations, truncations, infos = batch.step(actions)
         for row in (rewards, terminations, truncations, *infos.values()):
             assert row.shape == (1024,)
-        assert rewards.dtype == np.float32
+        assert rewards.dtype == np.float64
         assert terminations.dtype == truncations.dtype == bool
         rows.append(rewards)
     assert observations.shape == (1024, *batch.single_observation_space.shape)
@@ -213,7 +213,8 @@ def test_what_was_handed_out_stays_as_it_was(mode: AutoresetMode) -> None:
 def test_torch_plays_as_numpy_does(mode: AutoresetMode) -> None:
     batch = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, **ENDS)
     observations, _ = batch.reset(seed=5)
-    tensors = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, like=torch.zeros(()), **ENDS)
+    like = torch.zeros((), dtype=torch.float64)
+    tensors = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, like=like, **ENDS)
     assert_close(tensors.reset(seed=5)[0], observations)
     ends = 0
     for t, actions in enumerate(lies(GAMES, 50, 4)):

@@ -22,8 +22,8 @@ from roletrust_env import (
 from roletrust_env.benchmarking.suite import Stage, Suite, Track
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.summary import summarise
-from roletrust_env.world.perturbation import Perturbations, strength_in
 from roletrust_env.world.scenario import Perturbation, read_scenario
+from roletrust_env.world.service import Perturbations, strength_in
 
 AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
 

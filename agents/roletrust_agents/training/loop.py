@@ -64,7 +64,7 @@ def train(
     """
     task = task_from_card(run.task, run.trust_model, run.scenario)
     settings = learner_settings(run.task.id, run.algo, run.settings)
-    env = StaggeredGames(task, settings.games)
+    env = StaggeredGames(task, settings.games, engine=run.engine)
     model = make_model(run.algo, settings, env, run.seed)
     watch = _Watch(run, task, folder, on_report)
     with folder.restoring() as last:

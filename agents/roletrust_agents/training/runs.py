@@ -31,6 +31,8 @@ from roletrust_agents.learned.saved import SavedAttacker, digest
 from roletrust_agents.learned.weights import weights_bytes
 from roletrust_agents.training.settings import Algo
 from roletrust_env import Scenario, __version__
+from roletrust_env.envs.arguments import Engine
+from roletrust_env.envs.task_batch import compiled_batch
 from roletrust_env.errors import explain, short
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import GameMean, over_games
@@ -240,6 +242,7 @@ class Run(UntrustedModel):
     trust_model: ModelCard
     further_models: tuple[ModelCard, ...] = ()
     scenario: Scenario
+    engine: Engine = "rules"
 
     @classmethod
     def read(cls, data: Any) -> "Run":
@@ -252,6 +255,15 @@ class Run(UntrustedModel):
             return cls.model_validate_json(json.dumps(data))  # strict, but for JSON's lists
         except ValidationError as error:
             raise ValueError(f"the run folder's config.json: {explain(error)}") from None
+
+
+def fastest_engine(task: AttackTask) -> tuple[Engine, str]:
+    """Return the fastest engine for batches of a task, and why it is not the compiled one."""
+    try:
+        compiled_batch(task)
+    except ValueError as error:
+        return "rules", str(error)
+    return "compiled", ""
 
 
 class CurvePoint(NamedTuple):

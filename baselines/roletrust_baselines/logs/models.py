@@ -15,7 +15,7 @@ from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.parameters import Amount, Share, checked_dataclass
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
-from roletrust_env.trust.model import Published, registry
+from roletrust_env.trust.model import registry
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
@@ -23,6 +23,7 @@ from roletrust_env.trust.ratings import (
     PerPair,
     PerProvider,
     PerRater,
+    Published,
     Ratings,
     weighted_mean,
 )

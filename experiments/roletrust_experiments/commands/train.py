@@ -222,6 +222,7 @@ def train(
             further_models=tuple(models[1:]),
             scenario=rules,
         )
+        run = _with_engine(run)
     planned = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
     folders = [RunFolder(out / f"seed-{seed + k}" if runs > 1 else out) for k in range(runs)]
     for one, folder in [
@@ -240,6 +241,20 @@ def train(
                 where=errors,
             )
             raise typer.Exit(130) from None
+
+
+def _with_engine(run: "Run") -> "Run":
+    """Return a run with the fastest engine, which a line names. Coalitions train by the rules."""
+    from roletrust_agents.learned.saved import task_from_card
+    from roletrust_agents.training.runs import fastest_engine
+
+    if _is_coalition(run.algo):
+        return run
+    engine, reason = fastest_engine(task_from_card(run.task, run.trust_model, run.scenario))
+    tell(
+        f"Engine for training: {engine}{reason and f' ({reason})'}; scores are played by the rules"
+    )
+    return run.model_copy(update={"engine": engine})
 
 
 def _is_coalition(algo: str) -> bool:

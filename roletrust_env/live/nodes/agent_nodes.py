@@ -31,8 +31,8 @@ from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import PublicKeys, Signer
 from roletrust_env.live.wire.topics import IMAGES, RATINGS
 from roletrust_env.randomness import Random, generator, own_seeds
-from roletrust_env.world.perturbation import strength_in
 from roletrust_env.world.scenario import Scenario
+from roletrust_env.world.service import strength_in
 from roletrust_env.world.vision.degrade import degrade
 from roletrust_env.world.vision.frames import FramesError, open_frames
 

@@ -8,13 +8,13 @@ from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.parameters import Share, Tail, checked_dataclass
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import between_quantiles, reputation
-from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
     PerPair,
     PerProvider,
     PerRater,
+    Published,
     Ratings,
     occurred,
 )

@@ -9,7 +9,6 @@ import numpy as np
 from roletrust_env.arrays import Array, largest, namespace, smallest
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trees import FLAGS, SHARES, ValueRange
-from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
@@ -17,6 +16,7 @@ from roletrust_env.trust.ratings import (
     PerPair,
     PerProvider,
     PerRater,
+    Published,
     Ratings,
     weighted_mean,
 )

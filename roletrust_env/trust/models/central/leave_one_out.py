@@ -8,7 +8,6 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
 from roletrust_env.trust.algorithms import lower_median, safe_power
-from roletrust_env.trust.model import Published
 from roletrust_env.trust.models.central.beta_reputation import remaining
 from roletrust_env.trust.ratings import (
     PROVIDER,
@@ -17,6 +16,7 @@ from roletrust_env.trust.ratings import (
     PerPair,
     PerProvider,
     PerRater,
+    Published,
     Ratings,
     weighted_mean,
 )

@@ -7,8 +7,15 @@ from abc import ABC, abstractmethod
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, LessThanHalf, PositiveAmount, Share, checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.model import Published
-from roletrust_env.trust.ratings import PROVIDER, RATER, Ratings, mean, smooth, weighted_mean
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    Published,
+    Ratings,
+    mean,
+    smooth,
+    weighted_mean,
+)
 
 
 @checked_dataclass

@@ -13,7 +13,6 @@ from roletrust_env.arrays import Array, device_of, largest, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trees import BALANCES, COUNTS, FLAGS, SHARES
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
@@ -21,6 +20,7 @@ from roletrust_env.trust.ratings import (
     PerPair,
     PerProvider,
     PerRater,
+    Published,
     Ratings,
 )
 

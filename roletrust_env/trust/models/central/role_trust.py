@@ -8,7 +8,6 @@ from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import provider_quality, rater_quality
-from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
@@ -16,6 +15,7 @@ from roletrust_env.trust.ratings import (
     PerPair,
     PerProvider,
     PerRater,
+    Published,
     Ratings,
     aged,
     smooth,

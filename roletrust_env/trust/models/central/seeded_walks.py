@@ -25,7 +25,6 @@ from roletrust_env.parameters import Inside, Share, Size, checked_dataclass
 from roletrust_env.trees import AMOUNTS, BALANCES, FLAGS, SHARES
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.edges import pair_keys
-from roletrust_env.trust.model import Published
 from roletrust_env.trust.models.central.random_walks import (
     SatisfactionState,
     n_agents,
@@ -43,6 +42,7 @@ from roletrust_env.trust.ratings import (
     PerPair,
     PerProvider,
     PerRater,
+    Published,
     Ratings,
 )
 

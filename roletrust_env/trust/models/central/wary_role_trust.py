@@ -8,13 +8,13 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Factor, Lam, Power, Share, checked_dataclass
 from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import sinc, upper_median, without_rounding
-from roletrust_env.trust.model import Published
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
     PerPair,
     PerProvider,
     PerRater,
+    Published,
     Ratings,
     mean,
     smooth,
