@@ -187,4 +187,4 @@ def on_jax(make: Callable[[], Any]) -> Any:
             actions = {a: random.random((2, *env.action_space(a).shape)) for a in env.agents}
             observations, state, *outcome = step(keys, state, actions)
             seen += [observations, *outcome]
-    return jax.tree.map(lambda leaf: np.round(np.asarray(leaf, np.float64), 6), seen)
+    return jax.tree.map(lambda leaf: np.round(np.asarray(leaf, np.float64), 6) + 0.0, seen)

@@ -1,11 +1,11 @@
-"""How fast the games run: one environment, batches on NumPy, torch and JAX; mpe2, VMAS and JaxMARL
-beside them.
+"""How fast the games run: one environment and batches, by the rules and compiled, and peers.
 
-Peers are measured if they are installed; all contestants take turns. A step includes all that a
-learner needs: drawing noise, playing the round, and computing observations and rewards. The table
-shows the median of the repeats, the least and the greatest; and the ratio to the peer, which is the
-first of its group: the lower quartile over the turns. Some minutes. `--device cuda` measures the
-batches that run on a GPU.
+Peers are mpe2, VMAS and JaxMARL, where they are installed. All contestants of a table take turns. A
+step includes all that a learner needs: it draws noise, plays the round, and computes observations
+and rewards. A table shows the median of the repeats, the least and the greatest, and the ratio to
+the peer, which is the first of its group: the lower quartile over the turns. Two further tables
+have the times until the first step, and the share of a training of Stable-Baselines3 that the
+environment takes. Some minutes. `--device cuda` measures the batches that run on a GPU.
 """
 
 import contextlib
@@ -13,15 +13,20 @@ import importlib.util
 import io
 import itertools
 import os
+import subprocess
+import sys
+import tempfile
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
 import gymnasium
+import numpy as np
 
 from roletrust_agents.smooth import one_thread
-from roletrust_env import Game, env, make_scenario, parallel_env
+from roletrust_env import AttackVecEnv, Game, env, make_scenario, make_task, parallel_env
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
 from roletrust_env.storage.markdown import markdown_table
@@ -32,6 +37,25 @@ _SAMPLES, _BATCH_SAMPLES = 64, 4  # actions, sampled before the clock starts, an
 _REPEATS, _SLICE_S = 11, 0.4  # turns of each contestant, and their approximate length in seconds
 _ROUNDS = 16  # of a batch in one step
 _HEADINGS = ["contestant", "games", "M agent-steps/s", "least", "greatest", "times the peer"]
+_START_HEADINGS = [
+    *("scenario", "engine", "to make it", "from start to first step"),
+    *("to make it again", "from start again"),
+]
+_SHARE_HEADINGS = ["engine", "seconds of training", "seconds in the environment", "share"]
+_TRAINING_GAMES, _TRAINING_ROUNDS = 256, 100_000
+_FIRST_STEP = """
+import sys, time
+began = time.perf_counter()
+from roletrust_env import parallel_env
+preset, engine = sys.argv[1:]
+making = time.perf_counter()
+env = parallel_env(preset, engine=engine)
+made = time.perf_counter()
+env.reset(seed=0)
+env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+print(f"{made - making:.2f} {time.perf_counter() - began:.2f}")
+"""
+_ENGINES = ("rules", "compiled")
 _PRESETS = ("paper-3x3", "peers", "robots-that-move", "crowd-10x10")
 _TASKS = ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack")
 
@@ -61,22 +85,24 @@ def main(study: Study[Options]) -> None:
     if device == "cpu":
         for turns in (False, True):
             ours: list[_Entry] = [
-                ("numpy", partial(one_environment, preset, turns)) for preset in _PRESETS
+                ("llvmlite", partial(one_environment, preset, turns, engine))
+                for preset in _PRESETS
+                for engine in _ENGINES
             ]
             groups.append((1, [("mpe2", partial(simple_adversary, turns)), *ours]))
-        tasks = (("numpy", partial(one_task, task)) for task in _TASKS)
+        tasks = [("llvmlite", partial(one_task, task, e)) for task in _TASKS for e in _ENGINES]
         groups.append((1, [("mpe2", partial(simple_adversary, False)), *tasks]))
     for games in study.options.games:
-        on_torch = [("torch", partial(batch, library, device)) for library in ("torch", COMPILED)]
         entries: list[_Entry] = [
             ("jaxmarl", simple_spread_on_jax),
             ("jax", batch_on_jax),
-            *on_torch,
+            *(("torch", partial(batch, library, device)) for library in ("torch", COMPILED)),
         ]
         if device == "cpu":
             on_numpy: list[_Entry] = [
-                ("numpy", attack_tasks),
-                ("numpy", partial(batch, "NumPy", device)),
+                ("llvmlite", partial(attack_tasks, engine, dtype))
+                for dtype in (np.float32, np.float64)
+                for engine in _ENGINES
             ]
             entries = [("vmas", simple_spread), *on_numpy, *entries]
         groups.append((games, [(package, partial(make, games)) for package, make in entries]))
@@ -93,18 +119,66 @@ def main(study: Study[Options]) -> None:
         [name, f"{games:,}", *(f"{x:.3f}" for x in rate), f"{ratio:.1f}" if ratio else "-"]
         for name, games, *rate, ratio in rows
     ]
+    tables = [markdown_table(_HEADINGS, lines, 1)]
+    if device == "cpu":
+        starts = [first_step(preset, engine) for preset in _PRESETS for engine in _ENGINES]
+        shares = [share_of_environment(engine, study.seed) for engine in _ENGINES]
+        tables += [
+            "Seconds in new processes: with an empty cache of compiled code, and then again.",
+            markdown_table(_START_HEADINGS, starts, 2),
+            f"A training by PPO of Stable-Baselines3: {_TRAINING_ROUNDS:,} rounds in "
+            f"{_TRAINING_GAMES} games of `AttackVecEnv`.",
+            markdown_table(_SHARE_HEADINGS, shares, 1),
+        ]
     made_by = f"Made by `{study.command}` on {machine()}."
-    study.page("speed.md", "# Speed", markdown_table(_HEADINGS, lines, 1), made_by)
+    study.page("speed.md", "# Speed", *tables, made_by)
 
 
-def one_environment(preset: str, in_turn: bool, seed: int) -> Contestant:
+def first_step(preset: str, engine: str) -> list[str]:
+    """Return the seconds that a new process takes to make an environment, and until its first step
+    from its start on.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-c", _FIRST_STEP, preset, engine]
+        environment = {**os.environ, "XDG_CACHE_HOME": folder}
+        runs = [
+            subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+            for _ in range(2)
+        ]
+    return [preset, engine, *(word for run in runs for word in run.stdout.split())]
+
+
+def share_of_environment(engine: Any, seed: int) -> list[str]:
+    """Return the seconds of a short training of PPO, and the share that its environment takes."""
+    from stable_baselines3 import PPO
+
+    task = make_task("paper-3x3", ("sp_2",), objective="exploit")
+    env = AttackVecEnv(task, _TRAINING_GAMES, seed=seed, engine=engine)
+    spent, step_wait = [0.0], env.step_wait
+
+    def timed() -> Any:
+        began = time.perf_counter()
+        step = step_wait()
+        spent[0] += time.perf_counter() - began
+        return step
+
+    env.step_wait = timed  # type: ignore[method-assign]
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=1024, n_epochs=4, seed=seed, device="cpu")
+    began = time.perf_counter()
+    model.learn(_TRAINING_ROUNDS)
+    seconds = time.perf_counter() - began
+    return [engine, f"{seconds:.1f}", f"{spent[0]:.1f}", f"{spent[0] / seconds:.0%}"]
+
+
+def one_environment(preset: str, in_turn: bool, engine: Any, seed: int) -> Contestant:
     """Return a scenario as a PettingZoo environment in which agents act at once, or in turn."""
-    return _in_pettingzoo(preset, env(preset) if in_turn else parallel_env(preset), in_turn, seed)
+    made = (env if in_turn else parallel_env)(preset, engine=engine)
+    return _in_pettingzoo(f"{preset}, {engine}", made, in_turn, seed)
 
 
-def one_task(name: str, seed: int) -> Contestant:
+def one_task(name: str, engine: Any, seed: int) -> Contestant:
     """Return an attack task as `gymnasium.make` makes it; all agents of its game count."""
-    task = gymnasium.make(f"roletrust_env:RoleTrust/{name}-v0")
+    task = gymnasium.make(f"roletrust_env:RoleTrust/{name}-v0", engine=engine)
     task.reset(seed=seed)
     task.action_space.seed(seed)
     actions = itertools.cycle([task.action_space.sample() for _ in range(_SAMPLES)])
@@ -115,7 +189,7 @@ def one_task(name: str, seed: int) -> Contestant:
             task.reset()
 
     inner: Any = task.unwrapped
-    return Contestant(f"{name}, gymnasium.make", step, len(inner.task.game.roster.names))
+    return Contestant(f"{name}, {engine}", step, len(inner.task.game.roster.names))
 
 
 def simple_adversary(in_turn: bool, seed: int) -> Contestant:
@@ -176,7 +250,7 @@ def batch(library: str, device: str, games: int, seed: int) -> Contestant:
     a step.
 
     A step draws noise, plays the round, and computes observations and rewards. Finished games start
-    again. The library is `NumPy`, `torch` or `COMPILED`.
+    again. The library is `torch` or `COMPILED`.
     """
     like, random = source(library, seed, device)
     game = Game(make_scenario("paper-3x3"), like=like)
@@ -270,11 +344,13 @@ def _on_jax(name: str, env: Any, games: int, seed: int) -> Contestant:
     return Contestant(name, step, _ROUNDS * games * len(env.agents))
 
 
-def attack_tasks(games: int, seed: int) -> Contestant:
+def attack_tasks(engine: Any, dtype: Any, games: int, seed: int) -> Contestant:
     """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium."""
-    env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games)
+    like = np.zeros((), dtype)
+    env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games, engine=engine, like=like)
     env.reset(seed=seed)
     env.action_space.seed(seed)
     actions = env.action_space.sample()
     agents = len(env.task.game.roster.names)
-    return Contestant("attack task batch", lambda: env.step(actions), games * agents)
+    name = f"attack tasks, {engine}, {like.dtype}"
+    return Contestant(name, lambda: env.step(actions), games * agents)

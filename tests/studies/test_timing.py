@@ -61,10 +61,10 @@ def test_lists_have_a_row_for_each_model(tmp_path: Path, monkeypatch: pytest.Mon
 @pytest.mark.parametrize(
     ("make", "steps"),  # an episode has 240 rounds
     [
-        (partial(speed.one_environment, "paper-3x3", False), 250),
-        (partial(speed.one_environment, "paper-3x3", True), 250),
+        (partial(speed.one_environment, "paper-3x3", False, "rules"), 250),
+        (partial(speed.one_environment, "paper-3x3", True, "compiled"), 250),
         (partial(speed.simple_adversary, False), 250),
-        (partial(speed.batch, "NumPy", "cpu", 5), 16),
+        (partial(speed.attack_tasks, "compiled", np.float32, 5), 250),
         (partial(speed.batch, COMPILED, "cpu", 5), 16),
     ],
 )
@@ -172,13 +172,16 @@ def test_every_contestant_gets_its_turns():
     assert taken[-6:] == ["a", "b"] * 3
 
 
-def test_speed_in_its_smallest_form(tmp_path: Path) -> None:
+def test_speed_in_its_smallest_form(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mpe2")
+    monkeypatch.setattr(speed, "_TRAINING_ROUNDS", 1)
     run("studies.speed", ["--games", "2", "--out", str(tmp_path)])
     found = csv_rows(tmp_path / "speed.csv")
-    assert {"paper-3x3, parallel", "paper-3x3, in turn", "NumPy batch", "attack task batch"} <= {
-        row["contestant"] for row in found
-    }
+    assert {
+        "paper-3x3, rules, parallel",
+        "paper-3x3, compiled, in turn",
+        "attack tasks, compiled, float64",
+    } <= {row["contestant"] for row in found}
     peers = [row for row in found if "simple" in row["contestant"]]
     assert [float(row["times the peer"]) for row in peers] == [1.0] * len(peers)
     assert all(float(row["times the peer"]) > 0 for row in found)
