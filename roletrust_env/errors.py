@@ -62,7 +62,7 @@ def suggest(
     return f"{f'; {hint}' if hint else '.'} {label} {', '.join(names.values()) or 'none'}"
 
 
-def explain(error: ValidationError) -> str:
+def validation_message(error: ValidationError) -> str:
     """Return one line with each wrong field, its value and the values allowed; of many fields, the
     first ones.
     """

@@ -326,7 +326,7 @@ def unknown_parameter(owner: str, name: str, known: Iterable[str]) -> str:
     return f"{owner} has no parameter {name!r}{suggest(name, known, 'It takes')}"
 
 
-def refuse_unknown(cls: Class) -> Class:
+def refuse_unknown_parameters(cls: Class) -> Class:
     """Make the constructor of a class refuse parameters that do not exist, and suggest those that
     do.
 
@@ -372,7 +372,7 @@ def checked_dataclass(cls: Any = None, /, *, config: pydantic.ConfigDict | None 
     not belong.
 
     A value that its type does not allow raises a `pydantic.ValidationError`, and a parameter that
-    does not exist an `UnknownParameterError`, see `refuse_unknown`.
+    does not exist an `UnknownParameterError`, see `refuse_unknown_parameters`.
 
     Args:
         cls: Class with annotated fields.
@@ -381,6 +381,7 @@ def checked_dataclass(cls: Any = None, /, *, config: pydantic.ConfigDict | None 
 
     def decorate(cls: Any) -> Any:
         joined = {**getattr(cls, "__pydantic_config__", {}), **(config or {}), "extra": "forbid"}
-        return refuse_unknown(pydantic.dataclasses.dataclass(frozen=True, config=joined)(cls))  # type: ignore[call-overload]
+        made = pydantic.dataclasses.dataclass(frozen=True, config=joined)(cls)  # type: ignore[call-overload]
+        return refuse_unknown_parameters(made)
 
     return decorate if cls is None else decorate(cls)

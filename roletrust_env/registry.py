@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from pydantic import ValidationError
 
-from roletrust_env.errors import explain, short, suggest
+from roletrust_env.errors import short, suggest, validation_message
 from roletrust_env.parameters import UnknownParameterError, unknown_parameter
 
 T = TypeVar("T")
@@ -174,7 +174,7 @@ class Registry(Generic[T]):
         except UnknownParameterError as error:  # the factory passed an unknown parameter on
             raise ValueError(f"{self.kind} {name!r}: {error}") from None
         except ValidationError as error:
-            raise ValueError(f"{self.kind} {name!r}: {explain(error)}") from None
+            raise ValueError(f"{self.kind} {name!r}: {validation_message(error)}") from None
         if isinstance(made, type) or not isinstance(made, self.base):
             raise ValueError(
                 f"{self.kind} {name!r} made {made!r}; it must make a {self.base.__name__}"

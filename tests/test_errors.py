@@ -5,7 +5,7 @@ from typing import Any, Literal
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError, model_validator
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import validation_message
 
 
 class Part(BaseModel):
@@ -26,7 +26,7 @@ class Whole(BaseModel):
 def message(**fields: Any) -> str:
     with pytest.raises(ValidationError) as raised:
         Whole(**fields)
-    return explain(raised.value)
+    return validation_message(raised.value)
 
 
 def test_a_missing_field_a_wrong_value_and_a_rule_of_the_whole() -> None:
@@ -46,10 +46,13 @@ class Kinds(BaseModel):
 def test_a_union_is_one_field_and_a_message_of_pydantic_is_printable() -> None:
     with pytest.raises(ValidationError) as raised:
         Kinds(value="x")  # type: ignore[arg-type]
-    assert explain(raised.value) == "value is 'x': it must be an integer, or it must be a number"
+    assert (
+        validation_message(raised.value)
+        == "value is 'x': it must be an integer, or it must be a number"
+    )
     with pytest.raises(ValidationError) as raised:
         TypeAdapter(Literal["a"]).validate_python("b\nc")
-    assert explain(raised.value) == "it must be 'a'"
+    assert validation_message(raised.value) == "it must be 'a'"
 
 
 def test_ten_wrong_fields_are_listed_and_the_others_counted() -> None:

@@ -14,12 +14,12 @@ import pytest
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import load_attacker
 from roletrust_env import TrustStream, make_trust_model
-from roletrust_env.benchmarking.store import Store as Results
+from roletrust_env.benchmarking.store import ResultStore as Results
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.team_trust import replay_rounds
 from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.requests import Settings
-from roletrust_env.service.store import Store
+from roletrust_env.service.store import JournalStore
 
 FILES = Path(__file__).parent / "files" / "f785aa31"
 
@@ -47,7 +47,7 @@ def journal(folder: Path) -> float:
 def manager(folder: Path) -> float:
     settings = Settings(every=600.0, work=4, scale=(1.0, 5.0))
     with closing(
-        TrustManager(Store(str(folder / "manager.sqlite")), "role-trust", settings)
+        TrustManager(JournalStore(str(folder / "manager.sqlite")), "role-trust", settings)
     ) as one:
         return float(len(one.members()))
 

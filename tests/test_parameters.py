@@ -13,7 +13,7 @@ from roletrust_env.parameters import (
     Share,
     UnknownParameterError,
     checked_dataclass,
-    refuse_unknown,
+    refuse_unknown_parameters,
     unknown_parameter,
 )
 from roletrust_env.registry import Registry
@@ -49,7 +49,7 @@ class Foreign(Plain):
     start: int = 0
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclasses.dataclass
 class Standard:
     budget: int

@@ -24,7 +24,7 @@ from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableErro
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy import Policy
-from roletrust_env.parameters import refuse_unknown
+from roletrust_env.parameters import refuse_unknown_parameters
 from roletrust_env.randomness import generator
 
 Scores = npt.NDArray[np.float64]
@@ -113,7 +113,7 @@ Attacks = tuple[AttackKind, ...] | None
 """Kinds of attack to search, see `Scripts.of`."""
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class PaperAttacks:
     """Scripted attackers with their default parameters, those of the paper.
@@ -163,7 +163,7 @@ class ScriptSearch(ABC):
         return scripts
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class GridSearch(ScriptSearch):
     """Grid search over a small grid of the parameters of scripted attackers, see `Scripts.grid`."""
@@ -179,7 +179,7 @@ class GridSearch(ScriptSearch):
         return attacks, trial.scores(attacks)
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class RandomSearch(ScriptSearch):
     """Random search: the best of points drawn uniformly from the unit cube of the parameters of
@@ -198,7 +198,7 @@ class RandomSearch(ScriptSearch):
         return attacks, trial.scores(attacks)
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class CmaEs(ScriptSearch):
     """CMA-ES (Hansen and Ostermeier, 2001) in the same cube as the random search, restarted at
@@ -264,7 +264,7 @@ Group = tuple[AttackKind, ...]
 _LEADERS = 3  # groups that are searched
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class AgreedCmaEs(ScriptSearch):
     """Search over scripted attacks that all agents of a role play alike.

@@ -15,7 +15,7 @@ from roletrust_env.benchmarking.known_attacks import check_records
 from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
-from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Suite
 from roletrust_env.benchmarking.suite_files import AnySuite, load_suite
 from roletrust_env.evaluation.search import search_methods
@@ -174,7 +174,7 @@ def play_suite(
                 on_cell(cell, result)
         return sorted(played, key=lambda one: str(one.cell.key))
     prepare_folder(out)
-    with Store(out / "results.sqlite", suite, overwrite=force) as store:
+    with ResultStore(out / "results.sqlite", suite, overwrite=force) as store:
         finished = store.finished_keys()
         remaining = [cell for cell in every if cell.key not in finished]
         on_start(remaining, len(every))

@@ -17,7 +17,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from roletrust_env.benchmarking.schema import AnyCell, AttackResult, CellResult, SuiteSchema
 from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.benchmarking.suite_files import AnySuite, read_suite
-from roletrust_env.errors import explain, short
+from roletrust_env.errors import short, validation_message
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import UntrustedModel, check_file
 
@@ -67,7 +67,7 @@ class StoredCell(NamedTuple):
     result: CellResult
 
 
-class Store:
+class ResultStore:
     """File of a run. It has one writer at a time and any number of readers.
 
     Args:
@@ -375,7 +375,8 @@ def _readable_errors(path: Path) -> Iterator[None]:
         yield
     except ValidationError as error:
         raise ValueError(
-            f"{path} is damaged or is not a results file of a benchmark: {explain(error)}"
+            f"{path} is damaged or is not a results file of a benchmark: "
+            f"{validation_message(error)}"
         ) from None
     except (
         sqlite3.DatabaseError,

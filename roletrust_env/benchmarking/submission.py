@@ -25,10 +25,10 @@ from roletrust_env.benchmarking.schema import (
     check_unique,
 )
 from roletrust_env.benchmarking.sources import Sha256, Source, Word, model_source, source_of
-from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Cell, Suite
 from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
-from roletrust_env.errors import explain, suggest
+from roletrust_env.errors import suggest, validation_message
 from roletrust_env.evaluation.attackers import MAX_RECORD, Scripted, record_of
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.search import search_methods
@@ -219,7 +219,7 @@ class Submission(UntrustedModel):
 
 
 def make_submission(
-    store: Store, names: Sequence[str] = (), *, allow_code: bool = False
+    store: ResultStore, names: Sequence[str] = (), *, allow_code: bool = False
 ) -> Submission:
     """Return a submission of trust models of a run.
 
@@ -276,7 +276,7 @@ def make_submission(
             cells=tuple(make_claim(cell, result) for cell, result in ordered),
         )
     except ValidationError as error:
-        raise ValueError(f"{store.path}: {explain(error)}") from None
+        raise ValueError(f"{store.path}: {validation_message(error)}") from None
 
 
 def self_contained(suite: Suite, names: Sequence[str]) -> Suite:

@@ -14,7 +14,7 @@ from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.schema import SuiteSchema
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.worlds import draw_worlds
-from roletrust_env.errors import explain, suggest
+from roletrust_env.errors import suggest, validation_message
 
 AnySuite = Suite | LearnersSuite
 """Suite of any type that a file may have."""
@@ -85,7 +85,7 @@ def read_suite(data: Mapping[str, Any], source: str) -> AnySuite:
     try:
         return _TYPES[kind].model_validate(data)
     except ValidationError as error:
-        raise ValueError(f"{source}: {explain(error)}") from None
+        raise ValueError(f"{source}: {validation_message(error)}") from None
 
 
 _TYPES: dict[str, type[AnySuite]] = {"robustness": Suite, "learners": LearnersSuite}

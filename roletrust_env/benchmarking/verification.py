@@ -111,7 +111,7 @@ def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
             (metric, score, getattr(own[name].measured, metric)) for metric, score in one.measured
         ]
         for metric, score, own_score in [*pairs, *_chosen(one, result)]:
-            if not within(score, own_score):
+            if not within_noise(score, own_score):
                 return Check(
                     subject, False, f"{name}, {metric}: claimed {score.text}, here {own_score.text}"
                 )
@@ -312,7 +312,7 @@ def _chosen(claim: Claim, result: CellResult) -> list[tuple[str, ClaimedScore, C
     ]
 
 
-def within(claimed: ClaimedScore, own: ClaimedScore) -> bool:
+def within_noise(claimed: ClaimedScore, own: ClaimedScore) -> bool:
     """Return whether two means differ by sampling noise at most, by the own interval or else the
     claimed one.
     """
@@ -414,7 +414,7 @@ def check_scores(
     """
 
     def agrees(name: str, claimed: ClaimedScore, own: ClaimedScore) -> bool:
-        return claimed == own if same else within(claimed, own)
+        return claimed == own if same else within_noise(claimed, own)
 
     return _check_model_scores(
         "measured scores of", submission.standings, model_scores(suite, stored), agrees
@@ -589,7 +589,7 @@ def _is_consistent(name: str, claimed: ClaimedScore, own: ClaimedScore) -> bool:
     the mean of all games.
     """
     if name in ("damage", "detection"):
-        return within(claimed, own)
+        return within_noise(claimed, own)
     return claimed.mean == own.mean or (
         claimed.mean is not None
         and own.mean is not None

@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, ValidationError
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import validation_message
 from roletrust_env.world import Scenario
 from roletrust_env.world.group import FrozenModel
 
@@ -57,7 +57,7 @@ def draw_worlds(tables: Any, seed: int | None = None, scenarios: Any = None) -> 
         try:
             table = _Worlds.model_validate(data)
         except ValidationError as error:
-            raise ValueError(f"worlds {name}: {explain(error)}") from None
+            raise ValueError(f"worlds {name}: {validation_message(error)}") from None
         fields = table.model_dump(exclude={"number", "seed"})
         for k in range(1, table.number + 1):
             world = f"{name}-{k}"

@@ -97,10 +97,10 @@ def judged_rollout(
     """Play a task to the end of its scenario and judge each round. Arguments as for
     `attacked_rollout`.
     """
-    return judged(task, attacked_rollout(task, attacker, batch, noise, chance))
+    return weighted_outcomes(task, attacked_rollout(task, attacker, batch, noise, chance))
 
 
-def judged(task: AttackTask, rounds: Iterator[Round]) -> Iterator[AttackedRound]:
+def weighted_outcomes(task: AttackTask, rounds: Iterator[Round]) -> Iterator[AttackedRound]:
     """Yield the rounds with the outcome for the attacker, times the weight of the round.
 
     A game in which the attacker has been caught brings 0 from then on.

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, ge
 from pydantic import ValidationError
 
 from roletrust_env.arrays import Array
-from roletrust_env.errors import explain
+from roletrust_env.errors import validation_message
 from roletrust_env.evaluation.attackers import HONEST_POLICY, Both
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy, policy_name
@@ -118,7 +118,7 @@ class Space:
         try:
             policy = self._make(**given)
         except (ValidationError, TypeError, ValueError) as error:
-            why = explain(error) if isinstance(error, ValidationError) else error
+            why = validation_message(error) if isinstance(error, ValidationError) else error
             raise ValueError(
                 f"attack {self._make.__name__} cannot be searched, it refuses {given}: {why}"
             ) from None

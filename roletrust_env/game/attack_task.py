@@ -11,7 +11,7 @@ from pydantic import ConfigDict, ValidationError
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, mean_or_zero, namespace
-from roletrust_env.errors import explain, suggest
+from roletrust_env.errors import suggest, validation_message
 from roletrust_env.frozen import Frozen
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.coalition import CoalitionMemory
@@ -65,7 +65,7 @@ def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
     try:
         return Stealth(**price)
     except ValidationError as error:
-        raise ValueError(f"stealth: {explain(error)}") from None
+        raise ValueError(f"stealth: {validation_message(error)}") from None
 
 
 class AttackerSide(Frozen):

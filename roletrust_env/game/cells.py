@@ -18,7 +18,7 @@ from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.edges import edge_model, start_on_edges, takes_peers
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import TrustModel, start_model
-from roletrust_env.trust.model_checks import check_trust_model, needs_watching, watched_update
+from roletrust_env.trust.model_checks import needs_watching, try_trust_model, watched_update
 from roletrust_env.trust.ratings import Ratings, sum_at
 from roletrust_env.world.access import meet
 from roletrust_env.world.roster import Roster
@@ -49,7 +49,7 @@ class Cells(Frozen):
         """Try the model on one round.
 
         Raises:
-            ValueError: The model fails, see `check_trust_model`; or the scenario is for a
+            ValueError: The model fails, see `try_trust_model`; or the scenario is for a
                 `SparseGame`.
         """
         xp, cells = namespace(like), roster.n_raters * roster.n_providers
@@ -65,7 +65,7 @@ class Cells(Frozen):
         self._peers = xp.asarray(~roster.not_self, device=like.device)
         self._own = xp.asarray(roster.own_provider.copy(), device=like.device)
         self._places = xp.arange(roster.n_providers, device=like.device)
-        check_trust_model(model, self._peers, like)
+        try_trust_model(model, self._peers, like)
         self._watched = needs_watching(model)
 
     def start(self, nothing: Array) -> tuple[Any, Array]:

@@ -482,7 +482,7 @@ class Game(Frozen):
             )
             served = served & near
         if isinstance(rules.access, Choice):
-            served = access.choose(rules.access, top, served, noise.choice)
+            served = access.choose_providers(rules.access, top, served, noise.choice)
         return met, served
 
     def _is_complete(self, state: State) -> bool:

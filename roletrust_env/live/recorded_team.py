@@ -100,7 +100,7 @@ def observe_team(
                 message.kind == messages.RATINGS
                 and (origin := _origin(message, rater, keyring)) is not None
             ):
-                providers = tuple(messages.read_ratings(message.raw).providers)
+                providers = tuple(messages.read_ratings_message(message.raw).providers)
                 authentic.append(_Ratings(rater, message.time, origin.stamp, providers))
     period = _period(authentic)
     timely = [
@@ -140,9 +140,9 @@ def _origin(message: RecordedMessage, name: str, keyring: Keyring | None) -> Env
     """
     try:
         if owner(message.topic, IMAGES):
-            envelope = messages.read_picture(name, message.raw).envelope
+            envelope = messages.read_picture_message(name, message.raw).envelope
         else:
-            envelope = messages.read_ratings(message.raw).envelope
+            envelope = messages.read_ratings_message(message.raw).envelope
     except ValueError:
         return None
     return envelope if envelope.sender == name and is_genuine(envelope, keyring) else None

@@ -8,7 +8,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Generic, NamedTuple
 
-from roletrust_env.live.synchroniser import ApproximateTimeSynchroniser, Decision, Item, Message
+from roletrust_env.live.synchroniser import (
+    ApproximateTimeSynchroniser,
+    Item,
+    MatchDecision,
+    Message,
+)
 from roletrust_env.live.validation import StampLimits
 
 _QUOTA = 10  # messages that a sender may send in a period; it needs one
@@ -229,7 +234,7 @@ class RoundAssembler(Generic[Item]):
                 closed += self._add_part(name, message)
         return closed
 
-    def _apply(self, decisions: Iterable[Decision[Item]]) -> list[MatchedRound[Item]]:
+    def _apply(self, decisions: Iterable[MatchDecision[Item]]) -> list[MatchedRound[Item]]:
         """Return the rounds that some decisions of the synchroniser close."""
         closed = []
         for decision in decisions:

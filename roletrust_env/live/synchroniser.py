@@ -30,7 +30,7 @@ class _Candidate(NamedTuple, Generic[Item]):
     end: int
 
 
-class Decision(NamedTuple, Generic[Item]):
+class MatchDecision(NamedTuple, Generic[Item]):
     """A decision on messages: they match, one of each stream, or a message will never be part of a
     match.
 
@@ -86,9 +86,9 @@ class ApproximateTimeSynchroniser(Generic[Item]):
         self._dropped = [False] * streams
         self._candidate: _Candidate[Item] | None = None
         self._pivot = self._pivot_stamp = 0  # of the candidate
-        self._decisions: list[Decision[Item]] = []
+        self._decisions: list[MatchDecision[Item]] = []
 
-    def add(self, stream: int, message: Message[Item]) -> list[Decision[Item]]:
+    def add(self, stream: int, message: Message[Item]) -> list[MatchDecision[Item]]:
         """Take a message and return the decisions that follow, in order.
 
         Args:
@@ -104,7 +104,7 @@ class ApproximateTimeSynchroniser(Generic[Item]):
         decisions, self._decisions = self._decisions, []
         return decisions
 
-    def publish_candidate(self) -> list[Decision[Item]]:
+    def publish_candidate(self) -> list[MatchDecision[Item]]:
         """Publish the candidate, if there is one, without waiting for a better match, and return
         the decisions.
         """
@@ -187,7 +187,7 @@ class ApproximateTimeSynchroniser(Generic[Item]):
         return max(self._pivot_stamp, newest.stamp + self._lower_bound)
 
     def _publish(self, best: _Candidate[Item]) -> None:
-        self._decisions.append(Decision(tuple(range(len(self._queues))), best.messages, True))
+        self._decisions.append(MatchDecision(tuple(range(len(self._queues))), best.messages, True))
         self._restore()
         for queue in self._queues:
             queue.pop(0)  # older ones were discarded when this one was nominated
@@ -209,7 +209,9 @@ class ApproximateTimeSynchroniser(Generic[Item]):
 
     def _discard(self, streams: Iterable[int], messages: Iterable[Message[Item]]) -> None:
         pairs = zip(streams, messages, strict=True)
-        self._decisions.extend(Decision((stream,), (message,), False) for stream, message in pairs)
+        self._decisions.extend(
+            MatchDecision((stream,), (message,), False) for stream, message in pairs
+        )
 
 
 def _earliest(stamps: list[int]) -> int:

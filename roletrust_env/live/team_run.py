@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.live.team import RatingRows, Team, Trust
-from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
+from roletrust_env.trust import TrustModel, agent_trust, try_trust_model
 from roletrust_env.trust.grid_run import GridRun
 from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.stored import taken
@@ -35,9 +35,9 @@ class TeamRun(GridRun):
                 but without ratings given or received.
 
         Raises:
-            ValueError: The model is not sound, see `check_trust_model` and `watched_update`.
+            ValueError: The model is not sound, see `try_trust_model` and `watched_update`.
         """
-        check_trust_model(model, team.peers, np.zeros(()))
+        try_trust_model(model, team.peers, np.zeros(()))
         super().__init__(model, np.zeros(team.peers.shape), team.peers)
         self.team = team
         self._rated, self._provided = np.zeros(self.shape[0]), np.zeros(self.shape[1])

@@ -19,19 +19,19 @@ class _Message(BaseModel):
     model_config = ConfigDict(frozen=True, use_attribute_docstrings=True)
 
 
-class Request(_Message):
+class TokenRequest(_Message):
     """Registration or farewell of an agent."""
 
     token: Token
 
 
-class Ratings(_Message):
+class RatingTokens(_Message):
     """Ratings by one agent. They count as a whole: if one is refused, none does."""
 
     tokens: Annotated[list[Token], Field(min_length=1, max_length=MAX_TOKENS)]
 
 
-class Receipt(_Message):
+class TokenReceipt(_Message):
     """Acknowledgement of a token: it is in the store."""
 
     seq: Count
@@ -39,10 +39,10 @@ class Receipt(_Message):
     time: Seconds
 
 
-class Receipts(_Message):
+class TokenReceipts(_Message):
     """Acknowledgement of ratings."""
 
-    receipts: list[Receipt]
+    receipts: list[TokenReceipt]
     """Receipts, in the order of the tokens."""
 
 
@@ -103,7 +103,7 @@ class AgentTrust(_Message):
     """Number of agents that are ranked, also those that have left."""
 
 
-class Reason(_Message):
+class TrustReason(_Message):
     """Ratings by one other agent, or of one, and the trust without them."""
 
     agent: str
@@ -119,7 +119,7 @@ class Reason(_Message):
     """Rank without them."""
 
 
-class Explanation(_Message):
+class ExplainedTrust(_Message):
     """Trust in an agent in one role, and what makes it."""
 
     trust: Share
@@ -127,15 +127,15 @@ class Explanation(_Message):
     """Rank by trust among the agents with ratings."""
     n_ratings: Count
     n_others: Count
-    reasons: list[Reason]
+    reasons: list[TrustReason]
     """Most important reasons; those first without which trust would differ most."""
 
 
-class Explanations(_Message):
+class ExplainedRoles(_Message):
     """Explanations of the trust in an agent by role; null without ratings."""
 
-    provider: Explanation | None
-    rater: Explanation | None
+    provider: ExplainedTrust | None
+    rater: ExplainedTrust | None
 
 
 class Agent(_Message):
@@ -151,7 +151,7 @@ class Agent(_Message):
     rounds: Count
     """Number of rounds that have ended."""
     time: Seconds
-    explanation: Explanations | None = None
+    explanation: ExplainedRoles | None = None
     """What makes the trust, if it was asked for."""
 
 

@@ -11,17 +11,25 @@ from typing import Any, Self, TypeVar
 import httpx2
 from pydantic import BaseModel, ValidationError
 
-from roletrust_env.errors import explain, printable
+from roletrust_env.errors import printable, validation_message
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.live.wire.keys import Signer, check_name, make_keys
-from roletrust_env.service.answers import About, Agent, Agents, Problem, Receipt, Receipts, Refusals
+from roletrust_env.service.answers import (
+    About,
+    Agent,
+    Agents,
+    Problem,
+    Refusals,
+    TokenReceipt,
+    TokenReceipts,
+)
 from roletrust_env.service.tokens import (
     Claims,
     Leave,
     Rating,
     Registration,
     key_as_text,
-    sign,
+    sign_token,
     with_work,
 )
 from roletrust_env.storage.files import replacing
@@ -153,7 +161,7 @@ class TrustClient:
         self._manager = self._answer(About, "GET", "/")
         return self._manager
 
-    def register(self) -> Receipt:
+    def register(self) -> TokenReceipt:
         """Register the agent with its public key, which changes nothing if it is registered.
 
         The proof of work takes a moment, see `has_work`.
@@ -169,13 +177,13 @@ class TrustClient:
                 f"{MAX_WORK}"
             )
         key = [] if self._signer is None else [{"key": key_as_text(self._signer.key.public_key())}]
-        return self._send(Receipt, "POST", "/agents", Registration, key)
+        return self._send(TokenReceipt, "POST", "/agents", Registration, key)
 
-    def rate(self, provider: str, rating: float) -> Receipt:
+    def rate(self, provider: str, rating: float) -> TokenReceipt:
         """Rate a provider, on the scale of the manager; see `rate_all`."""
         return self.rate_all({provider: rating})[0]
 
-    def rate_all(self, ratings: Mapping[str, float]) -> list[Receipt]:
+    def rate_all(self, ratings: Mapping[str, float]) -> list[TokenReceipt]:
         """Rate providers in one request of up to 1,000 ratings, which count all or not at all.
 
         When this returns, the ratings are in the store of the manager.
@@ -191,16 +199,16 @@ class TrustClient:
         for provider in ratings:
             check_name(provider)
         contents = [{"sub": provider, "rating": rating} for provider, rating in ratings.items()]
-        return self._send(Receipts, "POST", "/ratings", Rating, contents).receipts
+        return self._send(TokenReceipts, "POST", "/ratings", Rating, contents).receipts
 
-    def leave(self) -> Receipt:
+    def leave(self) -> TokenReceipt:
         """Leave. What the agent has rated stays; if it comes back it is a newcomer.
 
         Raises:
             RefusalError: The agent is not registered.
             UnreachableError: There is no answer.
         """
-        return self._send(Receipt, "DELETE", f"/agents/{self.name}", Leave, [{}])
+        return self._send(TokenReceipt, "DELETE", f"/agents/{self.name}", Leave, [{}])
 
     def ask(self, name: str, *, explanation: bool = False) -> Agent:
         """Return the trust in an agent with its evidence.
@@ -315,10 +323,10 @@ class TrustClient:
                     iss=self.name or "", aud=self.manager.name, iat=self._last_us / 1e6, **content
                 )
             except ValidationError as error:
-                raise ValueError(explain(error)) from None
+                raise ValueError(validation_message(error)) from None
             if isinstance(claims, Registration):
                 claims = with_work(claims, self.manager.work)
-            tokens.append(sign(claims, self._signer.key))
+            tokens.append(sign_token(claims, self._signer.key))
         return {"tokens": tokens} if kind is Rating else {"token": tokens[0]}
 
     def _answer(
@@ -357,7 +365,8 @@ class TrustClient:
             return kind.model_validate_json(response.content)
         except ValidationError as error:
             raise ValueError(
-                f"{self.url} is no trust manager, or one of another version: {explain(error)}"
+                f"{self.url} is no trust manager, or one of another version: "
+                f"{validation_message(error)}"
             ) from None
 
     def _failure(self, response: httpx2.Response) -> RefusalError | UnreachableError:

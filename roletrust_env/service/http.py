@@ -27,7 +27,7 @@ from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.requests import Member, RefusedError, Request
 from roletrust_env.service.store import StoreError
 from roletrust_env.service.tokens import MAX_TOKEN, Leave, Name, Rating, Registration
-from roletrust_env.service.writer import BusyError, Writer
+from roletrust_env.service.writer import BusyError, RequestWriter
 from roletrust_env.trust.service import TrustService
 
 _log = logging.getLogger(__name__)
@@ -90,7 +90,7 @@ class Endpoints:
 
     def __init__(self, manager: TrustManager, rounds: Any) -> None:
         self._manager, self._rounds, self._playing = manager, rounds, asyncio.Lock()
-        self._writer = Writer(manager)
+        self._writer = RequestWriter(manager)
         self._streams = set[asyncio.Queue[str | None]]()
         self._explaining = asyncio.Lock()
         self._told = ""  # the failure of the store that the log has
@@ -135,24 +135,24 @@ class Endpoints:
         """Say what this manager is."""
         return answers.About(**self._manager.about())
 
-    async def register(self, body: answers.Request) -> answers.Receipt:
+    async def register(self, body: answers.TokenRequest) -> answers.TokenReceipt:
         """Register an agent by a token with its public key and its proof of work."""
         (receipt,) = await self._writer.take(Request(Registration, [body.token]))
-        return answers.Receipt(**receipt._asdict())
+        return answers.TokenReceipt(**receipt._asdict())
 
-    async def leave(self, name: Name, body: answers.Request) -> answers.Receipt:
+    async def leave(self, name: Name, body: answers.TokenRequest) -> answers.TokenReceipt:
         """Let an agent leave. What it rated stays; if it comes back, it is a newcomer."""
         (receipt,) = await self._writer.take(Request(Leave, [body.token], name))
-        return answers.Receipt(**receipt._asdict())
+        return answers.TokenReceipt(**receipt._asdict())
 
-    async def rate(self, body: answers.Ratings) -> answers.Receipts:
+    async def rate(self, body: answers.RatingTokens) -> answers.TokenReceipts:
         """Report ratings. They count as a whole, and are in the store when they are acknowledged.
 
         The last request of an agent may be sent again, and counts once.
         """
         receipts = await self._writer.take(Request(Rating, body.tokens))
-        return answers.Receipts(
-            receipts=[answers.Receipt(**receipt._asdict()) for receipt in receipts]
+        return answers.TokenReceipts(
+            receipts=[answers.TokenReceipt(**receipt._asdict()) for receipt in receipts]
         )
 
     async def agents(
@@ -247,9 +247,9 @@ class Endpoints:
             time=self._manager.time,
         )
 
-    def _explained(self, member: Member) -> answers.Explanations:
+    def _explained(self, member: Member) -> answers.ExplainedRoles:
         provider, rater = (self._manager.explain(member, role) for role in ("ratee", "rater"))
-        return answers.Explanations(
+        return answers.ExplainedRoles(
             provider=None if provider is None else _explanation(*provider),
             rater=None if rater is None else _explanation(*rater),
         )
@@ -424,9 +424,9 @@ def _wrong(error: RequestValidationError) -> str:
     )
 
 
-def _explanation(found: Found, names: Sequence[str]) -> answers.Explanation:
+def _explanation(found: Found, names: Sequence[str]) -> answers.ExplainedTrust:
     reasons = [
-        answers.Reason(
+        answers.TrustReason(
             agent=names[reason.other],
             trust=reason.trust,
             ratings=reason.ratings.tolist(),
@@ -436,7 +436,7 @@ def _explanation(found: Found, names: Sequence[str]) -> answers.Explanation:
         )
         for reason in found.reasons
     ]
-    return answers.Explanation(
+    return answers.ExplainedTrust(
         trust=found.trust,
         rank=found.rank,
         n_ratings=found.n_ratings,

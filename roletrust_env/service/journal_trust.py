@@ -16,9 +16,9 @@ from roletrust_env.data.names import NameIndex
 from roletrust_env.data.rounds import MOST, check_rounds, round_numbers
 from roletrust_env.data.stream import TrustStream
 from roletrust_env.data.units import check_scale, unit_ratings
-from roletrust_env.service.store import Store, events
+from roletrust_env.service.store import JournalStore, events
 from roletrust_env.trust.edges import runs_on_edges
-from roletrust_env.trust.grid_run import check_memory
+from roletrust_env.trust.grid_run import check_grid_memory
 from roletrust_env.trust.key_index import Floats
 from roletrust_env.trust.model import TrustModel
 from roletrust_env.trust.run import make_run
@@ -129,7 +129,7 @@ class JournalTrust:
 
     def __init__(
         self,
-        store: Store,
+        store: JournalStore,
         model: TrustModel[Any],
         every: float,
         scale: tuple[float, float],
@@ -164,7 +164,7 @@ class JournalTrust:
         """Return whether the model has room for so many agents."""
         try:
             if self._stream is None:
-                check_memory(self._model, (agents, agents))
+                check_grid_memory(self._model, (agents, agents))
         except MemoryError:
             return False
         return True

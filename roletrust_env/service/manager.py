@@ -37,7 +37,7 @@ from roletrust_env.service.requests import (
     refusal,
     registered_key,
 )
-from roletrust_env.service.store import BLOCK, Event, Store, StoreError, events
+from roletrust_env.service.store import BLOCK, Event, JournalStore, StoreError, events
 from roletrust_env.service.tokens import (
     Rating,
     Registration,
@@ -83,7 +83,7 @@ class TrustManager:
 
     def __init__(
         self,
-        store: Store,
+        store: JournalStore,
         model: str,
         settings: Settings = Settings(),  # noqa: B008 - immutable
         clock: Callable[[], float] = time.time,

@@ -98,7 +98,7 @@ class StoreError(OSError):
     """The store cannot be read or written."""
 
 
-class Store:
+class JournalStore:
     """The journal in a file of SQLite, or in a database of PostgreSQL. One manager has it at a
     time.
 

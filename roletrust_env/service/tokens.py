@@ -13,7 +13,7 @@ import jwt
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import validation_message
 from roletrust_env.live.validation import Envelope
 from roletrust_env.live.wire.keys import NAME
 
@@ -89,7 +89,7 @@ class Leave(Claims):
 AnyClaims = TypeVar("AnyClaims", bound=Claims)
 
 
-def sign(claims: Claims, key: Ed25519PrivateKey) -> str:
+def sign_token(claims: Claims, key: Ed25519PrivateKey) -> str:
     """Return the token of some claims, signed by the private key of their agent."""
     token: str = jwt.encode(claims.model_dump(), key, algorithm=_ALGORITHM)
     return token
@@ -111,7 +111,8 @@ def read_token(token: str, kind: type[AnyClaims]) -> tuple[AnyClaims, Envelope]:
         claims = kind.model_validate_json(parts["payload"])
     except ValidationError as error:
         raise ValueError(
-            f"the token has other claims than a {kind.__name__.lower()}: {explain(error)}"
+            f"the token has other claims than a {kind.__name__.lower()}: "
+            f"{validation_message(error)}"
         ) from None
     except jwt.InvalidTokenError as error:
         raise ValueError(f"there is no signed JSON Web Token: {error}") from None

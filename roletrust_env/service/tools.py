@@ -17,7 +17,7 @@ from mcp.types import CallToolResult, TextContent, ToolAnnotations
 from pydantic import BaseModel, Field
 
 from roletrust_env.live.validation import RefusalReason
-from roletrust_env.service.answers import Agent, Agents, AgentTrust, Explanation, Receipt
+from roletrust_env.service.answers import Agent, Agents, AgentTrust, ExplainedTrust, TokenReceipt
 from roletrust_env.service.client import RefusalError, TrustClient, UnreachableError
 
 _UNITS = (("day", 86400), ("hour", 3600), ("minute", 60), ("second", 1))
@@ -92,7 +92,7 @@ class AgentTools:
     def __init__(self, client: TrustClient) -> None:
         self._client = client
 
-    def register(self) -> Annotated[CallToolResult, Receipt]:
+    def register(self) -> Annotated[CallToolResult, TokenReceipt]:
         """Join as an agent that may rate and be rated. Call it once; again changes nothing."""
         with _explained():
             receipt = self._client.register()
@@ -133,7 +133,7 @@ class AgentTools:
                 json_schema_extra={"minimum": 0, "maximum": 1},
             ),
         ],
-    ) -> Annotated[CallToolResult, Receipt]:
+    ) -> Annotated[CallToolResult, TokenReceipt]:
         """Rate the work of an agent, once for each piece of work, after you have checked it.
 
         Rate what you received and not what others say. A false rating lowers the trust in your own
@@ -168,7 +168,7 @@ class AgentTools:
             "\n".join(lines) or f"None here: there are {_counted(found.total, 'agent')}.", found
         )
 
-    def leave(self) -> Annotated[CallToolResult, Receipt]:
+    def leave(self) -> Annotated[CallToolResult, TokenReceipt]:
         """Leave. You can come back, but as a newcomer without ratings: ask your user first."""
         with _explained():
             receipt = self._client.leave()
@@ -216,7 +216,7 @@ def _meaning(trust: AgentTrust) -> str:
     return "That is good evidence."
 
 
-def _reasons(explanation: Explanation) -> list[str]:
+def _reasons(explanation: ExplainedTrust) -> list[str]:
     """Return a line for each of the most important reasons."""
     lines = []
     for reason in explanation.reasons[:_REASONS]:

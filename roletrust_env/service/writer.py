@@ -20,7 +20,7 @@ class BusyError(Exception):
     """Too many wait already."""
 
 
-class Writer:
+class RequestWriter:
     """Hands requests to a manager, in a thread of its own, all that wait at once.
 
     So the disk is waited for once for many requests, the more the busier it is (group commit:

@@ -31,7 +31,9 @@ def as_toml(scenario: Scenario, names: Sequence[str] = ()) -> str:
         if isinstance(value, Mapping):
             tables.append((f"[{field}]", "", value))
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            comments = [f"  # {printable(name)}" for name in names] if field == "agents" else []
+            comments = (
+                [f"  # {printable_name(name)}" for name in names] if field == "agents" else []
+            )
             tables += [
                 (f"[[{field}]]", comments[k] if comments else "", item)
                 for k, item in enumerate(value)
@@ -47,7 +49,7 @@ def as_toml(scenario: Scenario, names: Sequence[str] = ()) -> str:
     return "\n".join(lines) + "\n"
 
 
-def printable(name: str) -> str:
+def printable_name(name: str) -> str:
     """Return a name with control characters escaped, since it may come from the network."""
     return name if name.isprintable() else ascii(name)
 

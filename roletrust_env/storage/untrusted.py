@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from roletrust_env.errors import check_unicode, explain
+from roletrust_env.errors import check_unicode, validation_message
 
 _MAX_GROUP_ROUNDS = 10_000_000
 _MAX_VALUES, _MAX_FIELDS = (
@@ -102,7 +102,7 @@ def parse_untrusted(kind: type[Kind], text: bytes) -> Kind:
     try:
         return kind.model_validate_json(text)
     except ValidationError as error:
-        raise ValueError(explain(error)) from None
+        raise ValueError(validation_message(error)) from None
 
 
 def read_untrusted(kind: type[Kind], path: Path, limit: int, *, what: str, command: str) -> Kind:

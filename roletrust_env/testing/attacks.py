@@ -68,8 +68,8 @@ def check_attack(attack: Policy, *, torch: bool = True) -> None:
 
         likes += [library.zeros((), dtype=library.float64), library.zeros(())]
     for like in likes:
-        check_rounds(attack, like)
-    alone = check_games(attack)
+        check_attack_rounds(attack, like)
+    alone = check_independent_games(attack)
     for like in likes[2:3]:
         ours, theirs = _played(attack, like, (2,)), _played(attack, likes[0], (2,))
         _require(
@@ -126,7 +126,7 @@ def check_declaration(attack: Policy) -> None:
         )
 
 
-def check_rounds(attack: Policy, like: Array) -> None:
+def check_attack_rounds(attack: Policy, like: Array) -> None:
     """Check some rounds of an attack in a batch: actions, memory and the attack itself."""
     game, itself = _game(attack, like), copy.deepcopy(_attributes(attack))
     joint_policy = _seated(game, attack)
@@ -162,7 +162,7 @@ def check_rounds(attack: Policy, like: Array) -> None:
     )
 
 
-def check_games(attack: Policy) -> list[Any]:
+def check_independent_games(attack: Policy) -> list[Any]:
     """Check that games do not depend on each other, nor on games that were played before, and
     return one of them.
     """

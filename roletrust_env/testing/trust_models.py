@@ -15,7 +15,7 @@ from roletrust_env.randomness import generator
 from roletrust_env.trees import arrays, check_ranges
 from roletrust_env.trust import Ratings, TrustModel
 from roletrust_env.trust.model import start_model
-from roletrust_env.trust.model_checks import check_trust_model as check_one_round
+from roletrust_env.trust.model_checks import try_trust_model as check_one_round
 
 Floats = npt.NDArray[Any]
 Shape = tuple[int, ...]
@@ -111,7 +111,7 @@ def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
         torch: Whether to check on torch, too, if it is installed.
 
     Raises:
-        ValueError: The model cannot play one round, see `roletrust_env.trust.check_trust_model`.
+        ValueError: The model cannot play one round, see `roletrust_env.trust.try_trust_model`.
         AssertionError: The model breaks another rule. The message says which one and what to
             change.
 

@@ -106,7 +106,7 @@ class GridRun(TrustRun):
             shape = (max(shape),) * 2
         if shape == self.shape:
             return
-        check_memory(self.model, shape)
+        check_grid_memory(self.model, shape)
         self.peers = self._pairs(shape) if peers is None else peers
         start = start_model(self.model, np.zeros(shape), self.peers)
         self.state = map_leaves(_grown, self.state, start) if self.rounds else start
@@ -149,7 +149,7 @@ class GridRun(TrustRun):
         left = dict(arrays)
         *shape, rounds = taken_counts(left)
         peers = taken(left, "peers", bool, tuple(shape))
-        check_memory(self.model, peers.shape)
+        check_grid_memory(self.model, peers.shape)
         if not np.array_equal(
             peers, self.peers if peers.shape == self.shape else self._pairs(peers.shape)
         ):
@@ -164,7 +164,7 @@ def pairs_of(shape: tuple[int, int], *, one_role: bool) -> npt.NDArray[np.bool_]
     return np.zeros(shape, bool) if one_role else np.eye(*shape, dtype=bool)
 
 
-def check_memory(model: Any, shape: tuple[int, int]) -> None:
+def check_grid_memory(model: Any, shape: tuple[int, int]) -> None:
     """Refuse a state on a grid of so many raters and providers that would take more than `MEMORY`.
 
     Raises:

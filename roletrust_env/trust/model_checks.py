@@ -31,7 +31,7 @@ def is_own(factory: Callable[..., Any]) -> bool:
     return any(factory is own for own in OWN.values())
 
 
-def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:
+def try_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:
     """Try a model on one round, in which all pairs but the first meet and all ratings are low.
 
     A model from another package plays the round twice. It must not change its inputs and must not

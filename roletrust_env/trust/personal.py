@@ -167,7 +167,7 @@ def weighted_advice(credence: Array, sums: Array, counts: Array) -> tuple[Array,
         weights.
     """
     weight = credence_sum(credence, counts)
-    return _in_range(mean(credence_sum(credence, sums), weight)), weight
+    return _in_range(mean_of_sums(credence_sum(credence, sums), weight)), weight
 
 
 # --- what is remembered
@@ -202,7 +202,7 @@ def push(memory: Array, newest: Array, ratings: Ratings) -> Array:
     return ratings.write(memory, namespace(memory).concat([newest[None], memory[:-1]]))
 
 
-def mean(sums: Array, weights: Array) -> Array:
+def mean_of_sums(sums: Array, weights: Array) -> Array:
     """Return sums over weights, and 0 where the weight is 0."""
     return sums / (weights + _TINY)
 
@@ -211,7 +211,7 @@ def absorb(previous: Array, weight: Array, sums: Array, count: Array) -> Array:
     """Return a weighted mean after adding `count` values of weight 1 with this sum; unchanged where
     there are none.
     """
-    return previous + mean(sums - count * previous, weight + count)
+    return previous + mean_of_sums(sums - count * previous, weight + count)
 
 
 # --- what is published

@@ -9,7 +9,7 @@ import numpy as np
 
 from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.edges import runs_on_edges
-from roletrust_env.trust.grid_run import GridRun, check_memory, pairs_of
+from roletrust_env.trust.grid_run import GridRun, check_grid_memory, pairs_of
 from roletrust_env.trust.trust_run import TrustRun
 
 
@@ -27,7 +27,7 @@ def make_run(model: Any, shape: tuple[int, int] = (0, 0), *, one_role: bool = Tr
         MemoryError: The state on a grid would take more than `MEMORY`. The message says how much.
     """
     if not runs_on_edges(model):
-        check_memory(model, shape)
+        check_grid_memory(model, shape)
         return GridRun(
             model, np.zeros(shape), pairs_of(shape, one_role=one_role), one_role=one_role
         )

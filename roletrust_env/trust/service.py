@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from roletrust_env.errors import explain, printable
+from roletrust_env.errors import printable, validation_message
 from roletrust_env.trust.grid_run import GridRun, pairs_of
 from roletrust_env.trust.model import TrustModel
 
@@ -83,7 +83,7 @@ class TrustService:
             )
             message = kind.model_validate_json(line)
         except ValidationError as error:
-            raise ValueError(explain(error)) from None
+            raise ValueError(validation_message(error)) from None
         except (ValueError, RecursionError) as error:
             raise ValueError(f"there is no JSON: {error}") from None
         run = self._copied(message) if isinstance(message, _Copy) else self._play(message)

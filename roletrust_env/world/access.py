@@ -18,7 +18,7 @@ def in_range(raters: Array, providers: Array, radius: float) -> Array:
     return ((raters[:, None, ...] - providers[None, ...]) ** 2).sum(axis=2) <= radius**2
 
 
-def choose(rule: Choice, top: Array, available: Array, noise: Array) -> Array:
+def choose_providers(rule: Choice, top: Array, available: Array, noise: Array) -> Array:
     """Return the providers that each rater chooses by their published trust.
 
     Softmax choice without replacement is the greedy choice of trust / temperature plus Gumbel noise

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, NonNegativeInt, PositiveInt, ValidationError, model_validator
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import validation_message
 from roletrust_env.parameters import Amount, Factor, Lam, PositiveAmount, Share, ZeroOrAmount
 from roletrust_env.world.field_hints import give_hints
 from roletrust_env.world.group import AgentGroup, FrozenModel
@@ -285,7 +285,7 @@ def read_scenario(data: Mapping[str, Any], source: str) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        raise ValueError(f"{source}: {explain(error)}") from None
+        raise ValueError(f"{source}: {validation_message(error)}") from None
 
 
 def load_scenario(path: str | Path) -> Scenario:

@@ -11,7 +11,7 @@ import numpy as np
 
 from roletrust_env import Policy
 from roletrust_env.benchmarking.pool import LocalPool
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.trust import Ratings
 from roletrust_env.trust.models.central.means import Mean
@@ -112,7 +112,7 @@ class BrokenRater(WildRater):
 def run(path):
     """Play the cells that are not stored yet, and store them."""
     suite = tiny(seeds=[0, 1])
-    with Store(path, suite) as store:
+    with ResultStore(path, suite) as store:
         remaining = [cell for cell in suite.cells() if cell.key not in store.finished_keys()]
         for cell, result in LocalPool(2).play(suite, remaining):
             store.add(cell, result)

@@ -15,7 +15,7 @@ from benchmark_cases import results, run, tiny
 from children import children
 
 from roletrust_env.benchmarking.pool import TRIES
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
 OFTEN = pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def workers(process):
 
 def count_cells(path):
     """Return the number of stored cells, which is 0 before the tables exist."""
-    with suppress(ValueError), Store(path) as store:
+    with suppress(ValueError), ResultStore(path) as store:
         return len(store.finished_keys())
     return 0
 
@@ -116,5 +116,5 @@ class TestKilled:
                 process, min(times - killed, TRIES - 1), seconds / 2, random_source
             )
             assert process.wait(timeout=600) == 0
-            with Store(path) as store:
+            with ResultStore(path) as store:
                 assert results(store.all()) == expected

@@ -11,7 +11,7 @@ from refusals import refuses
 from roletrust_env.benchmarking import store as store_file
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.evaluation.measurement import MEASURED
 
@@ -40,7 +40,7 @@ RESULT = CellResult(
 @pytest.fixture
 def path(tmp_path):
     """File with three cells."""
-    with Store(tmp_path / "results.sqlite", SUITE) as store:
+    with ResultStore(tmp_path / "results.sqlite", SUITE) as store:
         for cell in SUITE.cells()[:3]:
             store.add(cell, RESULT)
     return tmp_path / "results.sqlite"
@@ -48,7 +48,7 @@ def path(tmp_path):
 
 def refused(path, *words, suite=None, kind=ValueError):
     with refuses(kind, path, *words):
-        Store(path, suite).all()
+        ResultStore(path, suite).all()
 
 
 def execute(path, statement, *values):
@@ -59,7 +59,7 @@ def execute(path, statement, *values):
 
 
 def test_stored_cells_can_be_read(path):
-    with Store(path) as store:
+    with ResultStore(path) as store:
         assert [one.result for one in store.all()] == [RESULT] * 3
         assert {one.cell for one in store.all()} == set(SUITE.cells()[:3])
         assert store.suite == SUITE
@@ -68,38 +68,38 @@ def test_stored_cells_can_be_read(path):
 def test_a_reader_leaves_the_folder_as_it_was(path):
     """Also beside the journal of a run that was killed, whole or cut off."""
     before = {one.name: one.read_bytes() for one in path.parent.iterdir()}
-    with Store(path) as store:
+    with ResultStore(path) as store:
         assert len(store.all()) == 3
     assert {one.name: one.read_bytes() for one in path.parent.iterdir()} == before
 
 
 @pytest.mark.parametrize(("length", "found"), [(None, 3), (20, 2), (0, 2)])
 def test_a_reader_leaves_the_journal_of_a_killed_run(tmp_path, length, found):
-    with Store(tmp_path / "running.sqlite", SUITE) as store:
+    with ResultStore(tmp_path / "running.sqlite", SUITE) as store:
         for cell in SUITE.cells()[:2]:
             store.add(cell, RESULT)
     folder = tmp_path / "copy"
     folder.mkdir()
-    with Store(tmp_path / "running.sqlite", SUITE) as store:
+    with ResultStore(tmp_path / "running.sqlite", SUITE) as store:
         store.add(SUITE.cells()[2], RESULT)
         for end in ("", "-wal"):
             (folder / f"results.sqlite{end}").write_bytes(
                 (tmp_path / f"running.sqlite{end}").read_bytes()[: length if end else None]
             )
     before = {one.name: one.read_bytes() for one in folder.iterdir()}
-    with Store(folder / "results.sqlite") as store:
+    with ResultStore(folder / "results.sqlite") as store:
         assert len(store.all()) == found
     assert {one.name: one.read_bytes() for one in folder.iterdir()} == before
 
 
 def test_a_reader_beside_a_writer_leaves_its_journals(path):
-    with Store(path, SUITE) as writer:
+    with ResultStore(path, SUITE) as writer:
         writer.add(SUITE.cells()[3], RESULT)
-        with Store(path) as reader:
+        with ResultStore(path) as reader:
             assert len(reader.all()) == 4
         assert path.with_name("results.sqlite-wal").exists()
         writer.add(SUITE.cells()[4], RESULT)
-    with Store(path) as reader:
+    with ResultStore(path) as reader:
         assert len(reader.all()) == 5
 
 
@@ -107,11 +107,11 @@ def test_a_run_with_another_source_is_not_continued(path, monkeypatch):
     monkeypatch.setattr(store_file, "hashes", lambda factories: dict.fromkeys(factories, "0" * 64))
     name = SUITE.cells()[0].model
     refused(path, name, suite=SUITE)
-    with Store(path) as store:  # reading is still allowed
+    with ResultStore(path) as store:  # reading is still allowed
         assert len(store.all()) == 3
-    with Store(path, SUITE, overwrite=True) as store:
+    with ResultStore(path, SUITE, overwrite=True) as store:
         assert not store.all()
-    Store(path, SUITE).close()
+    ResultStore(path, SUITE).close()
 
 
 def test_a_folder_is_refused(tmp_path):
@@ -120,7 +120,7 @@ def test_a_folder_is_refused(tmp_path):
 
 def test_a_cell_counts_once_and_one_that_failed_is_played_again(path):
     first, second, *_ = SUITE.cells()
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         store.add(first, RESULT._replace(rows=(), failed="it broke"))
         assert len(store.all()) == 3
         assert first.key not in store.finished_keys()
@@ -131,16 +131,16 @@ def test_a_cell_counts_once_and_one_that_failed_is_played_again(path):
 
 
 def test_a_run_with_another_writer_is_refused(path):
-    with Store(path, SUITE):
+    with ResultStore(path, SUITE):
         refused(path, suite=SUITE)
-        with Store(path) as reader:  # reading is always allowed
+        with ResultStore(path) as reader:  # reading is always allowed
             assert len(reader.all()) == 3
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         assert len(store.finished_keys()) == 3
 
 
 def test_a_file_that_another_program_locks_is_unchanged(path):
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         store._file.execute("PRAGMA busy_timeout=50")
         other = sqlite3.connect(path, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
@@ -161,10 +161,10 @@ def test_a_run_goes_on_with_a_larger_suite(path):
     tracks = {**TINY["tracks"], "providers": {"roles": ["SP"], "shares": [0.3]}}
     tracks["raters"] = {"roles": ["SR"], "shares": [0.3, 0.4, 0.5]}
     larger = tiny(**more, tracks=tracks, budgets={"CMA-ES": 400})
-    with Store(path, larger) as store:
+    with ResultStore(path, larger) as store:
         assert [one.result for one in store.all()] == [RESULT] * 3
         assert store.finished_keys() < {cell.key for cell in larger.cells()}
-    with Store(path) as store:
+    with ResultStore(path) as store:
         assert store.suite == larger
 
 
@@ -205,7 +205,7 @@ def test_a_cell_plays_the_same_in_a_larger_suite(method):
 )
 def test_a_suite_that_plays_stored_cells_in_another_way_is_refused(tmp_path, changes):
     path = tmp_path / "results.sqlite"
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         for cell in SUITE.cells():
             store.add(cell, RESULT)
     before = path.read_bytes()
@@ -218,7 +218,7 @@ def test_another_suite_format_or_software_is_refused(path):
     other = json.dumps({"package": {"name": "roletrust-env", "version": "0.0.1"}})
     execute(path, "UPDATE facts SET value = ? WHERE name = 'software'", other)
     refused(path, "software", suite=SUITE)
-    with Store(path) as store:  # reading is still allowed
+    with ResultStore(path) as store:  # reading is still allowed
         assert len(store.all()) == 3
     execute(path, "UPDATE facts SET value = '99' WHERE name = 'format'")
     refused(path, "99")
@@ -231,7 +231,7 @@ def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
     execute(other, "CREATE TABLE friends (name TEXT)")
     noise, truncated = tmp_path / "noise.sqlite", tmp_path / "truncated.sqlite"
     noise.write_bytes(bytes(range(256)) * 64)
-    with Store(truncated, SUITE) as store:
+    with ResultStore(truncated, SUITE) as store:
         for cell in SUITE.cells():
             store.add(
                 cell,
@@ -282,11 +282,11 @@ def test_a_file_with_invalid_values_is_refused(path, statement):
 
 
 def test_overwriting_fails_while_another_run_writes(path):
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         with refuses(ValueError, "results.sqlite", "--out"):
-            Store(path, SUITE, overwrite=True)
+            ResultStore(path, SUITE, overwrite=True)
         assert len(store.all()) == 3
-    with Store(path, tiny(games=4), overwrite=True) as store:
+    with ResultStore(path, tiny(games=4), overwrite=True) as store:
         assert store.all() == []
 
 
@@ -297,11 +297,11 @@ def test_a_missing_file_is_refused(tmp_path):
 
 def test_a_name_that_is_too_long_is_refused():
     with refuses(ValueError, "path"):
-        Store(Path("x" * 300))
+        ResultStore(Path("x" * 300))
 
 
 def test_a_full_disk_loses_nothing(path):
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         pages = store._file.execute("PRAGMA page_count").fetchone()[0]
         store._file.execute(f"PRAGMA max_page_count={pages}")
         large = RESULT._replace(rows=(RESULT.rows[0]._replace(words="much " * 100_000),))
@@ -312,7 +312,7 @@ def test_a_full_disk_loses_nothing(path):
         ] * 3  # also the cell that was being replaced
         store._file.execute("PRAGMA max_page_count=100000")
         store.add(SUITE.cells()[3], large)
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         assert len(store.finished_keys()) == 4
 
 

@@ -12,16 +12,16 @@ from roletrust_env.benchmarking.verification import (
     check_bias,
     check_cell,
     check_fresh,
-    within,
+    within_noise,
 )
 
 
 def test_two_means_may_differ_by_the_noise_of_two_samples() -> None:
     own = ClaimedScore(mean=0.5, half_95=0.01)
     for difference, agrees in ((0.0141, True), (0.0143, False), (0.04, False), (-0.0143, False)):
-        assert within(ClaimedScore(mean=0.5 + difference, half_95=None), own) is agrees
+        assert within_noise(ClaimedScore(mean=0.5 + difference, half_95=None), own) is agrees
     exact = ClaimedScore(mean=0.5, half_95=0.0)  # another processor rounds otherwise
-    assert within(ClaimedScore(mean=0.5 + 1e-12, half_95=0.0), exact)
+    assert within_noise(ClaimedScore(mean=0.5 + 1e-12, half_95=0.0), exact)
 
 
 def test_games_that_are_all_alike_may_be_rounded_otherwise() -> None:

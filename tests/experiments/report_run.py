@@ -11,7 +11,7 @@ from csv_files import csv_rows
 from small_suites import small
 
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 
 SHOWN = ("heatmap", "curves", "breakdown", "tradeoff", "learners")
 SUITE = small(models=["mean", "role-trust", "constant"], description="<script>alert(1)</script>")
@@ -20,10 +20,10 @@ SUITE = small(models=["mean", "role-trust", "constant"], description="<script>al
 def write_report(here: Path) -> None:
     """Write a run of three models, one of learners whose numbers are drawn, and the report on
     both."""
-    with Store(here / "results.sqlite", SUITE) as store:
+    with ResultStore(here / "results.sqlite", SUITE) as store:
         for cell in SUITE.cells():
             store.add(cell, play_cell(SUITE, cell))
-    with Store(here / "learners.sqlite", large_run.learners()) as store:
+    with ResultStore(here / "learners.sqlite", large_run.learners()) as store:
         for trial, done in large_run.stored_trials(large_run.learners()):
             store.add(trial, done)
     made = run(

@@ -121,8 +121,8 @@ def test_serve(fresh: Callable[..., Environment]) -> None:
     described = """
 from roletrust_env.service.http import make_app
 from roletrust_env.service.manager import TrustManager
-from roletrust_env.service.store import Store
-print(*make_app(TrustManager(Store("trust.sqlite"), "mean")).openapi()["paths"])
+from roletrust_env.service.store import JournalStore
+print(*make_app(TrustManager(JournalStore("trust.sqlite"), "mean")).openapi()["paths"])
 """
     assert (
         fresh("serve").python(described) == "/ /agents /agents/{name} /ratings /events /refusals\n"

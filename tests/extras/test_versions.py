@@ -44,8 +44,8 @@ from roletrust_env.service.client import TrustClient
 from roletrust_env.service.http import make_app
 from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.requests import Settings
-from roletrust_env.service.store import Store
-app = make_app(TrustManager(Store("trust.sqlite"), "role-trust", Settings(work=4)))
+from roletrust_env.service.store import JournalStore
+app = make_app(TrustManager(JournalStore("trust.sqlite"), "role-trust", Settings(work=4)))
 server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="error"))
 threading.Thread(target=server.run, daemon=True).start()
 while not server.started:

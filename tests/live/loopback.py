@@ -112,7 +112,7 @@ class Listener(contextlib.AbstractContextManager):
             self.heard += [
                 (time.time_ns(), messages.decode(raw, messages.TRUST)) for raw in self._trust.take()
             ]
-            for report in map(messages.read_diagnostics, self._diagnostics.take()):
+            for report in map(messages.read_diagnostics_message, self._diagnostics.take()):
                 if report.envelope.sender == MANAGER:
                     self.reports = report.values
 

@@ -120,7 +120,7 @@ def heard(reader):
 def newest(reader, before):
     """Return the newest message of the rater itself: one that is old enough is refused for its age
     alone."""
-    own = [raw for raw in reader.take() if LIE not in messages.read_ratings(raw).values]
+    own = [raw for raw in reader.take() if LIE not in messages.read_ratings_message(raw).values]
     return own[-1] if own else before
 
 

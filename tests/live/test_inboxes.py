@@ -56,7 +56,7 @@ def readers(wire, strangers=True):
         wire,
         IMAGES,
         messages.IMAGE,
-        messages.read_picture,
+        messages.read_picture_message,
         validator,
         known,
         strangers=strangers,

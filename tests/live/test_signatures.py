@@ -165,4 +165,4 @@ def test_a_signed_picture_is_the_jpeg_for_every_decoder(keys):
     np.testing.assert_array_equal(
         shown, cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_COLOR)
     )
-    assert messages.read_picture("sp_0", messages.encode(message)).jpeg == JPEG
+    assert messages.read_picture_message("sp_0", messages.encode(message)).jpeg == JPEG

@@ -76,7 +76,7 @@ class Cameras:
 
     def _read(self, stamp):
         for raw in self._ratings.take():
-            one = messages.read_ratings(raw)
+            one = messages.read_ratings_message(raw)
             self.rated |= set(one.providers)
             if one.envelope.stamp == stamp and {"sp_0", "sp_1", "sp_2"} <= set(one.providers):
                 self.delays.append((time.time_ns() - stamp) / 1e9)

@@ -7,7 +7,7 @@ import pytest
 
 from roletrust_env.live.team import Team
 from roletrust_env.live.team_run import TeamRun
-from roletrust_env.trust import agent_trust, make_trust_model, run
+from roletrust_env.trust import agent_trust, grid_run, make_trust_model
 from roletrust_env.trust.grid_run import GridRun
 from roletrust_env.trust.model_checks import watched_update
 from roletrust_env.trust.ratings import Ratings
@@ -55,7 +55,7 @@ def test_the_model_is_updated_with_zeros_where_there_is_no_rating_and_with_the_n
         updates.append((ratings.values.tolist(), ratings.mask.tolist(), int(round)))
         return watched_update(model, state, ratings, round)
 
-    monkeypatch.setattr(run, "watched_update", update)
+    monkeypatch.setattr(grid_run, "watched_update", update)
     team_run = TeamRun(
         make_trust_model("mean"), TEAM, [{"sr_0": [0.5]}]
     )  # before the second provider came

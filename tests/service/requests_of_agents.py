@@ -34,10 +34,10 @@ def map_body(context: Any, body: Any) -> Any:
     if context.operation.path == "/ratings":
         return (
             {**body, "tokens": [ann.rating(bob.name, next(_ratings))]}
-            if fits(body, answers.Ratings)
+            if fits(body, answers.RatingTokens)
             else body
         )
-    if not fits(body, answers.Request):
+    if not fits(body, answers.TokenRequest):
         return body
     return {
         **body,

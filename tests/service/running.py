@@ -11,7 +11,7 @@ import uvicorn
 
 from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.requests import Settings
-from roletrust_env.service.store import Store
+from roletrust_env.service.store import JournalStore
 
 
 class Clock:
@@ -71,7 +71,7 @@ class Between:
 def manager(path, clock) -> Iterator[TrustManager]:
     """Open a manager on a scale of five stars, with rounds of ten minutes."""
     settings = Settings(every=600.0, work=4, scale=(1.0, 5.0))
-    with closing(TrustManager(Store(str(path)), "role-trust", settings, clock)) as kept:
+    with closing(TrustManager(JournalStore(str(path)), "role-trust", settings, clock)) as kept:
         yield kept
 
 

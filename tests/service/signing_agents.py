@@ -9,8 +9,15 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.requests import Receipt, Request, Settings
-from roletrust_env.service.store import Store
-from roletrust_env.service.tokens import Leave, Rating, Registration, key_as_text, sign, with_work
+from roletrust_env.service.store import JournalStore
+from roletrust_env.service.tokens import (
+    Leave,
+    Rating,
+    Registration,
+    key_as_text,
+    sign_token,
+    with_work,
+)
 
 NAME = "m"
 START = 1_764_180_000.0
@@ -41,15 +48,15 @@ class Agent:
 
     def registration(self, work: int = QUICK.work) -> str:
         claims = Registration(**self._claims(), key=key_as_text(self.key.public_key()))
-        return sign(with_work(claims, work), self.key)
+        return sign_token(with_work(claims, work), self.key)
 
     def rating(self, provider: str, rating: float, **claims: Any) -> str:
-        return sign(
+        return sign_token(
             Rating(**{**self._claims(), "sub": provider, "rating": rating, **claims}), self.key
         )
 
     def farewell(self) -> str:
-        return sign(Leave(**self._claims()), self.key)
+        return sign_token(Leave(**self._claims()), self.key)
 
 
 class OneByOne(TrustManager):
@@ -77,7 +84,7 @@ def managed(
 ) -> Iterator[OneByOne]:
     """A manager of a store, which is released at the end."""
     manager = OneByOne(
-        Store(str(path), NAME), model, settings, clock, monotonic=lambda: clock.passed
+        JournalStore(str(path), NAME), model, settings, clock, monotonic=lambda: clock.passed
     )
     try:
         yield manager

@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from signing_agents import NAME, Agent, Clock, managed
 
 from roletrust_env.service.http import make_app
-from roletrust_env.service.store import Store, StoreError
+from roletrust_env.service.store import JournalStore, StoreError
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.service import TrustService
 
@@ -121,11 +121,11 @@ def test_errors_have_one_form_and_are_counted(
         in unknown["detail"]
     )
 
-    def full(store: Store, new: object) -> None:
+    def full(store: JournalStore, new: object) -> None:
         raise StoreError("/srv/secret is full")
 
-    monkeypatch.setattr(Store, "append", full)
-    monkeypatch.setattr(Store, "rows", full)
+    monkeypatch.setattr(JournalStore, "append", full)
+    monkeypatch.setattr(JournalStore, "rows", full)
     for answer in (
         client.post("/ratings", json={"tokens": [ann.rating("bob", 1)]}),
         client.get("/ratings"),

@@ -29,9 +29,9 @@ def bare() -> None:
     """Serve an endpoint that takes and answers the same, and keeps nothing."""
     app = FastAPI()
 
-    async def rate(body: answers.Ratings) -> answers.Receipts:
-        return answers.Receipts(
-            receipts=[answers.Receipt(seq=1, time=time.time()) for _ in body.tokens]
+    async def rate(body: answers.RatingTokens) -> answers.TokenReceipts:
+        return answers.TokenReceipts(
+            receipts=[answers.TokenReceipt(seq=1, time=time.time()) for _ in body.tokens]
         )
 
     app.add_api_route("/ratings", rate, methods=["POST"], status_code=201)

@@ -24,8 +24,8 @@ from roletrust_env.live.validation import RefusalReason
 from roletrust_env.service import journal_trust
 from roletrust_env.service.manager import TrustManager
 from roletrust_env.service.requests import RefusedError, Request
-from roletrust_env.service.store import Store, StoreError
-from roletrust_env.service.tokens import Rating, Registration, key_as_text, sign
+from roletrust_env.service.store import JournalStore, StoreError
+from roletrust_env.service.tokens import Rating, Registration, key_as_text, sign_token
 from roletrust_env.trust import make_trust_model
 
 
@@ -106,7 +106,7 @@ def test_postgresql_keeps_the_same(tmp_path: Path):
             address, clock := Clock(START + 10_000), QUICK._replace(scale=(1.0, 5.0))
         ) as manager:
             with refuses(StoreError, "postgres"):
-                Store(address).open()
+                JournalStore(address).open()
             ann, _ = joined(manager, clock, "ann", "bob")
             check_failures(manager, ann)
             break_connection(manager)
@@ -308,7 +308,7 @@ def test_a_key_with_which_everybody_signs_is_refused(tmp_path: Path, point: str)
     key, ann = Ed25519PublicKey.from_public_bytes(bytes.fromhex(point)), Agent("ann", Clock())
     for work in range(1000):
         claims = Registration(iss="eve", aud=NAME, iat=START, key=key_as_text(key), work=work)
-        signed = sign(claims, ann.key).rpartition(".")[0]
+        signed = sign_token(claims, ann.key).rpartition(".")[0]
         with suppress(InvalidSignature):
             key.verify(bytes([1]) + bytes(63), signed.encode())
             break
@@ -317,7 +317,7 @@ def test_a_key_with_which_everybody_signs_is_refused(tmp_path: Path, point: str)
         written_otherwise = Registration(
             **ann._claims(), key=key_as_text(ann.key.public_key())[:-1] + "F"
         )
-        refused(manager, RefusalReason.GARBAGE, "register", sign(written_otherwise, ann.key))
+        refused(manager, RefusalReason.GARBAGE, "register", sign_token(written_otherwise, ann.key))
 
 
 def altered(token: str) -> str:
@@ -387,17 +387,17 @@ def test_a_model_that_fails_ends_the_taking_of_ratings(
 def check_failures(manager: OneByOne, ann: Agent) -> None:
     """Check that nothing counts if the disk is full, nor if the store does not say whether it has
     written."""
-    append = Store.append
+    append = JournalStore.append
     for written in (False, True):
 
-        def failing(store: Store, new: object, written: bool = written) -> None:
+        def failing(store: JournalStore, new: object, written: bool = written) -> None:
             if written:
                 append(store, new)
             raise StoreError("disk full")
 
         before = manager.about()
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Store, "append", failing)
+            patch.setattr(JournalStore, "append", failing)
             one, other = ann.rating("bob", 1), ann.rating("bob", 7)
             stored, wrong = manager.take([Request(Rating, [one]), Request(Rating, [other])])
             assert isinstance(stored, StoreError)
@@ -490,19 +490,19 @@ def test_a_store_that_was_changed_is_refused_and_stays_as_it_is(
 
 def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    Store(":memory:").open()  # is a file, as any other text
+    JournalStore(":memory:").open()  # is a file, as any other text
     assert (tmp_path / ":memory:").is_file()
     with (
         managed(tmp_path / "s", Clock()),
         refuses(StoreError, "s"),
     ):
-        Store(str(tmp_path / "s")).open()
+        JournalStore(str(tmp_path / "s")).open()
     with refuses(ValueError, "m", "n"):
-        Store(str(tmp_path / "s"), "n").open()
+        JournalStore(str(tmp_path / "s"), "n").open()
     with sqlite3.connect(tmp_path / "s") as connection:
         connection.execute("update meta set value = '2' where name = 'schema'")
     with refuses(ValueError, "schema", "2", "1"):
-        Store(str(tmp_path / "s")).open()
+        JournalStore(str(tmp_path / "s")).open()
     with sqlite3.connect(tmp_path / "s") as connection:
         connection.execute("delete from meta where name = 'schema'")
     (tmp_path / "text").write_text("no database" * 1000)
@@ -514,7 +514,7 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytes
         (str(tmp_path / "text"), ("text",)),
     ):
         with refuses((ValueError, StoreError), *words):
-            Store(address).open()
+            JournalStore(address).open()
     for change in ({"every": float("inf")}, {"tolerance": float("nan")}, {"tolerance": -1.0}):
         with (
             refuses(ValueError, next(iter(change))),
@@ -522,5 +522,5 @@ def test_a_store_has_one_manager_and_one_name(tmp_path: Path, monkeypatch: pytes
         ):
             pass
     with refuses(ValueError, "a b"):
-        Store(str(tmp_path / "new"), "a b")
+        JournalStore(str(tmp_path / "new"), "a b")
     assert not (tmp_path / "new").exists()

@@ -17,7 +17,7 @@ from roletrust_env.service.tokens import (
     key_as_text,
     key_of_text,
     read_token,
-    sign,
+    sign_token,
     with_work,
 )
 
@@ -29,7 +29,7 @@ REGISTRATION = Registration(
 
 
 def test_a_token_returns_as_its_claims_and_as_what_was_signed():
-    token = sign(RATING, KEY)
+    token = sign_token(RATING, KEY)
     claims, envelope = read_token(token, Rating)
     assert claims == RATING
     assert envelope[:3] == ("ann", 1_764_181_371_123_457_000, token.rpartition(".")[0].encode())
@@ -53,7 +53,7 @@ def test_the_claims_of_the_guide_are_a_rating():
 
 def test_what_is_no_token_of_the_kind_is_refused():
     claims = RATING.model_dump()
-    head, payload, signature = sign(RATING, KEY).split(".")
+    head, payload, signature = sign_token(RATING, KEY).split(".")
     none = base64.urlsafe_b64encode(b'{"alg":"none"}').decode().rstrip("=")
     cases = [
         ("garbage", Rating, ("JSON",)),
@@ -70,8 +70,8 @@ def test_what_is_no_token_of_the_kind_is_refused():
             ("EdDSA",),
         ),
         ("x" * (MAX_TOKEN + 1), Rating, ("4,096", "4,097")),
-        (sign(RATING, KEY), Registration, ("kind", "rating", "register")),
-        (sign(RATING, KEY), Leave, ("kind", "rating", "leave")),
+        (sign_token(RATING, KEY), Registration, ("kind", "rating", "register")),
+        (sign_token(RATING, KEY), Leave, ("kind", "rating", "leave")),
     ]
     for change in (
         {"iss": "../ann"},

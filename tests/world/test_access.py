@@ -9,7 +9,7 @@ import torch
 from hypothesis import given
 
 from roletrust_env.world import Choice
-from roletrust_env.world.access import choose, in_range
+from roletrust_env.world.access import choose_providers, in_range
 
 NAMESPACES = pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
 
@@ -42,14 +42,14 @@ def test_as_many_as_wanted_of_those_available(
     batch = data.draw(st.sampled_from([(), (3,), (2, 2)]))
     top, luck = rng.choice([0.0, 0.3, 1.0], (p, *batch)), rng.random((s, p, *batch))
     available = rng.random((s, p, *batch)) < 0.6
-    chosen = choose(Choice(providers=k, temperature=temperature), top, available, luck)
+    chosen = choose_providers(Choice(providers=k, temperature=temperature), top, available, luck)
     assert not (chosen & ~available).any()
     assert np.array_equal(chosen.sum(axis=1), np.minimum(k, available.sum(axis=1)))
     if temperature == 0:
         left = available & ~chosen
         worst = np.where(chosen, top[None], np.inf).min(axis=1)
         assert np.all(np.where(left, top[None], -np.inf).max(axis=1) <= worst)
-    tensors = choose(
+    tensors = choose_providers(
         Choice(providers=k, temperature=temperature), *map(torch.asarray, (top, available, luck))
     )
     assert np.array_equal(tensors.numpy(), chosen)
@@ -59,7 +59,7 @@ def test_as_many_as_wanted_of_those_available(
 def test_greedy_ties_are_broken_evenly(dtype: type) -> None:
     luck = np.random.default_rng(0).random((30_000, 3), dtype=dtype)
     top = np.array([1.0, 1.0, 0.2], dtype=dtype)
-    shares = choose(Choice(), top, np.ones(luck.shape, bool), luck).mean(axis=0)
+    shares = choose_providers(Choice(), top, np.ones(luck.shape, bool), luck).mean(axis=0)
     assert shares == pytest.approx([0.5, 0.5, 0], abs=0.01)
 
 
@@ -67,7 +67,7 @@ def test_greedy_ties_are_broken_evenly(dtype: type) -> None:
 def test_greed_sees_small_differences(dtype: type) -> None:
     luck = np.random.default_rng(0).random((1000, 2), dtype=dtype)
     top = np.array([0.5, 0.50002], dtype=dtype)
-    assert choose(Choice(), top, np.ones(luck.shape, bool), luck)[:, 1].all()
+    assert choose_providers(Choice(), top, np.ones(luck.shape, bool), luck)[:, 1].all()
 
 
 def test_softmax_has_the_shares_of_a_softmax() -> None:
@@ -75,23 +75,23 @@ def test_softmax_has_the_shares_of_a_softmax() -> None:
     everyone = np.ones(luck.shape, bool)
     weight = np.exp(top / 0.4)
     share = weight / weight.sum()
-    assert choose(Choice(temperature=0.4), top, everyone, luck).mean(axis=0) == pytest.approx(
-        share, abs=0.006
-    )
+    assert choose_providers(Choice(temperature=0.4), top, everyone, luck).mean(
+        axis=0
+    ) == pytest.approx(share, abs=0.006)
     # Two without replacement: the second among the others, by the same weights.
     second = [
         share[j]
         + sum(share[i] * weight[j] / (weight.sum() - weight[i]) for i in range(3) if i != j)
         for j in range(3)
     ]
-    two = choose(Choice(providers=2, temperature=0.4), top, everyone, luck).mean(axis=0)
+    two = choose_providers(Choice(providers=2, temperature=0.4), top, everyone, luck).mean(axis=0)
     assert two == pytest.approx(second, abs=0.006)
 
 
 @pytest.mark.parametrize("temperature", [1e-6, 1e6])
 def test_extreme_temperatures_choose_all_the_same(temperature: float) -> None:
     top, luck = np.array([0.0, 0.5, 1.0]), np.random.default_rng(0).random((100, 3))
-    chosen = choose(
+    chosen = choose_providers(
         Choice(providers=2, temperature=temperature), top, np.ones(luck.shape, bool), luck
     )
     assert np.all(chosen.sum(axis=1) == 2)

@@ -11,7 +11,7 @@ from roletrust_env.envs.task_batch import task_spaces
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.parameters import refuse_unknown
+from roletrust_env.parameters import refuse_unknown_parameters
 
 _RUN_FIELDS: Any = {
     **dict.fromkeys(("observation", "score", "weights_sha256"), True),
@@ -20,7 +20,7 @@ _RUN_FIELDS: Any = {
 """Fields of the card that can differ between the runs of one training."""
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class Learned:
     """Search method that loads a saved attacker of `roletrust train`. Its rounds and seconds are

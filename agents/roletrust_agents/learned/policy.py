@@ -13,7 +13,7 @@ from roletrust_agents.learned.network import Decider, Network
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker, Scripted
-from roletrust_env.evaluation.measurement import judged
+from roletrust_env.evaluation.measurement import weighted_outcomes
 from roletrust_env.frozen import Frozen
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
@@ -211,7 +211,7 @@ def play_task(
 def play_attacker(task: AttackTask, attacker: Attacker, *, games: int, seed: int) -> Array:
     """Return the score of each game of any attacker, see `play_task`."""
     random, score = task.game.random(seed), np.zeros(games)
-    for _, outcome in judged(
+    for _, outcome in weighted_outcomes(
         task, rollout(AttackedPlayers(task, attacker), random, random, (games,))
     ):
         score += outcome.reward

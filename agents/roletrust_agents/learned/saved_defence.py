@@ -28,7 +28,7 @@ from roletrust_agents.learned.rater_network import (
 )
 from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.weights import read_weights
-from roletrust_env.errors import explain
+from roletrust_env.errors import validation_message
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.storage.untrusted import (
     UntrustedModel,
@@ -184,6 +184,6 @@ class SavedTrust(RaterNetworkTrust):
                 initial=self.initial, weights=tuple(vector.tolist()), **card.parameters
             )
         except ValidationError as error:
-            raise ValueError(f"saved defence {self.path}: {explain(error)}") from None
+            raise ValueError(f"saved defence {self.path}: {validation_message(error)}") from None
         for name in (*card.parameters, "weights"):
             object.__setattr__(self, name, getattr(made, name))  # the class is frozen

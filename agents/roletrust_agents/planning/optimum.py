@@ -13,12 +13,12 @@ from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.parameters import refuse_unknown
+from roletrust_env.parameters import refuse_unknown_parameters
 from roletrust_env.trust import RoleTrust
 from roletrust_env.world.scenario import Scenario
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class Exact:
     """Optimum of one provider under `exploit` by dynamic programming, see `planning.exact`.
@@ -52,7 +52,7 @@ class Exact:
         return SearchResult(OpenLoop(best.actions[:, None]), 0, words, bound=best.score)
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class BestKnown:
     """Best known attack of raters under `damage`, and for one rater a bound, see

@@ -25,12 +25,12 @@ from roletrust_env.evaluation.measurement import (
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
-from roletrust_env.parameters import refuse_unknown
+from roletrust_env.parameters import refuse_unknown_parameters
 from roletrust_env.randomness import Random, generator
 from roletrust_env.trust import Traits
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class Planner:
     """Gradient ascent by Adam (Kingma and Ba, 2015) on the logits of all actions, from many starts

@@ -17,7 +17,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.views import ProviderView, RaterView
-from roletrust_env.parameters import refuse_unknown
+from roletrust_env.parameters import refuse_unknown_parameters
 from roletrust_env.randomness import Random, generator
 
 Floats = npt.NDArray[np.float64]
@@ -36,7 +36,7 @@ _GRID = np.linspace(0.0, 1.0, 21)
 _NEUTRAL = 0.5  # trust at which a provider chooses its level
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True, eq=False)
 class StrategicProvider(Policy):
     """A provider that chooses its quality by its own trust T: level + reaction (T - 1/2), cut to
@@ -57,7 +57,7 @@ class StrategicProvider(Policy):
         return _unit(self.level + self.reaction * (view.trust - _NEUTRAL)), memory
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True, eq=False)
 class StrategicRater(Policy):
     """A rater that perceives s, knows the published trust T of a provider, and reports (1 -

@@ -29,7 +29,7 @@ from roletrust_env.evaluation.measurement import TaskArguments, is_certain
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
-from roletrust_env.parameters import refuse_unknown
+from roletrust_env.parameters import refuse_unknown_parameters
 
 _STEPS = 2  # fewer are no training
 _LOOK = 2  # games that show whether anything is left to chance
@@ -126,7 +126,7 @@ class CoalitionSearch(ABC):
         return left
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class EvolutionSearch(CoalitionSearch):
     """Evolution of a coalition for one task, see `Evolution`.
@@ -153,7 +153,7 @@ class EvolutionSearch(CoalitionSearch):
         return f"evolution in {training.steps} steps of {self.population} candidates"
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class EvolutionStrategySearch(CoalitionSearch):
     """Evolution strategy of a coalition for one task, see `EvolutionStrategy`.
@@ -180,7 +180,7 @@ class EvolutionStrategySearch(CoalitionSearch):
         return f"evolution strategy in {training.steps} steps of {2 * self.pairs} candidates"
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class GradientSearch(CoalitionSearch):
     """Gradients through the game for one task, see `GradientAscent`.

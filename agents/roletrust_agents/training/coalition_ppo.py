@@ -29,7 +29,7 @@ from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableErro
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.memory import check_memory
-from roletrust_env.parameters import refuse_unknown
+from roletrust_env.parameters import refuse_unknown_parameters
 
 _CRITIC_UNITS = 24
 _BATCHES = 4  # of a rollout
@@ -169,7 +169,7 @@ class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
         set_parameters(self._ppo, state[8:])
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class CoalitionPpo:
     """PPO (Schulman et al., 2017) on the network of a coalition, with noise that is held over an

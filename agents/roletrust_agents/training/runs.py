@@ -33,7 +33,7 @@ from roletrust_agents.training.settings import Algo
 from roletrust_env import Scenario, __version__
 from roletrust_env.envs.arguments import Engine
 from roletrust_env.envs.task_batch import compiled_batch
-from roletrust_env.errors import explain, short
+from roletrust_env.errors import short, validation_message
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import GameMean, over_games
 from roletrust_env.storage.files import (
@@ -254,7 +254,7 @@ class Run(UntrustedModel):
         try:
             return cls.model_validate_json(json.dumps(data))  # strict, but for JSON's lists
         except ValidationError as error:
-            raise ValueError(f"the run folder's config.json: {explain(error)}") from None
+            raise ValueError(f"the run folder's config.json: {validation_message(error)}") from None
 
 
 def fastest_engine(task: AttackTask) -> tuple[Engine, str]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from roletrust_agents.learned.deep_set import UNITS
-from roletrust_env.errors import explain, suggest
+from roletrust_env.errors import suggest, validation_message
 from roletrust_env.parameters import plain
 
 Algo = Literal[
@@ -258,7 +258,7 @@ def checked_settings(kind: type[SettingsT], name: str, fields: Mapping[str, Any]
     try:
         return kind.model_validate(plain(dict(fields)))
     except ValidationError as error:
-        raise ValueError(f"{name}: {explain(error)}") from None
+        raise ValueError(f"{name}: {validation_message(error)}") from None
 
 
 def settings_of(kind: type[SettingsT], method: Any) -> SettingsT:

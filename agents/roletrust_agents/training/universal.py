@@ -18,7 +18,7 @@ from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, mean_r
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
-from roletrust_env.parameters import refuse_unknown
+from roletrust_env.parameters import refuse_unknown_parameters
 
 _GAMES = 16
 _PLACE = 0  # of the games in which ready coalitions are tried
@@ -87,7 +87,7 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = True
     return [network.flatten().astype(np.float64) for network in starts]
 
 
-@refuse_unknown
+@refuse_unknown_parameters
 @dataclass(frozen=True)
 class Universal:
     """The best of the universal coalitions that come with the project, without training on the

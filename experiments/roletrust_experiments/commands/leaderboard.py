@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env.benchmarking.leaderboard import Leaderboard, row_texts
-from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import AnySuite
 from roletrust_env.benchmarking.verification import check_installed_names
@@ -24,7 +24,7 @@ def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
     Raises:
         ValueError: The file cannot be read, or is of a suite for learners.
     """
-    with Store(results) as store:
+    with ResultStore(results) as store:
         suite, stored = store.suite, store.all()
     if not isinstance(suite, Suite):
         raise ValueError(f"{results} is of a suite for {suite.kind}; give one for trust models")

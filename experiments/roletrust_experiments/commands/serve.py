@@ -152,10 +152,10 @@ def _manage(
     from roletrust_env.service.http import make_app
     from roletrust_env.service.manager import TrustManager
     from roletrust_env.service.requests import Settings
-    from roletrust_env.service.store import Store
+    from roletrust_env.service.store import JournalStore
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    journal = Store(store, name)
+    journal = JournalStore(store, name)
     try:
         with socket.create_server((host, port), family=family, backlog=1024) as listener:
             manager = TrustManager(journal, model, Settings(*settings), make=make_log_model)

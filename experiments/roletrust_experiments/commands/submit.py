@@ -15,7 +15,7 @@ from rich.table import Table
 
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.schema import AnyCell
-from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.submission import (
     CellClaim,
     Submission,
@@ -108,7 +108,7 @@ def submit(
             tell(f"{line} cannot be recorded, and is left out.", "yellow")
         tell(f"Written: {out}, {len(entries.attacks):,} attacks")
         return
-    with Store(results) as store:
+    with ResultStore(results) as store:
         found = make_submission(store, model or (), allow_code=allow_code)
     write_json(out, found.model_dump(mode="json"))
     table = number_table(

@@ -14,7 +14,7 @@ from roletrust_env.benchmarking.learners.results import (
     table_rows,
 )
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
-from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
@@ -140,7 +140,7 @@ def read(
     """
     content, taken = Content(), dict[str, Path]()
     for path in paths:
-        with Store(path) as store:
+        with ResultStore(path) as store:
             suite, stored, software = store.suite, store.all(), store.software
         if suite.kind in taken:
             raise ValueError(

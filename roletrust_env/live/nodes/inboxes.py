@@ -141,7 +141,7 @@ def trust_inbox(
         limits: See `trust_limits`.
     """
     reader = node.reader(TRUST, messages.TRUST, depth=100, quota=Quota(_MAX_PER_SECOND))
-    return Inbox(reader, messages.read_trust, MessageValidator(limits, keyring), MANAGER)
+    return Inbox(reader, messages.read_trust_message, MessageValidator(limits, keyring), MANAGER)
 
 
 def diagnostics_inbox(
@@ -156,7 +156,7 @@ def diagnostics_inbox(
     """
 
     def read(raw: bytes) -> messages.DiagnosticsMessage | None:
-        message = messages.read_diagnostics(raw)
+        message = messages.read_diagnostics_message(raw)
         return message if message is not None and counts(message.envelope.sender) else None
 
     reader = node.reader(DIAGNOSTICS, messages.DIAGNOSTICS, depth=100, quota=Quota(_MAX_PER_SECOND))
@@ -223,7 +223,7 @@ class RatingSubscription:
         self._inboxes = [
             Inbox(
                 node.reader(f"/{rater}{RATINGS}", messages.RATINGS),
-                messages.read_ratings,
+                messages.read_ratings_message,
                 validator,
                 rater,
             )
@@ -441,7 +441,7 @@ def camera_inbox(
         node,
         IMAGES,
         messages.IMAGE,
-        messages.read_picture,
+        messages.read_picture_message,
         validator,
         known,
         strangers=serving is None,
@@ -461,7 +461,7 @@ def rating_inbox(
     """Return an inbox of the ratings of all raters; for the arguments, see `AgentInbox`."""
 
     def read(rater: str, raw: bytes) -> RatingMessage:
-        return messages.read_ratings(raw)
+        return messages.read_ratings_message(raw)
 
     return AgentInbox(
         node,

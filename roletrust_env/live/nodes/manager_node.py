@@ -103,7 +103,7 @@ def receive_raw(manager: Manager, name: str, raw: bytes, now: int) -> list[Journ
         raw: Message, as CDR.
         now: Time of arrival, nanoseconds.
     """
-    message = read_message(raw, name, messages.read_ratings, manager.validator)
+    message = read_message(raw, name, messages.read_ratings_message, manager.validator)
     return [] if message is None else manager.receive(message, now)
 
 

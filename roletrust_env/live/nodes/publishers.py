@@ -8,7 +8,7 @@ from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.dds import Node, Writer
+from roletrust_env.live.wire.dds import Node, TopicWriter
 from roletrust_env.live.wire.keys import Signer
 from roletrust_env.live.wire.topics import DIAGNOSTICS, TRUST
 
@@ -67,7 +67,7 @@ class ManagerPublisher:
         self._node, self._signer = node, signer
         self._trust = node.writer(TRUST, messages.TRUST)
         self._diagnostics = DiagnosticsPublisher(node, MANAGER, signer)
-        self._numbers: dict[str, Writer] = {}
+        self._numbers: dict[str, TopicWriter] = {}
 
     @property
     def writer(self) -> str:

@@ -66,7 +66,7 @@ _WORDS = 32  # of the middleware's description of a type that are searched
 _one_at_a_time = threading.Lock()
 
 
-class Writer:
+class TopicWriter:
     """Publishes messages on one topic."""
 
     def __init__(self, writer: Any, carrier: type[Any]) -> None:
@@ -204,12 +204,12 @@ class Node:
         self._conditions: dict[str, ReadCondition] = {}
         self._attach(self._builtin_reader)
         self._gids: dict[str, list[Any]] = {"reader": [], "writer": []}
-        self._announcement = Writer(
+        self._announcement = TopicWriter(
             *make_endpoint(DataWriter, self._participant, "ros_discovery_info", _DISCOVERY, _ONCE)
         )
         self._announce()
 
-    def writer(self, topic: str, kind: str) -> Writer:
+    def writer(self, topic: str, kind: str) -> TopicWriter:
         """Return a writer of a topic.
 
         Args:
@@ -221,7 +221,7 @@ class Node:
         )
         self._gids["writer"].append(writer.guid)
         self._announce()
-        return Writer(writer, carrier)
+        return TopicWriter(writer, carrier)
 
     def reader(
         self, topic: str, kind: str, *, depth: int = 10, quota: Quota | None = None

@@ -133,7 +133,7 @@ def stamp_of(message: Any) -> int:
     return int(message.header.stamp.sec) * _SECOND + int(message.header.stamp.nanosec)
 
 
-def sign(message: Any, signer: Signer | None) -> Any:
+def sign_message(message: Any, signer: Signer | None) -> Any:
     """Fill the field `signature` of a message and return the message; None does not sign."""
     message.signature = np.empty(0, np.uint8)
     if signer is not None:
@@ -157,10 +157,10 @@ def ratings_message(
         values=values,
         signature=unsigned,
     )
-    return sign(message, signer)
+    return sign_message(message, signer)
 
 
-def read_ratings(raw: bytes) -> RatingMessage:
+def read_ratings_message(raw: bytes) -> RatingMessage:
     """Read a message with ratings.
 
     Raises:
@@ -191,10 +191,10 @@ def trust_message(entry: JournalEntry, signer: Signer | None = None) -> Any:
         missing=list(entry.missing),
         signature=np.empty(0, np.uint8),
     )
-    return sign(message, signer)
+    return sign_message(message, signer)
 
 
-def read_trust(raw: bytes) -> TrustMessage:
+def read_trust_message(raw: bytes) -> TrustMessage:
     """Read a message with the trust after a round.
 
     Raises:
@@ -221,7 +221,7 @@ def picture_message(stamp: int, camera: str, jpeg: bytes, signer: Signer | None 
     )
 
 
-def read_picture(camera: str, raw: bytes) -> PictureMessage:
+def read_picture_message(camera: str, raw: bytes) -> PictureMessage:
     """Read a message on the topic of a camera.
 
     Raises:
@@ -260,7 +260,7 @@ def diagnostics_message(
     return message
 
 
-def read_diagnostics(raw: bytes) -> DiagnosticsMessage | None:
+def read_diagnostics_message(raw: bytes) -> DiagnosticsMessage | None:
     """Read a message with the state of one node; None if it has another number of states.
 
     Raises:
@@ -279,7 +279,7 @@ def read_diagnostics(raw: bytes) -> DiagnosticsMessage | None:
 def _envelope(sender: str, message: Any) -> Envelope:
     """Return the origin of a message with a field for its signature."""
     signature = bytes(message.signature)
-    return Envelope(sender, stamp_of(message), encode(sign(message, None)), signature)
+    return Envelope(sender, stamp_of(message), encode(sign_message(message, None)), signature)
 
 
 def _picture_text(camera: str, stamp: int) -> bytes:

@@ -15,7 +15,7 @@ from roletrust_env.evaluation.measurement import HELD_OUT, mean_rewards
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.rollout import rollout
 from roletrust_env.game.views import view_of
-from roletrust_env.testing.attacks import check_games
+from roletrust_env.testing.attacks import check_independent_games
 
 NETWORK = DeepSet.unflatten(
     DeepSetArchitecture(units=4),
@@ -155,7 +155,7 @@ def test_raters_lose_little_by_silence_among_them_and_cheats_that_see_only_their
     ids=["raters", "coalition"],
 )
 def test_each_game_of_a_batch_is_played_as_it_is_alone_and_on_torch_as_on_numpy(policy):
-    check_games(policy)
+    check_independent_games(policy)
     scenario = make_scenario("crowd-10x10").change(max_cycles=10, noise=0.0)
     games = [
         Game(scenario, like=like) for like in (np.zeros(()), torch.zeros((), dtype=torch.float64))

@@ -10,7 +10,7 @@ from roletrust_env.benchmarking.learners.learner import HONEST_PLAY, make_search
 from roletrust_env.benchmarking.learners.results import ALL_TASKS, learner_results
 from roletrust_env.benchmarking.learners.suite import LearnersSuite, Trial, play_trial
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
-from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.suite_files import load_suite, read_suite
 from studies import SUITES
@@ -63,7 +63,7 @@ def test_a_trial_is_reproducible():
 
 def test_the_exact_optimum_is_share_1(tmp_path):
     suite = small(seeds=[3])
-    with Store(tmp_path / "results.sqlite", suite) as store:
+    with ResultStore(tmp_path / "results.sqlite", suite) as store:
         for trial in suite.cells():
             store.add(trial, play_trial(suite, trial))
         stored = store.all()
@@ -78,14 +78,14 @@ def test_the_exact_optimum_is_share_1(tmp_path):
     assert shares[ALL_TASKS, 4000] == pytest.approx(
         (shares["provider", 4000] + shares["dual", 4000]) / 2
     )
-    assert Store(tmp_path / "results.sqlite").suite == suite
+    assert ResultStore(tmp_path / "results.sqlite").suite == suite
 
 
 def test_a_run_of_another_suite_type_is_not_continued(tmp_path):
-    with Store(tmp_path / "results.sqlite", small()):
+    with ResultStore(tmp_path / "results.sqlite", small()):
         pass
     with refuses(ValueError, "limit_s"):
-        Store(tmp_path / "results.sqlite", load_suite("quick"))
+        ResultStore(tmp_path / "results.sqlite", load_suite("quick"))
 
 
 def test_without_honest_play_there_is_no_scale():

@@ -15,7 +15,7 @@ from children import children
 from command_line import printed, run
 from csv_files import csv_rows
 
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite_files import load_suite
 
 SUITE = """
@@ -185,14 +185,14 @@ def test_a_file_that_cannot_be_gone_on_with_is_left_as_it_is(here: Path, in_proc
 def test_a_run_that_goes_on_is_left_alone_also_by_force(here: Path, in_process: None) -> None:
     benchmark()
     path = here / "out" / "results.sqlite"
-    with Store(path) as store:
+    with ResultStore(path) as store:
         suite = store.suite
-    with Store(path, suite):
+    with ResultStore(path, suite):
         for options in ([], ["--force"]):
             code, lines = benchmark(*options)
             assert (code, len(lines)) == (2, 1)
             assert "another run writes to" in lines[0]
-    with Store(path) as store:
+    with ResultStore(path) as store:
         assert len(store.all()) == 2
 
 
@@ -215,7 +215,7 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
     (line,) = full.stderr.splitlines()
     assert "results.sqlite cannot be written" in line
     assert "free some space and run the command again" in line
-    with Store(here / "out" / "results.sqlite") as store:
+    with ResultStore(here / "out" / "results.sqlite") as store:
         there = len(store.finished_keys())
     code, lines = benchmark()
     assert code == 0, lines
@@ -247,7 +247,7 @@ def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
         assert time.monotonic() < until
         time.sleep(0.2)
         try:
-            with Store(path) as store:
+            with ResultStore(path) as store:
                 if len(store.finished_keys()) == 2:
                     break
         except ValueError:

@@ -11,7 +11,7 @@ from small_suites import small
 
 from roletrust_env.benchmarking.cells import find_attack, play_cell
 from roletrust_env.benchmarking.leaderboard import Leaderboard
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.evaluation.measurement import watch
 from roletrust_experiments.playing.replay import Replay
 
@@ -28,14 +28,14 @@ PROVIDERS = {"providers": {"roles": ["SP"], "shares": [0.3]}}
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("replay") / "results.sqlite"
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         for cell in SUITE.cells():
             store.add(cell, play_cell(SUITE, cell))
     return path
 
 
 def test_every_attack_has_the_utility_of_the_file_again(file: Path) -> None:
-    with Store(file) as store:
+    with ResultStore(file) as store:
         stored = store.all()
     played = 0
     for cell, result in stored:
@@ -79,7 +79,7 @@ def test_believed_is_the_share_of_rounds_in_which_an_accomplice_is_on_top() -> N
 
 
 def test_the_command_plays_the_worst_case_of_the_leaderboard(file: Path, tmp_path: Path) -> None:
-    with Store(file) as store:
+    with ResultStore(file) as store:
         board = Leaderboard.of(SUITE, store.all())
     row = next(row for row in board.rows if row.model == "mean")
     made = printed("replay", file, "--model", "mean", "--video", "--out", tmp_path)
@@ -96,7 +96,7 @@ def test_names_are_neither_markup_nor_formulas(tmp_path: Path, drawn: None) -> N
         attacks=["bad-mouthing"],
         tracks={track: {"roles": ["SR"], "shares": [0.5]}},
     )
-    with Store(tmp_path / "results.sqlite", suite) as store:
+    with ResultStore(tmp_path / "results.sqlite", suite) as store:
         for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))
     out = tmp_path / "out [red]"

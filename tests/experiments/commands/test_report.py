@@ -14,7 +14,7 @@ from report_run import SHOWN, SUITE, lines, mean
 from small_suites import small
 
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.evaluation.specs import is_own_model
 
 
@@ -22,7 +22,7 @@ def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path) -> None:
     suite = small(
         models=["mean", "constant"], attacks=["bad-mouthing"], methods=["scripted"], score="skill"
     )
-    with Store(tmp_path / "results.sqlite", suite) as store:
+    with ResultStore(tmp_path / "results.sqlite", suite) as store:
         for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))
     printed("report", tmp_path / "results.sqlite", "--out", tmp_path / "out")
@@ -222,7 +222,7 @@ def test_what_treatment_costs_and_the_worlds_have_tables(folder: Path) -> None:
 
 
 def test_what_is_no_run_is_refused(folder: Path, tmp_path: Path) -> None:
-    with Store(tmp_path / "empty.sqlite", small()):
+    with ResultStore(tmp_path / "empty.sqlite", small()):
         pass
     for name in ("none.sqlite", "empty.sqlite"):
         result = printed("report", tmp_path / name, "--out", tmp_path / "out", code=2)

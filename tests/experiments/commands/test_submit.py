@@ -15,7 +15,7 @@ from refusals import assert_names, refuses
 
 from roletrust_env.benchmarking import verification
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.store import ResultStore, StoredCell
 from roletrust_env.benchmarking.submission import (
     CellClaim,
     ClaimedMetrics,
@@ -32,7 +32,7 @@ SUITE = tiny(methods=["scripted"])
 
 def played(folder: Path, suite: Any = SUITE) -> Path:
     """The file of a run that is over."""
-    with Store(folder / "results.sqlite", suite) as store:
+    with ResultStore(folder / "results.sqlite", suite) as store:
         for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))
     return folder / "results.sqlite"
@@ -280,7 +280,7 @@ def test_a_suite_that_only_bears_a_known_name_is_told(verified: Callable, tmp_pa
 
 def test_a_run_that_is_not_whole_is_not_submitted(tmp_path: Path) -> None:
     path = played(tmp_path)
-    with Store(path, SUITE) as store:
+    with ResultStore(path, SUITE) as store:
         first = store.all()[0]
         store.add(first.cell, first.result._replace(failed="attack on-off: it broke"))
     refused = printed("submit", path, "--out", tmp_path / "mine.json", code=2)

@@ -7,7 +7,7 @@ from command_line import printed
 from refusals import assert_names
 
 from roletrust_env.benchmarking.known_attacks import read_known_attacks
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.benchmarking.suite import Suite
 
 SUITE = """
@@ -45,7 +45,7 @@ def test_attacks_of_one_run_play_in_another(folder: Path) -> None:
     again = folder / "again"
     suite, known = ("--suite", folder / "tiny.toml"), ("--known", folder / "a.json")
     printed("benchmark", *suite, *known, "--model", "median", "--workers", "1", "--out", again)
-    with Store(again / "results.sqlite") as store:
+    with ResultStore(again / "results.sqlite") as store:
         rows = [
             row for cell, result in store.all() if cell.method == "known" for row in result.rows
         ]

@@ -14,7 +14,7 @@ from command_line import printed, run
 from refusals import assert_names
 
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 from roletrust_env.evaluation.resources import processor
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -27,7 +27,7 @@ def found_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> str:
         tmp_path_factory.mktemp("elsewhere"),
         tiny(methods=["random search"], budget=2000, models=["mean"]),
     )
-    with Store(folder / "results.sqlite", suite) as store:
+    with ResultStore(folder / "results.sqlite", suite) as store:
         for cell in suite.cells():
             other = play_cell(suite, cell._replace(seed=99)).rows[0].record
             store.add(cell, play_cell(suite, cell, other))
@@ -107,9 +107,9 @@ from pathlib import Path
 from benchmark_cases import tiny
 from command_line import printed, run
 from roletrust_env.benchmarking.cells import play_cell
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import ResultStore
 suite = tiny(methods=["scripted", "evolution strategy"], budget=20_000, models=["role-trust", "travos"])
-with Store(Path("results.sqlite"), suite) as store:
+with ResultStore(Path("results.sqlite"), suite) as store:
     for cell in suite.cells():
         store.add(cell, play_cell(suite, cell))
 made = run("submit", "results.sqlite", "--out", "theirs.json")

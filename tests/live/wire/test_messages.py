@@ -28,7 +28,7 @@ def test_a_time_that_is_no_stamp_of_ros_is_an_error_of_one_line(stamp):
 )
 def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
     raw = messages.encode(messages.ratings_message(rater, stamp, ratings, FixedSigner(signature)))
-    read = messages.read_ratings(raw)
+    read = messages.read_ratings_message(raw)
     unsigned = messages.encode(messages.ratings_message(rater, stamp, ratings))
     assert read.envelope == (rater, stamp, unsigned, signature)
     assert list(read.providers) == list(ratings)
@@ -38,7 +38,7 @@ def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
 @given(st.binary(max_size=200))
 def test_invalid_bytes_raise_a_value_error(raw):
     try:
-        messages.read_ratings(raw)
+        messages.read_ratings_message(raw)
     except ValueError:
         return
     assert raw[:2] in (b"\x00\x00", b"\x00\x01")  # random bytes can be a message
@@ -55,7 +55,7 @@ def test_a_wrong_byte_gives_another_message_or_an_error(place, byte):
     )
     raw[place % len(raw)] = byte
     with suppress(ValueError):
-        messages.read_ratings(bytes(raw))
+        messages.read_ratings_message(bytes(raw))
 
 
 def test_as_many_ratings_as_providers_are_read():
@@ -63,7 +63,7 @@ def test_as_many_ratings_as_providers_are_read():
     for providers in (["sp_0"], ["sp_0", "sp_1", "sp_2"]):
         message.providers = providers
         with refuses(ValueError, "roletrust_msgs/msg/Ratings"):
-            messages.read_ratings(messages.encode(message))
+            messages.read_ratings_message(messages.encode(message))
 
 
 def test_trust_is_read_as_it_was_written():

@@ -8,7 +8,7 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.storage.scenario_files import printable, write_scenario
+from roletrust_env.storage.scenario_files import printable_name, write_scenario
 from roletrust_experiments.commands.console import (
     console,
     errors,
@@ -136,12 +136,12 @@ def scenario(
         (inferred.providers, "ability", inferred.perception.ability),
     ):
         for name, value in zip(names, values, strict=True):
-            table.add_row(escape(f"{kind} of {printable(name)}"), *_numbers(value))
+            table.add_row(escape(f"{kind} of {printable_name(name)}"), *_numbers(value))
     console.print(table)
     if inferred.late:
         tell(f"{inferred.late:.1%} of the ratings arrived too late", "dim")
     if inferred.away:
-        away = ", ".join(map(printable, inferred.away))
+        away = ", ".join(map(printable_name, inferred.away))
         tell(f"absent for a while, but present throughout the scenario: {away}", "dim")
     tell(f"Written to {out}")
 

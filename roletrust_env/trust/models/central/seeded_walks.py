@@ -49,7 +49,7 @@ from roletrust_env.trust.ratings import (
 _REST = 1e-15  # a relative step this small is rounding
 
 
-class Graph(NamedTuple):
+class WalkGraph(NamedTuple):
     """Satisfied pairs, and the starts of walkers.
 
     Attributes:
@@ -125,7 +125,7 @@ class BySeeds(Published, ABC):
         """Return a state of zeros, of which the trust is still to be found."""
         return SatisfactionState(nothing[:, 0, ...], nothing[0], nothing, peers)
 
-    def _graph(self, pairs: Ratings, state: Any) -> Graph:
+    def _graph(self, pairs: Ratings, state: Any) -> WalkGraph:
         xp, peers = namespace(state.scores), state.peers
         links = not_self(pairs, peers) * satisfaction(state.scores)
         nobody = 0 * pairs.reduce(links, RATER)
@@ -138,17 +138,19 @@ class BySeeds(Published, ABC):
         mute = 1 - own_rating_role(pairs, nobody + 1, peers)
         named = seeds if self.seeds else nobody
         known = Trusts(named, own_rating_role(pairs, named, peers))
-        return Graph(pairs, links, peers, mute, seeds, known, seeds / max(float(flags.sum()), 1.0))
+        return WalkGraph(
+            pairs, links, peers, mute, seeds, known, seeds / max(float(flags.sum()), 1.0)
+        )
 
-    def _after(self, graph: Graph, state: Any) -> Any:
+    def _after(self, graph: WalkGraph, state: Any) -> Any:
         """Return the state with the trust that follows from its graph."""
         return state._replace(**self._published(graph, self._reached(graph))._asdict())
 
     @abstractmethod
-    def _reached(self, graph: Graph) -> Trusts:
+    def _reached(self, graph: WalkGraph) -> Trusts:
         """Return what reaches each agent, at least 0, by any measure."""
 
-    def _published(self, graph: Graph, reached: Trusts) -> Trusts:
+    def _published(self, graph: WalkGraph, reached: Trusts) -> Trusts:
         """Return 1 for seeds that are named, and for others the share of the largest; see the
         class.
         """
@@ -165,7 +167,7 @@ class BySeeds(Published, ABC):
         return Trusts(*(xp.clip(share, 0.0, 1.0) for share in shares))
 
 
-def visits(graph: Graph, alpha: float, back: bool) -> Trusts:
+def visits(graph: WalkGraph, alpha: float, back: bool) -> Trusts:
     """Return how often a walker visits each agent on average, the start included.
 
         v = p + (1 - alpha) C^T v,   C[i, j] = l[i, j] / sum over j of l[i, j],   p the shares of
@@ -228,7 +230,7 @@ class PersonalizedPageRank(BySeeds):
     back: bool = True
     source = "Page et al. (1999)"
 
-    def _reached(self, graph: Graph) -> Trusts:
+    def _reached(self, graph: WalkGraph) -> Trusts:
         return visits(graph, self.alpha, self.back)
 
 
@@ -305,14 +307,14 @@ class MeritRank(BySeeds):
         tor, top = nothing[:, 0, ...], nothing[0]
         return MeritRankState(tor, top, nothing, peers, Merits(tor, top))
 
-    def _after(self, graph: Graph, state: Any) -> Any:
+    def _after(self, graph: WalkGraph, state: Any) -> Any:
         new = zip(state.merits, self._reached(graph), strict=True)
         merits = Merits(*((1 - self.gamma) * old + one for old, one in new))
         return MeritRankState(
             *self._published(graph, Trusts(*merits)), state.scores, state.peers, merits
         )
 
-    def _reached(self, graph: Graph) -> Trusts:
+    def _reached(self, graph: WalkGraph) -> Trusts:
         """Return (1 - beta b) r."""
         xp, started = namespace(graph.links), graph.of_raters(graph.start)
         found = zip(visits(graph, self.alpha, self.back), started, graph.known, strict=True)
@@ -324,7 +326,7 @@ class MeritRank(BySeeds):
         )
 
 
-def behind_bridges(graph: Graph, back: bool) -> Trusts:
+def behind_bridges(graph: WalkGraph, back: bool) -> Trusts:
     """Return 1 for each agent that walks from the seeds reach through one other agent only, which
     is no seed; else 0.
 
@@ -410,7 +412,7 @@ class SybilRank(BySeeds):
     source = "Cao et al. (2012)"
     cost = "S^2 P"
 
-    def _reached(self, graph: Graph) -> Trusts:
+    def _reached(self, graph: WalkGraph) -> Trusts:
         pairs, xp = graph.pairs, namespace(graph.links)
         edges = _agreed(graph)
         degrees = graph.joined(pairs.reduce(edges, RATER), pairs.reduce(edges, PROVIDER))
@@ -429,7 +431,7 @@ class SybilRank(BySeeds):
         return Trusts(*(x / (degree + TINY) for x, degree in zip(landed, degrees, strict=True)))
 
 
-def _agreed(graph: Graph) -> Array:
+def _agreed(graph: WalkGraph) -> Array:
     """Return the weight of the edge of each pair: half of that of two peers, which is in both of
     their pairs.
     """
@@ -440,7 +442,7 @@ def _agreed(graph: Graph) -> Array:
     return linked * (1 - two + two * _returned(graph, linked) / 2)
 
 
-def _returned(graph: Graph, values: Array) -> Array:
+def _returned(graph: WalkGraph, values: Array) -> Array:
     """Return, for each pair of two peers, the value of the pair in which they have the other roles;
     0 for others.
     """

@@ -14,7 +14,7 @@ from roletrust_env.trust.personal import (
     credence_sum,
     credences,
     in_common,
-    mean,
+    mean_of_sums,
     nothing_yet,
     others,
     published_raters,
@@ -102,7 +102,7 @@ class Fire(Personal):
         own, own_weight = _interaction(values, weights)
         heard, heard_weight = _witnesses(credibility, values[0], weights[0])
         weight = _INTERACTION * own_weight + _WITNESS * heard_weight
-        trust = 0.5 + 0.5 * mean(
+        trust = 0.5 + 0.5 * mean_of_sums(
             _INTERACTION * own_weight * own + _WITNESS * heard_weight * heard, weight
         )
         trust = namespace(ratings.values).where(
@@ -126,7 +126,7 @@ class Fire(Personal):
 def _interaction(values: Array, weights: Array) -> tuple[Array, Array]:
     """Return interaction trust in [-1, 1] and its reliability, each of shape (S, P, ...)."""
     weight = total(weights, 0)
-    component = mean(total(weights * values, 0), weight)
+    component = mean_of_sums(total(weights * values, 0), weight)
     return component, _reliability(weight, total(weights * abs(values - component), 0))
 
 
@@ -140,7 +140,7 @@ def _witnesses(credibility: Array, values: Array, weights: Array) -> tuple[Array
     """
     asked = others(credibility) * namespace(credibility).clip(credibility, 0.0, None)
     weight = credence_sum(asked, weights)
-    component = mean(credence_sum(asked, weights * values), weight)
+    component = mean_of_sums(credence_sum(asked, weights * values), weight)
 
     def apart(judges: slice) -> Array:
         return total(asked[judges, :, None] * weights * abs(values - component[judges, None]), 1)
@@ -155,4 +155,6 @@ def _reliability(weight: Array, apart: Array) -> Array:
         weight: Sum of the weights.
         apart: Weighted sum of the distances to the mean.
     """
-    return -namespace(weight).expm1(math.log(0.5) * weight) * (1 - 0.5 * mean(apart, weight))
+    return -namespace(weight).expm1(math.log(0.5) * weight) * (
+        1 - 0.5 * mean_of_sums(apart, weight)
+    )

@@ -13,7 +13,7 @@ from roletrust_env.trust.personal import (
     by_pairs,
     credence_sum,
     credences,
-    mean,
+    mean_of_sums,
     others,
     product,
 )
@@ -101,7 +101,7 @@ class FirstHand(Personal):
         kept = 1 - (1 - self.keep) * met
         weight = met * (1 + self.repeats * occurred(state.counts))
         sums, counts = kept * state.sums + weight * rated, kept * state.counts + weight
-        means, voice = mean(sums, counts), counts / (1 + self.limit * counts)
+        means, voice = mean_of_sums(sums, counts), counts / (1 + self.limit * counts)
 
         def agree(judges: slice, advisers: slice) -> Array:
             apart = abs(means[judges, None] - means[None, advisers])
@@ -112,7 +112,7 @@ class FirstHand(Personal):
         credence = safe_power(agreement, self.power)
         heard, own = (
             others(voice) * credence,
-            self.own * counts * mean(counts, counts + self.patience),
+            self.own * counts * mean_of_sums(counts, counts + self.patience),
         )
         said = self.prior * self.initial + own * means + credence_sum(heard, voice * means)
         trust = said / (self.prior + own + credence_sum(heard, voice))

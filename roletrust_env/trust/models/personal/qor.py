@@ -13,7 +13,7 @@ from roletrust_env.trust.personal import (
     credence_sum,
     credences,
     in_common,
-    mean,
+    mean_of_sums,
     nothing_yet,
     published_raters,
     push,
@@ -91,7 +91,7 @@ class QualityOfRecommendation(Personal):
         xp = namespace(ratings.values)
         outcomes, met = ratings.values, ratings.weights
         common = in_common(ratings)
-        right = mean(compare_opinions(ratings, lambda apart: 1 - 2 * apart), common)
+        right = mean_of_sums(compare_opinions(ratings, lambda apart: 1 - 2 * apart), common)
         new, weight = occurred(common), self.theta * state.weight
         quality = xp.where(common > 0, absorb(state.past, weight, right, new), state.quality)
         past = absorb(state.past, weight, new * quality, new)
@@ -100,7 +100,7 @@ class QualityOfRecommendation(Personal):
         )
         values, weights = push(state.values, 2 * outcomes - 1, ratings), push(faded, met, ratings)
         said = credence_sum(quality, total(weights * values, 0))
-        trust = 0.5 + 0.5 * mean(said, total(total(weights, 0), 0))
+        trust = 0.5 + 0.5 * mean_of_sums(said, total(total(weights, 0), 0))
         trust = xp.where(ratings.rated(PROVIDER), trust, state.trust)
         return QorState(trust, quality, past, weight + new, values, weights)
 

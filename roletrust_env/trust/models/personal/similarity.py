@@ -11,7 +11,7 @@ from roletrust_env.trust.personal import (
     Personal,
     by_pairs,
     credences,
-    mean,
+    mean_of_sums,
     product,
     weighted_advice,
     with_self,
@@ -122,7 +122,7 @@ class OwnExperience(Personal):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         known = state.known.after(ratings)
         xp = namespace(ratings.values)
-        own = xp.clip(mean(known.sums, known.counts), 0.0, 1.0)
+        own = xp.clip(mean_of_sums(known.sums, known.counts), 0.0, 1.0)
         return OwnState(known, xp.where(known.counts > 0, own, state.trust))
 
     def rater_trust(self, state: OwnState) -> Array:

@@ -12,7 +12,7 @@ from roletrust_env.trust.personal import (
     compare_opinions,
     credence_sum,
     credences,
-    mean,
+    mean_of_sums,
     nothing_yet,
     others,
     published_raters,
@@ -94,10 +94,10 @@ class YuSingh(Personal):
             push(state.known, ratings.weights, ratings),
         )
         experiences = total(known, 0)
-        local, h = mean(total(recent, 0), experiences), experiences / self.memory
+        local, h = mean_of_sums(total(recent, 0), experiences), experiences / self.memory
         credence = _relative(log_credence)
         believed = credence_sum(credence, known[0])
-        advice = mean(credence_sum(credence, recent[0]), believed)
+        advice = mean_of_sums(credence_sum(credence, recent[0]), believed)
         trust = xp.where(believed > 0, h * local + (1 - h) * advice, local)
         return YuSinghState(
             xp.where(ratings.rated(PROVIDER), trust, state.trust), log_credence, recent, known
