@@ -20,7 +20,7 @@ from roletrust_env.game.cells import Cells, for_batch
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
-from roletrust_env.game.views import Layout, ProviderView, RaterView, make_views
+from roletrust_env.game.views import ProviderView, RaterView, ViewLayout, make_views
 from roletrust_env.randomness import Random, generator
 from roletrust_env.trust import TrustModel, agent_trust
 from roletrust_env.trust.model import registry as trust_models
@@ -157,7 +157,7 @@ class Game(Frozen):
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
         self._cells = self._make_cells()
-        self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
+        self.layout = ViewLayout(roster.n_raters, roster.n_providers, scenario.max_cycles)
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
         self._property_sampler = AgentPropertySampler(roster, like)

@@ -12,7 +12,7 @@ from roletrust_env.game.brief import game_facts, players
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.state import Actions, State
-from roletrust_env.game.views import AgentView, IdentityView, Layout, ProviderView, RaterView
+from roletrust_env.game.views import AgentView, IdentityView, ProviderView, RaterView, ViewLayout
 from roletrust_env.randomness import Random, generator
 from roletrust_env.world.group import Role
 from roletrust_env.world.presence import PRESENT
@@ -53,7 +53,9 @@ class Player:
             reserve, which PettingZoo does not have.
     """
 
-    def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
+    def __init__(
+        self, policy: Policy, agent: str, layout: ViewLayout, seed: int | None = None
+    ) -> None:
         self._role = role_in_name(agent)
         _check_channels(agent, self._role, policy)
         self.policy, self.agent = policy, agent

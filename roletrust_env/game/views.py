@@ -170,7 +170,7 @@ def view_of(views: View, place: int) -> View:
 
 
 @dataclass(frozen=True)
-class Layout:
+class ViewLayout:
     """The positions of the fields of a view in the observation vector.
 
     An observation has shape (K, ...), every entry in [0, 1]: the fields of the view one after the

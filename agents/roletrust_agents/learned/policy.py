@@ -18,7 +18,7 @@ from roletrust_env.frozen import Frozen
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import rollout
-from roletrust_env.game.views import AgentView, Layout, ProviderView, RaterView
+from roletrust_env.game.views import AgentView, ProviderView, RaterView, ViewLayout
 from roletrust_env.randomness import Random
 from roletrust_env.world.group import Role
 from roletrust_env.world.roster import Roster, role_in_name
@@ -40,7 +40,7 @@ class LearnedPolicy(Frozen, Policy):
         description: Description of this attacker, for its `repr`.
     """
 
-    def __init__(self, decide: Decider, layout: Layout, description: str) -> None:
+    def __init__(self, decide: Decider, layout: ViewLayout, description: str) -> None:
         self._decider, self._layout, self._description = decide, layout, description
 
     def __repr__(self) -> str:
@@ -127,7 +127,7 @@ def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
     )
 
 
-def policy_for(role: Role, decide: Decider, layout: Layout, description: str) -> LearnedPolicy:
+def policy_for(role: Role, decide: Decider, layout: ViewLayout, description: str) -> LearnedPolicy:
     """Return the policy for an agent of a role. The other arguments are those of
     `LearnedPolicy`.
     """

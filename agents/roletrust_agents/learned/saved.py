@@ -19,7 +19,7 @@ from roletrust_agents.learned.network import MAX_WEIGHTS, Network
 from roletrust_agents.learned.weights import read_weights, weights_bytes
 from roletrust_env.game.attack_task import AttackTask, Stealth
 from roletrust_env.game.make_task import Observation, make_task
-from roletrust_env.game.views import Layout
+from roletrust_env.game.views import ViewLayout
 from roletrust_env.storage.untrusted import (
     check_file,
     check_scenario_size,
@@ -45,10 +45,10 @@ class SavedAttacker:
     network: Network | DeepSet
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> ViewLayout:
         """Layout of the observations in the game of the training."""
         roster = Roster.of(self.card.scenario)
-        return Layout(roster.n_raters, roster.n_providers, self.card.scenario.max_cycles)
+        return ViewLayout(roster.n_raters, roster.n_providers, self.card.scenario.max_cycles)
 
     def task(self) -> AttackTask:
         """Return the task of the training, on NumPy in float32."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.world.vision.degrade import transmit
-from roletrust_env.world.vision.detector import best_margin, probability, view
+from roletrust_env.world.vision.detector import best_margin, detector_view, probability
 
 _EVERY = 4  # rounds between two pictures of strangers that are decoded
 _SHARE = 0.1  # of the period: no stranger has a turn if the pictures of known cameras took longer
@@ -30,7 +30,7 @@ class PersonDetector:
             features = (
                 None
                 if picture is None
-                else view(np.ascontiguousarray(picture[..., ::-1], np.uint8))
+                else detector_view(np.ascontiguousarray(picture[..., ::-1], np.uint8))
             )
         except cv2.error:  # empty, or of a shape that no camera has
             features = None

@@ -40,7 +40,7 @@ _ANY_MARGIN = (
 )  # threshold below all margins, so that there is a best window even without a person
 
 
-def view(frame: Frame) -> GreyFrame:
+def detector_view(frame: Frame) -> GreyFrame:
     """Return the detector's copy of a frame (height, width, 3): grey, 240 rows, with the same
     aspect ratio.
     """

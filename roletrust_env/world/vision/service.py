@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from roletrust_env.world.heterogeneity import Perception
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Frame
 from roletrust_env.world.vision.degrade import degrade, transmit
-from roletrust_env.world.vision.detector import best_margin, probability, view
+from roletrust_env.world.vision.detector import best_margin, detector_view, probability
 from roletrust_env.world.vision.frames import CapturedFrames, open_frames
 
 
@@ -115,7 +115,7 @@ class HogService:
                     cell = (rater, provider, *game)
                     if (chosen := float(quality[cell])) not in views:
                         delivered = degrade(true_frames[key], chosen, (0, provider, at))
-                        views[chosen] = view(delivered)
+                        views[chosen] = detector_view(delivered)
                         if (
                             len(first) <= provider
                         ):  # the frame for the first rater in the first game

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import Frame
 from roletrust_env.world.vision.degrade import degrade, transmit
-from roletrust_env.world.vision.detector import best_margin, view
+from roletrust_env.world.vision.detector import best_margin, detector_view
 from roletrust_env.world.vision.scene import RenderedScene
 
 _SPAN_S = 120.0  # the times are drawn from the first two minutes
@@ -43,7 +43,8 @@ def labelled_margins(
                     degrade(clear, 0.0, (seed, camera, k)),
                 )
                 margins += [
-                    best_margin(transmit(view(frame), rng.standard_normal())) for frame in frames
+                    best_margin(transmit(detector_view(frame), rng.standard_normal()))
+                    for frame in frames
                 ]
                 labels += [True, False, False]
     return np.array(margins), np.array(labels)

@@ -4,12 +4,18 @@ from calibration import fit_calibration, labelled_margins
 from refusals import refuses
 
 from roletrust_env.world.vision.degrade import degrade
-from roletrust_env.world.vision.detector import OFFSET, SLOPE, best_margin, probability, view
+from roletrust_env.world.vision.detector import (
+    OFFSET,
+    SLOPE,
+    best_margin,
+    detector_view,
+    probability,
+)
 from roletrust_env.world.vision.scene import RenderedScene
 
 
 def seen(frame):
-    return probability(best_margin(view(frame)))
+    return probability(best_margin(detector_view(frame)))
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from refusals import refuses
 
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH
 from roletrust_env.world.vision.degrade import degrade
-from roletrust_env.world.vision.detector import best_margin, view
+from roletrust_env.world.vision.detector import best_margin, detector_view
 from roletrust_env.world.vision.scene import RenderedScene
 
 STRENGTHS = (0.0, 0.4, 1.0)
@@ -53,7 +53,12 @@ def test_the_empty_scene_differs_only_about_the_person(scene):
 @pytest.mark.parametrize("camera", range(4))
 def test_the_faster_the_target_the_worse_it_is_seen(scene, camera):
     margins = [
-        np.mean([best_margin(view(scene.frame(camera, t, strength))) for t in np.arange(0, 7, 0.9)])
+        np.mean(
+            [
+                best_margin(detector_view(scene.frame(camera, t, strength)))
+                for t in np.arange(0, 7, 0.9)
+            ]
+        )
         for strength in STRENGTHS
     ]
     assert margins[0] > margins[1] > margins[2] + 1.5

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH
-from roletrust_env.world.vision.detector import view
+from roletrust_env.world.vision.detector import detector_view
 from roletrust_env.world.vision.service import HogService
 
 CALM = ([1.0, 1.0, 1.0], 0.0)
@@ -117,7 +117,7 @@ def test_a_round_of_nine_takes_little_more_than_opencvs_own_nine_detections(serv
             start = time.process_time()
             service.perceive([1.0, 0.8, 0.3], 0.5, k, noise(k, 3, 3))
             ours.append(time.process_time() - start)
-            frames = [view(frame) for frame in service.latest] * 3
+            frames = [detector_view(frame) for frame in service.latest] * 3
             start = time.process_time()
             for frame in frames:
                 hog.detectMultiScale(frame)

@@ -11,7 +11,7 @@ import numpy as np
 
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.nodes.run_loop import Timeline
-from roletrust_env.world.vision.detector import best_margin, view
+from roletrust_env.world.vision.detector import best_margin, detector_view
 from roletrust_env.world.vision.frames import open_frames
 
 WINDOW = 20
@@ -31,7 +31,7 @@ def work_s(raters: int, providers: int) -> float:
 
     def rate(rater: int) -> None:
         for _ in range(providers):
-            best_margin(view(np.ascontiguousarray(frame)))
+            best_margin(detector_view(np.ascontiguousarray(frame)))
 
     with ThreadPoolExecutor(raters) as threads:  # OpenCV releases the lock of Python
         for _ in range(_TRIALS):
