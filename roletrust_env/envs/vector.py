@@ -216,11 +216,9 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _observe(self) -> Array:
         observation = self._batch.observe().T
-        return (
-            np.ascontiguousarray(observation, np.float32)
-            if isinstance(observation, np.ndarray)
-            else observation.contiguous()
-        )
+        if isinstance(observation, np.ndarray):
+            return np.ascontiguousarray(observation, np.float32)
+        return observation.float().contiguous()
 
     def _infos(self, objective: Array, cost: Array, games: Array | None = None) -> dict[str, Array]:
         """Return the infos of all games, or of some games, (E,), with the masks of Gymnasium."""
@@ -233,25 +231,16 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         return namespace(like).zeros(self.num_envs, dtype=like.dtype, device=like.device)
 
     def _checked(self, actions: Array) -> Array:
-        if isinstance(self.task.game.like, np.ndarray):
-            return check_action(actions, self.action_space.shape or ())
-        xp = namespace(self.task.game.like)
-        if not isinstance(actions, type(self.task.game.like)):
-            return xp.asarray(
-                check_action(actions, self.action_space.shape or ()),
-                dtype=self.task.game.like.dtype,
-                device=self.task.game.like.device,
-            )
-        actions = xp.asarray(
-            actions, dtype=self.task.game.like.dtype, device=self.task.game.like.device
-        )
-        if tuple(actions.shape) != self.action_space.shape:
-            raise ValueError(
-                f"the actions have shape {tuple(actions.shape)}; needed is "
-                f"{self.action_space.shape}"
-            )
-        check_within("the actions", actions)
-        return actions
+        like, shape = self.task.game.like, self.action_space.shape or ()
+        if isinstance(actions, np.ndarray) or not isinstance(actions, type(like)):
+            actions = check_action(actions, shape)
+        elif tuple(actions.shape) != shape:
+            raise ValueError(f"the action must have shape {shape}, got {tuple(actions.shape)}")
+        else:
+            check_within("the action", actions)
+        if isinstance(like, np.ndarray):
+            return actions
+        return namespace(like).asarray(actions, dtype=like.dtype, device=like.device)
 
     def _checked_mask(self, mask: Array) -> Array:
         like = self.task.game.like
