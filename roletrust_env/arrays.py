@@ -135,9 +135,7 @@ def within(values: Array, low: float = 0.0, high: float = 1.0) -> bool:
         return bool(((values >= low) & (values <= high)).all())
     if not values.size:
         return True
-    # The reductions of NaN are NaN, and these functions take half the time of the methods.
-    least, greatest = np.minimum.reduce(values, None), np.maximum.reduce(values, None)
-    return bool(least >= low and greatest <= high)
+    return bool(values.min() >= low and values.max() <= high)  # both are NaN if a value is
 
 
 def check_within(what: str, values: Array, low: float = 0.0, high: float = 1.0) -> None:

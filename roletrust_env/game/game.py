@@ -492,7 +492,7 @@ class Game(Frozen):
         """
         if not (self._lossless and self._everyone and self._on_numpy):
             return False
-        return bool(np.minimum.reduce(state.round, None) > 0)
+        return bool(state.round.min() > 0)
 
     def _clock(self, state: State) -> Array:
         """Return the number of the round, in the dtype of the game."""
