@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, is_compiling, namespace
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.world.heterogeneity import Perception
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Perturbation, Scenario
@@ -90,22 +90,15 @@ class Perturbations:
 
     def __init__(self, scenario: Scenario, like: Array) -> None:
         xp = namespace(like)
-        self._perturbations = sorted(scenario.perturbations, key=_strength)
         table = np.zeros(scenario.max_cycles)
-        for perturbation in self._perturbations:
-            table[perturbation.start : perturbation.stop] = perturbation.strength
+        for perturbation in scenario.perturbations:
+            rounds = slice(perturbation.start, perturbation.stop)
+            table[rounds] = np.maximum(table[rounds], perturbation.strength)
         self._table = xp.asarray(table, dtype=like.dtype, device=like.device)
 
     def strength(self, round: Array) -> Array:
         """Return the strength in each round; rounds and strengths have the same shape (...)."""
-        if not is_compiling(round):
-            return self._table[round]
-        now = cast(round, self._table.dtype)  # compared twice as fast as integers of 64 bits
-        strength = 0.0 * now
-        for perturbation in self._perturbations:
-            active = (now >= perturbation.start) & (now < perturbation.stop)
-            strength = namespace(now).where(active, perturbation.strength, strength)
-        return strength
+        return self._table[round]
 
 
 def strength_in(perturbations: Iterable[Perturbation], round: int) -> float:
@@ -113,10 +106,6 @@ def strength_in(perturbations: Iterable[Perturbation], round: int) -> float:
     return max(
         (one.strength for one in perturbations if one.start <= round < one.stop), default=0.0
     )
-
-
-def _strength(perturbation: Perturbation) -> float:
-    return perturbation.strength
 
 
 def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
