@@ -161,7 +161,9 @@ class Recorded:
 
     def reshape(self, *shape: Any) -> Array:
         """Return the array in another shape."""
-        return view(self, lambda positions: positions.reshape(*shape))
+        return view(
+            self, lambda positions: np.reshape(positions, shape[0] if len(shape) == 1 else shape)
+        )
 
     def ravel(self) -> Array:
         """Return the array with one axis."""

@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeVar, get_args
 import gymnasium
 
 from roletrust_env.errors import short
+from roletrust_env.frozen import Frozen
 from roletrust_env.memory import check_memory
 from roletrust_env.randomness import own_seeds
 from roletrust_env.trees import arrays
@@ -30,6 +31,23 @@ def is_compiled(engine: str) -> bool:
         known = " or ".join(map(repr, get_args(Engine)))
         raise ValueError(f"engine must be {known}, got {engine!r}")
     return engine == "compiled"
+
+
+def refuse_changeable(parts: Iterable[Any]) -> None:
+    """Refuse trust models and policies that may change, since compiled rounds have their attributes
+    as constants.
+
+    Raises:
+        ValueError: A part has attributes that can be assigned.
+    """
+    for part in parts:
+        settings = getattr(part, "__dataclass_params__", None)
+        frozen = isinstance(part, Frozen) or (settings is not None and settings.frozen)
+        if getattr(part, "__dict__", {}) and not frozen:
+            raise ValueError(
+                f"engine 'compiled' needs parts that cannot change, got {part!r}; make "
+                f"{type(part).__name__} a frozen dataclass"
+            )
 
 
 def refuse_unknown(

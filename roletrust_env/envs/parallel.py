@@ -17,6 +17,7 @@ from roletrust_env.envs.arguments import (
     Engine,
     is_compiled,
     option,
+    refuse_changeable,
     refuse_empty_start,
     refuse_unknown,
     seed_spaces,
@@ -470,6 +471,8 @@ def compiled_game(game: Game) -> "CompiledGame":
         ValueError: The engine cannot play the game, or is not installed. The message says why.
     """
     from roletrust_env.compiled import CompiledGame, Program
+
+    refuse_changeable([game.model])
 
     def make(like: Array) -> Callable[..., tuple[State, tuple[Array, Shown]]]:
         recorded = Game(game.scenario, game.model, like)

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from roletrust_env.arrays import Array, library_of, namespace
-from roletrust_env.envs.arguments import Engine, check_games, is_compiled
+from roletrust_env.envs.arguments import Engine, check_games, is_compiled, refuse_changeable
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
@@ -77,6 +77,7 @@ def record_task(task: AttackTask, *, batch: bool) -> "Program":
 
         return play
 
+    refuse_changeable([task.game.model, *task.joint_policy.policies.values()])
     if not isinstance(task.game.like, np.ndarray):
         raise ValueError(
             f"engine 'compiled' needs a task on NumPy, got {library_of(task.game.like)}"

@@ -183,6 +183,18 @@ def test_what_cannot_be_compiled_is_refused_at_construction():
         rt.parallel_env("paper-3x3-hog", engine="compiled")
     with refuses(ValueError, "engine", "fast"):
         rt.parallel_env(engine="fast")
+
+    class Level(rt.Policy):
+        attacks = frozenset({"quality"})
+
+        def __init__(self):
+            self.level = 0.3
+
+        def quality(self, view, memory, random):
+            return 0 * view.trust + self.level, memory
+
+    with refuses(ValueError, "compiled", "Level()"):
+        gymnasium.make("RoleTrust/ProviderAttack-v0", engine="compiled", others={"sp_0": Level()})
     with refuses(ValueError, "engine", "fast"):
         gymnasium.make("RoleTrust/ProviderAttack-v0", engine="fast")
 
