@@ -152,10 +152,11 @@ class Program(NamedTuple):
                 *(_of_game(key, game) for key in words),
                 random,
             )
-        except UnrecordableError as error:
+        except ValueError as error:  # an operation that cannot be recorded, or a game for NumPy
             raise UnrecordableError(_refusal(error)) from error
-        except ValueError as error:  # such as of a game that refuses other libraries than NumPy
-            raise UnrecordableError(_refusal(error)) from error
+        except Exception as error:  # a part of another package may raise anything
+            reason = f"{type(error).__name__}: {error}"
+            raise UnrecordableError(_refusal(reason)) from error
         after, outputs = map_leaves(constant, after), map_leaves(constant, outputs)
         shapes = [(leaf.shape, leaf.dtype.kind) for leaf in arrays(after)]
         if shapes != [(shape, dtype.kind) for shape, dtype, _ in before.arrays]:
