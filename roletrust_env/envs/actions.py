@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from roletrust_env.arrays import Array, check_within, namespace, numpy_array, within
 from roletrust_env.errors import short
-from roletrust_env.game.state import Actions
+from roletrust_env.game.state import Actions, CheckedActions
 from roletrust_env.world.roster import Roster, shown
 
 NUMBERS = "fiub"
@@ -115,10 +115,10 @@ class JointAction:
         quality = joint[n_sr * p : n_sr * p + n_sp]
         ratings = joint[: n_sr * p].reshape(n_sr, p)
         if not roster.n_both:
-            return Actions(quality, ratings)
+            return CheckedActions(quality, ratings)
         both = joint[n_sr * p + n_sp :].reshape(roster.n_both, 1 + p)
         concat = namespace(joint).concat
-        return Actions(concat([quality, both[:, 0]]), concat([ratings, both[:, 1:]]))
+        return CheckedActions(concat([quality, both[:, 0]]), concat([ratings, both[:, 1:]]))
 
     def _joined(self, actions: Mapping[str, Any], agents: Sequence[str]) -> Joint | None:
         """Return valid actions of all agents in one vector; None if they are something else."""

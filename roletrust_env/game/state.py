@@ -37,6 +37,12 @@ class Actions(NamedTuple):
         return shapes(self)
 
 
+class CheckedActions(Actions):
+    """Actions that an environment has checked: they fit the state, and lie in [0, 1]."""
+
+    __slots__ = ()
+
+
 class Counts(NamedTuple):
     """Services that each SR+SP agent rated and provided so far, shape (n_both, ...) each."""
 
@@ -141,6 +147,8 @@ def fitted(actions: Actions, state: State) -> Actions:
         ValueError: The actions have other shapes than the state needs; or, on NumPy, are NaN or
             outside [0, 1].
     """
+    if isinstance(actions, CheckedActions):
+        return actions
     cells, population, dtype = state.ratings.shape, state.population, state.ratings.dtype
     agents = None if population is None else population.phase.shape
     needed = state.quality.shape, cells, agents, cells, cells
