@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.live.team import RatingRows, Team, Trust
-from roletrust_env.trust import TrustModel, agent_trust, try_trust_model
+from roletrust_env.trust import TrustModel, agent_trust
 from roletrust_env.trust.grid_run import GridRun
+from roletrust_env.trust.model_checks import try_trust_model
 from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.stored import taken
 

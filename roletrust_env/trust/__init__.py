@@ -8,7 +8,6 @@ from roletrust_env.trust.model import (
     register_trust_model,
     trust_models,
 )
-from roletrust_env.trust.model_checks import try_trust_model
 from roletrust_env.trust.models.central.means import Mean
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from roletrust_env.trust.ratings import (
@@ -44,6 +43,5 @@ __all__ = [
     "register_trust_model",
     "smooth",
     "trust_models",
-    "try_trust_model",
     "weighted_mean",
 ]
