@@ -111,7 +111,7 @@ def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
         torch: Whether to check on torch, too, if it is installed.
 
     Raises:
-        ValueError: The model cannot play one round, see `roletrust_env.trust.model_checks.try_trust_model`.
+        ValueError: The model cannot play one round, see `try_trust_model`.
         AssertionError: The model breaks another rule. The message says which one and what to
             change.
 

@@ -6,7 +6,7 @@ import json
 import pytest
 from attackers_suite import SUITE
 from csv_files import csv_rows
-from refusals import assert_names
+from refusals import names
 
 from roletrust_agents.learned.saved_defence import SavedTrust, load_defence
 from studies.study import run
@@ -111,4 +111,4 @@ def test_what_does_not_fit_is_refused(tmp_path, capsys):
         with pytest.raises(SystemExit) as error:
             play(tmp_path, *arguments)
         assert error.value.code == 2
-        assert_names(capsys.readouterr().err, word)
+        assert names(capsys.readouterr().err, word)
