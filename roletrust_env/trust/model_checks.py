@@ -167,7 +167,8 @@ def _updated(
         after = model.update(state, ratings)
         of_raters, of_providers = model.rater_trust(after), model.provider_trust(after)
     except Exception as error:  # a model of another package may raise anything
-        raise ValueError(f"{where}: {type(error).__name__}: {error}{advice}") from error
+        what = f"{type(error).__name__}: {error}{_shape_given(ratings)}{advice}"
+        raise ValueError(f"{where}: {what}") from error
     values, (raters, providers) = ratings.values, ratings.shape
     _check("rater_trust", of_raters, (raters, *values.shape[2:]), values, where)
     _check("provider_trust", of_providers, (providers, *values.shape[2:]), values, where)
@@ -184,7 +185,9 @@ def _check(name: str, trust: Any, needed: tuple[int, ...], ratings: Array, where
         )
     shape = tuple(trust.shape)
     if shape != needed:
-        raise ValueError(f"{where}: {name} has shape {shape}; it must be {needed}")
+        raise ValueError(
+            f"{where}: {name} must have shape {needed}, got {shape}{_shape_given(ratings)}"
+        )
     if trust.dtype != ratings.dtype:
         raise ValueError(
             f"{where}: {name} is of dtype {trust.dtype}; it must be {ratings.dtype}, as the "
@@ -194,6 +197,17 @@ def _check(name: str, trust: Any, needed: tuple[int, ...], ratings: Array, where
     wrong = trust[~((trust >= 0) & (trust <= 1))]
     if len(wrong):
         raise ValueError(f"{where}: {name} holds {float(wrong[0])}; a trust must lie in [0, 1]")
+
+
+def _shape_given(ratings: Any) -> str:
+    """Return what a model must do with the games of a batch, for an error; nothing on edges."""
+    shape = tuple((ratings.values if isinstance(ratings, Ratings) else ratings).shape)
+    if len(shape) < 3:
+        return ""
+    return (
+        f"; the model was given ratings of shape (S, P, games) = {shape}: reduce over axes 0 and "
+        "1, and keep the others, as ratings.values.mean(axis=0) does"
+    )
 
 
 def _on_library(like: Array) -> str:

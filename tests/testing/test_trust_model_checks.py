@@ -10,7 +10,7 @@ from refusals import refuses
 from roletrust_env.arrays import namespace
 from roletrust_env.testing import check_trust_model
 from roletrust_env.testing import trust_models as checks
-from roletrust_env.trust import PROVIDER, Ratings, mean, smooth
+from roletrust_env.trust import PROVIDER, Mean, Ratings, mean, smooth
 
 
 class Means(NamedTuple):
@@ -215,3 +215,18 @@ def test_a_class_and_another_object_are_refused() -> None:
         check_trust_model(Sound)  # type: ignore[arg-type]
     with refuses(ValueError, "3"):
         check_trust_model(3)  # type: ignore[arg-type]
+
+
+class Looping(Mean):
+    """A model for one game, which loops over providers."""
+
+    def update(self, state, ratings):
+        trust = np.zeros(ratings.values.shape[1])
+        for provider in range(len(trust)):
+            trust[provider] = ratings.values[:, provider].mean()
+        return state._replace(top=trust)
+
+
+def test_a_model_that_loops_over_providers_is_told_the_shape():
+    with refuses(ValueError, "Looping", "(3,)", "(3, 1)", "(3, 3, 1)"):
+        check_trust_model(Looping())

@@ -42,6 +42,7 @@ def policy_of(model: Any, task: AttackTask) -> LearnedPolicy:
         >>> history.top.shape
         (240, 3)
     """  # noqa: E501
+    _check_task(task)
     if len(task.compromised) > 1 or task.knowledge != "black_box":
         raise ValueError(
             f"the task compromises {', '.join(task.compromised)} with {task.knowledge} knowledge; "
@@ -78,6 +79,11 @@ def attacker_of(model: Any, task: AttackTask) -> Attacker:
     return NetworkAttacker(SB3Decider(model, task), task.knowledge)
 
 
+def _check_task(task: Any) -> None:
+    if not isinstance(task, AttackTask):
+        raise ValueError(f"task must be an AttackTask, such as make_task() makes, got {task!r}")
+
+
 class SB3Decider:
     """The `predict` of a model, as a function from observations to actions of a task, the batch
     last.
@@ -87,10 +93,11 @@ class SB3Decider:
         task: Task whose spaces the model must have.
 
     Raises:
-        ValueError: `model` is no model, or its spaces are not those of the task.
+        ValueError: `model` is not a model or `task` not a task, or their spaces differ.
     """
 
     def __init__(self, model: Any, task: AttackTask) -> None:
+        _check_task(task)
         for needed in ("predict", "observation_space", "action_space"):
             if not hasattr(model, needed):
                 raise ValueError(

@@ -116,6 +116,9 @@ def test_what_is_no_policy_of_one_agent_is_refused():
     task = make_task("crowd-10x10", ("sr_8", "sp_9"), **SHORT)
     with refuses(ValueError, "sr_8", "sp_9", "attacker_of"):
         policy_of(None, task)
+    for function in (policy_of, attacker_of):
+        with refuses(ValueError, "task", 4):
+            function(3, 4)
     with refuses(ValueError, "sp_2", "grey_box", "attacker_of"):
         policy_of(None, one(knowledge="grey_box"))
 
