@@ -63,6 +63,11 @@ print(task.step(task.action_space.sample())[1] >= 0)
         "print(error)"
     )
     assert "pip install 'roletrust-env[jax]'" in missing
+    missing = alone.python(
+        "import roletrust_env\ntry: roletrust_env.parallel_env(engine='compiled')\n"
+        "except ValueError as error: print(error)"
+    )
+    assert "pip install 'roletrust-env[train]'" in missing
     for arguments in ([], ["--help"], ["play"]):
         assert "pip install 'roletrust-env[cli]'" in alone.refused(*arguments)
 
@@ -194,6 +199,13 @@ def test_train(fresh: Callable[..., Environment]) -> None:
     assert "learned-provider" in train.roletrust(
         "play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}"
     )
+    compiled = """
+import gymnasium
+env = gymnasium.make("roletrust_env:RoleTrust/RaterAttack-v0", engine="compiled")
+env.reset(seed=0)
+print(env.step(env.action_space.sample())[1] > 0)
+"""
+    assert train.python(compiled) == "True\n"
     benchmark_and_report(train)
 
 
