@@ -1,12 +1,12 @@
 """The functions of the array API standard that the rules use, for recorded arrays."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.lib.array_utils import normalize_axis_index
 
 from roletrust_env.arrays import Array
 from roletrust_env.compiled.record import (
@@ -38,12 +38,16 @@ def _mean(array: Any, axis: Any = None, *, keepdims: bool = False) -> Array:
     return total / (array.size // max(total.size, 1))
 
 
+def _any(array: Any, axis: Any = None, *, keepdims: bool = False) -> Array:
+    return reduce(np.logical_or, cast(array, bool), axis, keepdims)
+
+
+def _all(array: Any, axis: Any = None, *, keepdims: bool = False) -> Array:
+    return reduce(np.logical_and, cast(array, bool), axis, keepdims)
+
+
 def _stack(arrays: Sequence[Any], axis: int = 0) -> Array:
-    return concat([_expand(array, axis) for array in arrays], axis)
-
-
-def _expand(array: Any, axis: Any = 0) -> Array:
-    return view(array, lambda positions: np.expand_dims(positions, axis))
+    return concat([_NAMESPACE.expand_dims(array, axis) for array in arrays], axis)
 
 
 def _clip(array: Any, low: Any = None, high: Any = None) -> Array:
@@ -72,48 +76,31 @@ def _einsum(subscripts: str, *arrays: Any) -> Array:
     return _sum(math.prod(factors), tuple(range(len(result), len(names))))
 
 
-def _ranks(array: Array) -> Array:
-    """Return the rank of each entry along the last axis: 0 for the least; ties in their order."""
-    n = array.shape[-1]
+def _sorted(array: Array, values: Array) -> Array:
+    """Return values in the order of an array along the last axis; ties stay in their order."""
+    places = np.arange(array.shape[-1])
     here, there = array[..., :, None], array[..., None, :]
-    earlier = np.arange(n)[None, :] < np.arange(n)[:, None]
-    return _sum((there < here) | ((there == here) & constant(earlier)), -1)
-
-
-def _sorted_last(array: Array, values: Array) -> Array:
-    """Return values in the order of an array along the last axis."""
-    n, zero = array.shape[-1], np.zeros((), values.dtype)
-    placed = _ranks(array)[..., None, :] == constant(np.arange(n)[:, None])
-    return _sum(where(placed, values[..., None, :], zero), -1)
+    earlier = places < places[:, None]
+    ranks = _sum((there < here) | ((there == here) & earlier), -1)
+    placed = ranks[..., None, :] == places[:, None]
+    return _sum(where(placed, values[..., None, :], np.zeros((), values.dtype)), -1)
 
 
 def _sort(array: Any, axis: int = -1, **options: Any) -> Array:
-    rows = view(array, lambda positions: np.moveaxis(positions, axis, -1))
-    return view(_sorted_last(rows, rows), lambda positions: np.moveaxis(positions, -1, axis))
+    rows = _NAMESPACE.moveaxis(array, axis, -1)
+    return _NAMESPACE.moveaxis(_sorted(rows, rows), -1, axis)
 
 
 def _argsort(array: Any, axis: int = -1, **options: Any) -> Array:
-    array = constant(array)
-    axis = normalize_axis_index(axis, array.ndim)
-    if array.ranks is not None and array.ranks[0] == axis:
-        return array.ranks[1]
-    rows = view(array, lambda positions: np.moveaxis(positions, axis, -1))
-    places = broadcast(constant(np.arange(rows.shape[-1])), rows.shape)
-    order, ranks = (
-        view(x, lambda positions: np.moveaxis(positions, -1, axis))
-        for x in (_sorted_last(rows, places), _ranks(rows))
-    )
-    order.ranks = axis, ranks
-    return order
+    rows = _NAMESPACE.moveaxis(array, axis, -1)
+    order = _sorted(rows, broadcast(np.arange(rows.shape[-1]), rows.shape))
+    return _NAMESPACE.moveaxis(order, -1, axis)
 
 
 def _take_along(array: Any, places: Any, axis: int = -1) -> Array:
-    array, axis = constant(array), normalize_axis_index(axis, array.ndim)
-    rows = [view(x, lambda p: np.moveaxis(p, axis, -1)) for x in (array, places)]
-    n = rows[0].shape[-1]
-    starts = np.arange(math.prod(rows[1].shape[:-1])).reshape(*rows[1].shape[:-1], 1) * n
-    found = gather(rows[0].reshape(-1), rows[1] + starts)
-    return view(found, lambda p: np.moveaxis(p, -1, axis))
+    rows, at = (_NAMESPACE.moveaxis(x, axis, -1) for x in (array, places))
+    starts = np.arange(0, rows.size, rows.shape[-1]).reshape(*rows.shape[:-1], 1)
+    return _NAMESPACE.moveaxis(gather(rows.reshape(-1), at + starts), -1, axis)
 
 
 def _solve(matrix: Any, given: Any) -> Array:
@@ -146,89 +133,62 @@ def _views(function: Any) -> Any:
 
 def _makes(function: Any) -> Any:
     """Return a function of the namespace that makes a constant."""
-
-    def make(*args: Any, dtype: Any = None, device: Any = None, **options: Any) -> Array:
-        return constant(function(*args, dtype=dtype, **options))
-
-    return make
+    return lambda *args, device=None, **options: constant(function(*args, **options))
 
 
 def _makes_like(function: Any) -> Any:
     """Return a function of the namespace that makes a constant in the shape of an array."""
     return lambda array, dtype=None, device=None: constant(
-        function(array.shape, dtype=array.dtype if dtype is None else dtype)
+        function(array.shape, dtype or array.dtype)
     )
 
 
-def _asarray(values: Any, dtype: Any = None, device: Any = None, copy: Any = None) -> Array:
-    return constant(values, dtype)
+_METHODS: dict[str, Callable[..., Any]] = {
+    **{"sum": _sum, "mean": _mean, "any": _any, "all": _all, "clip": _clip},
+    **{"max": partial(reduce, np.maximum), "min": partial(reduce, np.minimum)},
+    "astype": lambda array, dtype, copy=True: cast(array, dtype),
+    "reshape": lambda array, *shape: view(array, lambda positions: positions.reshape(*shape)),
+    "copy": lambda array: array,
+    **{name: _views(getattr(np, name)) for name in ("swapaxes", "ravel")},
+}
+"""Functions that are also methods of arrays."""
 
 
-class _Namespace:
+class _Namespace(SimpleNamespace):
     """The functions of the array API standard that the rules use, on recorded arrays."""
 
     __name__ = "roletrust_env.compiled.namespace"
 
-    def __init__(self) -> None:
-        self.einsum, self.bitcast = _einsum, bitcast
-        self.linalg = SimpleNamespace(solve=_solve)
-        self.asarray = self.array = _asarray
-        self.astype = cast
-        self.where, self.sum, self.mean, self.matmul = where, _sum, _mean, _matmul
-        self.concat = self.concatenate = concat
-        self.stack, self.clip, self.sort, self.argsort = _stack, _clip, _sort, _argsort
-        self.take_along_axis, self.broadcast_to = _take_along, broadcast
-        self.max = self.amax = _reduces(np.maximum)
-        self.min = self.amin = _reduces(np.minimum)
-        self.any, self.all = _reduces(np.logical_or, bool), _reduces(np.logical_and, bool)
-        for name in ("reshape", "swapaxes", "moveaxis", "expand_dims", "squeeze", "ravel"):
-            setattr(self, name, _views(getattr(np, name)))
-        for name in ("transpose", "permute_dims", "flip", "roll", "repeat", "tile", "take"):
-            setattr(self, name, _views(getattr(np, name)))
-        for name in ("zeros", "ones", "full", "arange", "eye", "linspace", "empty"):
-            setattr(self, name, _makes(getattr(np, name)))
-        for name in ("zeros", "ones", "empty"):
-            setattr(
-                self, f"{name}_like", _makes_like(getattr(np, "zeros" if name == "empty" else name))
-            )
-
-    def broadcast_arrays(self, *arrays: Any) -> list[Array]:
-        """Return arrays in their common shape."""
-        shape = np.broadcast_shapes(*(constant(array).shape for array in arrays))
-        return [broadcast(array, shape) for array in arrays]
-
-    def round(self, array: Any) -> Array:
-        """Return the nearest whole numbers."""
-        return elementwise(np.rint, array)
-
-    def isnan(self, array: Any) -> Array:
-        """Return whether entries are NaN."""
-        return elementwise(np.not_equal, array, array)
-
-    def isfinite(self, array: Any) -> Array:
-        """Return whether entries are numbers other than infinity."""
-        return elementwise(np.equal, array - array, 0)
+    def method(self, name: str) -> Callable[..., Any]:
+        """Return a method of arrays."""
+        if name not in _METHODS:
+            raise AttributeError(f"arrays of the compiled engine have no {name}")
+        return _METHODS[name]
 
     def __getattr__(self, name: str) -> Any:
         """Return a dtype, a constant or an elementwise function of NumPy."""
         known = getattr(np, name, None)
         if isinstance(known, np.ufunc):
-            return lambda *arrays: elementwise(known, *arrays)
-        if isinstance(known, type | float) or name == "newaxis":
+            return partial(elementwise, known)
+        if isinstance(known, type | float):
             return known
-        if name == "finfo":
-            return np.finfo
         if name.startswith("_") or name == "compiler":
             raise AttributeError(name)
         raise UnrecordableError(f"there is no recorded {name}")
 
 
-def _reduces(ufunc: Any, dtype: Any = None) -> Any:
-    def function(array: Any, axis: Any = None, keepdims: bool = False) -> Array:
-        array = constant(array)
-        return reduce(ufunc, array if dtype is None else cast(array, dtype), axis, keepdims)
-
-    return function
-
-
-Recorded.namespace = _Namespace()
+_NAMESPACE: Any = _Namespace(
+    **_METHODS,
+    **{"where": where, "einsum": _einsum, "bitcast": bitcast, "matmul": _matmul},
+    **{"concat": concat, "concatenate": concat, "stack": _stack, "sort": _sort},
+    **{"argsort": _argsort, "take_along_axis": _take_along, "broadcast_to": broadcast},
+    linalg=SimpleNamespace(solve=_solve),
+    finfo=np.finfo,
+    round=partial(elementwise, np.rint),
+    asarray=lambda values, dtype=None, device=None, copy=None: constant(values, dtype),
+    **{name: _views(getattr(np, name)) for name in ("moveaxis", "expand_dims", "squeeze")},
+    **{name: _views(getattr(np, name)) for name in ("transpose", "permute_dims", "flip", "take")},
+    **{name: _makes(getattr(np, name)) for name in ("zeros", "ones", "full", "arange", "eye")},
+    **{f"{name}_like": _makes_like(getattr(np, name)) for name in ("zeros", "ones", "empty")},
+)
+Recorded.namespace = _NAMESPACE

@@ -59,7 +59,7 @@ def test_batches_are_those_of_the_rules(preset, model):
 def test_batch_in_float32_is_near_float64():
     program = record("paper-3x3", "role-trust", np.float32, batch=True)
     assert batch_gap("paper-3x3", "role-trust", program, 32, 12, np.float32) < 1e-4
-    assert all(dtype != np.float64 for _, dtype, _ in program.outputs.arrays)
+    assert all(dtype != np.float64 for _, dtype in program.outputs.arrays)
 
 
 def test_games_of_a_batch_are_independent_of_its_size():
@@ -161,4 +161,4 @@ def test_policies_draw_the_numbers_of_the_rules():
         state, shown = reference(state, key=random.round_key(), random=random)
         played = compiled.play(twin.round_key(), random=twin)
         assert largest_gap(shown, played) < EXACT
-    assert program.draws == 1
+    assert len(program.keys.arrays) == 2

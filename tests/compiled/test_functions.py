@@ -18,17 +18,18 @@ POINTS = {
     "floor": np.r_[-1.5, -1.0, 0.5],
 }
 
+KEY = np.zeros(4, np.uint32)
+
 
 def played(function, *points):
     """Return a function of points, compiled."""
     example = tuple(np.asarray(x) for x in points)
     program = Program.record(
-        lambda like: lambda state, *rest: (state, (function(*rest[:-1]),)),
+        lambda like: lambda state, *rest: (state, (function(*rest[:-2]),)),
         (np.zeros((), example[0].dtype),),
-        example,
-        keys=0,
+        (*example, KEY),
     )
-    (found,) = CompiledGame(program).play(*example)
+    (found,) = CompiledGame(program).play(*example, KEY)
     return found.copy()
 
 
