@@ -8,7 +8,7 @@ import math
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,18 +21,11 @@ ALIGNMENT = 64
 _TYPES = {"f8": "double", "f4": "float", "i8": "i64", "i4": "i32", "b1": "i1"}
 
 
-class Code(NamedTuple):
-    """Source of the function `run`, and the number of bytes of scratch memory that it needs."""
-
-    source: str
-    scratch: int
-
-
-def emit(inputs: Sequence[Recorded], outputs: Sequence[Recorded], width: int) -> Code:
+def emit(inputs: Sequence[Recorded], outputs: Sequence[Recorded], width: int) -> str:
     """Return the code that computes outputs from inputs.
 
     The function `run` gets the address of its arguments: the number of games, and the addresses of
-    scratch memory, of each input and of each output.
+    each input and of each output.
 
     Args:
         inputs: Inputs, in order.
@@ -43,21 +36,18 @@ def emit(inputs: Sequence[Recorded], outputs: Sequence[Recorded], width: int) ->
 
 
 class _Emitter:
-    def __init__(
-        self, inputs: Sequence[Recorded], outputs: Sequence[Recorded], width: int
-    ) -> None:
+    def __init__(self, inputs: Sequence[Recorded], outputs: Sequence[Recorded], width: int) -> None:
         self._width, self._schedule = width, Schedule(outputs)
         memory = [*inputs, *range(len(outputs))]
         self._outside: dict[Any, str] = {array: f"%a{k}" for k, array in enumerate(memory)}
-        self._scratch: dict[Any, int] = {}  # offset of each array in scratch memory
-        self._size = 0
-        for node in self._schedule.stored:
-            self._scratch[node] = self._size
-            used = node.size * node.dtype.itemsize * width
-            self._size += -(-used // ALIGNMENT) * ALIGNMENT
         self._lines: list[str] = []
         self._allocas: list[str] = []
         self._globals: dict[str, str] = {}
+        self._scratch: dict[Any, str] = {}
+        for k, node in enumerate(self._schedule.stored):
+            kind = f"[{node.size} x {self._vector(_stored(node.dtype))}]"
+            text = f"internal global {kind} zeroinitializer, align {ALIGNMENT} ; {k}"
+            self._scratch[node] = self._globals[text] = f"@s{k}"
         self._declared: set[str] = set()
         self._block, self._count = "entry", 0
         self._known: list[dict[str, str]] = [{}]  # name of each result, by loop
@@ -152,12 +142,17 @@ class _Emitter:
     def _address(self, memory: Any, position: str, dtype: Any) -> str:
         """Return the address of the entry of all games at a position."""
         if memory in self._scratch:
-            pointer = self._entry("%scratch", "i8", str(self._scratch[memory]))
-            return self._entry(pointer, self._vector(_stored(dtype)), position)
+            return self._entry(self._scratch[memory], self._vector(_stored(dtype)), position)
         row = self._emit(f"mul nsw i64 {position}, %games")
-        return self._entry(
-            self._outside[memory], _stored(dtype), self._emit(f"add nsw i64 {row}, %first")
-        )
+        place = self._emit(f"add nsw i64 {row}, %first")
+        address = self._entry(self._outside[memory], _stored(dtype), place)
+        following = f"getelementptr inbounds {self._vector(_stored(dtype))}, ptr {address}, i64 1"
+        if self._width > 1 and following not in self._known[-1]:
+            # The next vector is in another page, so that the processor does not expect it.
+            self._declared.add("declare void @llvm.prefetch.p0(ptr, i32, i32, i32)")
+            fetched = f"ptr {self._emit(following)}, i32 0, i32 3, i32 1"
+            self._lines.append(f"  call void @llvm.prefetch.p0({fetched})")
+        return address
 
     def _load(self, node: Recorded, at: Positions) -> str:
         position, element = self._position(at), _stored(node.dtype)
@@ -264,47 +259,46 @@ class _Emitter:
 
     # --- the function
 
-    def code(self) -> Code:
-        """Return the code of all kernels, for all games. The last vector overlaps the one before."""
+    def code(self) -> str:
+        """Return the code of all kernels. The last vector of games overlaps the one before."""
         width = self._width
         more = self._emit(f"add nsw i64 %games, {width - 1}")
         last = self._emit(f"sub nsw i64 %games, {width}")
         with self._loop(self._emit(f"udiv i64 {more}, {width}")) as vector:
             start = self._emit(f"mul nuw nsw i64 {vector}, {width}")
-            self._lines.append(f"  %first = add i64 {self._call('i64', 'llvm.smin', 'i64', [start, last])}, 0")
+            self._lines.append(
+                f"  %first = add i64 {self._call('i64', 'llvm.smin', 'i64', [start, last])}, 0"
+            )
             first = self._splat(self._emit("trunc i64 %first to i32"), "i32")
             steps = ", ".join(f"i32 {k}" for k in range(width))
             self._lines.append(f"  %game = add {self._vector('i32')} {first}, <{steps}>")
             for kernel in self._schedule.kernels:
                 self._kernel(kernel, kernel.shape)
-        pointers = ["%scratch", *self._outside.values()]
+        pointers = list(self._outside.values())
         words = ["  %games = load i64, ptr %words"] if width > 1 else []
         for k, pointer in enumerate(pointers, 1):
             words += [
                 f"  %w{k} = getelementptr i64, ptr %words, i64 {k}",
                 f"  {pointer} = load ptr, ptr %w{k}",
             ]
-        return Code(
-            "\n".join(
-                [
-                    *(f"{name} = {text}" for text, name in self._globals.items()),
-                    *sorted(self._declared),
-                    f"define internal void @play(i64 %games, {_listed('ptr noalias', pointers)}) {{",
-                    "entry:",
-                    *self._allocas,
-                    *self._lines,
-                    "  ret void",
-                    "}",
-                    "define void @run(ptr %words) {",
-                    *words,
-                    f"  call void @play(i64 {'%games' if width > 1 else 1}, "
-                    f"{_listed('ptr', pointers)})",
-                    "  ret void",
-                    "}",
-                    "",
-                ]
-            ),
-            self._size,
+        return "\n".join(
+            [
+                *(f"{name} = {text}" for text, name in self._globals.items()),
+                *sorted(self._declared),
+                f"define internal void @play(i64 %games, {_listed('ptr noalias', pointers)}) {{",
+                "entry:",
+                *self._allocas,
+                *self._lines,
+                "  ret void",
+                "}",
+                "define void @run(ptr %words) {",
+                *words,
+                f"  call void @play(i64 {'%games' if width > 1 else 1}, "
+                f"{_listed('ptr', pointers)})",
+                "  ret void",
+                "}",
+                "",
+            ]
         )
 
     def _kernel(self, kernel: Kernel, shape: Sequence[int]) -> None:
@@ -339,7 +333,7 @@ def _positions(shape: tuple[int, ...]) -> Positions:
 def _strides(at: Positions) -> list[int] | None:
     """Return the steps of positions along each axis; None if they are not constant."""
     strides = []
-    for axis, n in enumerate(at.shape):
+    for axis in range(at.ndim):
         steps = np.diff(at, axis=axis)
         if (steps != steps.flat[0]).any():
             return None

@@ -1,17 +1,28 @@
 """Compiled rounds: a round of the rules is recorded once, compiled, and played from then on."""
 
+import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array
-from roletrust_env.compiled.emit import emit
+from roletrust_env.compiled.emit import ALIGNMENT, emit
 from roletrust_env.compiled.library import Function, load
-from roletrust_env.compiled.record import Recorded, UnrecordableError, cast, constant, make_input
+from roletrust_env.compiled.record import (
+    Recorded,
+    Shape,
+    UnrecordableError,
+    cast,
+    constant,
+    make_input,
+)
 from roletrust_env.randomness import Random
 from roletrust_env.trees import arrays, map_leaves
+
+Facts: TypeAlias = tuple[Shape, Any]
+"""Shape in one game and dtype of an array."""
 
 Play = Callable[..., tuple[Any, Any]]
 """A round, see `Program.record`."""
@@ -29,7 +40,9 @@ class Layout:
 
     def __init__(self, tree: Any) -> None:
         self._tree = map_leaves(lambda _: True, tree)
-        self.arrays = [(leaf.shape, leaf.dtype) for leaf in map(constant, arrays(tree))]
+        self.arrays: list[Facts] = [
+            (leaf.shape, leaf.dtype) for leaf in map(constant, arrays(tree))
+        ]
 
     def inputs(self, name: str) -> Any:
         """Return a tree of inputs."""
@@ -42,10 +55,6 @@ class Layout:
         """Return a tree of this structure with other arrays, in order."""
         rest = iter(parts)
         return map_leaves(lambda _: next(rest), self._tree)
-
-    def memory(self, *games: int) -> list[npt.NDArray[Any]]:
-        """Return new arrays, for a batch of this shape."""
-        return [np.empty((*shape, *games), dtype) for shape, dtype in self.arrays]
 
 
 class RecordedRandom(Random):
@@ -82,7 +91,6 @@ class Program(NamedTuple):
             policies.
         outputs: Layout of what a round returns.
         source: Source of the round, in the language of LLVM.
-        scratch: Number of bytes of scratch memory.
         width: Number of games that are played at once.
     """
 
@@ -91,7 +99,6 @@ class Program(NamedTuple):
     keys: Layout
     outputs: Layout
     source: str
-    scratch: int
     width: int
 
     @classmethod
@@ -119,7 +126,9 @@ class Program(NamedTuple):
         """
         *given, key = inputs
         before, parameters = Layout(state), Layout(tuple(given))
-        like = constant(np.zeros((), np.result_type(*(d for _, d in before.arrays if d.kind == "f"))))
+        like = constant(
+            np.zeros((), np.result_type(*(d for _, d in before.arrays if d.kind == "f")))
+        )
         random = RecordedRandom(like)
         symbols, examples = before.inputs("state"), parameters.inputs("input")
         try:
@@ -136,23 +145,36 @@ class Program(NamedTuple):
             cast(leaf, dtype) for leaf, (_, dtype) in zip(arrays(after), before.arrays, strict=True)
         ]
         width = 1 if not batch else 64 // like.dtype.itemsize
-        code = emit(
+        source = emit(
             [*arrays(symbols), *examples, *random.keys], [*next_state, *arrays(outputs)], width
         )
-        return cls(before, parameters, Layout(tuple(random.keys)), results, *code, width)
+        return cls(before, parameters, Layout(tuple(random.keys)), results, source, width)
 
     def function(self) -> Function:
         """Return the compiled function."""
         return load(self.source)
 
-    def keys_of_round(self, key: Array, random: Random | None) -> list[Array]:
-        """Return the keys of a round: the one given, and those that policies draw."""
+    def with_draws(self, inputs: tuple[Any, ...], random: Random | None) -> tuple[Any, ...]:
+        """Return the inputs of a round and the keys that policies draw in it."""
         draws = len(self.keys.arrays) - 1
-        return [key, *(random.policy_key()[:, 0] for _ in range(draws) if random is not None)]
+        if not draws:
+            return inputs
+        assert random is not None  # the policies draw from it
+        return *inputs, *(random.policy_key()[:, 0] for _ in range(draws))
 
 
 def _refusal(reason: object) -> UnrecordableError:
     return UnrecordableError(f'engine "compiled" cannot play this game: {reason}')
+
+
+def _memory(facts: Sequence[Facts], *games: int) -> list[npt.NDArray[Any]]:
+    """Return new arrays for a batch of this shape, which begin where a line of the cache does."""
+    made = []
+    for shape, dtype in facts:
+        whole = (*shape, *games)
+        block = np.empty(math.prod(whole) * dtype.itemsize + ALIGNMENT, np.uint8)
+        made.append(np.ndarray(whole, dtype, block.data, -_address(block) % ALIGNMENT))
+    return made
 
 
 def _address(array: npt.NDArray[Any]) -> int:
@@ -196,17 +218,15 @@ class CompiledGame:
     def __init__(self, program: Program, state: Any = None) -> None:
         self.program, self._function = program, program.function()
         # The state, and the next one; a round swaps them.
-        self._states = [program.state.memory() for _ in range(2)]
-        self._inputs = program.inputs.memory() + program.keys.memory()
-        outputs = program.outputs.memory()
+        self._states = [_memory(program.state.arrays) for _ in range(2)]
+        self._inputs = _memory([*program.inputs.arrays, *program.keys.arrays])
+        outputs = _memory(program.outputs.arrays)
         self._outputs = program.outputs.tree(outputs)
-        scratch = np.empty(program.scratch, np.uint8)
         self._words = [
-            _words(1, [scratch, *before, *self._inputs, *after, *outputs])
+            _words(1, [*before, *self._inputs, *after, *outputs])
             for before, after in (self._states, self._states[::-1])
         ]
         self._calls = [_address(words) for words in self._words]
-        self._scratch = scratch
         if state is not None:
             self.begin(state)
 
@@ -233,7 +253,7 @@ class CompiledGame:
         Returns:
             What the round returns; its arrays are written to in the next round.
         """
-        given = [*inputs[:-1], *self.program.keys_of_round(inputs[-1], random)]
+        given = self.program.with_draws(inputs, random)
         for memory, value in zip(self._inputs, given, strict=True):
             memory[...] = value
         self._function(self._calls[0])
@@ -251,7 +271,6 @@ class CompiledBatch:
 
     def __init__(self, program: Program) -> None:
         self.program, self._function = program, program.function()
-        self._scratch = np.empty(program.scratch, np.uint8)
 
     def __reduce__(self) -> Any:
         return CompiledBatch, (self.program,)
@@ -267,27 +286,20 @@ class CompiledBatch:
         program = self.program
         games = arrays(state)[0].shape[-1]
         room = max(games, program.width)
-        given = zip(
-            [*arrays(state), *inputs[:-1]],
-            [*program.state.arrays, *program.inputs.arrays],
-            strict=True,
-        )
-        before = [_spread(value, *facts, room) for value, facts in given]
-        keys = [
-            np.ascontiguousarray(key, np.uint32)
-            for key in program.keys_of_round(inputs[-1], random)
-        ]
-        after, outputs = program.state.memory(room), program.outputs.memory(room)
-        words = _words(room, [self._scratch, *before, *keys, *after, *outputs])
+        given = [*arrays(state), *program.with_draws(inputs, random)]
+        facts = [*program.state.arrays, *program.inputs.arrays]
+        before = [_spread(*each, room) for each in zip(given, facts, strict=False)]
+        keys = [np.ascontiguousarray(key, np.uint32) for key in given[len(facts) :]]
+        made = _memory([*program.state.arrays, *program.outputs.arrays], room)
+        words = _words(room, [*before, *keys, *made])
         self._function(_address(words))
-        return (
-            program.state.tree(leaf[..., :games] for leaf in after),
-            program.outputs.tree(leaf[..., :games] for leaf in outputs),
-        )
+        parts = (leaf[..., :games] for leaf in made)
+        return program.state.tree(parts), program.outputs.tree(parts)
 
 
-def _spread(value: Any, shape: tuple[int, ...], dtype: Any, room: int) -> npt.NDArray[Any]:
+def _spread(value: Any, facts: Facts, room: int) -> npt.NDArray[Any]:
     """Return an array of games in one piece; more copies of the last game fill the room."""
+    shape, dtype = facts
     value = np.asarray(value, dtype)
     if value.ndim == len(shape):
         value = value[..., None]
