@@ -123,18 +123,16 @@ class _Emitter:
     def _position(self, at: Positions) -> str:
         """Return the position in this turn of the loops: a sum over their variables, or listed."""
         strides = _strides(at)
-        listed = strides is None
-        total = "0" if listed else str(at.flat[0])
-        for variable, stride in zip(
-            self._variables, _strides(_positions(at.shape)) if listed else strides, strict=True
-        ):
+        if strides is None:
+            place = self._position(np.arange(at.size, dtype=np.int32).reshape(at.shape))
+            small = self._emit(f"load i32, ptr {self._entry(self._table(at), 'i32', place)}")
+            return self._emit(f"zext i32 {small} to i64")
+        total = str(at.flat[0])
+        for variable, stride in zip(self._variables, strides, strict=True):
             if stride:
                 term = self._emit(f"mul nsw i64 {variable}, {stride}")
                 total = self._emit(f"add nsw i64 {total}, {term}")
-        if not listed:
-            return total
-        small = self._emit(f"load i32, ptr {self._entry(self._table(at), 'i32', total)}")
-        return self._emit(f"zext i32 {small} to i64")
+        return total
 
     def _entry(self, pointer: str, element: str, position: str) -> str:
         return self._emit(f"getelementptr inbounds {element}, ptr {pointer}, i64 {position}")
@@ -326,10 +324,6 @@ def _listed(kind: str, names: Sequence[str]) -> str:
     return ", ".join(f"{kind} {name}" for name in names)
 
 
-def _positions(shape: tuple[int, ...]) -> Positions:
-    return np.arange(math.prod(shape), dtype=np.int32).reshape(shape)
-
-
 def _strides(at: Positions) -> list[int] | None:
     """Return the steps of positions along each axis; None if they are not constant."""
     strides = []
@@ -375,9 +369,7 @@ def _literal(value: Any, dtype: Any) -> str:
 
 def _neutral(name: str, dtype: Any) -> float:
     """Return the number that a reduction begins with."""
+    known = {"multiply": 1, "logical_and": 1, "maximum": -math.inf, "minimum": math.inf}
     if dtype.kind == "i":
-        low, high = np.iinfo(dtype).min, np.iinfo(dtype).max
-    else:
-        low, high = -math.inf, math.inf
-    known = {"maximum": low, "minimum": high, "multiply": 1, "logical_and": 1}
+        known |= {"maximum": np.iinfo(dtype).min, "minimum": np.iinfo(dtype).max}
     return known.get(name, 0)

@@ -72,7 +72,7 @@ def _einsum(subscripts: str, *arrays: Any) -> Array:
     for axes, array in zip(given, map(constant, arrays), strict=True):
         order = [axes.index(name) for name in names if name in axes]
         shape = [array.shape[axes.index(name)] if name in axes else 1 for name in names]
-        factors.append(view(array, lambda p, o=order, s=shape: p.transpose(o).reshape(s)))
+        factors.append(_NAMESPACE.transpose(array, order).reshape(shape))
     return _sum(math.prod(factors), tuple(range(len(result), len(names))))
 
 

@@ -57,7 +57,7 @@ def operands(node: Recorded, at: Positions) -> Iterator[tuple[Recorded, Position
     """
     if node.op.startswith("reduce"):
         n = node.args[0].shape[-1]
-        at = at[..., None] * n + np.arange(n, dtype=np.int32)
+        at = np.add.outer(at * n, np.arange(n, dtype=np.int32))
     elif node.op == "view":
         at = node.data.reshape(-1)[at]
     for arg in node.args[node.op == "gather" :]:
@@ -97,12 +97,7 @@ class Schedule:
             return
         at = entries(put.source)
         reads = list(self._reads(put.source, at, put.source is put.target))
-        after = [
-            self._computed_in[node]
-            + (node.op == "concat" or not np.array_equal(places, entries(node)))
-            for node, places in reads
-        ]
-        chosen = max(after, default=0)
+        chosen = max((self._computed_in[node] + (not same) for node, same in reads), default=0)
         while chosen < len(self.kernels) and self.kernels[chosen].shape != at.shape:
             chosen += 1
         if chosen == len(self.kernels):
@@ -115,15 +110,17 @@ class Schedule:
 
     def _reads(
         self, node: Recorded, at: Positions, opened: bool
-    ) -> Iterator[tuple[Recorded, Positions | None]]:
-        """Yield the computed arrays that an entry of another needs, and the positions in each."""
+    ) -> Iterator[tuple[Recorded, bool]]:
+        """Yield the computed arrays that an entry of another needs, and whether the same turn of
+        the loops computes what is needed.
+        """
         if opened or node.op == "view" or node in self.inline:
-            if node.op == "gather":
-                yield from self._reads(node.args[0], None, False)
+            if node.op == "gather" and node.args[0].op == "concat":
+                yield node.args[0], False
             for arg, places in operands(node, at):
                 yield from self._reads(arg, places, False)
         elif node.args:
-            yield node, at
+            yield node, node.op != "concat" and np.array_equal(at, entries(node))
 
 
 def _graph_order(ends: Sequence[Recorded]) -> list[Recorded]:
