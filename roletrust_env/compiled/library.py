@@ -1,5 +1,6 @@
 """Machine code: LLVM compiles the source of a round once, and a file keeps what it made."""
 
+import atexit
 import ctypes
 import hashlib
 import os
@@ -140,4 +141,7 @@ def cache_folder() -> Path:
 
 @cache
 def _private_folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="roletrust-"))
+    """Return a folder of this process, which goes when the process ends."""
+    folder = tempfile.TemporaryDirectory(prefix="roletrust-")
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
