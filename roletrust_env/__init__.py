@@ -81,7 +81,7 @@ def __getattr__(name: str) -> Any:
         return import_module(f"{__name__}.{name}")
     module = _MODULES[name]
     try:
-        found = getattr(import_module(module), name)
+        value = getattr(import_module(module), name)
     except ModuleNotFoundError as error:
         missing = (error.name or "").partition(".")[0]
         if module not in _EXTRAS or missing == __name__:
@@ -96,8 +96,8 @@ def __getattr__(name: str) -> Any:
         raise (gymnasium.error.DependencyNotInstalled if asked else DependencyNotInstalled)(
             hint
         ) from None
-    globals()[name] = found
-    return found
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

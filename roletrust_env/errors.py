@@ -56,7 +56,7 @@ def suggest(
         >>> "unknown suite 'quik'" + suggest("quik", ["quick", "full"])
         "unknown suite 'quik'; did you mean 'quick'? Known: quick, full"
     """
-    names = {one.casefold(): one for one in known}
+    names = {known_name.casefold(): known_name for known_name in known}
     near = get_close_matches(str(name).casefold(), names, 1)
     hint = hint or (f"did you mean {names[near[0]]!r}?" if near else None)
     return f"{f'; {hint}' if hint else '.'} {label} {', '.join(names.values()) or 'none'}"
@@ -128,5 +128,6 @@ def printable(text: str) -> str:
         red\x1b[31m\nnew line
     """
     return "".join(
-        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
     )

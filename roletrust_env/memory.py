@@ -39,8 +39,8 @@ def available() -> float:
         free = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, ValueError, OSError):
         free = float("inf")
-    if found := re.search(r"MemAvailable: *(\d+) kB", kernel_file("/proc/meminfo")):
-        free = 1024.0 * int(found[1])
+    if match := re.search(r"MemAvailable: *(\d+) kB", kernel_file("/proc/meminfo")):
+        free = 1024.0 * int(match[1])
     limit = kernel_file("/sys/fs/cgroup/memory.max").strip()  # of a container; or the word max
     return min(free, float(limit)) if limit.isdecimal() else free
 

@@ -238,7 +238,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, dict):
-        return {name: plain(one) for name, one in value.items()}
+        return {name: plain(item) for name, item in value.items()}
     return tuple(map(plain, value)) if type(value) in (list, tuple, range) else value
 
 

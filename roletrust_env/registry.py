@@ -192,15 +192,15 @@ class Registry(Generic[T]):
         )
         own = [field.name for field in fields(cast(Any, made)) if field.init] if name else []
         given = {key: getattr(made, key) for key in own}
-        found = {
-            key: self.described(one) if isinstance(one, self.base) else one
-            for key, one in given.items()
+        parameters = {
+            key: self.described(argument) if isinstance(argument, self.base) else argument
+            for key, argument in given.items()
         }
-        if name is None or self.read({"name": name, **found}) != made:
+        if name is None or self.read({"name": name, **parameters}) != made:
             raise ValueError(
                 f"{made!r} is no {self.kind} that is registered with a name and parameters"
             )
-        return {"name": name, **found}
+        return {"name": name, **parameters}
 
     def read(self, table: Mapping[str, Any]) -> T:
         """Return the object of a table of its name and its parameters, which may be tables, too.
@@ -210,12 +210,12 @@ class Registry(Generic[T]):
         """
         if not isinstance(name := table.get("name"), str):
             raise ValueError(f"{dict(table)} has no name of a {self.kind}")
-        parameters = {key: one for key, one in table.items() if key != "name"}
+        parameters = {key: argument for key, argument in table.items() if key != "name"}
         return self.make(
             name,
             **{
-                k: self.read(one) if isinstance(one, Mapping) else one
-                for k, one in parameters.items()
+                k: self.read(argument) if isinstance(argument, Mapping) else argument
+                for k, argument in parameters.items()
             },
         )
 

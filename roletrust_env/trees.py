@@ -166,4 +166,4 @@ def _marks(cls: Any) -> tuple[_Marks, ...]:
 
 
 def _first(kind: type, notes: tuple[Any, ...]) -> Any:
-    return next((one for one in notes if isinstance(one, kind)), None)
+    return next((note for note in notes if isinstance(note, kind)), None)

@@ -291,8 +291,8 @@ class AgreedCmaEs(ScriptSearch):
         for k, group in enumerate(leaders):
             scripts, tries = _alike(trial.task, group), trial.left // (len(leaders) - k)
             if scripts.size and tries >= GENERATION:
-                found = cma_es(trial, scripts, tries, self.spread, random)
-                attacks, scores = attacks + found[0], [*scores, found[1]]
+                best = cma_es(trial, scripts, tries, self.spread, random)
+                attacks, scores = attacks + best[0], [*scores, best[1]]
         return attacks, np.concatenate(scores)
 
 

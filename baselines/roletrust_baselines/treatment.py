@@ -41,8 +41,8 @@ def shares(view: ProviderView, cheated: Array, bad: float) -> Array:
     """Return the share of quality for each rater, shape (S, ...): `bad` for the cheated ones, and 1
     for the others.
     """
-    one = 0 * view.ratings + 1
-    return namespace(one).where(cheated, bad * one, one)
+    full_shares = 0 * view.ratings + 1
+    return namespace(full_shares).where(cheated, bad * full_shares, full_shares)
 
 
 @checked_dataclass

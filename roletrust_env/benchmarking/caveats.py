@@ -57,7 +57,9 @@ def _model_caveats(
     suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]
 ) -> Iterator[str]:
     scenario = next(iter(suite.scenarios.values())).scenario()
-    played = {one.model for one in attacks}  # a model that hangs or ends Python must not run here
+    played = {
+        attack.model for attack in attacks
+    }  # a model that hangs or ends Python must not run here
     discontinuous, names_of_methods = [], {method.partition(":")[0] for method in suite.methods}
     for name in models:
         if name not in played:
@@ -83,14 +85,14 @@ def _model_caveats(
             )
             yield f"{name}: its trust depends on the places of agents; the liars of this suite {shown}"  # noqa: E501
         clean = [
-            one
-            for one in attacks
-            if one.model == name and not suite.tracks[one.condition.track].roles
+            attack
+            for attack in attacks
+            if attack.model == name and not suite.tracks[attack.condition.track].roles
         ]
         leads = [
-            one.measured["utility"] - one.measured["blind"]
-            for one in clean
-            if _providers_differ(one)
+            attack.measured["utility"] - attack.measured["blind"]
+            for attack in clean
+            if _providers_differ(attack)
         ]
         if leads and all(np.nanmax(abs(lead)) < _SAME for lead in leads):
             yield f"{name}: choosing by its trust is no better than choosing blindly; it (almost) ignores ratings"  # noqa: E501
@@ -122,8 +124,8 @@ def _depends_on_places(game: Game) -> bool:
     seats: Any = RandomOrder(game.model)
     seated = Game(game.scenario, seats)
     return any(
-        (abs(one - other) > _ROUNDING).any()
-        for one, other in zip(*map(_rated, (game, seated)), strict=True)
+        (abs(own - other) > _ROUNDING).any()
+        for own, other in zip(*map(_rated, (game, seated)), strict=True)
     )
 
 
@@ -143,20 +145,23 @@ def _rated(game: Game) -> tuple[Array, Array]:
 def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
     """Yield searches and learners that never beat the scripted attacks with default parameters."""
     scripted: dict[tuple[str, Condition], float] = {}
-    for one in attacks:
-        if one.method == "scripted":
-            key = one.model, one.condition
-            scripted[key] = min(scripted.get(key, np.inf), float(np.nanmean(one.chosen)))
+    for attack in attacks:
+        if attack.method == "scripted":
+            key = attack.model, attack.condition
+            scripted[key] = min(scripted.get(key, np.inf), float(np.nanmean(attack.chosen)))
     for method in dict.fromkeys(
-        one.method for one in attacks if not one.white_box and one.method not in WITHOUT_SEARCH
+        attack.method
+        for attack in attacks
+        if not attack.white_box and attack.method not in WITHOUT_SEARCH
     ):
         results = [
-            one
-            for one in attacks
-            if one.method == method and (one.model, one.condition) in scripted
+            attack
+            for attack in attacks
+            if attack.method == method and (attack.model, attack.condition) in scripted
         ]
         if results and not any(
-            np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in results
+            np.nanmean(attack.chosen) < scripted[attack.model, attack.condition]
+            for attack in results
         ):
             yield f"{method} never beat the scripts; a larger budget might"
 
@@ -172,18 +177,18 @@ def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
             if row.progress:
                 gains.setdefault(cell.method, []).append((late_gain(row.progress), cell.key))
                 short[cell.method] += len(row.progress) < _POINTS
-    for method, found in gains.items():
-        rising = sum(gain > FLAT for gain, _ in found)
+    for method, progress in gains.items():
+        rising = sum(gain > FLAT for gain, _ in progress)
         if rising:
-            gain, key = max(found)
+            gain, key = max(progress)
             yield (
                 f"{method}: the last doubling of its rounds gained more than {FLAT:g} in {rising} "
-                f"of {len(found)} "
+                f"of {len(progress)} "
                 f"cells, at most {gain:.3f} in {key}; a larger budget might find worse"
             )
         if short[method]:
             yield (
-                f"{method}: in {short[method]} of {len(found)} cells its course has fewer than "
+                f"{method}: in {short[method]} of {len(progress)} cells its course has fewer than "
                 f"{_POINTS} points, "
                 "too few to say whether a larger budget finds worse"
             )
@@ -191,14 +196,18 @@ def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
 
 def _start_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
     """Yield searches that found something else with another seed."""
-    for method in dict.fromkeys(one.method for one in attacks):
-        found = [one for one in attacks if one.method == method and not np.isnan(one.difference)]
-        apart = [one for one in found if one.difference > FLAT]
+    for method in dict.fromkeys(attack.method for attack in attacks):
+        repeated = [
+            attack
+            for attack in attacks
+            if attack.method == method and not np.isnan(attack.difference)
+        ]
+        apart = [attack for attack in repeated if attack.difference > FLAT]
         if apart:
-            most = max(apart, key=lambda one: one.difference)
+            most = max(apart, key=lambda attack: attack.difference)
             yield (
                 f"{method}: starts with other seeds differ by more than {FLAT:g} in {len(apart)} "
-                f"of {len(found)} "
+                f"of {len(repeated)} "
                 f"searches, at most by {most.difference:.3f} on {most.model} in "
                 f"{most.condition.description}"
             )
@@ -216,7 +225,7 @@ def _idle_caveats(suite: Suite, stored: Sequence[StoredCell]) -> Iterator[str]:
 
 def _condition_caveats(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[str]:
     """Yield conditions in which no attack can be played, so that they do not count."""
-    played = {one.condition[1:] for one in attacks}
+    played = {attack.condition[1:] for attack in attacks}
     for name in suite.tracks:
         idle = dict.fromkeys(
             share

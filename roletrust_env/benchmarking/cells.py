@@ -156,8 +156,8 @@ def known_batches(
         ValueError: A record is not valid.
     """
     groups: list[list[tuple[KnownAttack, Attacker]]] = []
-    for one in known:
-        pair = one, read_record(one.record)
+    for known_attack in known:
+        pair = known_attack, read_record(known_attack.record)
         fitting = [group for group in groups if _stack(group[0], pair)]
         if fitting:
             fitting[0].append(pair)
@@ -166,7 +166,7 @@ def known_batches(
     for group in groups:
         for part in _chunks(group, _rows(task, games)):
             names, (first, *others) = (
-                tuple(one.name for one, _ in part),
+                tuple(known_attack.name for known_attack, _ in part),
                 [attacker for _, attacker in part],
             )
             together = first.stack(others) if isinstance(first, Stackable) and others else first
@@ -175,9 +175,9 @@ def known_batches(
 
 def _stack(pair: tuple[KnownAttack, Attacker], other: tuple[KnownAttack, Attacker]) -> bool:
     """Return whether two known attacks play in one batch, which has one description."""
-    (one, attacker), (another, beside) = pair, other
+    (first, attacker), (another, beside) = pair, other
     return (
-        one.words == another.words
+        first.words == another.words
         and isinstance(attacker, Stackable)
         and attacker.stacks_with(beside)
     )
@@ -306,7 +306,8 @@ def _play_cell(suite: Suite, cell: Cell, record: str, arguments: TaskArguments) 
                 good, errors = [], [f"attack {', '.join(batch.names)}: {reason(error)}"]
             rows, failed = rows + good, failed + errors
             singles |= {
-                one.names[0]: one for one in (batch.split() if batch.names[1:] else [batch])
+                batch_part.names[0]: batch_part
+                for batch_part in (batch.split() if batch.names[1:] else [batch])
             }
             steps += batch.rounds + len(batch.names) * games * task.game.scenario.max_cycles
             if batch.progress and suite.seeds[1:]:
@@ -390,11 +391,18 @@ def _attacks(
             raise UnsuitableError("there is no known attack for this condition")
         yield from known_batches(task, known, 2 * suite.games)
         return
-    method = make_search(cell.method, list(kinds.values()), [one.record for one in known])
+    method = make_search(
+        cell.method, list(kinds.values()), [known_attack.record for known_attack in known]
+    )
     search = method.search(arguments, Budget(suite.budget_of(cell)), cell.seed)
-    found = record_of(search.attacker)
+    found_record = record_of(search.attacker)
     yield AttackBatch(
-        (cell.method,), search.attacker, search.rounds, search.description, found, search.progress
+        (cell.method,),
+        search.attacker,
+        search.rounds,
+        search.description,
+        found_record,
+        search.progress,
     )
 
 
@@ -439,10 +447,10 @@ def _measure_worst(
     """
     games, seed = suite.tracks[cell.track].games or suite.games, (cell.seed, _FURTHER)
     scores = attack_scores(suite, [StoredCell(cell, CellResult(tuple(rows), 0.0))])
-    own = [one for one in scores if (one.attack, cell[1:4]) not in suite.entered]
+    own = [attack for attack in scores if (attack.attack, cell[1:4]) not in suite.entered]
     counted = (
         scores,
-        [one for one in scores if not one.treats],
+        [attack for attack in scores if not attack.treats],
         own,
     )  # each has a column in the leaderboard
     names = {case.attack for part in counted for case in worst_cases(part, white_box=True).values()}
@@ -465,9 +473,9 @@ def _row(batch: AttackBatch, k: int, scores: SplitScores) -> AttackResult:
         {name: _plain(values[k]) for name, values in half.items()} for half in scores[:2]
     )
     curve = [None if x is None else round(x, 3) for x in _plain(scores.by_round[:, k])]
-    found = batch.names[k], batch.words, batch.rounds
+    identity = batch.names[k], batch.words, batch.rounds
     return AttackResult(
-        *found, chosen, measured, curve, batch.record, batch.progress, bool(scores.treats[k])
+        *identity, chosen, measured, curve, batch.record, batch.progress, bool(scores.treats[k])
     )
 
 

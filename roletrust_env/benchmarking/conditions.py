@@ -35,7 +35,7 @@ class Convergence(NamedTuple):
     def of(cls, attacks: Iterable[AttackScores]) -> "Convergence":
         """Return the shares among attacks; those without a course say nothing."""
         pairs = np.array(
-            [(one.gain, one.difference) for one in attacks if not np.isnan(one.gain)]
+            [(attack.gain, attack.difference) for attack in attacks if not np.isnan(attack.gain)]
         ).reshape(-1, 2)
         within = np.column_stack([pairs, pairs.max(axis=1)])
         return cls(
@@ -78,17 +78,17 @@ def condition_rows(
 ) -> list[ConditionRow]:
     """Return the conditions in which models were attacked, in the order of the suite."""
     rows = []
-    for place in (Condition(*one) for one in conditions):
-        found = [case for (_, where), case in cases.items() if where == place]
-        if found:
+    for place in (Condition(*fields) for fields in conditions):
+        condition_cases = [case for (_, where), case in cases.items() if where == place]
+        if condition_cases:
             scores, attacks = (
-                np.array([case.mean for case in found]),
-                [case.attack for case in found],
+                np.array([case.mean for case in condition_cases]),
+                [case.attack for case in condition_cases],
             )
-            spread = float(scores.std(ddof=1)) if len(found) > 1 else np.nan
-            apart = told_apart(np.stack([case.score for case in found]))
+            spread = float(scores.std(ddof=1)) if len(condition_cases) > 1 else np.nan
+            apart = told_apart(np.stack([case.score for case in condition_cases]))
             ends = float(scores.mean()), float(scores.min()), float(scores.max())
             usual = max(attacks, key=attacks.count)
-            course = Convergence.of(one for one in struck if one.condition == place)
+            course = Convergence.of(attack for attack in struck if attack.condition == place)
             rows.append(ConditionRow(place.description, *ends, spread, apart, usual, *course))
     return rows

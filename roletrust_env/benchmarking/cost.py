@@ -158,4 +158,4 @@ def cell_costs(suite: SuiteSchema, cells: Sequence[Any]) -> dict[str, float]:
         seconds = estimate_seconds(suite, tried)
     except Exception:  # attacks of other packages may raise anything
         return alike
-    return {cell.key: seconds[one.key] for cell, one in zip(cells, tried, strict=True)}
+    return {cell.key: seconds[trial.key] for cell, trial in zip(cells, tried, strict=True)}

@@ -36,9 +36,9 @@ def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str,
         used = {*names, *trust_models.names()}
         kind = type(instance).__name__
         name = next(
-            one
+            candidate
             for k in range(1, len(models) + 2)
-            if (one := kind if k == 1 else f"{kind}-{k}") not in used
+            if (candidate := kind if k == 1 else f"{kind}-{k}") not in used
         )
         names.append(name)
         instances[name] = instance

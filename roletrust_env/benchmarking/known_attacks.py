@@ -62,12 +62,12 @@ def check_names(attacks: Iterable[KnownAttack]) -> None:
         ValueError: Two have the same name.
     """
     seen = set()
-    for one in attacks:
-        key = one.name, one.condition
+    for attack in attacks:
+        key = attack.name, attack.condition
         if key in seen:
             raise ValueError(
-                f"there are two known attacks {one.name!r} in {one.scenario}, {one.track} "
-                f"{one.share:.0%}"
+                f"there are two known attacks {attack.name!r} in {attack.scenario}, {attack.track} "
+                f"{attack.share:.0%}"
             )
         seen.add(key)
 
@@ -84,13 +84,13 @@ def merge_attacks(*lists: Iterable[KnownAttack]) -> tuple[KnownAttack, ...]:
     """
     by_record: dict[tuple[str, tuple[str, str, float]], KnownAttack] = {}  # and condition
     taken: set[tuple[str, tuple[str, str, float]]] = set()
-    for one in chain(*lists):
-        if (one.record, one.condition) in by_record:
+    for attack in chain(*lists):
+        if (attack.record, attack.condition) in by_record:
             continue
-        names = (one.name if k == 1 else f"{one.name} ({k})" for k in count(1))
-        name = next(name for name in names if (name, one.condition) not in taken)
-        taken.add((name, one.condition))
-        by_record[one.record, one.condition] = one.model_copy(update={"name": name})
+        names = (attack.name if k == 1 else f"{attack.name} ({k})" for k in count(1))
+        name = next(name for name in names if (name, attack.condition) not in taken)
+        taken.add((name, attack.condition))
+        by_record[attack.record, attack.condition] = attack.model_copy(update={"name": name})
     return tuple(by_record.values())
 
 
@@ -100,11 +100,11 @@ def check_records(attacks: Iterable[KnownAttack]) -> None:
     Raises:
         ValueError: A record is not valid, or names what is not installed.
     """
-    for one in attacks:
+    for attack in attacks:
         try:
-            read_record(one.record)
+            read_record(attack.record)
         except ValueError as error:
-            raise ValueError(f"known attack {one.name!r}: {error}") from None
+            raise ValueError(f"known attack {attack.name!r}: {error}") from None
 
 
 def read_known_attacks(path: Path) -> tuple[KnownAttack, ...]:

@@ -127,28 +127,32 @@ def leaderboard_rows(
     """
     attacks = attack_scores(suite, stored) if attacks is None else attacks
     honest = {name for name, track in suite.tracks.items() if not track.roles}
-    own = [one for one in attacks if (one.attack, tuple(one.condition)) not in suite.entered]
+    own = [
+        scores
+        for scores in attacks
+        if (scores.attack, tuple(scores.condition)) not in suite.entered
+    ]
     black_box, without, white_box = (
         worst_cases(attacks),
         worst_cases(own),
         worst_cases(attacks, white_box=True),
     )
     serving_alike = worst_cases(attacks, alike=True)
-    clean = [one for one in black_box.values() if one.condition.track in honest]
+    clean = [case for case in black_box.values() if case.condition.track in honest]
     attacked, alike, ensemble, open_attacked = (
-        [one for one in cases.values() if one.condition.track not in honest]
+        [case for case in cases.values() if case.condition.track not in honest]
         for cases in (black_box, serving_alike, without, white_box)
     )
     columns = {
         "clean": score_table(clean, models),
         "worst": score_table(attacked, models),
         "alike": score_table(alike, models),
-        "published": score_table(attacked, models, lambda one: one.published),
+        "published": score_table(attacked, models, lambda case: case.published),
         "ensemble": score_table(ensemble, models),
         "open_worst": score_table(open_attacked, models),
-        "damage": score_table(attacked, models, lambda one: one.measured["damage"]),
-        "false_alarms": score_table(clean, models, lambda one: one.measured["false_alarms"]),
-        "detection": score_table(attacked, models, lambda one: one.measured["auc"]),
+        "damage": score_table(attacked, models, lambda case: case.measured["damage"]),
+        "false_alarms": score_table(clean, models, lambda case: case.measured["false_alarms"]),
+        "detection": score_table(attacked, models, lambda case: case.measured["auc"]),
     }
     estimates = {
         name: over_seeds(values, len(models)).estimates for name, values in columns.items()
@@ -157,20 +161,25 @@ def leaderboard_rows(
         cells_each - sum(cell.model == model and not result.failed for cell, result in stored)
         for model in models
     ]
-    means = {name: [one.mean for one in estimates[name]] for name in ("clean", "worst", "alike")}
+    means = {
+        name: [estimate.mean for estimate in estimates[name]]
+        for name in ("clean", "worst", "alike")
+    }
     places, own_places = (
         _places(columns[name], means[name], means["clean"], missing) for name in ("worst", "alike")
     )
     rows = []
     for k, model in enumerate(models):
         lowest = min(
-            (one for one in attacked if one.model == model), key=lambda one: one.mean, default=None
+            (case for case in attacked if case.model == model),
+            key=lambda case: case.mean,
+            default=None,
         )
         row = LeaderboardRow(
             tier=places.tiers.get(k),
             rank=places.ranks[k],
             model=model,
-            **{name: found[k] for name, found in estimates.items()},
+            **{name: values_of_models[k] for name, values_of_models in estimates.items()},
             holds=places.holds.get(k, np.nan),
             missing=missing[k],
             worst_attack="" if lowest is None else lowest.attack,
@@ -213,10 +222,10 @@ def _places(
         k: in_order.index(keys[k]) + 1 for k in order
     }  # equal keys share the rank of the first one
     judged = [k for k in order if not missing[k] and not np.isnan(means[k])]
-    found = verdict(scores[judged])
+    ranked = verdict(scores[judged])
     tiers, holds = (
-        dict(zip(judged, found.tiers, strict=True)),
-        dict(zip(judged, found.holds, strict=True)),
+        dict(zip(judged, ranked.tiers, strict=True)),
+        dict(zip(judged, ranked.holds, strict=True)),
     )
     return _Places(ranks, tiers, holds)
 
@@ -231,7 +240,7 @@ def _order(worst: float, clean: float) -> tuple[float, float]:
 def score_table(
     cases: Sequence[WorstCase],
     models: Sequence[str],
-    value: Callable[[WorstCase], Floats] = lambda one: one.score,
+    value: Callable[[WorstCase], Floats] = lambda case: case.score,
 ) -> Floats:
     """Return the mean over the conditions for each model, seed and game, shape (M, S, G); NaN
     without a condition.
@@ -244,11 +253,11 @@ def score_table(
         models: Names of the models.
         value: Function that returns the value of a worst case, shape (S, G).
     """
-    shapes = {one.score.shape for one in cases} or {(1, 1)}
+    shapes = {case.score.shape for case in cases} or {(1, 1)}
     seeds, games = min(shapes)[0], gcd(*(shape[1] for shape in shapes))
     table = np.full((len(models), seeds, games), np.nan)
     for k, model in enumerate(models):
-        if mine := [value(one).reshape(seeds, games, -1) for one in cases if one.model == model]:
+        if mine := [value(case).reshape(seeds, games, -1) for case in cases if case.model == model]:
             table[k] = mean_or_nan(np.stack([mean_or_nan(part, axis=-1) for part in mine]), axis=0)
     return table
 
@@ -301,7 +310,7 @@ def moved_rows(rows: Sequence[LeaderboardRow], attacks: Sequence[AttackScores]) 
     both = [key for key in worst if key in alike]
     tables = (score_table([cases[key] for key in both], models) for cases in (alike, worst))
     losses = over_seeds(np.subtract(*tables), len(models)).estimates
-    found = []
+    moved = []
     for row, loss in zip(rows, losses, strict=True):
         mine = {key: alike[key].mean - worst[key].mean for key in both if key[0] == row.model}
         most = max(mine, key=mine.__getitem__, default=None)
@@ -312,8 +321,8 @@ def moved_rows(rows: Sequence[LeaderboardRow], attacks: Sequence[AttackScores]) 
             (row.tier, row.rank, row.alike_tier, row.alike_rank),
             (row.worst.mean, row.alike.mean),
         )
-        found.append(MovedRow(row.model, *places, *means, *loss[:2], where, cost, attack))
-    return found
+        moved.append(MovedRow(row.model, *places, *means, *loss[:2], where, cost, attack))
+    return moved
 
 
 _MEANINGS = {
@@ -388,10 +397,10 @@ class Leaderboard:
         only if the consumers are raters, `ensemble` only if others have found attacks, and `real`
         only with replays of logs.
         """
-        idle = set() if any(one.treats for one in self.attacks) else {"alike"}
+        idle = set() if any(attack.treats for attack in self.attacks) else {"alike"}
         if self.suite.consumers == "public":
             idle.add("published")
-        if not any(one.finder for one in self.suite.known):
+        if not any(attack.finder for attack in self.suite.known):
             idle.add("ensemble")
         if not self.real:
             idle.add("real")
@@ -479,7 +488,7 @@ def row_texts(
         between: Text between a mean and half its interval.
         real: What models keep in replays of real logs, by name.
     """
-    kept = (real or {}).get(row.model)
+    real_score = (real or {}).get(row.model)
     worst = f"{row.worst_attack} ({row.worst_condition})" if row.worst_attack else "-"
     holds = "-" if row.holds != row.holds else f"{row.holds:.0%}"
     return {
@@ -491,7 +500,9 @@ def row_texts(
         "alike": f"{_estimate(row.alike, between)} ({row.alike_rank}, tier {row.alike_tier or '-'})",  # noqa: E501
         "published": _estimate(row.published, between),
         "ensemble": _estimate(row.ensemble, between),
-        "real": "-" if kept is None else f"{kept.value:.3f} ({kept.low:.3f}, {kept.high:.3f})",
+        "real": "-"
+        if real_score is None
+        else f"{real_score.value:.3f} ({real_score.low:.3f}, {real_score.high:.3f})",
         "worst attack": worst,
         "damage": _estimate(row.damage),
         "alarms": _estimate(row.false_alarms),

@@ -27,23 +27,29 @@ def read_replays(path: Path) -> dict[str, Interval]:
         ValueError: The file is none of that command, or has no replay with both goals.
         OSError: The file cannot be read.
     """
-    found: dict[str, dict[str, dict[tuple[str, str], Interval]]] = {}
+    by_model: dict[str, dict[str, dict[tuple[str, str], Interval]]] = {}
     try:
         with path.open(encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
                 measure = row["protocol"], row["measure"]
                 if measure[0] == _PROTOCOL:
                     value = Interval(*(float(row[name]) for name in ("value", "low", "high")))
-                    found.setdefault(row["model"], {}).setdefault(row["log"], {})[measure] = value
+                    by_model.setdefault(row["model"], {}).setdefault(row["log"], {})[measure] = (
+                        value
+                    )
     except (KeyError, TypeError, ValueError, AttributeError, csv.Error) as error:
         raise ValueError(
             f"{path} is no comparison.csv of `roletrust rate --compare` ({error!r})"
         ) from None
-    logs = {log for of_model in found.values() for log in of_model}
+    logs = {log for of_model in by_model.values() for log in of_model}
     by_log = {
-        name: [kept(of_model.get(log, {})) for log in logs] for name, of_model in found.items()
+        name: [kept(of_model.get(log, {})) for log in logs] for name, of_model in by_model.items()
     }
-    complete = {name: [one for one in each if one] for name, each in by_log.items() if all(each)}
+    complete = {
+        name: [interval for interval in each if interval]
+        for name, each in by_log.items()
+        if all(each)
+    }
     if not complete:
         raise ValueError(
             f"{path} has no replay of a log with hostile accounts; `roletrust rate --compare` "
@@ -66,7 +72,7 @@ def kept(measures: Mapping[tuple[str, str], Interval]) -> Interval | None:
     Returns:
         The mean with its interval; None where a goal was not attacked.
     """
-    found: dict[str, list[Interval]] = {}
+    by_goal: dict[str, list[Interval]] = {}
     for (protocol, what), value in measures.items():
         goal, _, accounts = what.partition(", ")
         if protocol == _PROTOCOL and goal in _GOALS and accounts != "honest":
@@ -75,10 +81,10 @@ def kept(measures: Mapping[tuple[str, str], Interval]) -> Interval | None:
                 if goal == "sink"
                 else Interval(1 - value.value, 1 - value.high, 1 - value.low)
             )
-            found.setdefault(goal, []).append(left)
-    complete = len(found) == len(_GOALS)
+            by_goal.setdefault(goal, []).append(left)
+    complete = len(by_goal) == len(_GOALS)
     return (
-        Interval(*np.mean([min(attacks) for attacks in found.values()], axis=0).tolist())
+        Interval(*np.mean([min(attacks) for attacks in by_goal.values()], axis=0).tolist())
         if complete
         else None
     )

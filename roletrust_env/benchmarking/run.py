@@ -134,7 +134,8 @@ def _check_methods(suite: Suite) -> None:
     names.
     """
     stages, tracks = (
-        [one.budgets for one in part.values()] for part in (suite.scenarios, suite.tracks)
+        [suite_part.budgets for suite_part in part.values()]
+        for part in (suite.scenarios, suite.tracks)
     )
     for method in dict.fromkeys((*suite.methods, *chain(*stages, *tracks))):
         if method not in WITHOUT_SEARCH:
@@ -172,7 +173,7 @@ def play_suite(
             for cell, result in playing:
                 played.append(StoredCell(cell, result))
                 on_cell(cell, result)
-        return sorted(played, key=lambda one: str(one.cell.key))
+        return sorted(played, key=lambda row: str(row.cell.key))
     prepare_folder(out)
     with ResultStore(out / "results.sqlite", suite, overwrite=force) as store:
         finished = store.finished_keys()

@@ -101,12 +101,12 @@ def _parts(thing: Any, seen: dict[int, int]) -> Iterable[object]:
             "code",
             thing.co_code.hex(),
             thing.co_names,
-            *(_digest(one, seen) for one in thing.co_consts),
+            *(_digest(constant, seen) for constant in thing.co_consts),
         )
     if isinstance(thing, staticmethod | classmethod):
         return type(thing).__name__, _digest(thing.__func__, seen)
     if isinstance(thing, property):
-        return "property", *(_digest(one, seen) for one in (thing.fget, thing.fset))
+        return "property", *(_digest(accessor, seen) for accessor in (thing.fget, thing.fset))
     if isinstance(thing, type):
         return _class(thing, seen)
     return _object(thing, seen)
@@ -146,10 +146,10 @@ def _is_there(thing: Any) -> bool:
     """Return whether a class or a function is in the module that it names: one made below an `ABC`
     names `abc`.
     """
-    found: Any = sys.modules.get(thing.__module__)
+    value: Any = sys.modules.get(thing.__module__)
     for name in thing.__qualname__.split("."):
-        found = getattr(found, name, None)
-    return found is thing
+        value = getattr(value, name, None)
+    return value is thing
 
 
 def _object(thing: Any, seen: dict[int, int]) -> Iterable[object]:
@@ -209,14 +209,14 @@ def source_of(factory: Callable[..., Any]) -> Source:
             *(getattr(factory, name) for name in ("func", "kind") if hasattr(factory, name)),
         ]
     kinds = [
-        one
+        kind
         for part in parts
-        for one in (inspect.getmro(part) if isinstance(part, type) else (part,))
+        for kind in (inspect.getmro(part) if isinstance(part, type) else (part,))
     ]
-    for one in kinds:
-        _check_home(one, itself=one in parts)
+    for kind in kinds:
+        _check_home(kind, itself=kind in parts)
     modules = sorted(
-        {one.__module__ for one in kinds if _top(one.__module__) not in sys.stdlib_module_names}
+        {kind.__module__ for kind in kinds if _top(kind.__module__) not in sys.stdlib_module_names}
     )
     digest = hashlib.sha256()
     for module in modules:

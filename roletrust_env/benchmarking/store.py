@@ -102,11 +102,11 @@ class ResultStore:
                         Path(f"{path}{end}").unlink(missing_ok=True)
                 mode = "mode=rwc"
                 if suite is None:
-                    there = [
+                    journals = [
                         end for end in ("-journal", *_JOURNALS) if Path(f"{path}{end}").exists()
                     ]
-                    mode = "mode=ro" if there else "immutable=1"  # a finished run has no journal
-                    self._stray = [Path(f"{path}{end}") for end in _JOURNALS if end not in there]
+                    mode = "mode=ro" if journals else "immutable=1"  # a finished run has no journal
+                    self._stray = [Path(f"{path}{end}") for end in _JOURNALS if end not in journals]
                 self._file = sqlite3.connect(
                     f"{path.resolve().as_uri()}?{mode}", uri=True, isolation_level=None
                 )
@@ -188,8 +188,8 @@ class ResultStore:
                 treats,
                 common,
             ) in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
-                found = map(json.loads, (chosen, measured, by_round))
-                row = (*plain, *found, record, json.loads(progress), treats, json.loads(common))
+                values = map(json.loads, (chosen, measured, by_round))
+                row = (*plain, *values, record, json.loads(progress), treats, json.loads(common))
                 attacks.setdefault(key, []).append(_ATTACK.validate_python(row))
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
@@ -218,7 +218,7 @@ class ResultStore:
         """
         parts = (row.chosen, self.suite.chosen_scores), (row.measured, self.suite.measured_scores)
         sizes = [{len(part.get(name, ())) for name in ranges} for part, ranges in parts]
-        return all(len(found) <= 1 and 0 not in found for found in sizes) and all(
+        return all(len(lengths) <= 1 and 0 not in lengths for lengths in sizes) and all(
             value is None or low - _ROUNDING <= value <= high + _ROUNDING
             for part, ranges in parts
             for name, (low, high) in ranges.items()

@@ -134,13 +134,13 @@ class CellClaim(UntrustedModel):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        check_unique(attacks=tuple(one.attack for one in self.attacks))
+        check_unique(attacks=tuple(attack.attack for attack in self.attacks))
         if self.method in WITHOUT_SEARCH and self.record:
             raise ValueError(
                 f"{self.cell.key} has a record, but the method {self.method} does not search"
             )
         if self.method not in WITHOUT_SEARCH and any(
-            one.attack != self.method for one in self.attacks
+            attack.attack != self.method for attack in self.attacks
         ):
             raise ValueError(
                 f"{self.cell.key} has other attacks than the one that the method {self.method} "
@@ -151,21 +151,23 @@ class CellClaim(UntrustedModel):
     @property
     def record(self) -> str:
         """Record of the attacker that a search found. Empty if there is none."""
-        return next((one.record for one in self.attacks if one.record), "")
+        return next((attack.record for attack in self.attacks if attack.record), "")
 
     def as_single_game(self) -> StoredCell:
         """Return the cell with its means as the scores of a single game. A leaderboard of it has
         the same means.
         """
         rows = []
-        for one in self.attacks:
-            measured = {name: [score.mean] for name, score in one.measured}
+        for attack in self.attacks:
+            measured = {name: [score.mean] for name, score in attack.measured}
             chosen: dict[str, list[float | None]] = {
-                "utility": [one.chosen],
-                "blind": [one.chosen_blind],
+                "utility": [attack.chosen],
+                "blind": [attack.chosen_blind],
             }
             rows.append(
-                AttackResult(one.attack, "", one.rounds, chosen, measured, treats=one.treats)
+                AttackResult(
+                    attack.attack, "", attack.rounds, chosen, measured, treats=attack.treats
+                )
             )
         return StoredCell(self.cell, CellResult(tuple(rows), 0.0))
 
@@ -254,7 +256,11 @@ def make_submission(
         check_installed(attackers, suite.attacks)
         check_installed(search_methods, suite.searches)
     store.check_sources(suite)
-    stored = {one.cell.key: one for one in store.all() if one.cell.model in suite.models}
+    stored = {
+        stored_cell.cell.key: stored_cell
+        for stored_cell in store.all()
+        if stored_cell.cell.model in suite.models
+    }
     every = suite.cells()
     if bad := [
         cell.key for cell in every if cell.key not in stored or stored[cell.key].result.failed
@@ -320,7 +326,7 @@ def model_scores(suite: Suite, stored: Sequence[StoredCell]) -> dict[str, ModelS
         suite: Suite of the cells.
         stored: All cells of the suite with their results, in any order.
     """
-    by_key = {one.cell.key: one for one in stored}
+    by_key = {stored_cell.cell.key: stored_cell for stored_cell in stored}
     in_order = [
         by_key[cell.key] for cell in suite.cells()
     ]  # the order changes the last bits of sums
@@ -405,7 +411,7 @@ def _worst(
     seeds = sorted({cell.seed for cell, result in stored if result.rows})
     for (model, condition), case in worst_cases(attack_scores(suite, stored)).items():
         if model in models and suite.tracks[condition.track].roles:
-            means = [least_mean(one.chosen[k]) for k, one in enumerate(case.choices)]
+            means = [least_mean(choice.chosen[k]) for k, choice in enumerate(case.choices)]
             k = int(np.argmin(means))
             yield Cell(model, *condition, case.choices[k].method, seeds[k]), case.choices[k].attack
 
@@ -415,7 +421,11 @@ def _entry(
 ) -> KnownAttack | None:
     """Return an attack of a cell as a known attack, or None if it cannot be recorded."""
     if cell.method == "known":
-        return next(one for one in suite.known if (one.name, one.condition) == (attack, cell[1:4]))
+        return next(
+            known_attack
+            for known_attack in suite.known
+            if (known_attack.name, known_attack.condition) == (attack, cell[1:4])
+        )
     record = _record(suite, stored, cell, attack)
     if not record:
         return None
@@ -434,9 +444,9 @@ def _record(suite: Suite, stored: Sequence[StoredCell], cell: Cell, attack: str)
     """Return the record of an attack in a cell. A script at its defaults is made again, since it
     has none.
     """
-    rows = next(one.result.rows for one in stored if one.cell == cell)
+    rows = next(stored_cell.result.rows for stored_cell in stored if stored_cell.cell == cell)
     record = next(row.record for row in rows if row.attack == attack)
     if record or cell.method != "scripted":
         return record
-    found = find_attack(suite, cell, attack)
-    return record_of(Scripted(found.batch.scripts(found.row)))
+    known_attack = find_attack(suite, cell, attack)
+    return record_of(Scripted(known_attack.batch.scripts(known_attack.row)))

@@ -281,15 +281,17 @@ class Suite(SuiteSchema):
         """
         if ("known" in self.methods) != bool(self.known):
             raise ValueError("known and the method 'known' belong together; give both or none")
-        for one in self.known:
-            if one.condition not in self.conditions:
-                where = f"{one.scenario}, {one.track} {one.share:g}"
+        for attack in self.known:
+            if attack.condition not in self.conditions:
+                where = f"{attack.scenario}, {attack.track} {attack.share:g}"
                 raise ValueError(
-                    f"known attack {one.name!r} is for {where}, which the suite does not have"
+                    f"known attack {attack.name!r} is for {where}, which the suite does not have"
                 )
-            if one.name in self.methods or (self.attacks != "all" and one.name in self.attacks):
+            if attack.name in self.methods or (
+                self.attacks != "all" and attack.name in self.attacks
+            ):
                 raise ValueError(
-                    f"known attack {one.name!r} has the name of another attack of the suite"
+                    f"known attack {attack.name!r} has the name of another attack of the suite"
                 )
 
     @property
@@ -336,11 +338,11 @@ class Suite(SuiteSchema):
     @property
     def entered(self) -> set[tuple[str, tuple[str, str, float]]]:
         """Names and conditions of the known attacks that others have found."""
-        return {(one.name, one.condition) for one in self.known if one.finder}
+        return {(attack.name, attack.condition) for attack in self.known if attack.finder}
 
     def known_in(self, condition: tuple[str, str, float]) -> list[KnownAttack]:
         """Return the known attacks of a condition: scenario, track and share."""
-        return [one for one in self.known if one.condition == condition]
+        return [attack for attack in self.known if attack.condition == condition]
 
     def shares_in(self, scenario: str) -> dict[str, tuple[float, ...]]:
         """Return the shares of compromised agents in a scenario by track. A track without any is
@@ -361,19 +363,19 @@ class Suite(SuiteSchema):
 
     def cells(self) -> list[Cell]:
         """Return all cells, ordered by trust model."""
-        found = []
+        cells = []
         for model in self.model_names:
             for scenario in self.scenarios:
                 for track, shares in self.shares_in(scenario).items():
                     pairs = [
                         (share, method) for share in shares for method in self.methods_in(scenario)
                     ] or [(0.0, HONEST)]
-                    found += [
+                    cells += [
                         Cell(model, scenario, track, *pair, seed)
                         for pair in pairs
                         for seed in self.seeds
                     ]
-        return found
+        return cells
 
     def factories(self) -> dict[str, Callable[..., Any]]:
         """Return the factories of the trust models, attacks and search methods, by type and
@@ -423,7 +425,7 @@ def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
     Raises:
         ValueError: None is for a condition of the suite.
     """
-    fitting = tuple(one for one in attacks if one.condition in suite.conditions)
+    fitting = tuple(attack for attack in attacks if attack.condition in suite.conditions)
     if not fitting:
         raise ValueError(
             f"none of the {len(attacks)} known attacks is for a condition of the suite {suite.name}"

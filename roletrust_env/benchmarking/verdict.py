@@ -77,10 +77,10 @@ def told_apart(scores: Floats) -> float:
 def _pairs(scores: Floats) -> _Pairs:
     number = len(scores)
     above, below = np.triu_indices(number, 1)
-    found = over_seeds(scores[above] - scores[below], number - 1)
+    estimates = over_seeds(scores[above] - scores[below], number - 1)
     square = np.zeros((3, number, number))
-    square[:, above, below] = found
-    square[:, below, above] = -found.mean, found.error, found.freedom
+    square[:, above, below] = estimates
+    square[:, below, above] = -estimates.mean, estimates.error, estimates.freedom
     return _Pairs(*square)
 
 

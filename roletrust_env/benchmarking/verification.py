@@ -85,7 +85,7 @@ def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
     if result.failed:
         return Check(subject, False, f"failed here: {result.failed}")
     own_claim = make_claim(claim.cell, result)
-    claimed, own = ({one.attack: one for one in each.attacks} for each in (claim, own_claim))
+    claimed, own = ({row.attack: row for row in each.attacks} for each in (claim, own_claim))
     if different := sorted(claimed.keys() ^ own.keys()):
         name = different[0]
         return Check(
@@ -100,17 +100,18 @@ def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
             not wrong,
             f"{wrong[0]}: other numbers" if wrong else "the same to the last bit",
         )
-    for name, one in claimed.items():
-        if one.treats != own[name].treats:
+    for name, attack in claimed.items():
+        if attack.treats != own[name].treats:
             return Check(
                 subject,
                 False,
-                f"{name}: treats raters alike only {'here' if one.treats else 'in the claim'}",
+                f"{name}: treats raters alike only {'here' if attack.treats else 'in the claim'}",
             )
         pairs = [
-            (metric, score, getattr(own[name].measured, metric)) for metric, score in one.measured
+            (metric, score, getattr(own[name].measured, metric))
+            for metric, score in attack.measured
         ]
-        for metric, score, own_score in [*pairs, *_chosen(one, result)]:
+        for metric, score, own_score in [*pairs, *_chosen(attack, result)]:
             if not within_noise(score, own_score):
                 return Check(
                     subject, False, f"{name}, {metric}: claimed {score.text}, here {own_score.text}"
@@ -137,31 +138,33 @@ def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> li
         claims: Claims for cells.
         results: Results of the same cells on this machine, with the same seeds.
     """
-    found: dict[str, dict[str, list[float]]] = {}
+    differences: dict[str, dict[str, list[float]]] = {}
 
     def add(name: str, model: str, value: float) -> None:
         for group in {model, everybody}:
-            found.setdefault(name, {}).setdefault(group, []).append(value)
+            differences.setdefault(name, {}).setdefault(group, []).append(value)
 
     everybody = _EVERY if len({claim.model for claim in claims}) > 1 else claims[0].model
     for claim, result in zip(claims, results, strict=True):
         here = make_claim(claim.cell, result)
-        own = {one.attack: one for one in here.attacks}
+        own = {attack.attack: attack for attack in here.attacks}
         pairs = sorted(
-            ((one, own[one.attack]) for one in claim.attacks if one.attack in own),
+            ((claimed, own[claimed.attack]) for claimed in claim.attacks if claimed.attack in own),
             key=lambda p: p[1].chosen,
         )
         add(
             "utility",
             claim.model,
-            _excess([(one.measured.utility, other.measured.utility) for one, other in pairs[:1]]),
+            _excess(
+                [(claimed.measured.utility, other.measured.utility) for claimed, other in pairs[:1]]
+            ),
         )
-        add(CHOSEN, claim.model, _excess([_chosen(one, result)[0][1:] for one, _ in pairs]))
+        add(CHOSEN, claim.model, _excess([_chosen(claimed, result)[0][1:] for claimed, _ in pairs]))
         for name in _WORST if pairs else ():
             add(f"the worst {name}", claim.model, _lead(name, claim, here))
     return [
         _check_lead(name, groups) if name.startswith("the worst") else _check_excess(name, groups)
-        for name, groups in found.items()
+        for name, groups in differences.items()
     ]
 
 
@@ -170,7 +173,7 @@ def _check_excess(name: str, groups: Mapping[str, Sequence[float]]) -> Check:
     most, limit = -np.inf, NormalDist().inv_cdf(1 - _LEVEL / len(groups))
     message = "nothing to compare"
     for group, values in groups.items():
-        known = np.array([one for one in values if one == one])
+        known = np.array([value for value in values if value == value])
         z = float(known.sum() / max(1.0, np.sqrt(known.size)))
         if known.size and z > most:
             lead = f"{z:.1f} standard errors over {known.size} cells"
@@ -211,20 +214,20 @@ def _lead(name: str, claim: CellClaim, here: CellClaim) -> float:
     return (claimed[1] - own[1]) / max(own[2], _LEAST_ERROR)
 
 
-def _utility(one: Claim) -> tuple[float, float, float]:
-    utility = one.measured.utility
-    return one.chosen, utility.mean or 0.0, utility.half_95 or 0.0
+def _utility(claim: Claim) -> tuple[float, float, float]:
+    utility = claim.measured.utility
+    return claim.chosen, utility.mean or 0.0, utility.half_95 or 0.0
 
 
-def _published(one: Claim) -> tuple[float, float, float]:
-    return one.chosen, one.measured.published.mean or 0.0, one.measured.utility.half_95 or 0.0
+def _published(claim: Claim) -> tuple[float, float, float]:
+    return claim.chosen, claim.measured.published.mean or 0.0, claim.measured.utility.half_95 or 0.0
 
 
-def _skill(one: Claim) -> tuple[float, float, float]:
-    blind, utility = one.measured.blind.mean or 0.0, one.measured.utility
+def _skill(claim: Claim) -> tuple[float, float, float]:
+    blind, utility = claim.measured.blind.mean or 0.0, claim.measured.utility
     chosen, measured = (
         (mean - lowest) / max(1 - lowest, _LEAST_ERROR)
-        for mean, lowest in ((one.chosen, one.chosen_blind), (utility.mean or 0.0, blind))
+        for mean, lowest in ((claim.chosen, claim.chosen_blind), (utility.mean or 0.0, blind))
     )
     return chosen, measured, (utility.half_95 or 0.0) / max(1 - blind, _LEAST_ERROR)
 
@@ -268,7 +271,7 @@ def _check_fresh(model: str, pairs: Sequence[tuple[CellClaim, CellResult]]) -> C
         if not claim.attacks or not own_claim.attacks:
             continue
         claimed, own = (
-            min(each.attacks, key=lambda one: one.chosen).measured.utility
+            min(each.attacks, key=lambda attack: attack.chosen).measured.utility
             for each in (claim, own_claim)
         )
         differences.append((claimed.mean or 0.0) - (own.mean or 0.0))
@@ -291,13 +294,13 @@ def _excess(pairs: Sequence[tuple[ClaimedScore, ClaimedScore]]) -> float:
     """Return the mean excess of claimed scores over own ones, in standard errors of a difference;
     NaN without one.
     """
-    found = []
+    excesses = []
     for claimed, own in pairs:
         if claimed.mean is None or own.mean is None:
             continue
         error = 2**0.5 * (own.half_95 or 0.0) / _NORMAL_95
-        found.append((claimed.mean - own.mean) / max(error, _LEAST_ERROR))
-    return float(np.mean(found)) if found else np.nan
+        excesses.append((claimed.mean - own.mean) / max(error, _LEAST_ERROR))
+    return float(np.mean(excesses)) if excesses else np.nan
 
 
 def _chosen(claim: Claim, result: CellResult) -> list[tuple[str, ClaimedScore, ClaimedScore]]:

@@ -50,7 +50,7 @@ def draw_worlds(tables: Any, seed: int | None = None, scenarios: Any = None) -> 
     """
     if not isinstance(tables, dict) or not isinstance(scenarios or {}, dict):
         raise ValueError("worlds and scenarios must be tables by name")
-    found = dict(scenarios or {})
+    worlds = dict(scenarios or {})
     for name, data in tables.items():
         if not isinstance(data, dict):
             raise ValueError(f"worlds {name} is {data!r:.100}; it must be a table")
@@ -61,10 +61,10 @@ def draw_worlds(tables: Any, seed: int | None = None, scenarios: Any = None) -> 
         fields = table.model_dump(exclude={"number", "seed"})
         for k in range(1, table.number + 1):
             world = f"{name}-{k}"
-            if world in found:
+            if world in worlds:
                 raise ValueError(f"worlds {name}: there is a scenario {world!r}, too")
-            found[world] = _drawn(fields, f"{table.seed if seed is None else seed}|{world}")
-    return found
+            worlds[world] = _drawn(fields, f"{table.seed if seed is None else seed}|{world}")
+    return worlds
 
 
 def _drawn(value: Any, place: str) -> Any:
@@ -101,7 +101,7 @@ def _drawn(value: Any, place: str) -> Any:
                 f"{place}: choices are {choices!r:.300}; they must be a list with one value or more"
             )
         return _drawn(choices[int(part * len(choices))], f"{place}|choice")
-    return {name: _drawn(one, f"{place}|{name}") for name, one in value.items()}
+    return {name: _drawn(field, f"{place}|{name}") for name, field in value.items()}
 
 
 class WorldRow(NamedTuple):
@@ -139,7 +139,7 @@ class WorldRow(NamedTuple):
         raters = [group for group in world.agents if group.role != "SP"]
         providers = [group for group in world.agents if group.role != "SR"]
         own = {
-            field: _text(getattr(one, field) for one in raters)
+            field: _text(getattr(rater, field) for rater in raters)
             for field in ("noise", "bias", "scale")
         }
         access = _text(value for field, value in world.access if field != "kind")

@@ -110,7 +110,7 @@ class WorstCase(NamedTuple):
     @property
     def common(self) -> AttackScores:
         """Attack that most seeds choose, the first one of several."""
-        names = [(one.method, one.attack) for one in self.choices]
+        names = [(choice.method, choice.attack) for choice in self.choices]
         return self.choices[names.index(max(names, key=names.count))]
 
     @property
@@ -141,7 +141,7 @@ def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScor
     def table(rows: Mapping[int, AttackResult], part: str, name: str) -> Floats:
         """Return a score of an attack, (S, G)."""
         lengths = (
-            len(found) for row in rows.values() for half in row[3:5] for found in half.values()
+            len(scored) for row in rows.values() for half in row[3:5] for scored in half.values()
         )
         values = np.full((len(seeds), max(lengths)), np.nan)
         for k, seed in enumerate(seeds):
@@ -150,7 +150,7 @@ def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScor
                 values[k, : len(own)] = own
         return values
 
-    found = []
+    scored = []
     for (model, condition, attack, method), rows in groups.items():
         first, words = (
             next(iter(rows.values())),
@@ -173,12 +173,12 @@ def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScor
             (late_gain(row.progress) for row in rows.values() if row.progress), default=np.nan
         )
         course = treats, gain, _difference(rows.values(), suite.score)
-        found.append(
+        scored.append(
             AttackScores(
                 model, condition, attack, method, white_box, words, *scores, by_round, *course
             )
         )
-    return found
+    return scored
 
 
 def _difference(rows: Iterable[AttackResult], scale: Scale) -> float:
@@ -204,30 +204,33 @@ def worst_cases(
         alike: Whether only attacks count whose providers serve all raters alike.
     """
     groups: dict[tuple[str, Condition], list[AttackScores]] = {}
-    for one in attacks:
-        if (white_box or not one.white_box) and not (alike and one.treats):
-            groups.setdefault((one.model, one.condition), []).append(one)
+    for attack in attacks:
+        if (white_box or not attack.white_box) and not (alike and attack.treats):
+            groups.setdefault((attack.model, attack.condition), []).append(attack)
     return {key: _worst_case(group) for key, group in groups.items()}
 
 
 def _worst_case(attacks: Sequence[AttackScores]) -> WorstCase:
-    means = [[least_mean(games) for games in one.chosen] for one in attacks]
+    means = [[least_mean(games) for games in attack.chosen] for attack in attacks]
     choices = tuple(attacks[k] for k in np.argmin(means, axis=0))
     measured = {
-        name: _by_seed([one.measured[name] for one in choices]) for name in choices[0].measured
+        name: _by_seed([choice.measured[name] for choice in choices])
+        for name in choices[0].measured
     }
-    scores = (_by_seed([getattr(one, name) for one in choices]) for name in ("score", "published"))
+    scores = (
+        _by_seed([getattr(choice, name) for choice in choices]) for name in ("score", "published")
+    )
     return WorstCase(attacks[0].model, attacks[0].condition, choices, measured, *scores)
 
 
 def _by_seed(scores: Sequence[Floats]) -> Floats:
     """Return the games of the s-th seed under the s-th attack for all s, shape (S, G)."""
-    found = np.full(
+    padded = np.full(
         (len(scores), max(games.shape[1] for games in scores)), np.nan
     )  # only the worst has further games
     for seed, games in enumerate(scores):
-        found[seed, : games.shape[1]] = games[seed]
-    return found
+        padded[seed, : games.shape[1]] = games[seed]
+    return padded
 
 
 def least_mean(score: Floats) -> float:

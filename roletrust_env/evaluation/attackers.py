@@ -55,10 +55,10 @@ class Both(ByChannel):
         """
         serves, rates = memory
         if self.serves.reserve:
-            there, serves = self.serves.presence(view, serves, random)
+            present, serves = self.serves.presence(view, serves, random)
         else:
-            there, rates = self.rates.presence(view, rates, random)
-        return there, (serves, rates)
+            present, rates = self.rates.presence(view, rates, random)
+        return present, (serves, rates)
 
 
 @dataclass(frozen=True)

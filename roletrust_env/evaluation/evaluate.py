@@ -42,8 +42,8 @@ class Evaluation(NamedTuple):
     def __repr__(self) -> str:
         """Return a line for each score."""
         numbers = {
-            name: f"{one.mean:.3f} ± {one.half:.3f}"
-            for name, one in zip(self._fields, self, strict=True)
+            name: f"{value.mean:.3f} ± {value.half:.3f}"
+            for name, value in zip(self._fields, self, strict=True)
         }
         lines = [
             f"  {name}: {text.replace('nan ± nan', 'undefined')}" for name, text in numbers.items()

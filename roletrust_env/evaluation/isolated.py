@@ -119,9 +119,9 @@ class _Trace:
                 mask = None if step.mask is None else alone(step.mask)
                 state = model.update(states[step.before], Ratings(alone(step.given), mask))
             states[number] = state
-            found = [part for part in state[1:] if part is not None]
-            for one, other in zip(found, step.trust, strict=True):
-                largest = max(largest, float(np.abs(one - alone(other)).max()))
+            trusts = [part for part in state[1:] if part is not None]
+            for own, other in zip(trusts, step.trust, strict=True):
+                largest = max(largest, float(np.abs(own - alone(other)).max()))
         return largest
 
 
@@ -233,8 +233,8 @@ class IsolatedModel:
         if len(self._traces) >= _STARTS:
             earlier = self._starts - _LATEST  # of which each has the same chance to be kept
             leaves = int(np.random.default_rng().integers(earlier))
-            kept = _STARTS - _LATEST
-            del self._traces[leaves if leaves < kept else kept]
+            n_earlier = _STARTS - _LATEST
+            del self._traces[leaves if leaves < n_earlier else n_earlier]
         self._traces.append(trace)
         return trace
 

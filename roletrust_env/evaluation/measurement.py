@@ -406,10 +406,10 @@ def _detection(task: AttackTask, mean: Floats, judged: tuple[str, ...]) -> Float
     trust.
     """
     roster = task.game.roster
-    found = []
+    scores = []
     for names in (roster.rater_names, roster.provider_names):
         indices = [i for i, name in enumerate(roster.names) if name in names and name in judged]
         bad = [k for k, i in enumerate(indices) if roster.names[i] in task.identities]
         if bad:
-            found.append(metrics.auc(mean[indices], bad).value)
-    return mean_or_nan(np.stack(found), axis=0) if found else np.full(mean.shape[1:], np.nan)
+            scores.append(metrics.auc(mean[indices], bad).value)
+    return mean_or_nan(np.stack(scores), axis=0) if scores else np.full(mean.shape[1:], np.nan)

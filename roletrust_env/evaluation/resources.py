@@ -68,8 +68,8 @@ def processor() -> str:
     Another processor may round the same sums differently, and so may the same one where a virtual
     machine hides some of its instructions.
     """
-    found = re.search(r"^model name\s*:\s*(.+)$", kernel_file("/proc/cpuinfo"), re.MULTILINE)
-    name = found[1] if found else platform.processor() or platform.machine()
+    match = re.search(r"^model name\s*:\s*(.+)$", kernel_file("/proc/cpuinfo"), re.MULTILINE)
+    name = match[1] if match else platform.processor() or platform.machine()
     build: dict[str, Any] = np.show_config(mode="dicts")  # type: ignore[assignment]  # None in the other modes
     return " ".join([name, *build.get("SIMD Extensions", {}).get("found", [])])
 

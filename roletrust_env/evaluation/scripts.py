@@ -241,10 +241,10 @@ def _declared(hint: Any) -> ParameterRange | None:
     if _mark(hint, NotSearched):
         return None
     options = get_args(_bare(hint)) if get_origin(_bare(hint)) is Literal else None
-    found: ParameterRange | None = (
+    declared: ParameterRange | None = (
         _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, SearchRange)
     )
-    return found
+    return declared
 
 
 def _bare(hint: Any) -> Any:

@@ -230,9 +230,9 @@ def parse_named(registry: Registry[T], text: str, offered: Mapping[str, Any] | N
         ValueError: The name is unknown, it names something of another kind, or the entry cannot be
             made.
     """
-    found, name, parameters = _parsed(registry, text)
+    entry, name, parameters = _parsed(registry, text)
     made: T = _made(
-        found, name, {**found.accepted_parameters(name, offered or {}), **parameters}, text
+        entry, name, {**entry.accepted_parameters(name, offered or {}), **parameters}, text
     )
     return made
 
@@ -244,8 +244,8 @@ def named_factory(registry: Registry[T], text: str) -> Callable[..., T]:
     Raises:
         ValueError: The name is unknown, or it names something of another kind.
     """
-    found, name, _ = _parsed(registry, text)
-    factory: Callable[..., T] = found.factory(name)
+    entry, name, _ = _parsed(registry, text)
+    factory: Callable[..., T] = entry.factory(name)
     return factory
 
 
@@ -378,23 +378,23 @@ def _indices(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
         given = (given,)
     if not isinstance(given, tuple):
         return given
-    for one in given:
-        if isinstance(one, str) and one not in names:
-            raise ValueError(f"{key} has {one!r}; the {who} are {names[0]} ... {names[-1]}")
-    return tuple(names.index(one) if isinstance(one, str) else one for one in given)
+    for agent in given:
+        if isinstance(agent, str) and agent not in names:
+            raise ValueError(f"{key} has {agent!r}; the {who} are {names[0]} ... {names[-1]}")
+    return tuple(names.index(agent) if isinstance(agent, str) else agent for agent in given)
 
 
 def _agents(pattern: str, names: Sequence[str]) -> list[str]:
     """Return the agents that match a pattern; a plain name is checked by the game."""
     if not any(character in pattern for character in "*?["):
         return [pattern]
-    found = [name for name in names if fnmatchcase(name, pattern)]
-    if not found:
+    matching = [name for name in names if fnmatchcase(name, pattern)]
+    if not matching:
         raise ValueError(
             f"--attack names {pattern!r}, which no agent matches; they are {names[0]} ... "
             f"{names[-1]}"
         )
-    return found
+    return matching
 
 
 def _frozen(value: Any) -> Any:

@@ -97,7 +97,9 @@ class AttackerSide(Frozen):
         self.honest_raters = places(others, roster.rater_names)
         self.honest_providers = places(others, roster.provider_names)
         self._sellers = [
-            found for names in owned if (found := places(names, roster.provider_names))
+            owned_places
+            for names in owned
+            if (owned_places := places(names, roster.provider_names))
         ]
         self._agents = places(self.identities, roster.names)
         rows = [
@@ -187,10 +189,12 @@ class AttackerSide(Frozen):
         """
         gaps = []
         sides = (self.honest_raters, self._raters), (self.honest_providers, self._providers)
-        for values, there, (honest, mine) in zip(trust, present, sides, strict=True):
+        for values, present_agents, (honest, mine) in zip(trust, present, sides, strict=True):
             if mine:
                 own = values[mine, ...]
-                gaps.append(mean_of(values, honest, there) - own - tolerance if honest else 0 * own)
+                gaps.append(
+                    mean_of(values, honest, present_agents) - own - tolerance if honest else 0 * own
+                )
         xp = namespace(gaps[0])
         gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
         if phase is not None:
@@ -331,8 +335,8 @@ class AttackTask(Frozen):
             "exploit": ("a compromised provider", self._providers),
             "promote": ("an accomplice", self._accomplices),
         }
-        agents, there = needed.get(objective, ("nobody", [0]))
-        if not there:
+        agents, available = needed.get(objective, ("nobody", [0]))
+        if not available:
             raise ValueError(f"the objective {objective!r} needs {agents}, and there is none")
         if consumers == "raters" and not self._side.honest_raters:
             raise ValueError("consumers are the honest raters, and there is none")

@@ -236,9 +236,9 @@ class MetCells(Cells):
 
     def anywhere(self, flags: Array, met: Met) -> Array:
         """See `Cells.anywhere`."""
-        found = np.zeros(self._shape[1], bool)
-        found[met[flags]] = True
-        return found
+        reached = np.zeros(self._shape[1], bool)
+        reached[met[flags]] = True
+        return reached
 
 
 def for_batch(constant: Array, shape: tuple[int, ...]) -> Array:

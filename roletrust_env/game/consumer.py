@@ -41,14 +41,17 @@ def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -
     if offered.ndim > trust.ndim:
         of_each = buy(xp.expand_dims(trust, axis=axis), offered, axis + 1, temperature)
         return Bought(*(xp.mean(part, axis=axis) for part in of_each))
-    there = (offered == offered) & (trust == trust)
-    quality, known = xp.where(there, offered, 0 * there), xp.where(there, trust, 0 * there - 1)
+    on_offer = (offered == offered) & (trust == trust)
+    quality, known = (
+        xp.where(on_offer, offered, 0 * on_offer),
+        xp.where(on_offer, trust, 0 * on_offer - 1),
+    )
     highest = xp.max(known, axis=axis, keepdims=True)
     chosen = (
-        there * xp.exp((known - highest) / temperature) if temperature > 0 else known == highest
+        on_offer * xp.exp((known - highest) / temperature) if temperature > 0 else known == highest
     )
     return Bought(
-        _mean(quality, chosen, axis), xp.max(quality, axis=axis), _mean(quality, there, axis)
+        _mean(quality, chosen, axis), xp.max(quality, axis=axis), _mean(quality, on_offer, axis)
     )
 
 

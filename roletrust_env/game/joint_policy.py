@@ -189,20 +189,23 @@ class JointPolicy(Frozen):
             rating += [] if group.rater is None else [chosen]
             if identities is not None:
                 mine = IdentityView(*(field[group.agent, ...] for field in identities))
-                there, remembered = group.policy.presence(mine, remembered, random)
-                wanted.append(there)
+                present, remembered = group.policy.presence(mine, remembered, random)
+                wanted.append(present)
             after.append(remembered)
         providers, raters, agents = self._orders
-        qualities, ratings = [one.quality for one in providing], [one.ratings for one in rating]
+        qualities, ratings = (
+            [action.quality for action in providing],
+            [action.ratings for action in rating],
+        )
         treatment = _unusual(
-            [one.treatment for one in providing], qualities, self._alike, providers
+            [action.treatment for action in providing], qualities, self._alike, providers
         )
         actions = Actions(
             quality=_arrange(qualities, providers),
             ratings=_arrange(ratings, raters),
             presence=_arrange(wanted, agents) if wanted else None,
             withheld=_unusual(
-                [one.withheld for one in rating], ratings, lambda rates: rates < 0, raters
+                [action.withheld for action in rating], ratings, lambda rates: rates < 0, raters
             ),
             treatment=None if treatment is None else treatment.swapaxes(0, 1),
         )

@@ -77,8 +77,8 @@ def make_task(
         "stealth": make_stealth(stealth),
         "knowledge": knowledge,
         "others": {
-            k: policies.read(one) if isinstance(one, Mapping) else one
-            for k, one in (others or {}).items()
+            k: policies.read(policy) if isinstance(policy, Mapping) else policy
+            for k, policy in (others or {}).items()
         },
         "accomplices": accomplices,
         "consumers": consumers,

@@ -179,8 +179,8 @@ def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = (
 
 def stack_offered(offered: Sequence[Array]) -> Array:
     """Stack the quality on offer in each round, shape (P, ...) or (S, P, ...), into one array."""
-    xp, shape = namespace(offered[0]), max((one.shape for one in offered), key=len)
-    return xp.stack([xp.broadcast_to(one, shape) for one in offered])
+    xp, shape = namespace(offered[0]), max((quality.shape for quality in offered), key=len)
+    return xp.stack([xp.broadcast_to(quality, shape) for quality in offered])
 
 
 def _draw(

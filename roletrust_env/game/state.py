@@ -187,5 +187,5 @@ def one_game(state: State, place: tuple[int, ...]) -> State:
         state: State of a batch.
         place: Index of the game along the axes of the batch.
     """
-    one: State = map_leaves(lambda leaf: to_device(leaf[..., *place], "cpu"), state)
-    return one
+    game: State = map_leaves(lambda leaf: to_device(leaf[..., *place], "cpu"), state)
+    return game

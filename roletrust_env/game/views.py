@@ -199,9 +199,9 @@ class ViewLayout:
 
     def flatten(self, view: View) -> Array:
         """Return the observation vector of the view of a provider or a rater."""
-        one, (round, *rest) = view.trust.ndim, view
+        agent_ndim, (round, *rest) = view.trust.ndim, view
         parts = [
-            field if field.ndim > one else field[None, ...]
+            field if field.ndim > agent_ndim else field[None, ...]
             for field in (round / self.max_cycles, *rest)
         ]
         return namespace(view.trust).concat(parts)

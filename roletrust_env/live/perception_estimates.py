@@ -119,9 +119,9 @@ def _fit(rows: Floats) -> _Fit:
     for _ in range(_STEPS if scale > _MIN_NOISE else 0):
         before = noise
         steps = [_em_step(column, m, noise) for column, m in zip(near, level, strict=True)]
-        level = np.array([m + one.step for m, one in zip(level, steps, strict=True)])
+        level = np.array([m + step.step for m, step in zip(level, steps, strict=True)])
         level = np.clip(level, -_SURE * noise, 1 + _SURE * noise)
-        noise = math.sqrt(sum(one.squares for one in steps) / sum(map(len, near)))
+        noise = math.sqrt(sum(step.squares for step in steps) / sum(map(len, near)))
         if abs(noise - before) < _TOLERANCE:
             break
     return _Fit(

@@ -104,18 +104,22 @@ def observe_team(
                 authentic.append(_Ratings(rater, message.time, origin.stamp, providers))
     period = _period(authentic)
     timely = [
-        one for one in authentic if abs(one.stamp - one.time) <= RoundTiming(period).tolerance
+        rating_message
+        for rating_message in authentic
+        if abs(rating_message.stamp - rating_message.time) <= RoundTiming(period).tolerance
     ]
-    if not any(one.providers for one in timely):
+    if not any(rating_message.providers for rating_message in timely):
         raise ValueError("the recording has no rating whose stamp is near the time of its arrival")
     team = Team(
-        _sorted_names(one.rater for one in timely),
-        _sorted_names([*pictures, *(name for one in timely for name in one.providers)]),
+        _sorted_names(rating_message.rater for rating_message in timely),
+        _sorted_names(
+            [*pictures, *(name for rating_message in timely for name in rating_message.providers)]
+        ),
     )
     i = {name: index for index, name in enumerate(team.raters)}
     j = {name: index for index, name in enumerate(team.providers)}
-    start = min(one.stamp for one in timely)
-    count = 1 + round((max(one.stamp for one in timely) - start) / period)
+    start = min(rating_message.stamp for rating_message in timely)
+    count = 1 + round((max(rating_message.stamp for rating_message in timely) - start) / period)
 
     def round_of(moment: int) -> int:
         """Return the round of a stamp, or of a moment shortly after it."""
@@ -125,9 +129,9 @@ def observe_team(
     for stamp, rater, provider, value in _counted(again(of_team), team, period, keyring):
         ratings[round_of(stamp), i[rater], j[provider]] = value
     sent = ~np.isnan(ratings)
-    for one in timely:
-        for provider in one.providers:
-            sent[round_of(one.stamp), i[one.rater], j[provider]] = True
+    for rating_message in timely:
+        for provider in rating_message.providers:
+            sent[round_of(rating_message.stamp), i[rating_message.rater], j[provider]] = True
     serves = sent.any(axis=1)
     for camera, moments in pictures.items():
         serves[[round_of(moment) for moment in moments], j[camera]] = True
@@ -153,8 +157,8 @@ def _period(ratings: Iterable[_Ratings]) -> int:
     nanoseconds.
     """
     stamps: dict[str, list[int]] = {}
-    for one in ratings:
-        stamps.setdefault(one.rater, []).append(one.stamp)
+    for message in ratings:
+        stamps.setdefault(message.rater, []).append(message.stamp)
     gaps = [b - a for own in stamps.values() for a, b in pairwise(sorted(own)) if b > a]
     if not gaps:
         raise ValueError("the recording has less than two rounds of ratings")

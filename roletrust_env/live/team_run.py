@@ -127,13 +127,13 @@ def _grows_once(model: TrustModel[Any], random: np.random.Generator, trial: int)
     try:
         whole = GridRun(model, np.zeros(many), peers)
         part = GridRun(model, np.zeros(few), peers[: few[0], : few[1]])
-        for one, there in zip(ratings[:_ROUNDS], mask[:_ROUNDS], strict=True):
-            whole.update(Ratings(one, there))
-            part.update(Ratings(one[: few[0], : few[1]].copy(), there[: few[0], : few[1]].copy()))
+        for values, met in zip(ratings[:_ROUNDS], mask[:_ROUNDS], strict=True):
+            whole.update(Ratings(values, met))
+            part.update(Ratings(values[: few[0], : few[1]].copy(), met[: few[0], : few[1]].copy()))
         part.join(int(many[0]), int(many[1]), peers)
-        for one, there in zip(ratings[_ROUNDS:], mask[_ROUNDS:], strict=True):
-            whole.update(Ratings(one, there))
-            part.update(Ratings(one, there))
+        for values, met in zip(ratings[_ROUNDS:], mask[_ROUNDS:], strict=True):
+            whole.update(Ratings(values, met))
+            part.update(Ratings(values, met))
             if not (
                 _near(whole.rater_trust, part.rater_trust)
                 and _near(whole.provider_trust, part.provider_trust)
@@ -144,5 +144,5 @@ def _grows_once(model: TrustModel[Any], random: np.random.Generator, trial: int)
     return True
 
 
-def _near(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    return bool(np.all(np.abs(one - other) <= _NEAR))
+def _near(own: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    return bool(np.all(np.abs(own - other) <= _NEAR))

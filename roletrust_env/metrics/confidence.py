@@ -187,9 +187,9 @@ def student_quantile(freedom: npt.ArrayLike, level: float = 0.95) -> Floats:
     """
     numbers = np.asarray(freedom, np.float64)
     distinct, which = np.unique(numbers, return_inverse=True)
-    return np.array([_student_quantile(float(one), level) for one in distinct])[which].reshape(
-        numbers.shape
-    )
+    return np.array([_student_quantile(float(degrees), level) for degrees in distinct])[
+        which
+    ].reshape(numbers.shape)
 
 
 @functools.cache

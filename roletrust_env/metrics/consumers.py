@@ -76,8 +76,8 @@ def skill(utility: Floats, blind: Floats) -> Floats:
     if not lead > _ROUNDING:
         return np.full(utility.shape, np.nan)
     mean = float(won[known].mean()) / lead
-    found: Floats = mean + (won - mean * possible) / lead
-    return found
+    score: Floats = mean + (won - mean * possible) / lead
+    return score
 
 
 def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> Score:

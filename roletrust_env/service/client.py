@@ -291,7 +291,7 @@ class TrustClient:
                     )
                 letter = self._letter
                 try:
-                    found = self._answer(answer, method, path, letter)
+                    receipts = self._answer(answer, method, path, letter)
                 except RefusalError as error:
                     self._letter = None
                     if (
@@ -305,7 +305,7 @@ class TrustClient:
                         raise
                 else:
                     self._letter = None
-                    return found
+                    return receipts
 
     def _body(self, kind: type[Claims], contents: list[dict[str, Any]]) -> dict[str, Any]:
         """Return the body of a request with a signed token for each content.

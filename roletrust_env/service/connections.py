@@ -50,7 +50,7 @@ def limited_protocol(refuse: Callable[[], object]) -> type[Any]:
             super().on_headers_complete()
             if self.cycle is not None:
                 self._cycles = (
-                    *(one for one in self._cycles if not one.response_complete),
+                    *(cycle for cycle in self._cycles if not cycle.response_complete),
                     self.cycle,
                 )
 

@@ -235,7 +235,7 @@ class Endpoints:
 
     def _agent(self, member: Member) -> answers.Agent:
         provider, rater = (
-            answers.AgentTrust(**one._asdict()) for one in self._manager.standings(member)
+            answers.AgentTrust(**standing._asdict()) for standing in self._manager.standings(member)
         )
         return answers.Agent(
             name=member.name,
@@ -420,11 +420,12 @@ def _problem(
 def _wrong(error: RequestValidationError) -> str:
     """Return what is wrong with a request, in a line."""
     return "; ".join(
-        f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()[:_SHOWN]
+        f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}"
+        for problem in error.errors()[:_SHOWN]
     )
 
 
-def _explanation(found: Found, names: Sequence[str]) -> answers.ExplainedTrust:
+def _explanation(explanation: Found, names: Sequence[str]) -> answers.ExplainedTrust:
     reasons = [
         answers.TrustReason(
             agent=names[reason.other],
@@ -434,12 +435,12 @@ def _explanation(found: Found, names: Sequence[str]) -> answers.ExplainedTrust:
             without=reason.without,
             rank=reason.rank,
         )
-        for reason in found.reasons
+        for reason in explanation.reasons
     ]
     return answers.ExplainedTrust(
-        trust=found.trust,
-        rank=found.rank,
-        n_ratings=found.n_ratings,
-        n_others=found.n_others,
+        trust=explanation.trust,
+        rank=explanation.rank,
+        n_ratings=explanation.n_ratings,
+        n_others=explanation.n_others,
         reasons=reasons,
     )

@@ -80,10 +80,10 @@ class Ranking:
         found: Trust in them and its evidence; None if there are none.
     """
 
-    def __init__(self, found: Evidence | None = None) -> None:
+    def __init__(self, trust_evidence: Evidence | None = None) -> None:
         self.names, self.trust, self._columns = list[str](), dict[str, float](), list[Any]()
-        if found is not None:
-            names, *self._columns = found.ranked()
+        if trust_evidence is not None:
+            names, *self._columns = trust_evidence.ranked()
             self.names = list(names)
             self.trust = dict(zip(self.names, self._columns[0].tolist(), strict=True))
         self._places = {name: place for place, name in enumerate(self.names)}
@@ -204,8 +204,12 @@ class JournalTrust:
             if ended < len(rows):
                 self._first = float(times[ended])
                 break
-        rounds, found = self._played_all() if self._stream is None else self._finished(self._stream)
-        self.rankings = {role: Ranking(one) for role, one in found.items()}
+        rounds, evidence_of = (
+            self._played_all() if self._stream is None else self._finished(self._stream)
+        )
+        self.rankings = {
+            role: Ranking(role_evidence) for role, role_evidence in evidence_of.items()
+        }
         self.rounds, self.n_counted = (
             rounds,
             number,

@@ -207,8 +207,8 @@ class TrustManager:
                 self._take_back(0)
                 self._in_doubt = True
                 return [
-                    error if isinstance(one, list) and one[-1].seq > self._seq else one
-                    for one in answers
+                    error if isinstance(answer, list) and answer[-1].seq > self._seq else answer
+                    for answer in answers
                 ]
             self._seq = self._new[-1].seq
             if times := [event.time for event in self._new if event.rating is not None]:
@@ -242,7 +242,7 @@ class TrustManager:
         self._sent.clear()
         here = {member.identity: member.name for member in self._members.values()}
         provider, rater = (
-            {here[one]: trust for one, trust in side.items() if one in here}
+            {here[identity]: trust for identity, trust in side.items() if identity in here}
             for side in (end.provider, end.rater)
         )
         end = end._replace(provider=provider, rater=rater)
@@ -308,25 +308,25 @@ class TrustManager:
             StoreError: There have been too many rounds without a rating.
         """
         first, rated = len(self._new), set[tuple[str, str]]()
-        for at, one in enumerate(signed):
-            claims = one.claims
+        for at, token in enumerate(signed):
+            claims = token.claims
             if isinstance(claims, Registration):
-                if claims.iss in self._members and self._is_registered(one):
+                if claims.iss in self._members and self._is_registered(token):
                     return [self._members[claims.iss].receipt]
-                self._register(one)
+                self._register(token)
             elif claims.iss not in self._members:
                 raise refusal(RefusalReason.UNKNOWN, claims, at, "register it first")
             elif isinstance(claims, Rating):
-                self._rate(one, at, rated)
+                self._rate(token, at, rated)
             else:
-                self._verify(one, at)
-                self._append(one)
+                self._verify(token, at)
+                self._append(token)
                 member = self._members.pop(claims.iss)
                 self._undo.append(partial(self._members.__setitem__, claims.iss, member))
-        for one in signed:
-            before = self._latest.get(one.claims.iss)
-            self._undo.append(partial(_put, self._latest, one.claims.iss, before))
-            self._latest[one.claims.iss] = self._new[-1].seq
+        for token in signed:
+            before = self._latest.get(token.claims.iss)
+            self._undo.append(partial(_put, self._latest, token.claims.iss, before))
+            self._latest[token.claims.iss] = self._new[-1].seq
         return [Receipt(event.seq, event.time / SECOND) for event in self._new[first:]]
 
     def _rate(self, signed: Signed, at: int, rated: set[tuple[str, str]]) -> None:

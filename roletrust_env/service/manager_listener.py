@@ -88,10 +88,12 @@ class ManagerListener:
             self._client.agents(limit=_AGENTS).agents,
             self._client.refusals().refusals,
         )
-        raters = {one.name: one.rater for one in agents if one.rater and one.rater.ratings}
+        raters = {
+            agent.name: agent.rater for agent in agents if agent.rater and agent.rater.ratings
+        }
         given = Counter({name: rater.ratings for name, rater in raters.items()})
         tor = {name: rater.trust for name, rater in raters.items()}
-        top = {one.name: one.provider.trust for one in agents if one.provider.ratings}
+        top = {agent.name: agent.provider.trust for agent in agents if agent.provider.ratings}
         missing = tuple(name for name in tor if given[name] == self._given[name])
         self._given = given
         self.reports = {

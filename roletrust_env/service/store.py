@@ -172,16 +172,16 @@ class JournalStore:
         """Return the name of the manager, after a check of what the store says of itself; a new one
         is told.
         """
-        there = set(inspect(connection).get_table_names())
-        if self._file is not None and (others := there - set(_tables.tables)):
+        existing = set(inspect(connection).get_table_names())
+        if self._file is not None and (others := existing - set(_tables.tables)):
             raise ValueError(
                 f"{self._shown} is a database of another program, with a table {min(others)!r}"
             )
-        own = {name: table for name, table in _tables.tables.items() if name in there}
+        own = {name: table for name, table in _tables.tables.items() if name in existing}
         filled = {
             name
-            for name, one in own.items()
-            if connection.execute(select(one).limit(1)).first() is not None
+            for name, stored_table in own.items()
+            if connection.execute(select(stored_table).limit(1)).first() is not None
         }
         if filled == {"events"} or (filled and len(own) < len(_tables.tables)):
             raise ValueError(
@@ -195,7 +195,7 @@ class JournalStore:
                 "manager": self._wanted or f"manager-{secrets.token_hex(4)}",
             }
             connection.execute(
-                insert(_meta), [{"name": one, "value": value} for one, value in meta.items()]
+                insert(_meta), [{"name": key, "value": value} for key, value in meta.items()]
             )
         if (schema := meta.get("schema")) != str(_SCHEMA):
             raise ValueError(f"{self._shown} has schema {schema}; schema {_SCHEMA} is read here")
@@ -220,7 +220,7 @@ class JournalStore:
         try:
             connection = self._writer()
             with connection.begin():
-                connection.execute(insert(events), [one._asdict() for one in new])
+                connection.execute(insert(events), [new_event._asdict() for new_event in new])
         except SQLAlchemyError as error:
             if self._connection is not None and self._connection.invalidated:
                 self._release()

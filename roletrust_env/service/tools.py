@@ -160,12 +160,12 @@ class AgentTools:
     ) -> Annotated[CallToolResult, Agents]:
         """List agents with the trust in them, the highest lower end of the interval first."""
         with _explained():
-            found = self._client.agents(start, limit)
-        lines = [f"{one.name}: {trust_text(one.provider, one.time)}" for one in found.agents]
-        if (end := start + len(lines)) < found.total:
-            lines.append(f"{found.total - end} more: start={end}.")
+            page = self._client.agents(start, limit)
+        lines = [f"{agent.name}: {trust_text(agent.provider, agent.time)}" for agent in page.agents]
+        if (end := start + len(lines)) < page.total:
+            lines.append(f"{page.total - end} more: start={end}.")
         return _result(
-            "\n".join(lines) or f"None here: there are {_counted(found.total, 'agent')}.", found
+            "\n".join(lines) or f"None here: there are {_counted(page.total, 'agent')}.", page
         )
 
     def leave(self) -> Annotated[CallToolResult, TokenReceipt]:

@@ -57,11 +57,11 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
 
 def _checksum(arrays: Arrays) -> npt.NDArray[np.uint8]:
     """Return the SHA-256 of arrays with their names, types and shapes."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name, array in sorted(arrays.items()):
-        found.update(f"{name} {array.dtype.str} {array.shape} ".encode())
-        found.update(np.ascontiguousarray(array).data)
-    return np.frombuffer(found.digest(), np.uint8)
+        digest.update(f"{name} {array.dtype.str} {array.shape} ".encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return np.frombuffer(digest.digest(), np.uint8)
 
 
 def _reason(error: Exception) -> str:

@@ -71,8 +71,8 @@ def clear_unfinished(folder: Path, own: Path | None = None) -> None:
         else re.compile(rf"\.{re.escape(own.stem)}\..+-\d+{re.escape(own.suffix)}")
     )
     for path in folder.glob(".*"):
-        found = name.fullmatch(path.name)
-        if (found and not _alive(int(found[1]))) or (mine and mine.fullmatch(path.name)):
+        match = name.fullmatch(path.name)
+        if (match and not _alive(int(match[1]))) or (mine and mine.fullmatch(path.name)):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 

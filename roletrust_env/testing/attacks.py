@@ -230,10 +230,10 @@ def _played(
     return [np.stack([np.asarray(part) for part in column]) for column in zip(*parts, strict=True)]
 
 
-def _same(one: list[Any], other: list[Any]) -> bool:
+def _same(own: list[Any], other: list[Any]) -> bool:
     return all(
         a.shape == b.shape and np.allclose(a, b, rtol=0, atol=1e-9)
-        for a, b in zip(one, other, strict=True)
+        for a, b in zip(own, other, strict=True)
     )
 
 

@@ -259,8 +259,8 @@ def check_permutation(model: TrustModel[Any], seed: int = 0) -> None:
     raters, providers = read_trust(model, play_rounds(model, rounds, np.zeros(shape), peers))
     i, j = _moved(shape[0], rng), _moved(shape[1], rng)
     permuted = [RoundRatings(ratings[i][:, j], mask[i][:, j]) for ratings, mask in rounds]
-    found = read_trust(model, play_rounds(model, permuted, np.zeros(shape), peers[i][:, j]))
-    same = all(map(_near, found, (raters[i], providers[j])))
+    trust = read_trust(model, play_rounds(model, permuted, np.zeros(shape), peers[i][:, j]))
+    same = all(map(_near, trust, (raters[i], providers[j])))
     _require(
         same,
         model,
@@ -300,14 +300,14 @@ def check_torch(model: TrustModel[Any], shape: Shape) -> None:
         state = play_rounds(
             model, rounds, torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray
         )
-        found = [trust.detach().numpy() for trust in read_trust(model, state)]
+        torch_trust = [trust.detach().numpy() for trust in read_trust(model, state)]
     except Exception as error:  # a model of another package may raise anything
         raise AssertionError(
             _line(model, f"it fails on torch, {type(error).__name__}: {error}; {_ON_TORCH}")
         ) from error
     expected = read_trust(model, play_rounds(model, rounds, np.zeros(shape)))
     _require(
-        all(map(_near, found, expected)),
+        all(map(_near, torch_trust, expected)),
         model,
         f"torch and NumPy have different results; {_ON_TORCH}",
     )
@@ -326,7 +326,7 @@ def _kinds(model: TrustModel[Any], state: Any, shape: Shape) -> list[tuple[Shape
     """Return the shape and the dtype of each array of a state, each with the batch on its last
     axes.
     """
-    found = []
+    leaf_kinds = []
     for leaf in arrays(state):
         is_array = hasattr(leaf, "shape") and hasattr(leaf, "dtype")
         _require(
@@ -340,8 +340,8 @@ def _kinds(model: TrustModel[Any], state: Any, shape: Shape) -> list[tuple[Shape
             model,
             f"an array of the state has shape {leaf.shape}; its last axes must be the batch",
         )
-        found.append((tuple(leaf.shape), leaf.dtype))
-    return found
+        leaf_kinds.append((tuple(leaf.shape), leaf.dtype))
+    return leaf_kinds
 
 
 def _moved(n: int, rng: np.random.Generator) -> npt.NDArray[np.intp]:
@@ -352,14 +352,14 @@ def _moved(n: int, rng: np.random.Generator) -> npt.NDArray[np.intp]:
             return order
 
 
-def _equal(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray):
-        return bool(np.array_equal(one, other, equal_nan=one.dtype.kind == "f"))
-    return bool(np.all(one == other))
+def _equal(own: Any, other: Any) -> bool:
+    if isinstance(own, np.ndarray):
+        return bool(np.array_equal(own, other, equal_nan=own.dtype.kind == "f"))
+    return bool(np.all(own == other))
 
 
-def _near(one: Any, other: Any) -> bool:
-    return bool(np.allclose(one, other, rtol=0, atol=1e-9))
+def _near(own: Any, other: Any) -> bool:
+    return bool(np.allclose(own, other, rtol=0, atol=1e-9))
 
 
 def _line(model: Any, fault: str) -> str:

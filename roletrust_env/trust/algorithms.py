@@ -251,18 +251,18 @@ def safe_power(base: Array, exponent: float) -> Array:
     return xp.where(zero, 0.0**exponent, xp.where(zero, 1.0, base) ** exponent)
 
 
-def upper_median(values: Array, there: Array) -> Array:
+def upper_median(values: Array, present: Array) -> Array:
     """Return the upper median along the first axis of the values that are there; 0 of fewer than
     two.
     """
     xp = namespace(values)
-    count = xp.sum(there, axis=0)
-    ordered = xp.sort(xp.where(there, values, float("inf")), axis=0)
+    count = xp.sum(present, axis=0)
+    ordered = xp.sort(xp.where(present, values, float("inf")), axis=0)
     place = xp.arange(len(values), device=device_of(values)).reshape(-1, *[1] * (values.ndim - 1))
     return xp.where(count > 1, xp.where(place == count // 2, ordered, 0.0).sum(axis=0), 0.0)
 
 
-def lower_median(pairs: Ratings, values: Array, there: Array) -> Array | float:
+def lower_median(pairs: Ratings, values: Array, present: Array) -> Array | float:
     """Return the upper median over the providers whose values are there, at most 0: shape (...),
     see `upper_median`.
 
@@ -270,11 +270,11 @@ def lower_median(pairs: Ratings, values: Array, there: Array) -> Array | float:
         pairs: Pairs that have a memory; where they are some of many, the median is over the
             providers of all.
         values: A value for each provider, shape (P, ...).
-        there: Whether it has one.
+        present: Whether it has one.
     """
-    if pairs.beyond is not None:
-        return pairs.beyond(values, there)
-    return namespace(values).clip(upper_median(values, there), None, 0.0)
+    if pairs.median_of_all is not None:
+        return pairs.median_of_all(values, present)
+    return namespace(values).clip(upper_median(values, present), None, 0.0)
 
 
 def sinc(x: Array) -> Array:

@@ -82,8 +82,8 @@ def mass_below(x: Array, a: Array, b: Array) -> Array:
         >>> mass_below(np.array([0.0, 0.25, 1.0]), np.array(2.0), np.array(1.0)).round(9)
         array([0.    , 0.0625, 1.    ])
     """
-    beyond, above = _beyond(x, a, b)
-    return namespace(a).where(above, 1.0 - beyond, beyond)
+    tail_mass, above = _beyond(x, a, b)
+    return namespace(a).where(above, 1.0 - tail_mass, tail_mass)
 
 
 def mass_between(low: Array, high: Array, a: Array, b: Array) -> Array:
@@ -158,8 +158,8 @@ def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
             between = np.asarray(fall > least)
             unclear = (fall > -most - _UNSURE) & ~between
             if unclear.any():
-                beyond, _ = _beyond(*(array[unclear] for array in np.broadcast_arrays(x, a, b)))
-                between[unclear] = (q <= beyond) & (beyond <= 1.0 - q)
+                tail_mass, _ = _beyond(*(array[unclear] for array in np.broadcast_arrays(x, a, b)))
+                between[unclear] = (q <= tail_mass) & (tail_mass <= 1.0 - q)
             return between
 
         return is_between
@@ -179,9 +179,9 @@ def _beyond(x: Array, a: Array, b: Array) -> tuple[Array, Array]:
     xp = namespace(a)
     if isinstance(a, np.ndarray) and ((x <= 0) | (x >= 1)).any():
         x, a, b = np.broadcast_arrays(x, a, b)
-        beyond, above, inside = np.zeros_like(a), x >= 1, ~((x <= 0) | (x >= 1))
-        beyond[inside], above[inside] = _beyond(x[inside], a[inside], b[inside])
-        return beyond, above
+        tail_mass, above, inside = np.zeros_like(a), x >= 1, ~((x <= 0) | (x >= 1))
+        tail_mass[inside], above[inside] = _beyond(x[inside], a[inside], b[inside])
+        return tail_mass, above
     offset = xp.log(xp.clip(x, _TINY, 1.0)) - xp.log(xp.clip(1.0 - x, _TINY, 1.0)) - xp.log(a / b)
     above = offset > 0
     a, b = xp.where(above, b, a), xp.where(above, a, b)
@@ -189,10 +189,10 @@ def _beyond(x: Array, a: Array, b: Array) -> tuple[Array, Array]:
     fall = _fall(offset, a, b)
     if not isinstance(fall, np.ndarray):
         return xp.exp(_log_height(a, b) + fall) * _tail(offset, a, b), above
-    beyond, tails = xp.zeros_like(fall), fall > math.log(xp.finfo(fall.dtype).eps)
+    tail_mass, tails = xp.zeros_like(fall), fall > math.log(xp.finfo(fall.dtype).eps)
     offset, a, b = offset[tails], a[tails], b[tails]
-    beyond[tails] = xp.exp(_log_height(a, b) + fall[tails]) * _tail(offset, a, b)
-    return beyond, above
+    tail_mass[tails] = xp.exp(_log_height(a, b) + fall[tails]) * _tail(offset, a, b)
+    return tail_mass, above
 
 
 def _precision(a: Array, b: Array) -> Array:

@@ -167,8 +167,13 @@ class EdgeRun(TrustRun):
             raters = providers = np.union1d(raters, providers)
         stay = staying(self.shape[0], raters), staying(self.shape[1], providers)
         pairs, keys = pairs_left(self._index.keys, stay)
-        one, other = map(np.flatnonzero, stay)
-        chosen: dict[Kind, Ints] = {"rater": one, "provider": other, "pair": pairs, "age": pairs}
+        rater_indices, provider_indices = map(np.flatnonzero, stay)
+        chosen: dict[Kind, Ints] = {
+            "rater": rater_indices,
+            "provider": provider_indices,
+            "pair": pairs,
+            "age": pairs,
+        }
         self._state = map_kinds(lambda kind, leaf: leaf[chosen[kind]], self._state)
         self._sizes = {kind: len(places) for kind, places in chosen.items()}
         self._index = KeyIndex.of(keys)
@@ -199,8 +204,8 @@ class EdgeRun(TrustRun):
         """
 
         def cut(kind: Kind, leaf: Floats) -> Floats:
-            there = leaf[: self._sizes[kind]]
-            return self._ages(there) if kind == "age" and ages else there
+            used = leaf[: self._sizes[kind]]
+            return self._ages(used) if kind == "age" and ages else used
 
         return map_kinds(cut, self._state)
 
@@ -214,25 +219,37 @@ class EdgeRun(TrustRun):
         """Update the agents and the pairs that have ratings in the round: a small game of their
         own.
         """
-        one, other = self._touched("rater", raters), self._touched("provider", providers)
-        ratings = Ratings(
-            values, raters=one.places, providers=other.places, shape=(one.size, other.size)
+        touched_raters, touched_providers = (
+            self._touched("rater", raters),
+            self._touched("provider", providers),
         )
-        self._play_some(one, other, pair, ratings)
+        ratings = Ratings(
+            values,
+            raters=touched_raters.places,
+            providers=touched_providers.places,
+            shape=(touched_raters.size, touched_providers.size),
+        )
+        self._play_some(touched_raters, touched_providers, pair, ratings)
 
-    def _play_some(self, one: _Touched, other: _Touched, pair: Ints, ratings: Ratings) -> None:
+    def _play_some(
+        self, touched_raters: _Touched, touched_providers: _Touched, pair: Ints, ratings: Ratings
+    ) -> None:
         """Update some raters, providers and pairs."""
         places: dict[str, Ints | slice] = {
-            "rater": slice(self._sizes["rater"]) if one.agents is None else one.agents,
-            "provider": slice(self._sizes["provider"]) if other.agents is None else other.agents,
+            "rater": slice(self._sizes["rater"])
+            if touched_raters.agents is None
+            else touched_raters.agents,
+            "provider": slice(self._sizes["provider"])
+            if touched_providers.agents is None
+            else touched_providers.agents,
             "pair": pair,
             "age": pair,
         }
 
         def taken(kind: Kind, leaf: Floats) -> Floats:
             where = places[kind]
-            some = leaf[where] if isinstance(where, slice) else leaf.take(where)
-            return self._ages(some) if kind == "age" else some
+            values = leaf[where] if isinstance(where, slice) else leaf.take(where)
+            return self._ages(values) if kind == "age" else values
 
         def put(kind: Kind, leaf: Floats, new: Floats) -> Floats:
             leaf[places[kind]] = self.rounds + 2 - new if kind == "age" else new
@@ -252,19 +269,25 @@ class EdgeRun(TrustRun):
         if pairs is None:
             return False
         givers, receivers = self._ends(pairs)
-        one, other = self._touched("rater", givers), self._touched("provider", receivers)
-        if one.agents is None or other.agents is None:
+        touched_raters, touched_providers = (
+            self._touched("rater", givers),
+            self._touched("provider", receivers),
+        )
+        if touched_raters.agents is None or touched_providers.agents is None:
             return False
         known = Ratings(
-            None, raters=one.places, providers=other.places, shape=(one.size, other.size)
+            None,
+            raters=touched_raters.places,
+            providers=touched_providers.places,
+            shape=(touched_raters.size, touched_providers.size),
         )
         slots = np.searchsorted(pairs, pair)
-        known.beyond = partial(near.median.put, other.agents, self.shape[1])
-        who, whom = one.places.take(slots), other.places.take(slots)
+        known.median_of_all = partial(near.median.put, touched_providers.agents, self.shape[1])
+        who, whom = touched_raters.places.take(slots), touched_providers.places.take(slots)
         ratings = Ratings(
             values, raters=who, providers=whom, shape=known.shape, pairs=known, slots=slots
         )
-        self._play_some(one, other, pairs, ratings)
+        self._play_some(touched_raters, touched_providers, pairs, ratings)
         near.follow(before, self.shape[1])
         return True
 
@@ -301,7 +324,7 @@ class EdgeRun(TrustRun):
             return
         known = self._known_pairs(None)
         if self._near is not None:
-            known.beyond = self._near.all_providers(self.shape[1])
+            known.median_of_all = self._near.all_providers(self.shape[1])
         ratings = Ratings(
             values,
             raters=raters,

@@ -136,8 +136,8 @@ class GridRun(TrustRun):
 
     def save(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the run keeps, by name. See `TrustRun.save`."""
-        kept = (leaf for leaf in leaves(self.state) if leaf is not None)
-        leaves_by_name = {f"state_{n}": np.asarray(leaf) for n, leaf in enumerate(kept)}
+        state_leaves = (leaf for leaf in leaves(self.state) if leaf is not None)
+        leaves_by_name = {f"state_{n}": np.asarray(leaf) for n, leaf in enumerate(state_leaves)}
         return {
             "counts": np.array([*self.shape, self.rounds]),
             "peers": self.peers,
@@ -171,8 +171,8 @@ def check_grid_memory(model: Any, shape: tuple[int, int]) -> None:
         MemoryError: It would. The message says how much.
     """
     sizes = dict(zip(_SIDES, shape, strict=True))
-    found = (leaf for leaf in leaves(_trial(model)) if isinstance(leaf, np.ndarray))
-    needed = sum(leaf.itemsize * math.prod(sizes.get(n, n) for n in leaf.shape) for leaf in found)
+    arrays = (leaf for leaf in leaves(_trial(model)) if isinstance(leaf, np.ndarray))
+    needed = sum(leaf.itemsize * math.prod(sizes.get(n, n) for n in leaf.shape) for leaf in arrays)
     if needed > MEMORY:
         raise MemoryError(
             f"trust model {model!r} keeps numbers for pairs of agents: with {shape[0]:,} raters "

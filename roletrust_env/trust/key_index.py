@@ -80,14 +80,14 @@ class KeyIndex:
         """Return the places of so few keys, at least one, that room for all of them may be made."""
         if add:
             self._make_room(keys)
-        found, where = self._find(keys, self._first_entries(keys))
+        places, where = self._find(keys, self._first_entries(keys))
         while add and len(
-            waiting := (found < 0).nonzero()[0]
+            waiting := (places < 0).nonzero()[0]
         ):  # again where another key took the entry
             rest, vacant = keys.take(waiting), where.take(waiting)
             self._add(rest, vacant)
-            found[waiting], where[waiting] = self._find(rest, vacant)
-        return found
+            places[waiting], where[waiting] = self._find(rest, vacant)
+        return places
 
     def _find(self, keys: Ints, where: Ints) -> tuple[Ints, Ints]:
         """Return the place of each key, -1 if unknown, and the entry of that place, which is vacant
@@ -97,18 +97,18 @@ class KeyIndex:
             keys: Keys, shape (n,).
             where: Entry at which the search for each key begins.
         """
-        found = self._entries.take(where).astype(np.int64)
+        places = self._entries.take(where).astype(np.int64)
         if self._direct:
-            return found, where
-        on = ((self._keys.take(found) != keys) & (found >= 0)).nonzero()[0]
+            return places, where
+        on = ((self._keys.take(places) != keys) & (places >= 0)).nonzero()[0]
         keys, where, at = keys.take(on), where.copy(), where.take(on)
         while len(on):
             at = (at + 1) & (self._size - 1)
-            there = self._entries.take(at)
-            found[on], where[on] = there, at
-            more = ((self._keys.take(there) != keys) & (there >= 0)).nonzero()[0]
+            candidates = self._entries.take(at)
+            places[on], where[on] = candidates, at
+            more = ((self._keys.take(candidates) != keys) & (candidates >= 0)).nonzero()[0]
             on, keys, at = on.take(more), keys.take(more), at.take(more)
-        return found, where
+        return places, where
 
     def _add(self, keys: Ints, where: Ints) -> None:
         """Put keys into vacant entries; of several keys for one entry, the first."""

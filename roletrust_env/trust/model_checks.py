@@ -75,7 +75,8 @@ def try_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:
     ):
         _, *again = _updated(model, state, ratings, where)
         if any(
-            bool((abs(one - other) > 1e-6).any()) for one, other in zip(first, again, strict=True)
+            bool((abs(first_trust - other) > 1e-6).any())
+            for first_trust, other in zip(first, again, strict=True)
         ):
             raise ValueError(
                 f"{where} twice alike: it changes {changes}, and must return what it remembers anew"
@@ -105,8 +106,8 @@ def _check_batch(model: TrustModel[Any], peers: Array, like: Array, where: str) 
 
     together = read(slice(games))
     for k in range(games):
-        for one, other in zip(read(slice(k, k + 1)), together, strict=True):
-            if bool((abs(one - other[..., k : k + 1]) > 1e-3).any()):
+        for alone, other in zip(read(slice(k, k + 1)), together, strict=True):
+            if bool((abs(alone - other[..., k : k + 1]) > 1e-3).any()):
                 raise ValueError(
                     f"{where}: a game in a batch differs from the same game alone; reduce over "
                     "axes 0 and 1 only"

@@ -72,11 +72,11 @@ class PairChains:
         at = self._newest.take(
             agents.compress(self._turns.take(agents) == turns)
         )  # every agent once
-        parts, found = list[Ints](), 0
+        parts, n_pairs = list[Ints](), 0
         for _ in range(2 + self._count // _LINKS):
             at = at.compress(at >= 0)
-            found += len(at)
-            if found > most:
+            n_pairs += len(at)
+            if n_pairs > most:
                 return None
             if not len(at):
                 return np.concatenate(parts) if parts else at
@@ -103,17 +103,17 @@ class LowerMedian:
         )  # places of the values in the window, from `low` to below `high`
         self._count = self._negative = self._below = self._room = 0
 
-    def put(self, places: Ints, size: int, values: Floats, there: npt.NDArray[np.bool_]) -> float:
+    def put(self, places: Ints, size: int, values: Floats, present: npt.NDArray[np.bool_]) -> float:
         """Take the values of some providers, and return the median over all.
 
         Args:
             places: Places of these providers, each once.
             size: Number of providers.
             values: Their values, finite.
-            there: Whether each has a value.
+            present: Whether each has a value.
         """
         self._values = _longer(self._values, size, math.inf)
-        new, old = np.where(there, values, math.inf), self._values.take(places)
+        new, old = np.where(present, values, math.inf), self._values.take(places)
         self._values[places] = new
         self._count += _more(new < math.inf, old < math.inf)
         self._negative += _more(new < 0, old < 0)
@@ -181,8 +181,8 @@ class Neighbourhood:
         given = self._given.of(raters, size // _SHARE)
         if given is None:
             return None
-        found = self._received.of(ends(given)[1], size // _SHARE)
-        return None if found is None else np.sort(found)
+        pairs = self._received.of(ends(given)[1], size // _SHARE)
+        return None if pairs is None else np.sort(pairs)
 
     def all_providers(self, size: int) -> Callable[[Floats, npt.NDArray[np.bool_]], float]:
         """Return `lower_median` for a round that updates all providers, of which there are so

@@ -182,11 +182,11 @@ class HttpLink:
 
     def _post(self, lines: Sequence[str]) -> str:
         body = "".join(f"{line}\n" for line in lines).encode()
-        found: queue.SimpleQueue[bytes | LinkError] = queue.SimpleQueue()
+        answers: queue.SimpleQueue[bytes | LinkError] = queue.SimpleQueue()
         # A service may send byte by byte, each in time, so a thread waits for the whole answer.
-        threading.Thread(target=lambda: found.put(self._answer(body)), daemon=True).start()
+        threading.Thread(target=lambda: answers.put(self._answer(body)), daemon=True).start()
         try:
-            answer = found.get(timeout=self._limit_s)
+            answer = answers.get(timeout=self._limit_s)
         except queue.Empty:
             raise _late(self._limit_s) from None
         if isinstance(answer, LinkError):
@@ -298,8 +298,8 @@ class Sessions:
             raters, providers = np.nonzero(mask[..., k])
             given = ratings[raters, providers, k]
             listed = [
-                list(one)
-                for one in zip(raters.tolist(), providers.tolist(), given.tolist(), strict=True)
+                list(rating)
+                for rating in zip(raters.tolist(), providers.tolist(), given.tolist(), strict=True)
             ]
             requests.append(_request(number, round, shape, listed))
         answers = self._ask(requests, shape)
@@ -516,8 +516,8 @@ class OutsideModel:
             ValueError: A game is in another round at the other side.
         """
         sessions, shape = self._sessions(), ratings.shape[:2]
-        there = [sessions.round_of(number) for number in numbers.tolist()]
-        apart = [k for k, round in enumerate(rounds.tolist()) if there[k] != round]
+        session_rounds = [sessions.round_of(number) for number in numbers.tolist()]
+        apart = [k for k, round in enumerate(rounds.tolist()) if session_rounds[k] != round]
         if any(rounds[apart]):
             raise ValueError(
                 f"{self} cannot go back to round {max(rounds[apart])} of a game: a model outside "

@@ -96,12 +96,12 @@ def by_pairs(of: Callable[[slice, slice], Array], like: Array) -> Array:
     many, rows = like.shape[0], max(1, _BLOCK // max(1, math.prod(like.shape)))
     if rows >= many or not isinstance(like, np.ndarray):
         return by_judges(lambda judges: of(judges, slice(None)), like)
-    found = np.empty((many, many, *like.shape[2:]), like.dtype)
+    values = np.empty((many, many, *like.shape[2:]), like.dtype)
     for at in range(0, many, rows):
-        some, rest = slice(at, at + rows), slice(at, None)
-        found[some, rest] = part = of(some, rest)
-        found[rest, some] = part.swapaxes(0, 1)
-    return found
+        block, rest = slice(at, at + rows), slice(at, None)
+        values[block, rest] = part = of(block, rest)
+        values[rest, block] = part.swapaxes(0, 1)
+    return values
 
 
 def compare_opinions(ratings: Ratings, worth: Callable[[Array], Array]) -> Array:
@@ -137,13 +137,15 @@ def credence_sum(credence: Array, said: Array) -> Array:
     return product(credence, said)
 
 
-def product(one: Array, other: Array) -> Array:
+def product(first: Array, second: Array) -> Array:
     """Return the matrix product over the first two axes, game by game: (A, B, ...) and (B, C, ...)
     make (A, C, ...).
     """
-    xp = namespace(one)
-    here, there = (0, 1), (-2, -1)
-    return xp.moveaxis(xp.moveaxis(one, here, there) @ xp.moveaxis(other, here, there), there, here)
+    xp = namespace(first)
+    here, last_axes = (0, 1), (-2, -1)
+    return xp.moveaxis(
+        xp.moveaxis(first, here, last_axes) @ xp.moveaxis(second, here, last_axes), last_axes, here
+    )
 
 
 def with_self(credence: Array) -> Array:

@@ -44,8 +44,8 @@ class RandomOrder:
         """Return a property of the model, see `Traits`, or `judge_trust` if the model has it."""
         if name not in (*Traits._fields, "judge_trust"):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        found = getattr(self.model, name)
-        return self._judge_trust if name == "judge_trust" else found
+        attribute = getattr(self.model, name)
+        return self._judge_trust if name == "judge_trust" else attribute
 
     def start(self, like: Array, peers: Any) -> OrderedState:
         """Draw the order of each game. See `TrustModel.start`.
@@ -70,7 +70,7 @@ class RandomOrder:
         )
         return OrderedState(
             start_model(self.model, like, peers),
-            *(xp.asarray(one.copy(), device=like.device) for one in spread),
+            *(xp.asarray(array.copy(), device=like.device) for array in spread),
         )
 
     def update(self, state: OrderedState, ratings: Ratings) -> OrderedState:

@@ -81,8 +81,8 @@ class Ratings:
             is none; None on a grid, and if no agent has two roles.
         slots: Place of each rating's pair among the known pairs, shape (E,); None if these are the
             pairs of the round.
-        beyond: Function that is `lower_median` over all providers, where these are some of a run;
-            otherwise None.
+        median_of_all: Function that is `lower_median` over all providers, where these are some of
+            a run; otherwise None.
         full: Whether this is a grid in which every rater rated every provider.
 
     Example:
@@ -96,7 +96,7 @@ class Ratings:
     providers: Array | None = None
     twins: Array | None = None
     slots: Array | None = None
-    beyond: Callable[[Array, Array], float] | None = None
+    median_of_all: Callable[[Array, Array], float] | None = None
     _pairs: "Ratings | None" = None  # these four are of edges alone
 
     def __init__(
@@ -391,14 +391,14 @@ def merge_repeats(
     counts = np.bincount(numbers)
     if counts.max(initial=0) <= 1:
         return raters, providers, values, pair
-    there = counts.nonzero()[0]
+    present = counts.nonzero()[0]
     last = np.empty_like(counts)
     last[numbers] = np.arange(len(numbers))
-    last = last[there]
+    last = last[present]
     return (
         raters[last],
         providers[last],
-        np.bincount(numbers, values)[there] / counts[there],
+        np.bincount(numbers, values)[present] / counts[present],
         pair[last],
     )
 

@@ -104,7 +104,12 @@ class Perturbations:
 def strength_in(perturbations: Iterable[Perturbation], round: int) -> float:
     """Return the strength in one round, which may be beyond the length of the game."""
     return max(
-        (one.strength for one in perturbations if one.start <= round < one.stop), default=0.0
+        (
+            perturbation.strength
+            for perturbation in perturbations
+            if perturbation.start <= round < perturbation.stop
+        ),
+        default=0.0,
     )
 
 

@@ -79,8 +79,8 @@ class CoalitionAttacker:
         decision = decide(coalition, self.network, coalition.features(game, remembered), accounts)
         actions = coalition.actions(decision, remembered)
         if coalition.has_reserve:
-            there = self.network.presence(coalition.identity_features(game))
-            actions = actions._replace(presence=coalition.wanted(there))
+            presence = self.network.presence(coalition.identity_features(game))
+            actions = actions._replace(presence=coalition.wanted(presence))
         return actions, (coalition, coalition.gave(remembered, actions))
 
     def stacks_with(self, other: Attacker) -> bool:

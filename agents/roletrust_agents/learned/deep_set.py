@@ -131,10 +131,10 @@ class DeepSet:
             )
         rows = weights["layer2.bias"].shape[:-1]
         for name, shape in shapes.items():
-            found = tuple(weights[name].shape)
-            if len(rows) > 1 or found != (*rows, *shape):
+            weight_shape = tuple(weights[name].shape)
+            if len(rows) > 1 or weight_shape != (*rows, *shape):
                 raise ValueError(
-                    f"weight {name!r} has the shape {found}; the architecture has {shape}"
+                    f"weight {name!r} has the shape {weight_shape}; the architecture has {shape}"
                 )
             if not bool(namespace(weights[name]).isfinite(weights[name]).all()):
                 raise ValueError(f"weight {name!r} has entries that are not finite")
@@ -315,5 +315,5 @@ def widened(network: DeepSet) -> list[DeepSet]:
     served = (network.weights, well)
     return [
         wide({"bias": ALIKE}, network.weights),
-        *(wide(one, own) for own in served for one in _TREATMENTS),
+        *(wide(label, own) for own in served for label in _TREATMENTS),
     ]

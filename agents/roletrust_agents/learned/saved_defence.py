@@ -153,8 +153,8 @@ def _parsed(text: bytes, data: bytes) -> tuple[DefenceCard, Floats]:
         )
     for name, shape in SHAPES.items():
         if weights[name].shape != shape or weights[name].dtype != np.float64:
-            found = f"{weights[name].dtype} {weights[name].shape}"
-            raise ValueError(f"weight {name!r} is {found}; the architecture has float64 {shape}")
+            actual = f"{weights[name].dtype} {weights[name].shape}"
+            raise ValueError(f"weight {name!r} is {actual}; the architecture has float64 {shape}")
         if not (abs(weights[name]) <= MAX_WEIGHT).all():
             raise ValueError(
                 f"weight {name!r} has entries outside [-{MAX_WEIGHT:g}, {MAX_WEIGHT:g}]"

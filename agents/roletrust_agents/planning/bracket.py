@@ -94,7 +94,7 @@ def bracket_rater(
     """
     task = damage_task(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
     providers = sum(group.count for group in scenario.agents if group.role == "SP")
-    one = optimal_rater(
+    best_lies = optimal_rater(
         scenario,
         compromised=compromised,
         weight=weight,
@@ -102,7 +102,7 @@ def bracket_rater(
         levels=cells,
         points=cells,
     )
-    single = np.sqrt(1 - one.actions[1:])
+    single = np.sqrt(1 - best_lies.actions[1:])
     starts = [(providers // 2, np.stack([single, single], axis=1)), _best_bits(task, providers)]
     maxima = [_climb(task, first, providers, start) for first, start in starts]
     total, lies = max(maxima, key=lambda maximum: maximum[0])

@@ -137,10 +137,10 @@ def uniform_population(
     """
 
     def spread(parameters: Any, agents: int) -> Floats:
-        one = np.asarray(parameters, np.float64)
-        one = one.reshape(2, 1, *one.shape[1:], *[1] * len(batch))
+        strategy = np.asarray(parameters, np.float64)
+        strategy = strategy.reshape(2, 1, *strategy.shape[1:], *[1] * len(batch))
         return np.broadcast_to(
-            one, (2, agents, *one.shape[2 : one.ndim - len(batch)], *batch)
+            strategy, (2, agents, *strategy.shape[2 : strategy.ndim - len(batch)], *batch)
         ).copy()
 
     return StrategyProfile(

@@ -114,15 +114,15 @@ class CoalitionSearch(ABC):
             task.game.scenario.max_cycles,
         )
         left, rounds = (
-            [one for one in known if len(one) == architecture.size],
+            [vector for vector in known if len(vector) == architecture.size],
             budget.left // _CHOICE // 2,
         )
-        for look, kept in enumerate((-(-len(left) // _KEPT), 1)):
+        for look, n_kept in enumerate((-(-len(left) // _KEPT), 1)):
             if left[1:]:
                 games = max(1, rounds // (len(left) * length))
                 scores = mean_scores(task, architecture, left, games, (seed, _PLACE + look))
                 budget.spend(len(left) * games * length)
-                left = [left[k] for k in np.argsort(-scores, kind="stable")[:kept]]
+                left = [left[k] for k in np.argsort(-scores, kind="stable")[:n_kept]]
         return left
 
 

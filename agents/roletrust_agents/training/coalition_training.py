@@ -215,7 +215,11 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     def _validate_known(self, known: list[Floats]) -> None:
         """Validate the best of the known networks."""
         each = self.settings.validation * self.length * len(self.tasks)
-        first = [weights for weights in self._starts if any(weights is one for one in known)]
+        first = [
+            weights
+            for weights in self._starts
+            if any(weights is known_weights for known_weights in known)
+        ]
         for weights in first[: min(_KNOWN, self.budget // 10 // each)]:
             self._validate(weights)
 
@@ -258,12 +262,14 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         The method is that of Dinkelbach (1967) for quotients, with one step.
         """
         network, games = self.networks(self._starts[0][None, :]), self.settings.validation
-        lost, beyond = (
+        lost, best_possible = (
             self.play(task.with_blind_share(share), network, games, _AGAIN).mean()
             for share in (0.0, 1.0)
         )
         self.rounds += 2 * games * self.length
-        return task.with_blind_share(_AIM * min(1.0, max(0.0, lost / max(lost - beyond, 1e-9))))
+        return task.with_blind_share(
+            _AIM * min(1.0, max(0.0, lost / max(lost - best_possible, 1e-9)))
+        )
 
     def _scores(self, candidates: list[Floats], games: int, place: int) -> Floats:
         """Return the mean score of each candidate in games with each task."""

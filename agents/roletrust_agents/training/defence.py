@@ -134,12 +134,14 @@ def train_defence(
         places: Sequence[AttackerMixture], vectors: Floats, games: int, place: int
     ) -> Floats:
         nonlocal rounds
-        rounds += len(vectors) * games * sum(len(one.attackers) * _length(one) for one in places)
-        rewards = [_rewards(one, learner, vectors, games, (seed, place)) for one in places]
+        rounds += (
+            len(vectors) * games * sum(len(front.attackers) * _length(front) for front in places)
+        )
+        rewards = [_rewards(front, learner, vectors, games, (seed, place)) for front in places]
         return np.asarray(np.mean(rewards, axis=0))
 
     first = best = float(scores(fronts, start[None, :], climb.validation, _VALIDATION)[0])
-    kept = start
+    best_weights = start
     for step in range(climb.steps):
         noise = np.random.default_rng((seed, step)).standard_normal((climb.pairs, len(start)))
         candidates = adam.weights + climb.spread * np.concatenate([noise, -noise])
@@ -154,9 +156,9 @@ def train_defence(
         if (step + 1) % climb.validate_every == 0 or step + 1 == climb.steps:
             score = float(scores(fronts, adam.weights[None, :], climb.validation, _VALIDATION)[0])
             if score > best:
-                kept, best = adam.weights, score
+                best_weights, best = adam.weights, score
         on_step()
-    return Trained(kept, best, first, rounds)
+    return Trained(best_weights, best, first, rounds)
 
 
 def _drawn(front: AttackerMixture, many: int, seed: tuple[int, ...]) -> AttackerMixture:
@@ -164,8 +166,10 @@ def _drawn(front: AttackerMixture, many: int, seed: tuple[int, ...]) -> Attacker
     is drawn.
     """
     counts = np.random.default_rng(seed).multinomial(many, front.weights / front.weights.sum())
-    some = tuple(one for one, count in zip(front.attackers, counts, strict=True) if count)
-    return AttackerMixture(front.arguments, some, counts[counts > 0] / many)
+    drawn = tuple(
+        attacker for attacker, count in zip(front.attackers, counts, strict=True) if count
+    )
+    return AttackerMixture(front.arguments, drawn, counts[counts > 0] / many)
 
 
 def _rewards(
@@ -180,9 +184,9 @@ def _rewards(
     """
     model = learner.models(vectors, front.arguments["scenario"].initial_trust)
     task, lost = make_task(**{**front.arguments, "trust_model": model}), np.zeros(len(vectors))
-    for one, weight in zip(front.attackers, front.weights, strict=True):
+    for attacker, weight in zip(front.attackers, front.weights, strict=True):
         rewards = mean_rewards(
-            task, read_record(one.record), seed, (len(vectors), games), SEARCHED
+            task, read_record(attacker.record), seed, (len(vectors), games), SEARCHED
         )[0]
         lost += weight * rewards.mean(axis=1)
     return -lost

@@ -86,7 +86,7 @@ class ParameterLearner:
         """Range and default of each number, by name."""
         factory: Any = named_factory(registry, self.name)
         hints = get_type_hints(factory, include_extras=True) if isinstance(factory, type) else {}
-        found = {}
+        ranges = {}
         for name, parameter in inspect.signature(factory).parameters.items():
             for kind, span in _RANGES:
                 if (
@@ -94,8 +94,8 @@ class ParameterLearner:
                     and hints.get(name) == kind
                     and parameter.default is not parameter.empty
                 ):
-                    found[name] = span, float(parameter.default)
-        return found
+                    ranges[name] = span, float(parameter.default)
+        return ranges
 
     def _plays_in_rows(self) -> bool:
         """Return whether many values of each number play side by side as alone; those that a branch

@@ -97,8 +97,8 @@ class Evolution(CoalitionTraining[EvolutionSettings]):
                 )
         if self.steps in self._judged_at:
             means = np.mean([step.mean(axis=1) for step in self.scores[-_JUDGED:]], axis=0)
-            kept = np.sort(np.argsort(-means, kind="stable")[: len(means) // 2])
-            self._strategies = [self._strategies[k] for k in kept]
+            survivors = np.sort(np.argsort(-means, kind="stable")[: len(means) // 2])
+            self._strategies = [self._strategies[k] for k in survivors]
 
 
 def _strategy(start: Floats, settings: EvolutionSettings, seed: tuple[int, ...]) -> Any:

@@ -17,10 +17,10 @@ def update_memory(model: Any) -> int:
     """Return the memory of an update in bytes: twice the data of its rollout, 0 for a learner
     without rollouts.
     """
-    kept = getattr(model, "rollout_buffer", None)
+    buffer = getattr(model, "rollout_buffer", None)
     return (
-        2 * sum(part.nbytes for part in vars(kept).values() if isinstance(part, np.ndarray))
-        if kept
+        2 * sum(part.nbytes for part in vars(buffer).values() if isinstance(part, np.ndarray))
+        if buffer
         else 0
     )
 

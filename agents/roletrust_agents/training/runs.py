@@ -176,7 +176,7 @@ class RunFolder:
 
     def last(self) -> Checkpoint | None:
         """Return the newest undamaged checkpoint; None if there is none."""
-        return next((found for path in self._found() if (found := _read(path)) is not None), None)
+        return next((record for path in self._found() if (record := _read(path)) is not None), None)
 
     @contextmanager
     def restoring(self) -> Iterator[Checkpoint | None]:

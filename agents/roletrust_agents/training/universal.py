@@ -55,9 +55,9 @@ def starts_of(
     if not wide:
         return {name: network for name, network in named.items() if not network.architecture.wide}
     return {
-        f"{name}, start {k}": one
+        f"{name}, start {k}": start
         for name, network in named.items()
-        for k, one in enumerate(widened(network)[:ways])
+        for k, start in enumerate(widened(network)[:ways])
     }
 
 
@@ -77,11 +77,13 @@ def known_starts(start: Start, records: Sequence[str] = (), *, wide: bool = True
         return []
     attackers = enumerate(map(read_record, records))
     recorded = {
-        f"record {k}": one.network for k, one in attackers if isinstance(one, CoalitionAttacker)
+        f"record {k}": attacker.network
+        for k, attacker in attackers
+        if isinstance(attacker, CoalitionAttacker)
     }
     ready = universal_coalitions(wide=start == "universal")
     ways = (
-        1 if any(one.architecture.wide for one in recorded.values()) else None
+        1 if any(attacker.architecture.wide for attacker in recorded.values()) else None
     )  # the better ways are known
     starts = starts_of(ready | recorded, wide=wide, ways=ways).values()
     return [network.flatten().astype(np.float64) for network in starts]
@@ -168,7 +170,7 @@ def best_universal(
     for architecture in dict.fromkeys(network.architecture for network in ready.values()):
         names = [name for name, network in ready.items() if network.architecture == architecture]
         played = mean_scores(
-            task, architecture, [ready[one].flatten() for one in names], _GAMES, (seed, _PLACE)
+            task, architecture, [ready[start].flatten() for start in names], _GAMES, (seed, _PLACE)
         )
         scores |= dict(zip(names, played.tolist(), strict=True))
     budget.spend(rounds)

@@ -44,7 +44,7 @@ def best_script(task: AttackTask, *, games: int, seed: int) -> Yardstick | None:
     Where raters and providers are compromised, the script of one role goes with the paper's attack
     of the other.
     """
-    found = []
+    best_scripts = []
     for name in attackers.names():
         try:
             kind = attackers.factory(name)
@@ -54,8 +54,8 @@ def best_script(task: AttackTask, *, games: int, seed: int) -> Yardstick | None:
         ):  # another role, no ring, no identities in reserve, a file that is missing
             continue
         score = play_attacker(task, Scripted(attack), games=games, seed=seed).mean()
-        found.append(Yardstick(f"best script ({describe_attack(attack)})", float(score)))
-    return max(found, key=lambda one: one.score, default=None)
+        best_scripts.append(Yardstick(f"best script ({describe_attack(attack)})", float(score)))
+    return max(best_scripts, key=lambda yardstick: yardstick.score, default=None)
 
 
 def known_scores(arguments: TaskArguments, seed: int) -> list[Yardstick]:
@@ -69,6 +69,6 @@ def known_scores(arguments: TaskArguments, seed: int) -> list[Yardstick]:
     known = []
     for name, words in (("exact", "optimum"), ("best known", "best known")):
         with suppress(UnsuitableError):
-            found = find(search_methods.make(name), arguments, budget=0, seed=seed, games=1)
-            known.append(Yardstick(words, float(found.scores.mean())))
+            result = find(search_methods.make(name), arguments, budget=0, seed=seed, games=1)
+            known.append(Yardstick(words, float(result.scores.mean())))
     return known

@@ -142,9 +142,9 @@ def ranking(results: Sequence[LearnerResult]) -> list[str]:
     """
     largest = max((result.budget for result in results), default=0)
     shares = {
-        one.learner: one.share.value
-        for one in results
-        if one.task == ALL_TASKS and one.budget == largest
+        learner_result.learner: learner_result.share.value
+        for learner_result in results
+        if learner_result.task == ALL_TASKS and learner_result.budget == largest
     }
     names = dict.fromkeys(result.learner for result in results)
     return sorted(names, key=lambda name: -np.nan_to_num(shares.get(name, np.nan), nan=-np.inf))

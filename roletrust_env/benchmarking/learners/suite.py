@@ -140,15 +140,15 @@ class LearnersSuite(SuiteSchema):
         """Return all trials. The longest come first, so that all workers end at about the same
         time.
         """
-        found = [
+        trials = [
             Trial(task, learner, budget, seed)
             for budget in reversed(self.budgets)
             for seed in self.seeds
             for learner in self.learners
             for task in self.tasks
         ]
-        found += [Trial(task, HONEST_PLAY, 0, seed) for task in self.tasks for seed in self.seeds]
-        return found + [
+        trials += [Trial(task, HONEST_PLAY, 0, seed) for task in self.tasks for seed in self.seeds]
+        return trials + [
             Trial(task, bound, 0, self.seeds[0]) for task in self.tasks for bound in BOUNDS
         ]
 

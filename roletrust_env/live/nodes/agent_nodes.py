@@ -169,7 +169,7 @@ def run_rater_node(
         StrangePictures(detector, timing),
     )
     assembler: RoundAssembler[bytes] = RoundAssembler(
-        timing, [one for one in team.providers if one != name]
+        timing, [provider for provider in team.providers if provider != name]
     )
     diagnostics = DiagnosticsPublisher(node, name, signer)
 

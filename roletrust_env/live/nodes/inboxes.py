@@ -397,7 +397,10 @@ class AgentInbox(Generic[M]):
         participant.
         """
         reason = RefusalReason.CROWDED if self._strangers else RefusalReason.UNKNOWN
-        away = {(f"participant {one}", reason): count for one, count in self.turned_away.items()}
+        away = {
+            (f"participant {participant}", reason): count
+            for participant, count in self.turned_away.items()
+        }
         return self.validator.refusals + Counter(away)
 
     def readers(self) -> list[tuple[str, Reader]]:

@@ -113,9 +113,9 @@ class Reader:
             now = time.monotonic()
             pause, self._taken_s = now - self._taken_s, now
             within = [
-                one
-                for one in samples
-                if self._quota.allows(one.sample_info.publication_handle, now, pause)
+                received
+                for received in samples
+                if self._quota.allows(received.sample_info.publication_handle, now, pause)
             ]
             self.excess += len(samples) - len(within)
             samples = within
@@ -155,7 +155,7 @@ class Quota:
         """
         if int(now) != self._second:
             self._blocked = frozenset(
-                one for one, count in self._counts.items() if count > self._allowed
+                sender for sender, count in self._counts.items() if count > self._allowed
             )
             self._second, self._counts = int(now), Counter()
             self._allowed = int(self._limit * max(1.0, min(pause, _LONGEST_PAUSE_S)))
@@ -260,7 +260,9 @@ class Node:
         ascending order.
         """
         self._update()
-        return sorted(guid for guid, one in self._known.items() if one.topic == topic)
+        return sorted(
+            guid for guid, publication in self._known.items() if publication.topic == topic
+        )
 
     def discover(self) -> list[Publication]:
         """Return the publications since the last call, including those of this node; a topic may be
@@ -282,9 +284,9 @@ class Node:
         for sample in self._builtin_reader.take(_AT_ONCE):
             if sample.topic_name is None:
                 self._known.pop(str(sample.key), None)
-            elif one := _publication(sample):
-                self._known[str(sample.key)] = one
-                self._new.append(one)
+            elif publication := _publication(sample):
+                self._known[str(sample.key)] = publication
+                self._new.append(publication)
 
     def _attach(self, reader: Any) -> None:
         condition = self._conditions[str(reader.guid)] = ReadCondition(reader, _ANY)
@@ -415,24 +417,24 @@ def _without_definition(topic: Any, carrier: type[Any]) -> Iterator[None]:
     library: Any = Entity._dll_handle
     library.dds_get_entity_sertype(ctypes.c_int32(topic._ref), ctypes.byref(description))
     sizes = tuple(map(len, carrier.__idl__._xt_bytedata))
-    found = None
+    type_part = None
     for place in range(_WORDS):
         part = _Definition.from_address(
             (description.value or 0) + place * ctypes.sizeof(ctypes.c_void_p)
         )
         if part.python_type == id(carrier) and (part.information_size, part.mapping_size) == sizes:
-            found = part
+            type_part = part
             break
     if (
-        found is None
+        type_part is None
     ):  # a version of the middleware with another description: the definition is announced
         yield
         return
-    found.information_size = 0
+    type_part.information_size = 0
     try:
         yield
     finally:
-        found.information_size = sizes[0]
+        type_part.information_size = sizes[0]
 
 
 @cache

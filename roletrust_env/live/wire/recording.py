@@ -114,8 +114,8 @@ def read_recording(
                 connection, time, raw = next(messages, (None, 0, b""))
                 if connection is None:
                     return
-                one = RecordedMessage(time, connection.topic, connection.msgtype, bytes(raw))
-            yield one
+                message = RecordedMessage(time, connection.topic, connection.msgtype, bytes(raw))
+            yield message
             advance(done, reader.message_count)
     finally:
         with _one_line_errors(folder):
@@ -155,9 +155,9 @@ def recover_recording(damaged: Path, folder: Path) -> int:
     if not path.is_file() or not path.read_bytes()[: len(_MAGIC)] == _MAGIC:
         raise ValueError(f"{damaged} is no recording; give an MCAP file, or a folder with one")
     readable = [
-        one
-        for one in _readable_messages(path.read_bytes()[len(_MAGIC) :])
-        if one.kind in typestore().types
+        item
+        for item in _readable_messages(path.read_bytes()[len(_MAGIC) :])
+        if item.kind in typestore().types
     ]
     if not readable:
         raise ValueError(

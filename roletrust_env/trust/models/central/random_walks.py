@@ -177,12 +177,12 @@ def passed_on(sources: list[Array], links: Array, onward: Array, on: float) -> l
         on: Share that is passed on.
     """
     xp = namespace(links)
-    here, there = (0, 1), (-2, -1)
-    back = xp.moveaxis(onward, here, there) @ xp.moveaxis(links, (0, 1), (-1, -2))
-    given = xp.moveaxis(xp.stack(sources, axis=1), here, there)
+    here, last_axes = (0, 1), (-2, -1)
+    back = xp.moveaxis(onward, here, last_axes) @ xp.moveaxis(links, (0, 1), (-1, -2))
+    given = xp.moveaxis(xp.stack(sources, axis=1), here, last_axes)
     matrix = xp.eye(len(links), dtype=links.dtype, device=device_of(links)) - on * back
-    found = xp.moveaxis(xp.linalg.solve(matrix, given), there, here)
-    return [found[:, k, ...] for k in range(len(sources))]
+    solution = xp.moveaxis(xp.linalg.solve(matrix, given), last_axes, here)
+    return [solution[:, k, ...] for k in range(len(sources))]
 
 
 PRE_TRUSTED = 0.5

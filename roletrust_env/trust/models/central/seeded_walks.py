@@ -309,7 +309,7 @@ class MeritRank(BySeeds):
 
     def _after(self, graph: WalkGraph, state: Any) -> Any:
         new = zip(state.merits, self._reached(graph), strict=True)
-        merits = Merits(*((1 - self.gamma) * old + one for old, one in new))
+        merits = Merits(*((1 - self.gamma) * old + gain for old, gain in new))
         return MeritRankState(
             *self._published(graph, Trusts(*merits)), state.scores, state.peers, merits
         )
@@ -317,8 +317,8 @@ class MeritRank(BySeeds):
     def _reached(self, graph: WalkGraph) -> Trusts:
         """Return (1 - beta b) r."""
         xp, started = namespace(graph.links), graph.of_raters(graph.start)
-        found = zip(visits(graph, self.alpha, self.back), started, graph.known, strict=True)
-        tor, top = ((1 - sure) * xp.clip(x - first, 0.0, None) for x, first, sure in found)
+        reached = zip(visits(graph, self.alpha, self.back), started, graph.known, strict=True)
+        tor, top = ((1 - sure) * xp.clip(x - first, 0.0, None) for x, first, sure in reached)
         visited = total(tor, 0) + total(graph.mute * top, 0) + TINY
         bridged = behind_bridges(graph, self.back) if self.seeds else Trusts(0 * tor, 0 * top)
         return Trusts(
@@ -371,11 +371,13 @@ def behind_bridges(graph: WalkGraph, back: bool) -> Trusts:
         low = received(Trusts(*(xp.where(x > 0, last - x, 0.0) for x in sent)))
         free = [(1 - seed) * (1 - head) for seed, head in zip(seeds, heads, strict=True)]
         met = [
-            xp.where((one > 0) & (one + other != last), x, 0.0)
-            for one, other, x in zip(high, low, free, strict=True)
+            xp.where((highest > 0) & (highest + other != last), x, 0.0)
+            for highest, other, x in zip(high, low, free, strict=True)
         ]
         again = xp.maximum(largest(met[0]), largest(met[1])) > 0
-        after = Trusts(*(xp.where(again, 0.0, x * one) for x, one in zip(free, high, strict=True)))
+        after = Trusts(
+            *(xp.where(again, 0.0, x * share) for x, share in zip(free, high, strict=True))
+        )
         moved = xp.any(again) | xp.any(after.tor != labels.tor) | xp.any(after.top != labels.top)
         heads, labels = Trusts(*(head + x for head, x in zip(heads, met, strict=True))), after
         if not is_compiling(graph.links) and not bool(moved):
@@ -448,9 +450,12 @@ def _returned(graph: WalkGraph, values: Array) -> Array:
     """
     pairs, xp = graph.pairs, namespace(values)
     if pairs.raters is None or pairs.providers is None:
-        here, there = (0, 1), (-2, -1)
-        peers, turned = xp.moveaxis(graph.peers, here, there), xp.moveaxis(values, here, (-1, -2))
-        return xp.moveaxis(peers @ turned @ peers, there, here)
+        here, last_axes = (0, 1), (-2, -1)
+        peers, turned = (
+            xp.moveaxis(graph.peers, here, last_axes),
+            xp.moveaxis(values, here, (-1, -2)),
+        )
+        return xp.moveaxis(peers @ turned @ peers, last_axes, here)
     if pairs.twins is None or not len(values):
         return 0 * values
     provider_of = xp.zeros(pairs.shape[0], dtype=pairs.twins.dtype, device=device_of(values)) - 1
@@ -461,5 +466,5 @@ def _returned(graph: WalkGraph, values: Array) -> Array:
     order = xp.argsort(keys)
     wanted = pair_keys(xp.where(raters < 0, 0, raters), xp.where(providers < 0, 0, providers))
     place = xp.clip(xp.searchsorted(keys[order], wanted), 0, len(keys) - 1)
-    there = (keys[order][place] == wanted) & (raters >= 0) & (providers >= 0)
-    return xp.where(there, values[order][place], 0.0)
+    known = (keys[order][place] == wanted) & (raters >= 0) & (providers >= 0)
+    return xp.where(known, values[order][place], 0.0)

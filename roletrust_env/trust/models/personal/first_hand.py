@@ -98,9 +98,9 @@ class FirstHand(Personal):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
         rated, met = ratings.values, ratings.weights
-        kept = 1 - (1 - self.keep) * met
+        remembered = 1 - (1 - self.keep) * met
         weight = met * (1 + self.repeats * occurred(state.counts))
-        sums, counts = kept * state.sums + weight * rated, kept * state.counts + weight
+        sums, counts = remembered * state.sums + weight * rated, remembered * state.counts + weight
         means, voice = mean_of_sums(sums, counts), counts / (1 + self.limit * counts)
 
         def agree(judges: slice, advisers: slice) -> Array:
