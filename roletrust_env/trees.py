@@ -84,7 +84,7 @@ def kinds(state: Any) -> Iterator[tuple[Kind, Array]]:
     order.
 
     Args:
-        state: NamedTuple whose fields are annotated, see `roletrust_env.trust.ratings.PerRater`; it
+        state: NamedTuple whose fields are annotated, see `roletrust_env.shapes.PerRater`; it
             may hold further such states.
     """
     for (kind, _), part in zip(_marks(cast(Any, type(state))), state, strict=True):

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from refusals import refuses
 
+from roletrust_env.shapes import PairAge, PerRater
 from roletrust_env.trees import arrays, check_ranges, kinds, leaves, map_kinds, map_leaves
-from roletrust_env.trust.ratings import PairAge, PerRater
 
 
 class Inner(NamedTuple):

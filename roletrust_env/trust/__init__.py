@@ -1,5 +1,6 @@
 """Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
 
+from roletrust_env.shapes import PairAge, PerPair, PerProvider, PerRater
 from roletrust_env.trust.algorithms import agent_trust, provider_trust, rater_trust
 from roletrust_env.trust.model import (
     Traits,
@@ -13,10 +14,6 @@ from roletrust_env.trust.models.central.role_trust import RoleTrust
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
-    PairAge,
-    PerPair,
-    PerProvider,
-    PerRater,
     Ratings,
     mean,
     smooth,

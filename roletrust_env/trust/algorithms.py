@@ -13,16 +13,18 @@ from functools import reduce
 from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, device_of, is_compiling, namespace
-from roletrust_env.trees import SHARES
-from roletrust_env.trust.ratings import (
-    PROVIDER,
-    RATER,
-    TINY,
+from roletrust_env.shapes import (
+    PairFlags,
+    PerAgent,
+    PerGame,
+    PerPair,
     PerProvider,
     PerRater,
-    Ratings,
-    smooth,
+    ProviderFlags,
+    Shape,
 )
+from roletrust_env.trees import SHARES
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Ratings, smooth
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 """Coefficients of `_sinc_polynomial`, the constant first."""
@@ -30,7 +32,7 @@ _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 _ROUNDING = 1e-12  # a gap to a mean in double precision that is smaller is rounding
 
 
-def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> Array:
+def rater_trust(ratings: PerPair, mask: PairFlags, *, previous: PerRater, lam: float) -> PerRater:
     """Return the trust of each rater, ToR (Algorithm 1): how near its ratings are to the average
     ratings.
 
@@ -66,15 +68,15 @@ def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> 
 
 
 def provider_trust(
-    ratings: Array,
-    mask: Array,
+    ratings: PerPair,
+    mask: PairFlags,
     *,
-    tor: Array,
-    previous: Array,
+    tor: PerRater,
+    previous: PerProvider,
     lam: float,
-    last_ratings: Array,
-    elapsed: Array,
-) -> Array:
+    last_ratings: PerPair,
+    elapsed: Annotated[Array, Shape("S P ...", "number")],
+) -> PerProvider:
     """Return the trust of each provider, ToP (Algorithm 2): its ratings' level, their steadiness,
     their raters' trust.
 
@@ -114,7 +116,14 @@ def provider_trust(
     return smooth(quality, previous, lam, played.count(PROVIDER))
 
 
-def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initial: float) -> Array:
+def agent_trust(
+    tor: PerAgent,
+    top: PerAgent,
+    *,
+    rated: Annotated[Array, Shape("N ...", "number")],
+    provided: Annotated[Array, Shape("N ...", "number")],
+    initial: float,
+) -> PerAgent:
     """Return the trust of each agent, ToA (Algorithm 3): its two trusts, weighted by how often it
     played each role.
 
@@ -159,7 +168,7 @@ Root = Callable[[Array], Array]
 """A function in place of the square root."""
 
 
-def rater_quality(ratings: Ratings, root: Root | None = None) -> Array:
+def rater_quality(ratings: Ratings, root: Root | None = None) -> PerRater:
     """Return QoR of Algorithm 1, shape (S, ...); 1 for a rater without ratings.
 
     Args:
@@ -202,8 +211,8 @@ def without_rounding(gap: Array) -> Array:
 
 
 def provider_quality(
-    ratings: Ratings, tor: Array, last_ratings: Array, elapsed: Array | None
-) -> Array:
+    ratings: Ratings, tor: PerRater, last_ratings: Array, elapsed: Array | None
+) -> PerProvider:
     """Return QoP of Algorithm 2, shape (P, ...); 0 for a provider without ratings.
 
     Args:
@@ -262,7 +271,7 @@ def upper_median(values: Array, present: Array) -> Array:
     return xp.where(count > 1, xp.where(place == count // 2, ordered, 0.0).sum(axis=0), 0.0)
 
 
-def lower_median(pairs: Ratings, values: Array, present: Array) -> Array | float:
+def lower_median(pairs: Ratings, values: PerProvider, present: ProviderFlags) -> PerGame | float:
     """Return the upper median over the providers whose values are there, at most 0: shape (...),
     see `upper_median`.
 

@@ -5,11 +5,14 @@ observation of each, more of the nearer one, so that its mean level is the ratin
 f counts as f of a success and 1 - f of a failure.
 """
 
+from typing import Annotated
+
 from roletrust_env.arrays import Array, device_of, namespace, total
+from roletrust_env.shapes import PerPair, Shape
 from roletrust_env.trust.ratings import Ratings
 
 
-def level_values(levels: int, like: Array) -> Array:
+def level_values(levels: int, like: PerPair) -> Array:
     """Return the rating that each level stands for, shape (levels, 1, ...), to broadcast with (S,
     levels, P, ...).
 
@@ -25,7 +28,7 @@ def level_values(levels: int, like: Array) -> Array:
     return xp.reshape(values, (levels, *ones))
 
 
-def in_levels(ratings: Ratings, levels: int) -> Array:
+def in_levels(ratings: Ratings, levels: int) -> Annotated[Array, Shape("S levels P ...")]:
     """Return the part of an observation of each level that each rating is, shape (S, levels, P,
     ...), 0 without one.
 
@@ -43,7 +46,7 @@ def in_levels(ratings: Ratings, levels: int) -> Array:
     return weights * namespace(steps).clip(1 - steps, 0.0, None)
 
 
-def expected_level(evidence: Array, values: Array) -> Array:
+def expected_level(evidence: Annotated[Array, Shape("S levels P ...")], values: Array) -> PerPair:
     """Return the mean rating under the Dirichlet distributions of each pair, shape (S, P, ...), in
     [0, 1].
 

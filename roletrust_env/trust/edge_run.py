@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.shapes import Shape
 from roletrust_env.trees import Kind, kinds, map_kinds
 from roletrust_env.trust.edges import (
     check_keys,
@@ -77,12 +78,12 @@ class EdgeRun(TrustRun):
         return self._sizes["rater"], self._sizes["provider"]
 
     @property
-    def rater_trust(self) -> Floats:
+    def rater_trust(self) -> Annotated[Floats, Shape("S")]:
         """The trust of each rater. See `TrustRun.rater_trust`."""
         return np.array(self.model.rater_trust(self._view(ages=False)))
 
     @property
-    def provider_trust(self) -> Floats:
+    def provider_trust(self) -> Annotated[Floats, Shape("P")]:
         """The trust of each provider. See `TrustRun.provider_trust`."""
         self._settle()
         return np.array(self.model.provider_trust(self._view(ages=False)))

@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.arrays import Array
+from roletrust_env.shapes import PerPair, Shape
 from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust.key_index import Floats, Ints, staying
-from roletrust_env.trust.model import start_model
+from roletrust_env.trust.model import Peers, start_model
 from roletrust_env.trust.model_checks import watched_update
 from roletrust_env.trust.ratings import Ratings, merge_repeats
 from roletrust_env.trust.stored import restoring, taken, taken_counts
@@ -34,7 +34,7 @@ class GridRun(TrustRun):
         peers: Pairs in which rater and provider are one agent, shape (S, P), boolean.
     """
 
-    def __init__(self, model: Any, like: Array, peers: Any, *, one_role: bool = True) -> None:
+    def __init__(self, model: Any, like: PerPair, peers: Peers, *, one_role: bool = True) -> None:
         """Start with all agents.
 
         Args:
@@ -89,7 +89,7 @@ class GridRun(TrustRun):
             self.state = watched_update(self.model, self.state, ratings, np.asarray(self.rounds))[0]
         self.rounds += 1
 
-    def join(self, raters: int, providers: int, peers: Any = None) -> None:
+    def join(self, raters: int, providers: int, peers: Peers | None = None) -> None:
         """Make room for so many raters and providers. See `TrustRun.join`.
 
         Args:
@@ -159,7 +159,9 @@ class GridRun(TrustRun):
         self._check_loaded(state, left)
 
 
-def pairs_of(shape: tuple[int, int], *, one_role: bool) -> npt.NDArray[np.bool_]:
+def pairs_of(
+    shape: tuple[int, int], *, one_role: bool
+) -> Annotated[npt.NDArray[np.bool_], Shape("S P", "bool")]:
     """Return the pairs that are one agent, shape (S, P): none, or those of equal places."""
     return np.zeros(shape, bool) if one_role else np.eye(*shape, dtype=bool)
 

@@ -1,7 +1,11 @@
 """A table from whole numbers to consecutive places, for a million keys at a time."""
 
+from typing import Annotated
+
 import numpy as np
 import numpy.typing as npt
+
+from roletrust_env.shapes import Shape
 
 Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -63,7 +67,9 @@ class KeyIndex:
         """The keys, by place."""
         return self._keys[: self._count]
 
-    def places(self, keys: Ints, *, add: bool = True) -> Ints:
+    def places(
+        self, keys: Annotated[Ints, Shape("n", "whole")], *, add: bool = True
+    ) -> Annotated[Ints, Shape("n", "whole")]:
         """Return the place of each key, shape (n,).
 
         Args:

@@ -1,12 +1,25 @@
 """The interface of trust models, and their registry."""
 
-from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    Protocol,
+    TypeAlias,
+    TypeVar,
+    runtime_checkable,
+)
 
 from roletrust_env.arrays import Array
 from roletrust_env.registry import Registry
+from roletrust_env.shapes import PerPair, PerProvider, PerRater, Shape
 from roletrust_env.trust.ratings import Ratings
 
 State = TypeVar("State")
+
+Peers: TypeAlias = Annotated[Array, Shape("S P", "bool")]
+"""Whether a rater and a provider are one agent, for each pair, boolean, shape (S, P)."""
 
 
 @runtime_checkable
@@ -32,7 +45,7 @@ class TrustModel(Protocol[State]):
 
     rates_raters: bool
 
-    def start(self, like: Array) -> State:
+    def start(self, like: PerPair) -> State:
         """Return the state before any rating.
 
         A model with `takes_peers` has a second argument: `peers`, shape (S, P), boolean, true where
@@ -53,10 +66,10 @@ class TrustModel(Protocol[State]):
                 only to a central model that runs on them.
         """
 
-    def rater_trust(self, state: State) -> Array:
+    def rater_trust(self, state: State) -> PerRater:
         """Return the trust of each rater, shape (S, ...), in [0, 1]."""
 
-    def provider_trust(self, state: State) -> Array:
+    def provider_trust(self, state: State) -> PerProvider:
         """Return the trust of each provider, shape (P, ...), in [0, 1]."""
 
 
@@ -96,7 +109,7 @@ class Traits(NamedTuple):
         return cls(**{name: getattr(model, name) for name in cls._fields if hasattr(model, name)})
 
 
-def start_model(model: TrustModel[State], like: Array, peers: Array) -> State:
+def start_model(model: TrustModel[State], like: PerPair, peers: Peers) -> State:
     """Return the state of a model before any rating.
 
     Args:

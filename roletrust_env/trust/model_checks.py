@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from roletrust_env.arrays import Array, copy, is_compiling, library_of, namespace
-from roletrust_env.trust.model import State, TrustModel, start_model
+from roletrust_env.shapes import PerProvider, PerRater
+from roletrust_env.trust.model import Peers, State, TrustModel, start_model
 from roletrust_env.trust.models import OWN
 from roletrust_env.trust.random_order import RandomOrder
 from roletrust_env.trust.ratings import Ratings
@@ -31,7 +32,7 @@ def is_own(factory: Callable[..., Any]) -> bool:
     return any(factory is own for own in OWN.values())
 
 
-def try_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:
+def try_trust_model(model: TrustModel[Any], peers: Peers, like: Array) -> None:
     """Try a model on one round, in which all pairs but the first meet and all ratings are low.
 
     A model from another package plays the round twice. It must not change its inputs and must not
@@ -116,7 +117,7 @@ def _check_batch(model: TrustModel[Any], peers: Array, like: Array, where: str) 
 
 def watched_update(
     model: TrustModel[State], state: State, ratings: Ratings, round: Array
-) -> tuple[State, Array, Array]:
+) -> tuple[State, PerRater, PerProvider]:
     """Return the state after a round and the trust of raters and of providers, once these are
     checked.
 

@@ -5,11 +5,12 @@ of them change.
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.shapes import Shape
 from roletrust_env.trust.key_index import Floats, Ints
 
 _SHARE = 4  # one pair in so many is too many to be told apart from all
@@ -41,7 +42,7 @@ class PairChains:
         """Return the number of pairs."""
         return self._count
 
-    def extend(self, agents: Ints, size: int) -> None:
+    def extend(self, agents: Annotated[Ints, Shape("n", "whole")], size: int) -> None:
         """Add pairs.
 
         Args:

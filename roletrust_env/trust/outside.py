@@ -26,6 +26,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.errors import printable
+from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trust.key_index import Floats, Ints
 from roletrust_env.trust.ratings import Ratings
 
@@ -417,8 +418,8 @@ class OutsideState(NamedTuple):
 
     game: Array
     round: Array
-    tor: Array
-    top: Array
+    tor: PerRater
+    top: PerProvider
 
 
 @dataclass(frozen=True, eq=False)
@@ -459,7 +460,7 @@ class OutsideModel:
             self._begin(np.zeros((1, 1)))
         return bool(self._sessions().rates_raters)
 
-    def start(self, like: Array) -> OutsideState:
+    def start(self, like: PerPair) -> OutsideState:
         """Begin the games of a batch. See `TrustModel.start`."""
         numbers, answers = self._begin(like)
         return _state(like, numbers, np.zeros_like(numbers), answers)
@@ -479,11 +480,11 @@ class OutsideModel:
             answers = self._sessions().play(numbers, rounds + 1, given, rated)
         return _state(values, numbers, rounds + 1, answers)
 
-    def rater_trust(self, state: OutsideState) -> Array:
+    def rater_trust(self, state: OutsideState) -> PerRater:
         """Return the trust of each rater; 1 if the model has none. See `TrustModel.rater_trust`."""
         return state.tor
 
-    def provider_trust(self, state: OutsideState) -> Array:
+    def provider_trust(self, state: OutsideState) -> PerProvider:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return state.top
 

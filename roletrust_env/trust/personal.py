@@ -12,11 +12,12 @@ updated first, then trust with the new credence.
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from roletrust_env.arrays import Array, device_of, is_compiling, namespace, total
+from roletrust_env.shapes import PerAdviser, PerPair, PerProvider, PerRater, Shape
 from roletrust_env.trust.ratings import Ratings
 
 
@@ -30,16 +31,16 @@ class Personal:
 
     family = "personal"
 
-    def judge_trust(self, state: Any) -> Array:
+    def judge_trust(self, state: Any) -> PerPair:
         """Return the trust of each judge in each provider, shape (S, P, ...)."""
         trust: Array = state.trust
         return trust
 
-    def rater_trust(self, state: Any) -> Array:
+    def rater_trust(self, state: Any) -> PerRater:
         """Return the other judges' mean credence in each rater, shape (S, ...)."""
         return published_raters(state.credence)
 
-    def provider_trust(self, state: Any) -> Array:
+    def provider_trust(self, state: Any) -> PerProvider:
         """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)
 
@@ -51,7 +52,7 @@ cache."""
 _TINY = 1e-30  # replaces a branch at 0; elsewhere it is lost in rounding
 
 
-def others(like: Array) -> Array:
+def others(like: PerPair) -> Array:
     """Return 1 where judge and adviser differ, 0 elsewhere, shape (S, S, 1, ...) to broadcast with
     (S, S, ...).
 
@@ -69,7 +70,7 @@ def others(like: Array) -> Array:
 # ----------------------------------------------------------------------------------------
 
 
-def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
+def by_judges(of: Callable[[slice], Array], like: PerPair) -> Array:
     """Return a function's results for all judges, computed in blocks, so S^2 P values are never in
     memory at once.
 
@@ -84,7 +85,7 @@ def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
     return parts[0] if len(parts) == 1 else namespace(like).concat(parts)
 
 
-def by_pairs(of: Callable[[slice, slice], Array], like: Array) -> Array:
+def by_pairs(of: Callable[[slice, slice], Array], like: PerPair) -> Array:
     """Return a function's results for all pairs of a judge and an adviser; see `by_judges`. NumPy
     takes each pair once.
 
@@ -104,7 +105,7 @@ def by_pairs(of: Callable[[slice, slice], Array], like: Array) -> Array:
     return values
 
 
-def compare_opinions(ratings: Ratings, worth: Callable[[Array], Array]) -> Array:
+def compare_opinions(ratings: Ratings, worth: Callable[[Array], Array]) -> PerAdviser:
     """Return the value of a round's opinions to each judge, summed over common providers, shape (S,
     S, ...).
 
@@ -122,7 +123,7 @@ def compare_opinions(ratings: Ratings, worth: Callable[[Array], Array]) -> Array
     return by_pairs(of, said)
 
 
-def in_common(ratings: Ratings) -> Array:
+def in_common(ratings: Ratings) -> PerAdviser:
     """Return the number of providers that judge and adviser both rated in the round, shape (S, S,
     ...).
     """
@@ -132,7 +133,7 @@ def in_common(ratings: Ratings) -> Array:
     return product(met, met.swapaxes(0, 1))
 
 
-def credence_sum(credence: Array, said: Array) -> Array:
+def credence_sum(credence: PerAdviser, said: PerPair) -> PerPair:
     """Return the sum over the advisers k of C[i, k] said[k, j], shape (S, P, ...)."""
     return product(credence, said)
 
@@ -148,14 +149,16 @@ def product(first: Array, second: Array) -> Array:
     )
 
 
-def with_self(credence: Array) -> Array:
+def with_self(credence: PerAdviser) -> PerAdviser:
     """Return the credence with 1 for each judge in itself, shape (S, S, ...): own experience counts
     in full.
     """
     return 1 - others(credence) * (1 - credence)
 
 
-def weighted_advice(credence: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
+def weighted_advice(
+    credence: PerAdviser, sums: PerPair, counts: PerPair
+) -> tuple[PerPair, PerPair]:
     """Return the mean rating of each provider for each judge, weighted by the credence in the
     raters.
 
@@ -176,7 +179,7 @@ def weighted_advice(credence: Array, sums: Array, counts: Array) -> tuple[Array,
 # -----------------------------------------------------------------------------
 
 
-def credences(like: Array, value: float) -> Array:
+def credences(like: PerPair, value: float) -> PerAdviser:
     """Return equal credence of all judges in all advisers, shape (S, S, ...), for an array of shape
     (S, P, ...).
     """
@@ -184,14 +187,16 @@ def credences(like: Array, value: float) -> Array:
     return namespace(like).zeros((s, s, *shape), dtype=like.dtype, device=device_of(like)) + value
 
 
-def nothing_yet(like: Array, length: int) -> Array:
+def nothing_yet(like: PerPair, length: int) -> Annotated[Array, Shape("length S P ...")]:
     """Return the memory of each judge of each provider before any rating: zeros of shape (length,
     S, P, ...).
     """
     return namespace(like).zeros((length, *like.shape), dtype=like.dtype, device=device_of(like))
 
 
-def push(memory: Array, newest: Array, ratings: Ratings) -> Array:
+def push(
+    memory: Annotated[Array, Shape("length S P ...")], newest: PerPair, ratings: Ratings
+) -> Annotated[Array, Shape("length S P ...")]:
     """Return the memory of each judge's last ratings of each provider, the newest first, after one
     more round.
 
@@ -220,12 +225,12 @@ def absorb(previous: Array, weight: Array, sums: Array, count: Array) -> Array:
 # ------------------------------------------------------------------------------
 
 
-def published_providers(trust: Array) -> Array:
+def published_providers(trust: PerPair) -> PerProvider:
     """Return the judges' mean trust in each provider, shape (P, ...), from T, shape (S, P, ...)."""
     return _in_range(trust.sum(axis=0) / trust.shape[0])
 
 
-def published_raters(credence: Array) -> Array:
+def published_raters(credence: PerAdviser) -> PerRater:
     """Return the other judges' mean credence in each rater, shape (S, ...), from C, shape (S, S,
     ...).
 

@@ -3,11 +3,12 @@ the agents.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.shapes import PerPair, PerProvider, PerRater, Shape
 from roletrust_env.trust.model import Traits, TrustModel, start_model
 from roletrust_env.trust.ratings import Ratings
 
@@ -18,8 +19,8 @@ class OrderedState(NamedTuple):
     """
 
     inner: Any
-    raters: Array
-    providers: Array
+    raters: Annotated[Array, Shape("S ...", "whole")]
+    providers: Annotated[Array, Shape("P ...", "whole")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class RandomOrder:
         attribute = getattr(self.model, name)
         return self._judge_trust if name == "judge_trust" else attribute
 
-    def start(self, like: Array, peers: Any) -> OrderedState:
+    def start(self, like: PerPair, peers: Any) -> OrderedState:
         """Draw the order of each game. See `TrustModel.start`.
 
         Games that differ only by the attacker, along all axes of the batch but the last, have the
@@ -80,11 +81,11 @@ class RandomOrder:
             inner=self.model.update(state.inner, Ratings(_seen(ratings.values, state), mask))
         )
 
-    def rater_trust(self, state: OrderedState) -> Array:
+    def rater_trust(self, state: OrderedState) -> PerRater:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""
         return _back(self.model.rater_trust(state.inner), state.raters)
 
-    def provider_trust(self, state: OrderedState) -> Array:
+    def provider_trust(self, state: OrderedState) -> PerProvider:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return _back(self.model.provider_trust(state.inner), state.providers)
 

@@ -13,21 +13,23 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 import numpy as np
 
 from roletrust_env.arrays import Array, device_of, largest, namespace, ones, total
+from roletrust_env.shapes import (
+    PairAge,
+    PairFlags,
+    PerPair,
+    PerProvider,
+    PerRater,
+    ProviderFlags,
+    RaterFlags,
+    Shape,
+)
 from roletrust_env.trust.key_index import Floats, Ints
 
-PerRater: TypeAlias = Annotated[Any, "rater"]
-"""Array with an entry for each rater, shape (S, ...)."""
+EdgeInts: TypeAlias = Annotated[Ints, Shape("E", "whole")]
+"""Whole numbers, one for each rating on edges, shape (E,)."""
 
-PerProvider: TypeAlias = Annotated[Any, "provider"]
-"""Array with an entry for each provider, shape (P, ...)."""
-
-PerPair: TypeAlias = Annotated[Any, "pair"]
-"""Memory of each pair, 0 where there is none: shape (S, P, ...) on a grid, (K,) for K known pairs
-on edges."""
-
-PairAge: TypeAlias = Annotated[Any, "age"]
-"""Number of rounds since the last rating of each pair, 0 where there is none; otherwise as
-`PerPair`."""
+EdgeFloats: TypeAlias = Annotated[Floats, Shape("E")]
+"""Numbers, one for each rating on edges, shape (E,)."""
 
 Side: TypeAlias = Literal[0, 1]
 """Role of an agent in a rating, `RATER` or `PROVIDER`: on a grid, the axis of the agents of this
@@ -56,11 +58,11 @@ class Published:
     shape (P, ...).
     """
 
-    def rater_trust(self, state: Any) -> Array:
+    def rater_trust(self, state: Any) -> PerRater:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""
         return state.tor
 
-    def provider_trust(self, state: Any) -> Array:
+    def provider_trust(self, state: Any) -> PerProvider:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return state.top
 
@@ -93,23 +95,23 @@ class Ratings:
         (array([0.7, 0.4]), array([0.7, 0.4]))
     """
 
-    providers: Array | None = None
-    twins: Array | None = None
-    slots: Array | None = None
+    providers: Annotated[Array, Shape("E", "whole")] | None = None
+    twins: Annotated[Array, Shape("P", "whole")] | None = None
+    slots: Annotated[Array, Shape("E", "whole")] | None = None
     median_of_all: Callable[[Array, Array], float] | None = None
     _pairs: "Ratings | None" = None  # these four are of edges alone
 
     def __init__(
         self,
         values: Array,
-        mask: Array | None = None,
+        mask: PairFlags | None = None,
         *,
-        raters: Array | None = None,
-        providers: Array | None = None,
+        raters: Annotated[Array, Shape("E", "whole")] | None = None,
+        providers: Annotated[Array, Shape("E", "whole")] | None = None,
         shape: tuple[int, int] | None = None,
-        twins: Array | None = None,
+        twins: Annotated[Array, Shape("P", "whole")] | None = None,
         pairs: "Ratings | None" = None,
-        slots: Array | None = None,
+        slots: Annotated[Array, Shape("E", "whole")] | None = None,
     ) -> None:
         """Take ratings on a grid; with raters, providers and a shape, take edges, at most one for
         each pair.
@@ -179,7 +181,9 @@ class Ratings:
         places = self._places(side)
         return agents.take(places) if isinstance(agents, np.ndarray) else agents[places]
 
-    def reduce(self, values: Array, side: Side, op: Literal["sum", "max"] = "sum") -> Array:
+    def reduce(
+        self, values: Array, side: Side, op: Literal["sum", "max"] = "sum"
+    ) -> PerRater | PerProvider:
         """Return the sum, or the largest, of the values of each agent's ratings, shape (S, ...) or
         (P, ...).
 
@@ -210,7 +214,7 @@ class Ratings:
             self._counts[side] = known
         return known
 
-    def rated(self, side: Side) -> Array:
+    def rated(self, side: Side) -> RaterFlags | ProviderFlags:
         """Return whether each agent has a rating, boolean, shape (S, ...) or (P, ...)."""
         return (self.reduce(self.weights, side) if self.full else self.count(side)) > 0
 
@@ -288,7 +292,7 @@ class Ratings:
         return part
 
 
-def mean(ratings: Ratings, values: Array, side: Side) -> Array:
+def mean(ratings: Ratings, values: Array, side: Side) -> PerRater | PerProvider:
     """Return the mean of the values of each agent's ratings, shape (S, ...) or (P, ...), and 0
     where there are none.
 
@@ -305,7 +309,9 @@ def mean(ratings: Ratings, values: Array, side: Side) -> Array:
     return ratings.reduce(values, side) / (ratings.count(side) + TINY)
 
 
-def weighted_mean(pairs: Ratings, values: Array, weights: Array, side: Side) -> Array:
+def weighted_mean(
+    pairs: Ratings, values: Array, weights: Array, side: Side
+) -> PerRater | PerProvider:
     """Return the weighted mean of each agent's values, shape (S, ...) or (P, ...), and 0 where all
     weights are 0.
 
@@ -357,7 +363,10 @@ def aged(ratings: Ratings, ages: PairAge) -> PairAge:
 
 
 def merge_repeats(
-    raters: Ints, providers: Ints, values: Floats, pair: Ints
+    raters: EdgeInts,
+    providers: EdgeInts,
+    values: EdgeFloats,
+    pair: EdgeInts,
 ) -> tuple[Ints, Ints, Floats, Ints]:
     """Return the ratings of a round as edges with one rating for each pair: the mean of its
     ratings.

@@ -2,13 +2,15 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.shapes import Shape
 from roletrust_env.trees import check_ranges
 from roletrust_env.trust.key_index import Floats, Ints
+from roletrust_env.trust.ratings import EdgeFloats, EdgeInts
 
 
 class TrustRun(ABC):
@@ -30,17 +32,21 @@ class TrustRun(ABC):
 
     @property
     @abstractmethod
-    def rater_trust(self) -> Floats:
+    def rater_trust(self) -> Annotated[Floats, Shape("S")]:
         """The trust of each rater, shape (S,), in [0, 1]."""
 
     @property
     @abstractmethod
-    def provider_trust(self) -> Floats:
+    def provider_trust(self) -> Annotated[Floats, Shape("P")]:
         """The trust of each provider, shape (P,), in [0, 1]."""
 
     @abstractmethod
     def play(
-        self, raters: Ints, providers: Ints, values: Floats, pairs: Ints | None = None
+        self,
+        raters: EdgeInts,
+        providers: EdgeInts,
+        values: EdgeFloats,
+        pairs: EdgeInts | None = None,
     ) -> None:
         """Play one round. Agents with a place beyond all earlier ones join; ratings of one pair
         count as their mean.

@@ -14,19 +14,10 @@ from roletrust_env.arrays import Array, is_compiling, namespace, total
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.parameters import Amount, Share, checked_dataclass
+from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.model import registry
-from roletrust_env.trust.ratings import (
-    PROVIDER,
-    RATER,
-    TINY,
-    PerPair,
-    PerProvider,
-    PerRater,
-    Published,
-    Ratings,
-    weighted_mean,
-)
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Published, Ratings, weighted_mean
 
 STEPS = 60
 """Maximum number of iterations. NumPy stops when only rounding moves."""

@@ -6,18 +6,10 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.parameters import Share, Tail, checked_dataclass
+from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import between_quantiles, reputation
-from roletrust_env.trust.ratings import (
-    PROVIDER,
-    RATER,
-    PerPair,
-    PerProvider,
-    PerRater,
-    Published,
-    Ratings,
-    occurred,
-)
+from roletrust_env.trust.ratings import PROVIDER, RATER, Published, Ratings, occurred
 
 
 class BetaState(NamedTuple):
@@ -64,7 +56,7 @@ class Beta(Published):
     source = "Jøsang and Ismail (2002)"
     local = True
 
-    def start(self, like: Array) -> BetaState:
+    def start(self, like: PerPair) -> BetaState:
         """Return the state without evidence. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return BetaState(nothing[0], nothing[0], nothing[:, 0, ...] + 1)
@@ -78,12 +70,12 @@ class Beta(Published):
             state.tor,
         )
 
-    def provider_trust(self, state: BetaState) -> Array:
+    def provider_trust(self, state: BetaState) -> PerProvider:
         """Return the mean of Beta(r + 2 initial, s + 2 (1 - initial)), shape (P, ...)."""
         return reputation(state.successes, state.failures, self.initial)
 
 
-def remaining(keep: float, ratings: Ratings) -> Array:
+def remaining(keep: float, ratings: Ratings) -> PerProvider | float:
     """Return the share of each provider's earlier evidence that is kept, shape (P, ...); 1 for an
     unrated provider.
     """
@@ -145,7 +137,7 @@ class BetaFiltered(Published):
     source = "Whitby, Jøsang and Indulska (2004)"
     differentiable = False
 
-    def start(self, like: Array) -> BetaFilteredState:
+    def start(self, like: PerPair) -> BetaFilteredState:
         """Return the state without evidence. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return BetaFilteredState(

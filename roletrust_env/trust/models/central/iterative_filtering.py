@@ -8,18 +8,9 @@ import numpy as np
 
 from roletrust_env.arrays import Array, largest, namespace, smallest
 from roletrust_env.parameters import Lam, Share, checked_dataclass
+from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trees import FLAGS, SHARES, ValueRange
-from roletrust_env.trust.ratings import (
-    PROVIDER,
-    RATER,
-    TINY,
-    PerPair,
-    PerProvider,
-    PerRater,
-    Published,
-    Ratings,
-    weighted_mean,
-)
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Published, Ratings, weighted_mean
 
 STEPS = 80
 """Number of iterations. With these weightings the result is within 1e-6 of the fixed point."""
@@ -81,7 +72,7 @@ class IterativeFiltering(Published):
     rates_raters = True
     source = "de Kerchove and Van Dooren (2010), Laureti et al. (2006), Yu et al. (2006)"
 
-    def start(self, like: Array) -> FilteringState:
+    def start(self, like: PerPair) -> FilteringState:
         """Return the state before any rating, with initial trust for all. See
         `TrustModel.start`.
         """

@@ -6,20 +6,11 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
+from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
 from roletrust_env.trust.algorithms import lower_median, safe_power
 from roletrust_env.trust.models.central.beta_reputation import remaining
-from roletrust_env.trust.ratings import (
-    PROVIDER,
-    RATER,
-    TINY,
-    PerPair,
-    PerProvider,
-    PerRater,
-    Published,
-    Ratings,
-    weighted_mean,
-)
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Published, Ratings, weighted_mean
 
 
 class LeaveOneOutState(NamedTuple):
@@ -51,12 +42,12 @@ class Compared(NamedTuple):
         agreement: Agreement of each rater with the others, in [0, 1], shape (S, ...).
     """
 
-    above: Array
+    above: PerPair
     apart: Array
     view: Array
     voice: Array
     evidence: Array
-    agreement: Array
+    agreement: PerRater
 
 
 @checked_dataclass
@@ -114,7 +105,7 @@ class LeaveOneOut(Published):
     differentiable = False  # the median jumps between providers
     nearby = True
 
-    def start(self, like: Array) -> LeaveOneOutState:
+    def start(self, like: PerPair) -> LeaveOneOutState:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         tor = nothing[:, 0, ...] + self.doubt**self.power
@@ -144,7 +135,7 @@ class LeaveOneOut(Published):
             tor, self._trust(pairs, above, voice, voice * pairs.gather(tor, RATER)), sums, counts
         )
 
-    def believed(self, pairs: Ratings, compared: Compared) -> Array:
+    def believed(self, pairs: Ratings, compared: Compared) -> PerRater:
         """Return the trust of each rater of the round from its comparison with the others, shape
         (S, ...).
         """

@@ -4,8 +4,9 @@ and the control.
 
 from abc import ABC, abstractmethod
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import namespace
 from roletrust_env.parameters import Lam, LessThanHalf, PositiveAmount, Share, checked_dataclass
+from roletrust_env.shapes import PerPair, PerProvider
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.ratings import (
     PROVIDER,
@@ -32,7 +33,7 @@ class Smoothed(Published):
     rates_raters = True
     local = True
 
-    def start(self, like: Array) -> Trusts:
+    def start(self, like: PerPair) -> Trusts:
         """Return the initial trust of all agents. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return Trusts(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
@@ -53,7 +54,7 @@ class Constant(Published):
     cost = "S + P"
     local = True
 
-    def start(self, like: Array) -> Trusts:
+    def start(self, like: PerPair) -> Trusts:
         """Return the initial trust of all agents. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return Trusts(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
@@ -71,7 +72,7 @@ class Mean(Smoothed):
 
     rates_raters = False
 
-    def start(self, like: Array) -> Trusts:
+    def start(self, like: PerPair) -> Trusts:
         """Return the initial trust of the providers, and 1 for every rater. See
         `TrustModel.start`.
         """
@@ -109,7 +110,7 @@ class DeviationWeighted(Smoothed):
         return Trusts(tor, smooth(quality, state.top, self.lam, ratings.count(PROVIDER)))
 
 
-def middle_mean(ratings: Ratings, cut: Array) -> Array:
+def middle_mean(ratings: Ratings, cut: PerProvider | float) -> PerProvider:
     """Return the mean of each provider's n ratings after cutting some of the lowest and as many of
     the highest.
 
@@ -133,7 +134,7 @@ def middle_mean(ratings: Ratings, cut: Array) -> Array:
     )
 
 
-def median(ratings: Ratings) -> Array:
+def median(ratings: Ratings) -> PerProvider:
     """Return the median of each provider's ratings, shape (P, ...); of an even number, the mean of
     the middle two.
     """
@@ -151,7 +152,7 @@ class ByCentre(Smoothed, ABC):
     """
 
     @abstractmethod
-    def centre(self, ratings: Ratings) -> Array:
+    def centre(self, ratings: Ratings) -> PerProvider:
         """Return the centre of each provider's ratings, shape (P, ...), in [0, 1] also for an
         unrated provider.
         """
@@ -177,7 +178,7 @@ class Median(ByCentre):
     )
     cost = "S log S P"
 
-    def centre(self, ratings: Ratings) -> Array:
+    def centre(self, ratings: Ratings) -> PerProvider:
         """Return the median of each provider's ratings. See `ByCentre.centre`."""
         return median(ratings)
 
@@ -200,7 +201,7 @@ class TrimmedMean(ByCentre):
     differentiable = False  # a rating that is cut has no slope
     cost = "S log S P"
 
-    def centre(self, ratings: Ratings) -> Array:
+    def centre(self, ratings: Ratings) -> PerProvider:
         """Return the trimmed mean of each provider's ratings. See `ByCentre.centre`."""
         return middle_mean(ratings, self.share * ratings.count(PROVIDER))
 
@@ -235,7 +236,7 @@ class HuberMean(ByCentre):
     source = "Huber (1964)"
     cost = "S log S P"
 
-    def centre(self, ratings: Ratings) -> Array:
+    def centre(self, ratings: Ratings) -> PerProvider:
         """Return the Huber mean of each provider's ratings. See `ByCentre.centre`."""
         centre = median(ratings)
         for _ in range(STEPS):

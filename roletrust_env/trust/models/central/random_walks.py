@@ -11,23 +11,16 @@ from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, device_of, largest, namespace, total
 from roletrust_env.parameters import checked_dataclass
+from roletrust_env.shapes import PerGame, PerPair, PerProvider, PerRater
 from roletrust_env.trees import BALANCES, COUNTS, FLAGS, SHARES
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.ratings import (
-    PROVIDER,
-    RATER,
-    TINY,
-    PerPair,
-    PerProvider,
-    PerRater,
-    Published,
-    Ratings,
-)
+from roletrust_env.trust.model import Peers
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Published, Ratings
 
 _REST = 1e-15  # a relative step this small is rounding
 
 
-def shared(peers: Array, like: Array) -> Array:
+def shared(peers: Peers, like: PerPair) -> PerPair:
     """Return 1 where a rater and a provider are one agent, 0 elsewhere, for every game of a batch.
 
     Args:
@@ -40,7 +33,7 @@ def shared(peers: Array, like: Array) -> Array:
     )
 
 
-def n_agents(pairs: Ratings, peers: PerPair) -> Array:
+def n_agents(pairs: Ratings, peers: PerPair) -> PerGame | int:
     """Return the number of agents N, shape (...): an agent of two roles counts once.
 
     Args:
@@ -52,7 +45,7 @@ def n_agents(pairs: Ratings, peers: PerPair) -> Array:
     return sum(pairs.shape) - (0 if pairs.twins is None else int((pairs.twins >= 0).sum()))
 
 
-def not_self(pairs: Ratings, peers: PerPair) -> Array:
+def not_self(pairs: Ratings, peers: PerPair) -> PerPair:
     """Return 1 for each pair of two agents, and 0 for an agent's pair with itself; see
     `n_agents`.
     """
@@ -62,7 +55,7 @@ def not_self(pairs: Ratings, peers: PerPair) -> Array:
     return namespace(peers).astype(two, peers.dtype)
 
 
-def own_role(pairs: Ratings, values: PerProvider, peers: PerPair) -> Array:
+def own_role(pairs: Ratings, values: PerProvider, peers: PerPair) -> PerRater:
     """Return the provider's value of each rater that provides, and 0 of others, shape (S, ...); see
     `n_agents`.
     """
@@ -75,7 +68,7 @@ def own_role(pairs: Ratings, values: PerProvider, peers: PerPair) -> Array:
     return own
 
 
-def own_rating_role(pairs: Ratings, values: PerRater, peers: PerPair) -> Array:
+def own_rating_role(pairs: Ratings, values: PerRater, peers: PerPair) -> PerProvider:
     """Return the rater's value of each provider that rates, and 0 of others, shape (P, ...); see
     `n_agents`.
     """
@@ -87,7 +80,7 @@ def own_rating_role(pairs: Ratings, values: PerRater, peers: PerPair) -> Array:
     return xp.where(pairs.twins >= 0, values[pairs.twins], 0.0)
 
 
-def walk(pairs: Ratings, links: Array, peers: Array, start: Trusts, a: float) -> Trusts:
+def walk(pairs: Ratings, links: PerPair, peers: PerPair, start: Trusts, a: float) -> Trusts:
     """Return where a random walker is found that follows links, or restarts with probability a:
     PageRank.
 
@@ -162,7 +155,9 @@ def _solved(
     )
 
 
-def passed_on(sources: list[Array], links: Array, onward: Array, on: float) -> list[Array]:
+def passed_on(
+    sources: list[PerRater], links: PerPair, onward: PerPair, on: float
+) -> list[PerRater]:
     """Return what raters get in all, (S, ...) for each source, if a share `on` is passed on in each
     step; on a grid.
 
@@ -207,7 +202,7 @@ class SatisfactionState(NamedTuple):
     peers: Annotated[PerPair, FLAGS]
 
 
-def satisfaction(scores: PerPair) -> Array:
+def satisfaction(scores: PerPair) -> PerPair:
     """Return the satisfaction of each pair: the score if it is above 0 by more than rounding, and
     else 0.
     """
@@ -240,7 +235,7 @@ class EigenTrust(Published):
     differentiable = False  # a rater's row may become empty in one round
     takes_peers = True
 
-    def start(self, like: Array, peers: Array) -> SatisfactionState:
+    def start(self, like: PerPair, peers: Peers) -> SatisfactionState:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return self._trusting(Ratings(nothing), nothing, shared(peers, like))
@@ -315,7 +310,7 @@ class PowerTrust(Published):
     differentiable = False  # a rater's row may become empty in one round
     takes_peers = True
 
-    def start(self, like: Array, peers: Array) -> PowerTrustState:
+    def start(self, like: PerPair, peers: Peers) -> PowerTrustState:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return self._trusting(Ratings(nothing), nothing, 0 * nothing[0], shared(peers, like))

@@ -6,20 +6,10 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import Lam, Share, checked_dataclass
+from roletrust_env.shapes import PairAge, PerPair, PerProvider, PerRater
 from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import provider_quality, rater_quality
-from roletrust_env.trust.ratings import (
-    PROVIDER,
-    RATER,
-    PairAge,
-    PerPair,
-    PerProvider,
-    PerRater,
-    Published,
-    Ratings,
-    aged,
-    smooth,
-)
+from roletrust_env.trust.ratings import PROVIDER, RATER, Published, Ratings, aged, smooth
 
 
 class RoleTrustState(NamedTuple):
@@ -58,7 +48,7 @@ class RoleTrust(Published):
     source = "Su and Saint-Jore (2023)"
     local = True
 
-    def start(self, like: Array) -> RoleTrustState:
+    def start(self, like: PerPair) -> RoleTrustState:
         """Return the state before any rating, with initial trust for all. See
         `TrustModel.start`.
         """

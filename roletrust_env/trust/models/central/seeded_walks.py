@@ -22,9 +22,11 @@ from pydantic import NonNegativeInt
 
 from roletrust_env.arrays import Array, device_of, is_compiling, largest, namespace, total
 from roletrust_env.parameters import Inside, Share, Size, checked_dataclass
+from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trees import AMOUNTS, BALANCES, FLAGS, SHARES
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.edges import pair_keys
+from roletrust_env.trust.model import Peers
 from roletrust_env.trust.models.central.random_walks import (
     SatisfactionState,
     n_agents,
@@ -35,16 +37,7 @@ from roletrust_env.trust.models.central.random_walks import (
     satisfaction,
     shared,
 )
-from roletrust_env.trust.ratings import (
-    PROVIDER,
-    RATER,
-    TINY,
-    PerPair,
-    PerProvider,
-    PerRater,
-    Published,
-    Ratings,
-)
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Published, Ratings
 
 _REST = 1e-15  # a relative step this small is rounding
 
@@ -63,7 +56,7 @@ class WalkGraph(NamedTuple):
     """
 
     pairs: Ratings
-    links: Array
+    links: PerPair
     peers: PerPair
     mute: PerProvider
     seeds: PerRater
@@ -81,7 +74,7 @@ class WalkGraph(NamedTuple):
         tor = of_raters + own_role(self.pairs, of_providers, self.peers)
         return Trusts(tor, own_rating_role(self.pairs, tor, self.peers) + self.mute * of_providers)
 
-    def backward(self) -> Array:
+    def backward(self) -> PerPair:
         """Return the satisfaction along which walkers go back: that of pairs with a provider that
         cannot rate.
         """
@@ -109,7 +102,7 @@ class BySeeds(Published, ABC):
     differentiable = False  # a pair may become satisfied in one round
     takes_peers = True
 
-    def start(self, like: Array, peers: Array) -> Any:
+    def start(self, like: PerPair, peers: Peers) -> Any:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         state = self._blank(nothing, shared(peers, like))

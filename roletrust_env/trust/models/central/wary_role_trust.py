@@ -6,14 +6,12 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Factor, Lam, Power, Share, checked_dataclass
+from roletrust_env.shapes import PerPair, PerProvider, PerRater
 from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import sinc, upper_median, without_rounding
 from roletrust_env.trust.ratings import (
     PROVIDER,
     RATER,
-    PerPair,
-    PerProvider,
-    PerRater,
     Published,
     Ratings,
     mean,
@@ -96,7 +94,7 @@ class WaryRoleTrust(Published):
         False  # the median jumps between providers, and falls are forgiven from the shock on
     )
 
-    def start(self, like: Array) -> WaryState:
+    def start(self, like: PerPair) -> WaryState:
         """Return the state before any rating, with initial trust for all. See
         `TrustModel.start`.
         """

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from roletrust_env.arrays import Array, device_of, largest, namespace, total
 from roletrust_env.parameters import Factor, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, Shape
 from roletrust_env.trees import POSITIVE, SHARES
 from roletrust_env.trust.dirichlet import expected_level, in_levels, level_values
 from roletrust_env.trust.personal import Personal, product
@@ -27,10 +28,10 @@ class BladeState(NamedTuple):
         credence: Credence of judge i in adviser k, shape (S, S, ...).
     """
 
-    evidence: Annotated[Array, POSITIVE]
-    common: Annotated[Array, POSITIVE]
-    trust: Annotated[Array, SHARES]
-    credence: Annotated[Array, SHARES]
+    evidence: Annotated[Array, Shape("S levels P ..."), POSITIVE]
+    common: Annotated[Array, Shape("S levels S levels ..."), POSITIVE]
+    trust: Annotated[PerPair, SHARES]
+    credence: Annotated[PerAdviser, SHARES]
 
 
 @checked_dataclass
@@ -78,7 +79,7 @@ class Blade(Personal):
     source = "Regan, Poupart and Cohen (2006)"
     cost = "S^2 P"
 
-    def start(self, like: Array) -> BladeState:
+    def start(self, like: PerPair) -> BladeState:
         """Return the state without experience: all levels are equally probable. See
         `TrustModel.start`.
         """

@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import PositiveAmount, Share, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, PerRater, Shape
 from roletrust_env.trees import AMOUNTS, SHARES, SIGNED
 from roletrust_env.trust.personal import (
     Personal,
@@ -39,11 +40,11 @@ class FireState(NamedTuple):
         weights: Current weights of these ratings, 0 where there is none, shape (10, S, P, ...).
     """
 
-    trust: Annotated[Array, SHARES]
-    credibility: Annotated[Array, SIGNED]
-    judged: Annotated[Array, AMOUNTS]
-    values: Annotated[Array, SIGNED]
-    weights: Annotated[Array, SHARES]
+    trust: Annotated[PerPair, SHARES]
+    credibility: Annotated[PerAdviser, SIGNED]
+    judged: Annotated[PerAdviser, AMOUNTS]
+    values: Annotated[Array, Shape("10 S P ..."), SIGNED]
+    weights: Annotated[Array, Shape("10 S P ..."), SHARES]
 
 
 @checked_dataclass
@@ -82,7 +83,7 @@ class Fire(Personal):
     differentiable = False
     cost = "S^2 P"
 
-    def start(self, like: Array) -> FireState:
+    def start(self, like: PerPair) -> FireState:
         """Return initial trust, the default credibility and no experience. See
         `TrustModel.start`.
         """
@@ -116,7 +117,7 @@ class Fire(Personal):
         """
         return namespace(apart).where(2 * apart < self.tolerance, 1 - 2 * apart, -1.0)
 
-    def rater_trust(self, state: FireState) -> Array:
+    def rater_trust(self, state: FireState) -> PerRater:
         """Return the mean credibility of each rater with the others, mapped from [-1, 1] to [0, 1],
         shape (S, ...).
         """

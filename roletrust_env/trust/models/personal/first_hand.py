@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Power, Ridge, Share, Weighting, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair
 from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
 from roletrust_env.trust.algorithms import safe_power
 from roletrust_env.trust.personal import (
@@ -30,10 +31,10 @@ class FirstHandState(NamedTuple):
         credence: Credence of each judge in each rater, shape (S, S, ...).
     """
 
-    sums: Annotated[Array, ValueRange(0, "counts")]
-    counts: Annotated[Array, AMOUNTS]
-    trust: Annotated[Array, SHARES]
-    credence: Annotated[Array, SHARES]
+    sums: Annotated[PerPair, ValueRange(0, "counts")]
+    counts: Annotated[PerPair, AMOUNTS]
+    trust: Annotated[PerPair, SHARES]
+    credence: Annotated[PerAdviser, SHARES]
 
 
 @checked_dataclass
@@ -87,7 +88,7 @@ class FirstHand(Personal):
     rates_raters = True
     cost = "S^2 P"
 
-    def start(self, like: Array) -> FirstHandState:
+    def start(self, like: PerPair) -> FirstHandState:
         """Return the initial trust and credence of all judges. See `TrustModel.start`."""
         none = namespace(like).zeros_like(like)
         return FirstHandState(

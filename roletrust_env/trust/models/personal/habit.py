@@ -9,6 +9,7 @@ from pydantic import Field
 
 from roletrust_env.arrays import Array, device_of, largest, namespace, total
 from roletrust_env.parameters import Ridge, checked_dataclass
+from roletrust_env.shapes import PerPair, PerRater, Shape
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import log_gamma
 from roletrust_env.trust.dirichlet import in_levels, level_values
@@ -25,8 +26,8 @@ class HabitState(NamedTuple):
         trust: Trust of judge i in provider j, shape (S, P, ...).
     """
 
-    counts: Annotated[Array, AMOUNTS]
-    trust: Annotated[Array, SHARES]
+    counts: Annotated[Array, Shape("S levels P ..."), AMOUNTS]
+    trust: Annotated[PerPair, SHARES]
 
 
 @checked_dataclass
@@ -74,7 +75,7 @@ class Habit(Personal):
     source = "Teacy et al. (2012)"
     cost = "S P^2"
 
-    def start(self, like: Array) -> HabitState:
+    def start(self, like: PerPair) -> HabitState:
         """Return the state without ratings. See `TrustModel.start`."""
         xp, shape = namespace(like), (like.shape[0], self.levels, *like.shape[1:])
         return HabitState(
@@ -101,7 +102,7 @@ class Habit(Personal):
         trust = by_judges(expected, number)
         return HabitState(counts, namespace(counts).clip(trust, 0.0, 1.0))
 
-    def rater_trust(self, state: HabitState) -> Array:
+    def rater_trust(self, state: HabitState) -> PerRater:
         """Return 1 for each rater, since nobody is discounted, shape (S, ...)."""
         return 0 * state.trust[:, 0] + 1
 

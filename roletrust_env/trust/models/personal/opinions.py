@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Share, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, PerRater
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.personal import (
     Personal,
@@ -109,11 +110,11 @@ class SubjectiveLogicState(NamedTuple):
         failures: Evidence against it, shape (S, P, ...).
     """
 
-    trust: Annotated[Array, SHARES]
-    agreed: Annotated[Array, AMOUNTS]
-    differed: Annotated[Array, AMOUNTS]
-    successes: Annotated[Array, AMOUNTS]
-    failures: Annotated[Array, AMOUNTS]
+    trust: Annotated[PerPair, SHARES]
+    agreed: Annotated[PerAdviser, AMOUNTS]
+    differed: Annotated[PerAdviser, AMOUNTS]
+    successes: Annotated[PerPair, AMOUNTS]
+    failures: Annotated[PerPair, AMOUNTS]
 
 
 @checked_dataclass
@@ -147,7 +148,7 @@ class SubjectiveLogic(Personal):
     source = "Jøsang, Hayward and Pope (2006)"
     cost = "S^2 P"
 
-    def start(self, like: Array) -> SubjectiveLogicState:
+    def start(self, like: PerPair) -> SubjectiveLogicState:
         """Return the state without evidence. See `TrustModel.start`."""
         nothing, advisers = namespace(like).zeros_like(like), credences(like, 0.0)
         return SubjectiveLogicState(nothing + self.initial, advisers, advisers, nothing, nothing)
@@ -170,6 +171,6 @@ class SubjectiveLogic(Personal):
         )
         return SubjectiveLogicState(trust, agreed, differed, successes, failures)
 
-    def rater_trust(self, state: SubjectiveLogicState) -> Array:
+    def rater_trust(self, state: SubjectiveLogicState) -> PerRater:
         """Return the mean expectation of the others for each rater, shape (S, ...)."""
         return published_raters(Opinion.of(state.agreed, state.differed).expectation(self.initial))

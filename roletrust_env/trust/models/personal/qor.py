@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Factor, Share, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, PerRater, Shape
 from roletrust_env.trees import AMOUNTS, SHARES, SIGNED
 from roletrust_env.trust.personal import (
     Personal,
@@ -35,12 +36,12 @@ class QorState(NamedTuple):
         weights: Current weights of these ratings, 0 where there is none, shape (10, S, P, ...).
     """
 
-    trust: Annotated[Array, SHARES]
-    quality: Annotated[Array, SIGNED]
-    past: Annotated[Array, SIGNED]
-    weight: Annotated[Array, AMOUNTS]
-    values: Annotated[Array, SIGNED]
-    weights: Annotated[Array, SHARES]
+    trust: Annotated[PerPair, SHARES]
+    quality: Annotated[PerAdviser, SIGNED]
+    past: Annotated[PerAdviser, SIGNED]
+    weight: Annotated[PerAdviser, AMOUNTS]
+    values: Annotated[Array, Shape("10 S P ..."), SIGNED]
+    weights: Annotated[Array, Shape("10 S P ..."), SHARES]
 
 
 @checked_dataclass
@@ -79,7 +80,7 @@ class QualityOfRecommendation(Personal):
     source = "Ben Saied et al. (2013)"
     cost = "S^2 P"
 
-    def start(self, like: Array) -> QorState:
+    def start(self, like: PerPair) -> QorState:
         """Return the state with initial trust, full quality of all raters and no ratings. See
         `TrustModel.start`.
         """
@@ -104,7 +105,7 @@ class QualityOfRecommendation(Personal):
         trust = xp.where(ratings.rated(PROVIDER), trust, state.trust)
         return QorState(trust, quality, past, weight + new, values, weights)
 
-    def rater_trust(self, state: QorState) -> Array:
+    def rater_trust(self, state: QorState) -> PerRater:
         """Return the mean quality of each rater's recommendations to the others, mapped to [0, 1],
         shape (S, ...).
         """

@@ -4,6 +4,7 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, Ridge, Share, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, PerRater
 from roletrust_env.trees import BALANCES, COUNTS, SHARES, ValueRange
 from roletrust_env.trust.personal import Personal, by_judges, credences, in_common, product
 from roletrust_env.trust.ratings import PROVIDER, Ratings, smooth
@@ -20,10 +21,10 @@ class Moments(NamedTuple):
         shared: Sum of (x - mean x)(y - mean y).
     """
 
-    count: Annotated[Array, COUNTS]
-    mean: Annotated[Array, SHARES]
-    spread: Annotated[Array, ValueRange(0, "count")]
-    shared: Annotated[Array, BALANCES]
+    count: Annotated[PerAdviser, COUNTS]
+    mean: Annotated[PerAdviser, SHARES]
+    spread: Annotated[PerAdviser, ValueRange(0, "count")]
+    shared: Annotated[PerAdviser, BALANCES]
 
     @classmethod
     def of(cls, ratings: Ratings) -> "Moments":
@@ -60,8 +61,8 @@ class RegressionAlignedState(NamedTuple):
     """
 
     moments: Moments
-    trust: Annotated[Array, SHARES]
-    tor: Annotated[Array, SHARES]
+    trust: Annotated[PerPair, SHARES]
+    tor: Annotated[PerRater, SHARES]
 
 
 @checked_dataclass
@@ -96,7 +97,7 @@ class RegressionAligned(Personal):
     source = "after Zeynalvand et al. (2018)"
     cost = "S^2 P"
 
-    def start(self, like: Array) -> RegressionAlignedState:
+    def start(self, like: PerPair) -> RegressionAlignedState:
         """Return the state with initial trust in every provider. See `TrustModel.start`."""
         nothing, pairs = namespace(like).zeros_like(like), credences(like, 0.0)
         return RegressionAlignedState(
@@ -129,7 +130,7 @@ class RegressionAligned(Personal):
         shift = known.count * (known.mean.swapaxes(0, 1) - known.mean) / (known.count + self.ridge)
         return slope, shift - slope * known.mean
 
-    def rater_trust(self, state: RegressionAlignedState) -> Array:
+    def rater_trust(self, state: RegressionAlignedState) -> PerRater:
         """Return 1 for every rater, shape (S, ...), since the model has no notion of rater
         trust.
         """

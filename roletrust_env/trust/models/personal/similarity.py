@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, PerRater
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.personal import (
     Personal,
@@ -27,11 +28,11 @@ class Experience(NamedTuple):
         sums: Sum of the ratings, shape (S, P, ...).
     """
 
-    counts: Annotated[Array, COUNTS]
-    sums: Annotated[Array, ValueRange(0, "counts")]
+    counts: Annotated[PerPair, COUNTS]
+    sums: Annotated[PerPair, ValueRange(0, "counts")]
 
     @classmethod
-    def none(cls, like: Array) -> "Experience":
+    def none(cls, like: PerPair) -> "Experience":
         """Return the experience before any rating; for `like` see `TrustModel.start`."""
         xp = namespace(like)
         return cls(xp.zeros_like(like), xp.zeros_like(like))
@@ -51,11 +52,11 @@ class SimilarityState(NamedTuple):
     """
 
     known: Experience
-    trust: Annotated[Array, SHARES]
-    credence: Annotated[Array, SHARES]
+    trust: Annotated[PerPair, SHARES]
+    credence: Annotated[PerAdviser, SHARES]
 
 
-def disagreement(known: Experience) -> tuple[Array, Array]:
+def disagreement(known: Experience) -> tuple[PerAdviser, PerAdviser]:
     """Return the mean squared difference of two raters' mean ratings over common providers, and
     their number.
 
@@ -92,7 +93,7 @@ class OwnState(NamedTuple):
     """
 
     known: Experience
-    trust: Annotated[Array, SHARES]
+    trust: Annotated[PerPair, SHARES]
 
 
 @checked_dataclass
@@ -113,7 +114,7 @@ class OwnExperience(Personal):
     initial: Share = 0.5
     rates_raters = False
 
-    def start(self, like: Array) -> OwnState:
+    def start(self, like: PerPair) -> OwnState:
         """Return the initial trust of all judges. See `TrustModel.start`."""
         known = Experience.none(like)
         return OwnState(known, known.sums + self.initial)
@@ -125,7 +126,7 @@ class OwnExperience(Personal):
         own = xp.clip(mean_of_sums(known.sums, known.counts), 0.0, 1.0)
         return OwnState(known, xp.where(known.counts > 0, own, state.trust))
 
-    def rater_trust(self, state: OwnState) -> Array:
+    def rater_trust(self, state: OwnState) -> PerRater:
         """Return 1 for each rater, since nobody is asked, shape (S, ...)."""
         return 0 * state.trust[:, 0] + 1
 
@@ -159,7 +160,7 @@ class PeerTrust(Personal):
     source = "Xiong and Liu (2004)"
     cost = "S^2 P"
 
-    def start(self, like: Array) -> SimilarityState:
+    def start(self, like: PerPair) -> SimilarityState:
         """Return the initial trust of all agents. See `TrustModel.start`."""
         known = Experience.none(like)
         return SimilarityState(known, known.sums + self.initial, credences(like, self.initial))
@@ -203,7 +204,7 @@ class Clustering(Personal):
     differentiable = False
     cost = "S^2 P + S^3 log S"
 
-    def start(self, like: Array) -> SimilarityState:
+    def start(self, like: PerPair) -> SimilarityState:
         """Return the initial trust of all agents. See `TrustModel.start`."""
         known = Experience.none(like)
         return SimilarityState(known, known.sums + self.initial, credences(like, self.initial))

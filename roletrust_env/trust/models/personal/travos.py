@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, cast, device_of, namespace
 from roletrust_env.parameters import Share, Size, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, Shape
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import mass_below, mass_between, reputation
 from roletrust_env.trust.personal import Personal, by_judges, others
@@ -32,14 +33,14 @@ class TravosState(NamedTuple):
         credence: Credence of judge i in adviser k, shape (S, S, ...).
     """
 
-    successes: Annotated[Array, AMOUNTS]
-    failures: Annotated[Array, AMOUNTS]
-    good: Annotated[Array, AMOUNTS]
-    bad: Annotated[Array, AMOUNTS]
-    accuracy: Annotated[Array, SHARES]
-    confidence: Annotated[Array, SHARES]
-    trust: Annotated[Array, SHARES]
-    credence: Annotated[Array, SHARES]
+    successes: Annotated[PerPair, AMOUNTS]
+    failures: Annotated[PerPair, AMOUNTS]
+    good: Annotated[Array, Shape("S S bins ..."), AMOUNTS]
+    bad: Annotated[Array, Shape("S S bins ..."), AMOUNTS]
+    accuracy: Annotated[Array, Shape("S S bins ..."), SHARES]
+    confidence: Annotated[PerPair, SHARES]
+    trust: Annotated[PerPair, SHARES]
+    credence: Annotated[PerAdviser, SHARES]
 
 
 @checked_dataclass
@@ -85,7 +86,7 @@ class Travos(Personal):
     differentiable = False
     cost = "S^2 P"
 
-    def start(self, like: Array) -> TravosState:
+    def start(self, like: PerPair) -> TravosState:
         """Return the state without experience. See `TrustModel.start`."""
         xp, raters = namespace(like), like.shape[0]
         nothing = xp.zeros_like(like)

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Factor, Share, Size, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, PerRater, Shape
 from roletrust_env.trees import FLAGS, SHARES, ValueRange
 from roletrust_env.trust.personal import (
     Personal,
@@ -36,10 +37,10 @@ class YuSinghState(NamedTuple):
         known: Flag, 1 where there is such a rating, 0 elsewhere, shape (memory, S, P, ...).
     """
 
-    trust: Annotated[Array, SHARES]
-    log_credence: Annotated[Array, ValueRange(high=0)]
-    recent: Annotated[Array, ValueRange(0, "known")]
-    known: Annotated[Array, FLAGS]
+    trust: Annotated[PerPair, SHARES]
+    log_credence: Annotated[PerAdviser, ValueRange(high=0)]
+    recent: Annotated[Array, Shape("memory S P ..."), ValueRange(0, "known")]
+    known: Annotated[Array, Shape("memory S P ..."), FLAGS]
 
 
 @checked_dataclass
@@ -77,7 +78,7 @@ class YuSingh(Personal):
     source = "Yu, Singh and Sycara (2004)"
     cost = "S^2 P"
 
-    def start(self, like: Array) -> YuSinghState:
+    def start(self, like: PerPair) -> YuSinghState:
         """Return the state with initial trust, full credence and no experience. See
         `TrustModel.start`.
         """
@@ -103,7 +104,7 @@ class YuSingh(Personal):
             xp.where(ratings.rated(PROVIDER), trust, state.trust), log_credence, recent, known
         )
 
-    def rater_trust(self, state: YuSinghState) -> Array:
+    def rater_trust(self, state: YuSinghState) -> PerRater:
         """Return the mean credence of the others in each rater, shape (S, ...)."""
         return published_raters(namespace(state.trust).exp(state.log_credence))
 

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Inside, Lam, Share, checked_dataclass
+from roletrust_env.shapes import PerAdviser, PerPair, PerRater
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.personal import (
     Personal,
@@ -33,11 +34,11 @@ class ZhangCohenState(NamedTuple):
         trust: Trust of each judge in each provider, shape (S, P, ...).
     """
 
-    common: Annotated[Array, COUNTS]
-    agreeing: Annotated[Array, ValueRange(0, "common")]
-    checked: Annotated[Array, COUNTS]
-    consistent: Annotated[Array, ValueRange(0, "checked")]
-    trust: Annotated[Array, SHARES]
+    common: Annotated[PerAdviser, COUNTS]
+    agreeing: Annotated[PerAdviser, ValueRange(0, "common")]
+    checked: Annotated[PerRater, COUNTS]
+    consistent: Annotated[PerRater, ValueRange(0, "checked")]
+    trust: Annotated[PerPair, SHARES]
 
 
 @checked_dataclass
@@ -81,7 +82,7 @@ class ZhangCohen(Personal):
         """Number of common ratings N_min from which the private credence counts alone."""
         return -math.log((1 - self.confidence) / 2) / (2 * self.error**2)
 
-    def start(self, like: Array) -> ZhangCohenState:
+    def start(self, like: PerPair) -> ZhangCohenState:
         """Return the state with initial trust and without evidence about advisers. See
         `TrustModel.start`.
         """
@@ -121,6 +122,6 @@ class ZhangCohen(Personal):
         public = ((consistent + 1) / (checked + 2))[None, ...]
         return public + namespace(common).clip(common / self.enough, 0.0, 1.0) * (private - public)
 
-    def rater_trust(self, state: ZhangCohenState) -> Array:
+    def rater_trust(self, state: ZhangCohenState) -> PerRater:
         """Return the other judges' mean credence in each rater, shape (S, ...)."""
         return published_raters(self._credence(*state[:4]))
