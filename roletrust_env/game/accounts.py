@@ -2,9 +2,10 @@
 ratings that arrived.
 """
 
-from typing import NamedTuple, Self
+from typing import Annotated, NamedTuple, Self
 
 from roletrust_env.arrays import Array, cast, largest, namespace
+from roletrust_env.shapes import PerGame, Shape
 
 ACCOUNT_FEATURES = (
     "account",
@@ -35,9 +36,9 @@ class Accounts(NamedTuple):
         last: Last rating, shape (S, n, ...); 0 where there is none.
     """
 
-    total: Array
-    count: Array
-    last: Array
+    total: Annotated[Array, Shape("S n ...")]
+    count: Annotated[Array, Shape("S n ...")]
+    last: Annotated[Array, Shape("S n ...")]
 
     @classmethod
     def begin(cls, like: Array) -> Self:
@@ -49,7 +50,11 @@ class Accounts(NamedTuple):
         """
         return cls(0 * like, 0 * like, 0 * like)
 
-    def hear(self, ratings: Array, rated: Array) -> Self:
+    def hear(
+        self,
+        ratings: Annotated[Array, Shape("S n ...")],
+        rated: Annotated[Array, Shape("S n ...", "bool")],
+    ) -> Self:
         """Return the accounts with the ratings of a round.
 
         Args:
@@ -72,8 +77,13 @@ class Accounts(NamedTuple):
 
 
 def account_features(
-    accounts: Accounts, *, best_other: Array, given: Array, ally: Array, place: Array
-) -> Array:
+    accounts: Accounts,
+    *,
+    best_other: PerGame,
+    given: Annotated[Array, Shape("S n ...")],
+    ally: Array,
+    place: Array,
+) -> Annotated[Array, Shape("A S n ...")]:
     """Return the features of the account of each rater with each provider, shape (A, S, n, ...), in
     [-1, 1].
 

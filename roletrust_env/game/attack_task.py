@@ -19,12 +19,13 @@ from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.state import Actions, Noise, State
-from roletrust_env.game.views import AgentView, ProviderView, RaterView, view_of
+from roletrust_env.game.state import Action, Actions, Noise, State
+from roletrust_env.game.views import AgentView, ObservationVector, ProviderView, RaterView, view_of
 from roletrust_env.parameters import Amount, Share
 from roletrust_env.randomness import Random
+from roletrust_env.shapes import GameFlags, PerGame, PerProvider, PerRater, ProviderFlags
 from roletrust_env.trees import arrays
-from roletrust_env.world.presence import PRESENT, WAITING
+from roletrust_env.world.presence import PRESENT, WAITING, Phases
 from roletrust_env.world.roster import Roster, places
 
 
@@ -153,13 +154,13 @@ class AttackerSide(Frozen):
             ),
         )
 
-    def gone(self, phase: Array) -> Array:
+    def gone(self, phase: Phases) -> GameFlags:
         """Return whether all identities are gone for good, shape (...); an identity in reserve is
         not.
         """
         return (phase[self._agents, ...] > PRESENT).all(axis=0)
 
-    def mean_of_sellers(self, values: Array, present: Array | None) -> Array:
+    def mean_of_sellers(self, values: PerProvider, present: ProviderFlags | None) -> PerGame:
         """Return the mean over the agents that provide; the value of an agent is the mean of its
         present identities.
         """
@@ -170,9 +171,9 @@ class AttackerSide(Frozen):
 
     def gap(
         self,
-        trust: tuple[Array, Array],
+        trust: tuple[PerRater, PerProvider],
         present: tuple[Array | None, Array | None],
-        phase: Array | None,
+        phase: Phases | None,
         tolerance: float,
     ) -> Array:
         """Return the trust gap of each compromised agent to the honest agents of its role, shape
@@ -213,7 +214,7 @@ class AttackerSide(Frozen):
         return namespace(like).asarray(list(flags), device=like.device)
 
 
-def mean_of(values: Array, places: list[int], present: Array | None) -> Array:
+def mean_of(values: Array, places: list[int], present: Array | None) -> PerGame:
     """Return the mean of some rows over those that are present; 0 if none is."""
     rows = values[places, ...]
     return rows.mean(axis=0) if present is None else mean_or_zero(rows, present[places, ...])
@@ -250,10 +251,10 @@ class Outcome(NamedTuple):
             identities in reserve.
     """
 
-    reward: Array
-    objective: Array
-    cost: Array
-    caught: Array
+    reward: PerGame
+    objective: PerGame
+    cost: PerGame
+    caught: GameFlags
 
 
 class AttackTask(Frozen):
@@ -376,7 +377,7 @@ class AttackTask(Frozen):
         return TaskState(game, memories)
 
     def step(
-        self, state: TaskState, action: Array | Actions, noise: Noise, random: Random
+        self, state: TaskState, action: Action | Actions, noise: Noise, random: Random
     ) -> tuple[TaskState, Outcome]:
         """Play one round.
 
@@ -391,7 +392,7 @@ class AttackTask(Frozen):
         return self.advance(state, actions, memories, noise)
 
     def joint(
-        self, state: TaskState, action: Array | Actions, random: Random
+        self, state: TaskState, action: Action | Actions, random: Random
     ) -> tuple[Actions, tuple[Any, ...]]:
         """Return the actions of all agents and the memories of the scripted ones. Arguments as for
         `step`.
@@ -510,7 +511,7 @@ class AttackTask(Frozen):
             else namespace(trust).where(self.game.roster.providers(present), trust, np.nan)
         )
 
-    def observe(self, state: TaskState) -> Array:
+    def observe(self, state: TaskState) -> ObservationVector:
         """Return the observation of the attacker, shape (K, ...).
 
         `black_box`: the observations of its agents, one after the other. `grey_box`: in addition

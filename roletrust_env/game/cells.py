@@ -7,13 +7,14 @@ has one for each provider that it meets in a round, so that time and memory grow
 of a round, not with S times P.
 """
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.frozen import Frozen
+from roletrust_env.shapes import PerProvider, PerRater, ProviderFlags, Shape
 from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.edges import edge_model, start_on_edges, takes_peers
 from roletrust_env.trust.key_index import Floats
@@ -30,6 +31,12 @@ MOST_CELLS = 4_000_000
 Met = Any
 """Index of the provider of each cell, whole, shape (S, K); None on a grid, where it is the place of
 the cell."""
+
+PerCell: TypeAlias = Annotated[Array, Shape("S K ...")]
+"""Array with an entry for each cell, shape (S, K, ...)."""
+
+CellFlags: TypeAlias = Annotated[Array, Shape("S K ...", "bool")]
+"""Boolean array with an entry for each cell, shape (S, K, ...)."""
 
 
 class Cells(Frozen):
@@ -68,7 +75,7 @@ class Cells(Frozen):
         try_trust_model(model, self._peers, like)
         self._watched = needs_watching(model)
 
-    def start(self, nothing: Array) -> tuple[Any, Array]:
+    def start(self, nothing: PerCell) -> tuple[Any, PerProvider]:
         """Return the state of the trust model before any rating, and zeros of shape (P, ...).
 
         Args:
@@ -76,13 +83,15 @@ class Cells(Frozen):
         """
         return start_model(self._model, nothing, self._peers), nothing[0]
 
-    def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
+    def nobody(self, shape: tuple[int, ...]) -> tuple[Met, CellFlags]:
         """Return providers of the cells, and flags that are false, where nobody has met yet. Shape
         (S, K, ...).
         """
         return None, for_batch(self.not_self & False, shape)
 
-    def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
+    def meet(
+        self, shape: tuple[int, ...], noise: Annotated[Array, Shape("S k ...")] | None
+    ) -> tuple[Met, CellFlags]:
         """Return the providers of the cells of a round, and whether rater and provider meet,
         boolean.
 
@@ -104,8 +113,13 @@ class Cells(Frozen):
         return None, mask
 
     def update(
-        self, trust: Any, met: Met, ratings: Array, rated: Array | None, round: Array
-    ) -> tuple[Any, Array, Array]:
+        self,
+        trust: Any,
+        met: Met,
+        ratings: PerCell,
+        rated: CellFlags | None,
+        round: Annotated[Array, Shape("...", "whole")],
+    ) -> tuple[Any, PerRater, PerProvider]:
         """Return the state of the trust model after the ratings of a round, and the trust as `read`
         does.
 
@@ -121,23 +135,23 @@ class Cells(Frozen):
         after = self._model.update(trust, Ratings(ratings, rated))
         return after, *self.read(after)
 
-    def read(self, trust: Any) -> tuple[Array, Array]:
+    def read(self, trust: Any) -> tuple[PerRater, PerProvider]:
         """Return the trust of the raters, shape (S, ...), and of the providers, shape (P, ...), in
         a state.
         """
         return self._model.rater_trust(trust), self._model.provider_trust(trust)
 
-    def of_providers(self, values: Array, met: Met) -> Array:
+    def of_providers(self, values: Annotated[Array, Shape("P ...", "any")], met: Met) -> Array:
         """Return the provider's value for each cell, from shape (P, ...), in a shape that
         broadcasts with the cells.
         """
         return values[None, ...]
 
-    def counts(self, flags: Array, met: Met, dtype: Any) -> Array:
+    def counts(self, flags: CellFlags, met: Met, dtype: Any) -> PerProvider:
         """Return in how many cells of each provider a flag is true, shape (P, ...)."""
         return flags.sum(axis=0, dtype=dtype)
 
-    def anywhere(self, flags: Array, met: Met) -> Array:
+    def anywhere(self, flags: CellFlags, met: Met) -> ProviderFlags:
         """Return whether a flag is true in any cell of each provider, shape (P, ...)."""
         return flags.any(axis=0)
 
@@ -155,8 +169,8 @@ class SparseTrust(NamedTuple):
 
     run: EdgeRun
     rounds: int
-    tor: Floats
-    top: Floats
+    tor: Annotated[Floats, Shape("S")]
+    top: Annotated[Floats, Shape("P")]
 
 
 class MetCells(Cells):
@@ -186,24 +200,29 @@ class MetCells(Cells):
         self._own = roster.own_provider
         self._raters = np.repeat(np.arange(self._shape[0]), self.width)
 
-    def start(self, nothing: Array) -> tuple[Any, Array]:
+    def start(self, nothing: PerCell) -> tuple[Any, PerProvider]:
         """See `Cells.start`."""
         run, first = EdgeRun(self._model), start_on_edges(self._model, self._shape)
         run.join(*self._shape)
         trust = self._model.rater_trust(first), self._model.provider_trust(first)
         return SparseTrust(run, 0, *trust), np.zeros(self._shape[1])
 
-    def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
+    def nobody(self, shape: tuple[int, ...]) -> tuple[Met, CellFlags]:
         """See `Cells.nobody`."""
         return np.zeros(shape, np.int64), np.zeros(shape, bool)
 
-    def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
+    def meet(self, shape: tuple[int, ...], noise: PerCell | None) -> tuple[Met, CellFlags]:
         """See `Cells.meet`."""
         return meet(self._rule, self._own, self._shape[1], noise), np.ones(shape, bool)
 
     def update(
-        self, trust: SparseTrust, met: Met, ratings: Array, rated: Array | None, round: Array
-    ) -> tuple[SparseTrust, Array, Array]:
+        self,
+        trust: SparseTrust,
+        met: Met,
+        ratings: PerCell,
+        rated: CellFlags | None,
+        round: Annotated[Array, Shape("...", "whole")],
+    ) -> tuple[SparseTrust, PerRater, PerProvider]:
         """See `Cells.update`.
 
         Raises:
@@ -222,19 +241,21 @@ class MetCells(Cells):
         after = SparseTrust(run, run.rounds, run.rater_trust, run.provider_trust)
         return after, *self.read(after)
 
-    def read(self, trust: SparseTrust) -> tuple[Array, Array]:
+    def read(self, trust: SparseTrust) -> tuple[PerRater, PerProvider]:
         """See `Cells.read`."""
         return trust.tor, trust.top
 
-    def of_providers(self, values: Array, met: Met) -> Array:
+    def of_providers(
+        self, values: Annotated[Array, Shape("P ...", "any")], met: Met
+    ) -> Annotated[Array, Shape("S K", "any")]:
         """See `Cells.of_providers`."""
         return values[met]
 
-    def counts(self, flags: Array, met: Met, dtype: Any) -> Array:
+    def counts(self, flags: CellFlags, met: Met, dtype: Any) -> PerProvider:
         """See `Cells.counts`."""
         return sum_at(met[flags], np.ones(int(flags.sum()), dtype), self._shape[1])
 
-    def anywhere(self, flags: Array, met: Met) -> Array:
+    def anywhere(self, flags: CellFlags, met: Met) -> ProviderFlags:
         """See `Cells.anywhere`."""
         reached = np.zeros(self._shape[1], bool)
         reached[met[flags]] = True

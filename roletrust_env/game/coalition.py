@@ -2,7 +2,7 @@
 actions.
 """
 
-from typing import NamedTuple, Self
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 
@@ -10,7 +10,8 @@ from roletrust_env.arrays import Array, cast, largest, mean_or_zero, mean_places
 from roletrust_env.frozen import Frozen
 from roletrust_env.game.accounts import Accounts, account_features
 from roletrust_env.game.game import Game
-from roletrust_env.game.state import Actions, State
+from roletrust_env.game.state import Action, Actions, State
+from roletrust_env.shapes import AgentFlags, PerGame, PerProvider, Shape
 from roletrust_env.world.presence import PRESENT
 from roletrust_env.world.roster import places
 
@@ -59,25 +60,29 @@ class CoalitionMemory(NamedTuple):
             shape (S, n, ...).
     """
 
-    total: Array
-    count: Array
-    published: Array
-    change: Array
+    total: PerProvider
+    count: PerProvider
+    published: PerProvider
+    change: PerProvider
     accounts: Accounts | None = None
-    given: Array | None = None
+    given: Annotated[Array, Shape("S n ...")] | None = None
 
     @classmethod
-    def begin(cls, published: Array) -> Self:
+    def begin(cls, published: PerProvider) -> Self:
         """Return the memory before the first round, from the trust at that time, shape (P, ...)."""
         return cls(0 * published, 0 * published, published, 0 * published)
 
-    def remember(self, published: Array) -> Self:
+    def remember(self, published: PerProvider) -> Self:
         """Return the memory with the published trust of a round, shape (P, ...). Call it once in
         every round.
         """
         return self._replace(published=published, change=published - self.published)
 
-    def perceive(self, service: Array, awaiting: Array) -> Self:
+    def perceive(
+        self,
+        service: Annotated[Array, Shape("m P ...")],
+        awaiting: Annotated[Array, Shape("m P ...", "bool")],
+    ) -> Self:
         """Return the memory with the services of a round.
 
         Args:
@@ -88,7 +93,7 @@ class CoalitionMemory(NamedTuple):
         return self._replace(total=self.total + (service * awaiting).sum(axis=0), count=count)
 
     @property
-    def perceived(self) -> Array:
+    def perceived(self) -> PerProvider:
         """Mean perceived quality of each provider, shape (P, ...); its published trust where there
         is none.
         """
@@ -104,13 +109,13 @@ def to_digits(trust: Array) -> Array:
 def provider_features(
     memory: CoalitionMemory,
     *,
-    last_lie: Array,
+    last_lie: PerProvider,
     accomplice: Array,
-    served: Array,
-    own_trust: Array,
+    served: PerProvider,
+    own_trust: PerGame,
     own_share: float,
-    clock: Array,
-) -> Array:
+    clock: PerGame,
+) -> Annotated[Array, Shape("F P ...")]:
     """Return the features of each provider, shape (F, P, ...), in [-1, 1], in the order of
     `FEATURES`.
 
@@ -158,7 +163,7 @@ def provider_features(
     return xp.stack(rows)
 
 
-def lie_ratings(memory: CoalitionMemory, lie: Array) -> Array:
+def lie_ratings(memory: CoalitionMemory, lie: PerProvider) -> PerProvider:
     """Return the ratings that tell a lie: the perceived quality plus `REACH` times (2 x - 1), cut
     to [0, 1].
 
@@ -205,10 +210,10 @@ class Decision(NamedTuple):
             None serves all alike.
     """
 
-    lie: Array | None = None
-    quality: Array | None = None
-    silence: Array | None = None
-    treatment: Array | None = None
+    lie: PerProvider | None = None
+    quality: PerProvider | None = None
+    silence: PerProvider | None = None
+    treatment: Annotated[Array, Shape("S n ...")] | None = None
 
 
 class Coalition(Frozen):
@@ -276,7 +281,7 @@ class Coalition(Frozen):
             return memory
         return memory.perceive(state.service[self.raters, ...], state.awaiting[self.raters, ...])
 
-    def features(self, state: State, memory: CoalitionMemory) -> Array:
+    def features(self, state: State, memory: CoalitionMemory) -> Annotated[Array, Shape("F P ...")]:
         """Return the features of each provider, shape (F, P, ...), see `provider_features`.
 
         `last_lie` is the mean over the raters of the coalition. `own_trust` is the mean published
@@ -301,7 +306,7 @@ class Coalition(Frozen):
             clock=cast(state.round, perceived.dtype) / self._game.scenario.max_cycles,
         )
 
-    def account_features(self, memory: CoalitionMemory) -> Array:
+    def account_features(self, memory: CoalitionMemory) -> Annotated[Array, Shape("A S n ...")]:
         """Return the features of the accounts of raters with own providers, (A, S, n, ...), see
         `account_features`.
 
@@ -323,7 +328,7 @@ class Coalition(Frozen):
             place=place,
         )
 
-    def identity_features(self, state: State) -> Array:
+    def identity_features(self, state: State) -> Annotated[Array, Shape("I n ...")]:
         """Return the features of each own identity, shape (I, n, ...), in [0, 1], in the order of
         `IDENTITY_FEATURES`.
 
@@ -344,7 +349,7 @@ class Coalition(Frozen):
         flags = (cast(flag, trust.dtype) for flag in (present, succeeds))
         return xp.stack([nothing + turn, trust, *flags, nothing + provides, nothing + clock])
 
-    def wanted(self, chosen: Array) -> Array:
+    def wanted(self, chosen: Annotated[Array, Shape("n ...", "bool")]) -> AgentFlags:
         """Return which identities of all agents shall be present, boolean, shape (N, ...), from a
         choice for own ones.
 
@@ -358,7 +363,7 @@ class Coalition(Frozen):
         ]
         return xp.concat([chosen, chosen[:1, ...] & False])[order, ...]
 
-    def decision(self, flat: Array) -> Decision:
+    def decision(self, flat: Action) -> Decision:
         """Return the decision of an action, shape (action_size, ...), in [0, 1].
 
         As far as the coalition decides on them: lies about each provider, qualities of each

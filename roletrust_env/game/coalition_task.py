@@ -4,10 +4,11 @@ provider.
 
 from typing import Any
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import namespace
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.coalition import Coalition, CoalitionMemory
-from roletrust_env.game.state import Actions, Noise, State
+from roletrust_env.game.state import Action, Actions, Noise, State
+from roletrust_env.game.views import ObservationVector
 from roletrust_env.randomness import Random
 
 
@@ -60,7 +61,7 @@ class CoalitionTask(AttackTask):
         return TaskState(game, memories, self.coalition.remember(game, known))
 
     def joint(
-        self, state: TaskState, action: Array | Actions, random: Random
+        self, state: TaskState, action: Action | Actions, random: Random
     ) -> tuple[Actions, tuple[Any, ...]]:
         """Return the actions of all agents and the memories of the scripted ones. See
         `AttackTask.joint`.
@@ -80,7 +81,7 @@ class CoalitionTask(AttackTask):
             noise,
         )
 
-    def observe(self, state: TaskState) -> Array:
+    def observe(self, state: TaskState) -> ObservationVector:
         """Return the observation, shape (F P, ...), or (F P + A S n, ...) of a wide coalition with
         n providers.
 

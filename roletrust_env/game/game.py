@@ -9,7 +9,7 @@ and a batch of games can have the same noise.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
 from roletrust_env.game.views import ProviderView, RaterView, ViewLayout, make_views
 from roletrust_env.randomness import Random, generator
+from roletrust_env.shapes import AgentFlags, PerAgent, PerPair, PerProvider, PerRater, Shape
 from roletrust_env.trust import TrustModel, agent_trust
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import access, mobility, rating_delivery
@@ -53,7 +54,7 @@ class Payoff:
             self._values = namespace(like).asarray(shares, dtype=like.dtype, device=like.device)
         self._cost = scenario.rewards.quality_cost * max(scenario.values)
 
-    def next_value(self, value: Array, noise: Array | None) -> Array:
+    def next_value(self, value: PerProvider, noise: PerProvider | None) -> PerProvider:
         """Return the value of the next service of each provider, shape (P, ...), relative to the
         highest value.
         """
@@ -62,8 +63,13 @@ class Payoff:
         return self._values[cast(noise * len(self._values), whole_dtype(noise))]
 
     def rewards(
-        self, tor: Array, top: Array, counts: Counts | None, quality: Array, value: Array
-    ) -> Array:
+        self,
+        tor: PerRater,
+        top: PerProvider,
+        counts: Counts | None,
+        quality: PerProvider,
+        value: PerProvider,
+    ) -> PerAgent:
         """Return the rewards, shape (N, ...).
 
         Args:
@@ -82,7 +88,7 @@ class Payoff:
         of_providers = top if weights.provider_trust == 1 else weights.provider_trust * top
         return self._of_agents(of_raters, of_providers - costs, of_both)
 
-    def agent_trust(self, tor: Array, top: Array, counts: Counts | None) -> Array:
+    def agent_trust(self, tor: PerRater, top: PerProvider, counts: Counts | None) -> PerAgent:
         """Return the trust of every agent by its role, shape (N, ...)."""
         toa = None if counts is None else self._both_trust(tor, top, counts)
         return self._of_agents(tor, top, toa)
@@ -279,7 +285,7 @@ class Game(Frozen):
             met=met,
         )
 
-    def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, Array]:
+    def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, PerAgent]:
         """Play one round.
 
         Args:
@@ -367,7 +373,7 @@ class Game(Frozen):
         )
         return after, self._payoff.rewards(tor, top, counts, quality, state.value)
 
-    def published(self, state: State) -> tuple[Array, Array]:
+    def published(self, state: State) -> tuple[PerRater, PerProvider]:
         """Return the published trust: ToR of the raters, shape (S, ...), and ToP of the providers,
         shape (P, ...).
         """
@@ -376,7 +382,7 @@ class Game(Frozen):
             return published
         return self._cells.read(state.trust)
 
-    def known_trust(self, state: State) -> Array:
+    def known_trust(self, state: State) -> PerPair:
         """Return the trust of each provider as each rater knows it, shape (S, P, ...); NaN where
         they are one agent.
 
@@ -390,19 +396,19 @@ class Game(Frozen):
         )
         return namespace(known).where(own, known, self._nowhere)
 
-    def agent_trust(self, state: State) -> Array:
+    def agent_trust(self, state: State) -> PerAgent:
         """Return the trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an
         SR+SP agent.
         """
         return self._payoff.agent_trust(*self.published(state), state.counts)
 
-    def present(self, state: State) -> Array | None:
+    def present(self, state: State) -> AgentFlags | None:
         """Return whether each agent is present, boolean, shape (N, ...); None where everybody
         always is.
         """
         return None if state.population is None else state.population.phase == PRESENT
 
-    def offered(self, before: State, actions: Actions, after: State) -> Array:
+    def offered(self, before: State, actions: Actions, after: State) -> PerProvider | PerPair:
         """Return the quality on offer in a round, shape (P, ...); NaN where a provider did not
         serve.
 
@@ -430,7 +436,13 @@ class Game(Frozen):
             state.rated,
         )
 
-    def observations(self, state: State) -> tuple[Array, Array, Array | None]:
+    def observations(
+        self, state: State
+    ) -> tuple[
+        Annotated[Array, Shape("K n ...")],
+        Annotated[Array, Shape("L m ...")],
+        Annotated[Array, Shape("M o ...")] | None,
+    ]:
         """Return the observation vectors of the SR, (K, n, ...), the SP and the SR+SP agents, None
         without any.
         """

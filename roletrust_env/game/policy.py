@@ -3,7 +3,7 @@ attacks.
 """
 
 import re
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import NonNegativeInt, PositiveInt, model_validator
 
@@ -12,6 +12,7 @@ from roletrust_env.game.views import AgentView, IdentityView, ProviderView, Rate
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
 from roletrust_env.registry import Registry
+from roletrust_env.shapes import GameFlags, PerGame, PerProvider, PerRater, ProviderFlags, Shape
 
 Channel = Literal["quality", "treatment", "ratings", "silence", "presence"]
 """Decision of an agent. `"treatment"` is the share of quality for each rater, `"silence"` the
@@ -44,11 +45,13 @@ class Policy:
         """
         return None
 
-    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
+    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[PerGame, Any]:
         """Return the quality of the next service, shape (...), in [0, 1], and the new memory."""
         return 0 * view.trust + 1, memory
 
-    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+    def treats(
+        self, view: ProviderView, memory: Any, random: Random
+    ) -> tuple[PerRater | None, Any]:
         """Return the share of that quality for each rater, shape (S, ...), in [0, 1], and the new
         memory.
 
@@ -59,14 +62,16 @@ class Policy:
         """
         return None, memory
 
-    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
+    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[PerProvider, Any]:
         """Return the ratings, shape (P, ...), in [0, 1], and the new memory.
 
         Ratings of services that the rater did not receive are ignored.
         """
         return view.service, memory
 
-    def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+    def withholds(
+        self, view: RaterView, memory: Any, random: Random
+    ) -> tuple[ProviderFlags | None, Any]:
         """Return which ratings are withheld, boolean, shape (P, ...), and the new memory; None
         sends all ratings.
 
@@ -75,7 +80,9 @@ class Policy:
         """
         return None, memory
 
-    def both(self, view: AgentView, memory: Any, random: Random) -> tuple[Array, Array, Any]:
+    def both(
+        self, view: AgentView, memory: Any, random: Random
+    ) -> tuple[PerGame, PerProvider, Any]:
         """Return quality and ratings of an SR+SP agent, and the new memory. By default each role
         decides alone.
         """
@@ -83,7 +90,7 @@ class Policy:
         ratings, memory = self.ratings(view.rater, memory, random)
         return quality, ratings, memory
 
-    def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
+    def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[GameFlags, Any]:
         """Return whether this identity shall be present, boolean, shape (...), and the new memory.
 
         Called for each identity of an agent, after quality and ratings, in games with identities in
@@ -150,22 +157,26 @@ class ByChannel(Policy):
         """Return the memories of the two policies. See `Policy.begin`."""
         return self.serves.begin(random, shape), self.rates.begin(random, shape)
 
-    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
+    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[PerGame, Any]:
         """See `Policy.quality`."""
         quality, mine = self.serves.quality(view, memory[0], random)
         return quality, (mine, memory[1])
 
-    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+    def treats(
+        self, view: ProviderView, memory: Any, random: Random
+    ) -> tuple[PerRater | None, Any]:
         """See `Policy.treats`."""
         treatment, mine = self.serves.treats(view, memory[0], random)
         return treatment, (mine, memory[1])
 
-    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
+    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[PerProvider, Any]:
         """See `Policy.ratings`."""
         ratings, mine = self.rates.ratings(view, memory[1], random)
         return ratings, (memory[0], mine)
 
-    def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+    def withholds(
+        self, view: RaterView, memory: Any, random: Random
+    ) -> tuple[ProviderFlags | None, Any]:
         """See `Policy.withholds`."""
         withheld, mine = self.rates.withholds(view, memory[1], random)
         return withheld, (memory[0], mine)
@@ -189,13 +200,13 @@ class WindowedAttack(Policy):
             raise ValueError(f"stop is {self.stop}; it must be later than start, {self.start}")
         return self
 
-    def active(self, round: Array) -> Array:
+    def active(self, round: Annotated[Array, Shape("...", "number")]) -> GameFlags:
         """Return whether the attack is active in a round, boolean, shape (...)."""
         on = round >= self.start
         return on if self.stop is None else on & (round < self.stop)
 
 
-def asleep(random: Random, shape: tuple[int, ...]) -> Array:
+def asleep(random: Random, shape: tuple[int, ...]) -> GameFlags:
     """Return the memory of sleepers before the first round, boolean, see `wake` and
     `Policy.begin`.
     """
@@ -203,7 +214,7 @@ def asleep(random: Random, shape: tuple[int, ...]) -> Array:
     return namespace(like).zeros(shape, dtype=like.dtype, device=device_of(like)) > 0
 
 
-def wake(now: Array, memory: Array) -> tuple[Array, Array]:
+def wake(now: GameFlags, memory: GameFlags) -> tuple[GameFlags, GameFlags]:
     """Return whether a sleeper is awake, and its new memory. Once it has woken up, it stays awake.
 
     Args:

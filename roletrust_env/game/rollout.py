@@ -1,13 +1,14 @@
 """The loop over the rounds of a game, and the record of a whole game."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import Random
+from roletrust_env.shapes import PerAgent, PerPair, PerProvider, Shape
 
 
 class Players(Protocol):
@@ -48,7 +49,7 @@ class Round(NamedTuple):
     before: State
     actions: Actions
     state: State
-    rewards: Array
+    rewards: PerAgent
     weight: float
 
 
@@ -74,16 +75,16 @@ class History(NamedTuple):
             `Game.offered`.
     """
 
-    tor: Array
-    top: Array
-    trust: Array
-    quality: Array
-    ratings: Array
-    rated: Array
-    served: Array
-    rewards: Array
-    present: Array
-    offered: Array
+    tor: Annotated[Array, Shape("T S ...")]
+    top: Annotated[Array, Shape("T P ...")]
+    trust: Annotated[Array, Shape("T N ...")]
+    quality: Annotated[Array, Shape("T P ...")]
+    ratings: Annotated[Array, Shape("T S P ...")]
+    rated: Annotated[Array, Shape("T S P ...", "bool")]
+    served: Annotated[Array, Shape("T S P ...", "bool")]
+    rewards: Annotated[Array, Shape("T N ...")]
+    present: Annotated[Array, Shape("T N ...", "bool")]
+    offered: Annotated[Array, Shape("T P ...")] | Annotated[Array, Shape("T S P ...")]
 
     def __repr__(self) -> str:
         rounds, raters, *batch = self.tor.shape
@@ -177,7 +178,9 @@ def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = (
     return History(*columns)
 
 
-def stack_offered(offered: Sequence[Array]) -> Array:
+def stack_offered(
+    offered: Sequence[PerProvider | PerPair],
+) -> Annotated[Array, Shape("T P ...")] | Annotated[Array, Shape("T S P ...")]:
     """Stack the quality on offer in each round, shape (P, ...) or (S, P, ...), into one array."""
     xp, shape = namespace(offered[0]), max((quality.shape for quality in offered), key=len)
     return xp.stack([xp.broadcast_to(quality, shape) for quality in offered])

@@ -2,7 +2,7 @@
 and memory.
 """
 
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy, policy_name
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.game.views import ProviderView, RaterView, SparseRaterView
+from roletrust_env.shapes import PerAgent, Shape
 from roletrust_env.trees import leaves
 from roletrust_env.trust import TrustModel
 from roletrust_env.world.scenario import Encounters, Scenario
@@ -105,7 +106,7 @@ class SparseGame(Game):
             )
         return super().start(noise)
 
-    def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, Array]:
+    def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, PerAgent]:
         """Play one round from the newest state. See `Game.step`.
 
         Raises:
@@ -124,7 +125,7 @@ class SparseGame(Game):
                 )
         return super().step(state, actions, noise)
 
-    def known_trust(self, state: State) -> Array:
+    def known_trust(self, state: State) -> Annotated[Array, Shape("S K")]:
         """Return the trust of the provider of each cell, shape (S, K)."""
         return self._cells.of_providers(self.published(state)[1], state.met)
 

@@ -1,17 +1,29 @@
 """Actions, noise and state of a round, as tuples of arrays."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from array_api_compat import to_device
 
 from roletrust_env.arrays import Array, cast, check_within
 from roletrust_env.game.brief import shapes
+from roletrust_env.shapes import (
+    AgentFlags,
+    PairFlags,
+    PerAgent,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Shape,
+)
 from roletrust_env.trees import map_leaves
 from roletrust_env.world.heterogeneity import AgentProperties
 from roletrust_env.world.mobility import Motion
 from roletrust_env.world.presence import Population
 from roletrust_env.world.rating_delivery import InTransit
+
+Action: TypeAlias = Annotated[Array, Shape("A ...")]
+"""Action of an attacker as one vector, shape (A, ...)."""
 
 
 class Actions(NamedTuple):
@@ -27,11 +39,11 @@ class Actions(NamedTuple):
             [0, 1]; None where providers serve all raters alike.
     """
 
-    quality: Array
-    ratings: Array
-    presence: Array | None = None
-    withheld: Array | None = None
-    treatment: Array | None = None
+    quality: PerProvider
+    ratings: PerPair
+    presence: AgentFlags | None = None
+    withheld: PairFlags | None = None
+    treatment: PerPair | None = None
 
     def __repr__(self) -> str:
         return shapes(self)
@@ -46,8 +58,8 @@ class CheckedActions(Actions):
 class Counts(NamedTuple):
     """Services that each SR+SP agent rated and provided so far, shape (n_both, ...) each."""
 
-    rated: Array
-    provided: Array
+    rated: Annotated[Array, Shape("n_both ...")]
+    provided: Annotated[Array, Shape("n_both ...")]
 
 
 class State(NamedTuple):
@@ -73,20 +85,20 @@ class State(NamedTuple):
             `SparseGame`, whose cells are (S, K) in place of (S, P, ...); None elsewhere.
     """
 
-    round: Array
+    round: Annotated[Array, Shape("...", "whole")]
     trust: Any
-    ratings: Array
-    rated: Array
-    quality: Array
-    service: Array
-    awaiting: Array
-    value: Array
+    ratings: PerPair
+    rated: PairFlags
+    quality: PerProvider
+    service: PerPair
+    awaiting: PairFlags
+    value: PerProvider
     counts: Counts | None
     population: Population | None
     motion: Motion | None
     transit: InTransit | None
     properties: AgentProperties
-    met: Array | None = None
+    met: Annotated[Array, Shape("S K", "whole")] | None = None
 
     def __repr__(self) -> str:
         # The leaves may be anything: JAX maps trees to shapes, axes and tracers.
@@ -109,17 +121,17 @@ class Noise(NamedTuple):
         and `scale` (S, ...).
     """
 
-    perception: Array
-    lost: Array | None = None
-    late: Array | None = None
-    choice: Array | None = None
-    presence: Array | None = None
-    value: Array | None = None
-    goal: Array | None = None
-    position: Array | None = None
-    ability: Array | None = None
-    bias: Array | None = None
-    scale: Array | None = None
+    perception: PerPair
+    lost: PerPair | None = None
+    late: PerPair | None = None
+    choice: Annotated[Array, Shape("S k ...")] | None = None
+    presence: PerAgent | None = None
+    value: PerProvider | None = None
+    goal: Annotated[Array, Shape("N 2 ...")] | None = None
+    position: Annotated[Array, Shape("N 2 ...")] | None = None
+    ability: PerProvider | None = None
+    bias: PerRater | None = None
+    scale: PerRater | None = None
 
     def __repr__(self) -> str:
         return shapes(self)
@@ -129,7 +141,7 @@ _IN_RANGE = "quality", "ratings", "treatment"
 """Fields of `Actions` whose values lie in [0, 1]."""
 
 
-def intended(actions: Actions, properties: AgentProperties) -> Array:
+def intended(actions: Actions, properties: AgentProperties) -> PerProvider | PerPair:
     """Return the chosen quality within the ability of the providers, shape (P, ...), or (S, P, ...)
     for each rater.
     """

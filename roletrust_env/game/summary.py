@@ -1,8 +1,11 @@
 """The whole state of a game as one vector, for PettingZoo's `state()`."""
 
+from typing import Annotated
+
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
+from roletrust_env.shapes import Shape
 from roletrust_env.world.scenario import InRange
 
 
@@ -14,7 +17,7 @@ def summary_size(game: Game) -> int:
     )
 
 
-def summarise(game: Game, state: State) -> Array:
+def summarise(game: Game, state: State) -> Annotated[Array, Shape("K ...")]:
     """Return the whole state as a vector, shape (summary_size, ...), every entry in [0, 1].
 
     In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P);

@@ -6,13 +6,27 @@ is one per rater.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.brief import shapes
+from roletrust_env.shapes import (
+    GameFlags,
+    PairFlags,
+    PerGame,
+    PerPair,
+    PerProvider,
+    PerRater,
+    ProviderFlags,
+    RaterFlags,
+    Shape,
+)
+
+ObservationVector: TypeAlias = Annotated[Array, Shape("K ...")]
+"""Observation of an agent or of an attacker as a flat vector, shape (K, ...)."""
 
 
 class ProviderView(NamedTuple):
@@ -27,12 +41,12 @@ class ProviderView(NamedTuple):
         rated: Whether a rating of it arrived, boolean, shape (S, ...).
     """
 
-    round: Array
-    trust: Array
-    value: Array
-    quality: Array
-    ratings: Array
-    rated: Array
+    round: PerGame
+    trust: PerGame
+    value: PerGame
+    quality: PerGame
+    ratings: PerRater
+    rated: RaterFlags
 
     def __repr__(self) -> str:
         return shapes(self)
@@ -52,13 +66,13 @@ class RaterView(NamedTuple):
         rated: Whether its rating arrived, boolean, shape (P, ...).
     """
 
-    round: Array
-    trust: Array
-    published: Array
-    service: Array
-    awaiting: Array
-    ratings: Array
-    rated: Array
+    round: PerGame
+    trust: PerGame
+    published: PerProvider
+    service: PerProvider
+    awaiting: ProviderFlags
+    ratings: PerProvider
+    rated: ProviderFlags
 
     def __repr__(self) -> str:
         return shapes(self)
@@ -83,14 +97,14 @@ class SparseRaterView(NamedTuple):
         met: Index of the provider of each row, whole, shape (K, ...).
     """
 
-    round: Array
-    trust: Array
-    published: Array
-    service: Array
-    awaiting: Array
-    ratings: Array
-    rated: Array
-    met: Array
+    round: PerGame
+    trust: PerGame
+    published: Annotated[Array, Shape("K ...")]
+    service: Annotated[Array, Shape("K ...")]
+    awaiting: Annotated[Array, Shape("K ...", "bool")]
+    ratings: Annotated[Array, Shape("K ...")]
+    rated: Annotated[Array, Shape("K ...", "bool")]
+    met: Annotated[Array, Shape("K ...", "whole")]
 
     def __repr__(self) -> str:
         return shapes(self)
@@ -99,7 +113,7 @@ class SparseRaterView(NamedTuple):
 class AgentView(NamedTuple):
     """The view of an SR+SP agent: its own ToA, shape (...), and the views of its two roles."""
 
-    trust: Array
+    trust: PerGame
     provider: ProviderView
     rater: RaterView
 
@@ -118,11 +132,11 @@ class IdentityView(NamedTuple):
         succeeds: Whether the identity before it is gone for good, boolean, shape (...).
     """
 
-    round: Array
-    trust: Array
-    turn: Array
-    present: Array
-    succeeds: Array
+    round: Annotated[Array, Shape("...", "number")]
+    trust: PerGame
+    turn: PerGame
+    present: GameFlags
+    succeeds: GameFlags
 
     def __repr__(self) -> str:
         return shapes(self)
@@ -132,15 +146,15 @@ View = TypeVar("View", ProviderView, RaterView)
 
 
 def make_views(
-    round: Array,
-    tor: Array,
-    top: Array,
-    value: Array,
-    quality: Array,
-    service: Array,
-    awaiting: Array,
-    ratings: Array,
-    rated: Array,
+    round: PerGame,
+    tor: PerRater,
+    top: PerProvider,
+    value: PerProvider,
+    quality: PerProvider,
+    service: PerPair,
+    awaiting: PairFlags,
+    ratings: PerPair,
+    rated: PairFlags,
 ) -> tuple[ProviderView, RaterView]:
     """Return the views of all providers, with one further axis (P, ...), and of all raters, with
     one (S, ...).
@@ -197,7 +211,7 @@ class ViewLayout:
         """Size K of the observation of a rater: 2 + 5 P."""
         return 2 + 5 * self.n_providers
 
-    def flatten(self, view: View) -> Array:
+    def flatten(self, view: View) -> ObservationVector:
         """Return the observation vector of the view of a provider or a rater."""
         agent_ndim, (round, *rest) = view.trust.ndim, view
         parts = [
@@ -225,17 +239,17 @@ class ViewLayout:
         # The place of the clock is 0, as a share of the game's length too.
         return self.flatten(rater).astype(np.intp), self.flatten(provider).astype(np.intp)
 
-    def flatten_both(self, view: AgentView) -> Array:
+    def flatten_both(self, view: AgentView) -> ObservationVector:
         """Return the observation vector of the view of an SR+SP agent."""
         parts = [view.trust[None, ...], self.flatten(view.provider), self.flatten(view.rater)]
         return namespace(view.trust).concat(parts)
 
-    def provider(self, observation: Array) -> ProviderView:
+    def provider(self, observation: ObservationVector) -> ProviderView:
         """Return the view in the observation of a provider."""
         o, s = observation, self.n_raters
         return ProviderView(self._round(o), o[1], o[2], o[3], o[4 : 4 + s], o[4 + s :] > 0.5)
 
-    def rater(self, observation: Array) -> RaterView:
+    def rater(self, observation: ObservationVector) -> RaterView:
         """Return the view in the observation of a rater."""
         o, p = observation, self.n_providers
         published, service, awaiting, ratings, rated = (
@@ -245,7 +259,7 @@ class ViewLayout:
             self._round(o), o[1], published, service, awaiting > 0.5, ratings, rated > 0.5
         )
 
-    def both(self, observation: Array) -> AgentView:
+    def both(self, observation: ObservationVector) -> AgentView:
         """Return the view in the observation of an SR+SP agent."""
         end = 1 + self.provider_size
         return AgentView(

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.shapes import PerProvider, PerRater
 from roletrust_env.world.roster import Roster
 
 Property = Literal["ability", "bias", "scale"]
@@ -21,8 +22,8 @@ class Perception(NamedTuple):
         scale: Scale of each rater, shape (S, ...).
     """
 
-    bias: Array
-    scale: Array
+    bias: PerRater
+    scale: PerRater
 
 
 class AgentProperties(NamedTuple):
@@ -34,7 +35,7 @@ class AgentProperties(NamedTuple):
         perception: Bias and scale of the raters; None if all raters perceive the quality as it is.
     """
 
-    ability: Array | None
+    ability: PerProvider | None
     perception: Perception | None
 
 

@@ -1,8 +1,9 @@
 """Moving robots: the random-waypoint model in a square arena."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.shapes import Shape
 from roletrust_env.world.scenario import InRange
 
 
@@ -14,8 +15,8 @@ class Motion(NamedTuple):
         goal: Waypoint that the agent heads for, in metres, shape (N, 2, ...).
     """
 
-    position: Array
-    goal: Array
+    position: Annotated[Array, Shape("N 2 ...")]
+    goal: Annotated[Array, Shape("N 2 ...")]
 
 
 def scatter(rule: InRange, position: Array, goal: Array) -> Motion:

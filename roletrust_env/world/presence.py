@@ -1,15 +1,20 @@
 """Presence of agents: joining, leaving, and admission control."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.frozen import Frozen
+from roletrust_env.shapes import Shape
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
 WAITING, PRESENT, LEFT, CUT_OFF = 0, 1, 2, 3
+
+
+Phases: TypeAlias = Annotated[Array, Shape("N ...", "whole")]
+"""`WAITING`, `PRESENT`, `LEFT` or `CUT_OFF` for each agent, shape (N, ...)."""
 
 
 class Population(NamedTuple):
@@ -22,8 +27,8 @@ class Population(NamedTuple):
             threshold, integers of shape (N, ...).
     """
 
-    phase: Array
-    low: Array
+    phase: Phases
+    low: Annotated[Array, Shape("N ...", "whole")]
 
 
 class Presence(Frozen):

@@ -1,8 +1,9 @@
 """Delivery of ratings to the trust manager: some ratings are lost or arrive late."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.shapes import Shape
 from roletrust_env.world.scenario import RatingDelivery
 
 
@@ -14,8 +15,8 @@ class InTransit(NamedTuple):
         sent: Boolean array of the same shape, true where there is a rating.
     """
 
-    ratings: Array
-    sent: Array
+    ratings: Annotated[Array, Shape("delay S P ...")]
+    sent: Annotated[Array, Shape("delay S P ...", "bool")]
 
 
 def start(rule: RatingDelivery, like: Array) -> InTransit:
