@@ -4,12 +4,13 @@ import functools
 import math
 from collections.abc import Sequence
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.metrics.score import mean_or_nan, ratio
+from roletrust_env.shapes import Shape
 
 Floats = npt.NDArray[np.float64]
 
@@ -98,9 +99,9 @@ class SeedMean(NamedTuple):
         freedom: Degrees of freedom of the standard errors, shape (N,).
     """
 
-    mean: Floats
-    error: Floats
-    freedom: Floats
+    mean: Annotated[Floats, Shape("N")]
+    error: Annotated[Floats, Shape("N")]
+    freedom: Annotated[Floats, Shape("N")]
 
     @property
     def estimates(self) -> list[Estimate]:
@@ -111,7 +112,7 @@ class SeedMean(NamedTuple):
         ]
 
 
-def over_seeds(values: Floats, independent: int) -> SeedMean:
+def over_seeds(values: Annotated[Floats, Shape("N S G")], independent: int) -> SeedMean:
     """Return the means over the games of some seeds, with their errors as estimates of runs with
     new seeds.
 
@@ -211,7 +212,7 @@ def _student_quantile(freedom: float, level: float) -> float:
     return float(math.sqrt(freedom) * np.tan(np.interp(level, area / area[-1], angle)))
 
 
-def interquartile_mean(strata: Sequence[Floats], seed: int = 0) -> Interval:
+def interquartile_mean(strata: Sequence[Annotated[Floats, Shape("R")]], seed: int = 0) -> Interval:
     """Return the mean of the middle half of all runs, with a stratified bootstrap interval (Agarwal
     et al., 2021).
 

@@ -1,16 +1,22 @@
 """Metrics of consumers that choose providers by their trust."""
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 
 from roletrust_env.game.consumer import Bought, buy
-from roletrust_env.metrics.score import Flags, Floats, Score, in_rounds, ratio
+from roletrust_env.metrics.score import FlagsByRound, Floats, RoundWeights, Score, in_rounds, ratio
+from roletrust_env.shapes import Shape
 
 _ROUNDING = 1e-9  # a blind choice that is so near to the best one has no other that is better
 
 
-def utility(trust: Floats, offered: Floats, weights: Floats | None = None) -> Score:
+def utility(
+    trust: Annotated[Floats, Shape("T P ...")],
+    offered: Annotated[Floats, Shape("T P ...")] | Annotated[Floats, Shape("T S P ...")],
+    weights: RoundWeights | None = None,
+) -> Score:
     """Return the quality that a consumer gets from the most trusted provider, as a share of the
     best quality offered.
 
@@ -32,7 +38,11 @@ def utility(trust: Floats, offered: Floats, weights: Floats | None = None) -> Sc
     return share_of_best(bought.got, bought.best)
 
 
-def blind_utility(trust: Floats, offered: Floats, weights: Floats | None = None) -> Score:
+def blind_utility(
+    trust: Annotated[Floats, Shape("T P ...")],
+    offered: Annotated[Floats, Shape("T P ...")] | Annotated[Floats, Shape("T S P ...")],
+    weights: RoundWeights | None = None,
+) -> Score:
     """Return the utility of a consumer that chooses providers uniformly at random, as a baseline
     for `utility`.
 
@@ -47,7 +57,9 @@ def blind_utility(trust: Floats, offered: Floats, weights: Floats | None = None)
     return share_of_best(bought.blind, bought.best)
 
 
-def skill(utility: Floats, blind: Floats) -> Floats:
+def skill(
+    utility: Annotated[Floats, Shape("G")], blind: Annotated[Floats, Shape("G")]
+) -> Annotated[Floats, Shape("G")]:
     """Return the skill of the choice by trust against a blind choice in the same games, for each
     game.
 
@@ -80,7 +92,7 @@ def skill(utility: Floats, blind: Floats) -> Floats:
     return score
 
 
-def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> Score:
+def robustness(served: FlagsByRound, buyers: Sequence[int], sellers: Sequence[int]) -> Score:
     """Return the robustness of Zhang, Jiang, Zhang and Ng (2012) in [-1, 1]: 1 robust, 0
     vulnerable, below 0 defeated.
 
@@ -103,7 +115,9 @@ def _bought(trust: Floats, offered: Floats, weights: Floats | None) -> Bought:
     return Bought(*(in_rounds(part, None if weights is None else weights[1:]) for part in bought))
 
 
-def share_of_best(got: Floats, best: Floats) -> Score:
+def share_of_best(
+    got: Annotated[Floats, Shape("T ...")], best: Annotated[Floats, Shape("T ...")]
+) -> Score:
     """Return the quality that consumers got as a share of the best quality offered, see `utility`.
 
         share = sum over rounds t of got[t] / sum over rounds t of best[t]

@@ -7,7 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.metrics.score import Flags, Floats, Score, mean_or_nan, ratio
+from roletrust_env.metrics.score import (
+    AgentFloats,
+    Flags,
+    Floats,
+    RoundWeights,
+    Score,
+    TrustByRound,
+    mean_or_nan,
+    ratio,
+)
 
 
 class Classification(NamedTuple):
@@ -26,7 +35,7 @@ class Classification(NamedTuple):
     false_alarms: Score
 
 
-def auc(trust: Floats, attackers: Sequence[int]) -> Score:
+def auc(trust: AgentFloats, attackers: Sequence[int]) -> Score:
     """Return the area under the ROC curve: the probability that an attacker has less trust than an
     honest agent.
 
@@ -49,7 +58,9 @@ def auc(trust: Floats, attackers: Sequence[int]) -> Score:
     return Score.where(~np.isnan(share), share, "there are no attackers or no honest agents")
 
 
-def classify(trust: Floats, attackers: Sequence[int], threshold: float = 0.5) -> Classification:
+def classify(
+    trust: AgentFloats, attackers: Sequence[int], threshold: float = 0.5
+) -> Classification:
     """Classify the agents with trust below a threshold as attackers, and return the quality of this
     classification.
 
@@ -81,7 +92,7 @@ def classify(trust: Floats, attackers: Sequence[int], threshold: float = 0.5) ->
 
 
 def rounds_to_detection(
-    trust: Floats, attackers: Sequence[int], start: int = 0, alarms: float = 0.01
+    trust: TrustByRound, attackers: Sequence[int], start: int = 0, alarms: float = 0.01
 ) -> Score:
     """Return the number of rounds from the start of an attack until its attackers are detected.
 
@@ -116,7 +127,11 @@ def rounds_to_detection(
 
 
 def false_alarms(
-    trust: Floats, honest: Sequence[int], threshold: float = 0.5, *, weights: Floats | None = None
+    trust: TrustByRound,
+    honest: Sequence[int],
+    threshold: float = 0.5,
+    *,
+    weights: RoundWeights | None = None,
 ) -> Score:
     """Return how often the trust of honest agents is below the threshold, for example because of a
     perturbation.

@@ -10,7 +10,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import Floats, Score, as_numbers, mean_or_nan, ratio
+from roletrust_env.metrics.score import (
+    Floats,
+    RoundWeights,
+    Score,
+    TrustByRound,
+    as_numbers,
+    mean_or_nan,
+    ratio,
+)
 
 
 class WorstAttack(NamedTuple):
@@ -21,7 +29,10 @@ class WorstAttack(NamedTuple):
 
 
 def damage(
-    trust: Floats, paired: Floats, agents: Sequence[int], weights: Floats | None = None
+    trust: TrustByRound,
+    paired: TrustByRound,
+    agents: Sequence[int],
+    weights: RoundWeights | None = None,
 ) -> Score:
     """Return the mean trust that an attack takes from some agents.
 
@@ -48,7 +59,11 @@ def damage(
 
 
 def recovery(
-    trust: Floats, paired: Floats, agents: Sequence[int], stop: int, within: float = 0.05
+    trust: TrustByRound,
+    paired: TrustByRound,
+    agents: Sequence[int],
+    stop: int,
+    within: float = 0.05,
 ) -> Score:
     """Return the number of rounds from the end of an attack until the mean trust of some agents has
     recovered.

@@ -4,10 +4,19 @@ from typing import Literal
 
 import numpy as np
 
-from roletrust_env.metrics.score import Flags, Floats, Score, mean_or_nan, ratio
+from roletrust_env.metrics.score import (
+    FlagsByRound,
+    Floats,
+    ProviderFloats,
+    Score,
+    mean_or_nan,
+    ratio,
+)
 
 
-def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -> Score:
+def kendall_tau(
+    trust: ProviderFloats, quality: ProviderFloats, ties: Literal["a", "b"] = "b"
+) -> Score:
     """Return the rank correlation of Kendall (1938), from C concordant and D discordant pairs of K
     providers.
 
@@ -38,7 +47,7 @@ def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -
     return Score.where(pairs > 0, ratio(agreeing, pairs), "there are no two providers that differ")
 
 
-def spearman(trust: Floats, quality: Floats) -> Score:
+def spearman(trust: ProviderFloats, quality: ProviderFloats) -> Score:
     """Return the rank correlation of Spearman (1904). Ties have their mean rank.
 
         rho = cov(rank of trust, rank of quality) / (std(rank of trust) std(rank of quality))
@@ -55,7 +64,7 @@ def spearman(trust: Floats, quality: Floats) -> Score:
     )
 
 
-def absolute_error(trust: Floats, quality: Floats) -> Score:
+def absolute_error(trust: ProviderFloats, quality: ProviderFloats) -> Score:
     """Return the mean absolute difference between trust and quality.
 
         error = mean over providers j of |trust[j] - quality[j]|
@@ -68,7 +77,7 @@ def absolute_error(trust: Floats, quality: Floats) -> Score:
     return Score.where(~np.isnan(error), error, "no provider has a trust")
 
 
-def coverage(rated: Flags) -> Score:
+def coverage(rated: FlagsByRound) -> Score:
     """Return the share of providers with at least one rating. The others still have their initial
     trust.
 

@@ -6,15 +6,31 @@ each game: NaN where the metric is undefined, with the reason. Rounds of games t
 count by their weights, see `Scenario.round_weights`.
 """
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.game.rollout import History
+from roletrust_env.shapes import Shape
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+
+AgentFloats: TypeAlias = Annotated[Floats, Shape("N ...")]
+"""Array with an entry for each agent, shape (N, ...)."""
+
+ProviderFloats: TypeAlias = Annotated[Floats, Shape("P ...")]
+"""Array with an entry for each provider, shape (P, ...)."""
+
+TrustByRound: TypeAlias = Annotated[Floats, Shape("T N ...")]
+"""Trust of each agent in each round, shape (T, N, ...)."""
+
+FlagsByRound: TypeAlias = Annotated[Flags, Shape("T S P ...", "bool")]
+"""Boolean array with an entry for each round and pair, shape (T, S, P, ...)."""
+
+RoundWeights: TypeAlias = Annotated[Floats, Shape("T")]
+"""Weights of the rounds, shape (T,)."""
 
 
 class Score(NamedTuple):
@@ -25,7 +41,7 @@ class Score(NamedTuple):
         why: Reason why the metric is undefined in some games; empty if it is defined in all.
     """
 
-    value: Floats
+    value: Annotated[Floats, Shape("...")]
     why: str = ""
 
     @classmethod
@@ -35,7 +51,7 @@ class Score(NamedTuple):
         return cls(np.where(known, value, np.nan), "" if known.all() else why)
 
 
-def present_trust(history: History) -> Floats:
+def present_trust(history: History) -> TrustByRound:
     """Return the trust of the agents in a recorded game, shape (T, N, ...), NaN where they are
     absent.
     """
@@ -48,7 +64,7 @@ def as_numbers(score: Score | npt.ArrayLike) -> Floats:
 
 
 def mean_or_nan(
-    values: Floats, axis: int | tuple[int, ...], weights: Floats | None = None
+    values: Floats, axis: int | tuple[int, ...], weights: RoundWeights | None = None
 ) -> Floats:
     """Return the mean along some axes over all values but NaN; NaN if there are none.
 
@@ -63,7 +79,7 @@ def mean_or_nan(
     return ratio(known.sum(axis=axis), share.sum(axis=axis))
 
 
-def in_rounds(values: npt.NDArray[Any], weights: Floats | None) -> Floats:
+def in_rounds(values: npt.NDArray[Any], weights: RoundWeights | None) -> Floats:
     """Return values of shape (T, ...), times the weights of the rounds, shape (T,), if there are
     any.
     """
