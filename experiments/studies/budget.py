@@ -171,9 +171,11 @@ def main(study: Study[Options]) -> None:
         for budget in ((0,) if method == SCRIPTS else sorted(asked.budget))
         for run in range(asked.runs)
     ]
-    jobs = {one.key: (condition, one, asked.games) for one in searches}
-    kept = study.play(play_point, jobs, {"condition": condition.describe(), "games": asked.games})
-    found, reasons = levels(searches, kept), list(left_out(searches, kept))
+    jobs = {search.key: (condition, search, asked.games) for search in searches}
+    finished = study.play(
+        play_point, jobs, {"condition": condition.describe(), "games": asked.games}
+    )
+    levels_of_searches, reasons = levels(searches, finished), list(left_out(searches, finished))
     header = (
         "model",
         "method",
@@ -186,17 +188,17 @@ def main(study: Study[Options]) -> None:
         "left_out",
     )
     rows = [
-        [*one, *(kept[one.key].get(name) for name in header[4:])]
-        for one in searches
-        if one.key in kept
+        [*search, *(finished[search.key].get(name) for name in header[4:])]
+        for search in searches
+        if search.key in finished
     ]
     study.csv("budget.csv", header, rows)
     title = f"Worst case by rounds of the search ({condition})"
     note = "lower is a better attack; 95% intervals over the runs"
-    study.figure("budget.png", panels_figure(title, _panels(found), note, columns=3))
+    study.figure("budget.png", panels_figure(title, _panels(levels_of_searches), note, columns=3))
     study.page(
         "budget.md",
-        markdown_table(*_table(found), names=2),
+        markdown_table(*_table(levels_of_searches), names=2),
         f"Utility of the consumer in {asked.games} fresh games, mean ± half the 95% interval over "
         "the runs "
         f"({asked.runs}); in brackets the seconds of a search. Lower is a better attack. "
@@ -215,18 +217,18 @@ def play_point(condition: Condition, point: Point, games: int) -> Run:
     """
     began = perf_counter()
     try:
-        found = (
+        result = (
             _best_script(condition, point) if point.method == SCRIPTS else _search(condition, point)
         )
     except UnsuitableError as error:
         return {"left_out": str(error)}
     seconds = perf_counter() - began
-    utility = condition.utility(point.model, found.attacker, point.seed, games)
+    utility = condition.utility(point.model, result.attacker, point.seed, games)
     return {
         "utility": utility,
-        "rounds": found.rounds,
+        "rounds": result.rounds,
         "seconds": round(seconds, 3),
-        "attack": found.description,
+        "attack": result.description,
     }
 
 
@@ -241,11 +243,11 @@ def levels(searches: Sequence[Point], runs: Mapping[str, Run]) -> list[Level]:
     return [
         Level(
             *where,
-            round(float(np.mean([run["rounds"] for run in found]))),
-            mean_of([run["utility"] for run in found]),
-            float(np.mean([run["seconds"] for run in found])),
+            round(float(np.mean([run["rounds"] for run in runs_of_level]))),
+            mean_of([run["utility"] for run in runs_of_level]),
+            float(np.mean([run["seconds"] for run in runs_of_level])),
         )
-        for where, found in groups.items()
+        for where, runs_of_level in groups.items()
     ]
 
 
@@ -302,33 +304,39 @@ def _best_script(condition: Condition, point: Point) -> SearchResult:
     return best._replace(rounds=rounds)
 
 
-def _table(found: Sequence[Level]) -> tuple[list[str], list[list[str]]]:
+def _table(measured_levels: Sequence[Level]) -> tuple[list[str], list[list[str]]]:
     """Return the headings, and a row for each model and method; scripts stand at the first budget
     that covers them.
     """
-    budgets = sorted({one.budget for one in found if one.budget}) or [
-        max(one.rounds for one in found)
+    budgets = sorted({level.budget for level in measured_levels if level.budget}) or [
+        max(level.rounds for level in measured_levels)
     ]
     rows: dict[tuple[str, str], list[str]] = {}
-    for one in found:
-        name = one.method if one.budget else f"{one.method}, {one.rounds:,} rounds"
-        cells = rows.setdefault((one.model, name), ["-"] * len(budgets))
-        at = next((k for k, limit in enumerate(budgets) if limit >= one.at), len(budgets) - 1)
-        cells[at] = f"{plus_minus(one.utility)} ({one.seconds:,.0f} s)"
+    for level in measured_levels:
+        name = level.method if level.budget else f"{level.method}, {level.rounds:,} rounds"
+        cells = rows.setdefault((level.model, name), ["-"] * len(budgets))
+        at = next((k for k, limit in enumerate(budgets) if limit >= level.at), len(budgets) - 1)
+        cells[at] = f"{plus_minus(level.utility)} ({level.seconds:,.0f} s)"
     return ["model", "method", *(f"{limit:,}" for limit in budgets)], [
         [*names, *row] for names, row in rows.items()
     ]
 
 
-def _panels(found: Sequence[Level]) -> list[Panel]:
+def _panels(measured_levels: Sequence[Level]) -> list[Panel]:
     """Return a panel for each trust model with a line for each method."""
     panels = []
-    for model in dict.fromkeys(one.model for one in found):
+    for model in dict.fromkeys(level.model for level in measured_levels):
         series = []
-        for method in dict.fromkeys(one.method for one in found if one.model == model):
-            line = [one for one in found if (one.model, one.method) == (model, method)]
+        for method in dict.fromkeys(
+            level.method for level in measured_levels if level.model == model
+        ):
+            line = [
+                level for level in measured_levels if (level.model, level.method) == (model, method)
+            ]
             series.append(
-                Series(method, [one.at for one in line], [one.utility.interval for one in line])
+                Series(
+                    method, [level.at for level in line], [level.utility.interval for level in line]
+                )
             )
         panels.append(
             Panel(model, "rounds of the search", "utility of the consumer", series, "log")

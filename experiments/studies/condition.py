@@ -62,22 +62,24 @@ class Condition(NamedTuple):
         Raises:
             ValueError: A name is unknown, nobody is compromised on the track, or all are.
         """
-        found = suite_of(suite)
-        tracks = [name for name, one in found.tracks.items() if one.roles]
+        chosen_suite = suite_of(suite)
+        tracks = [
+            name for name, track_of_suite in chosen_suite.tracks.items() if track_of_suite.roles
+        ]
         for what, name, known in (
-            ("scenario", scenario, list(found.scenarios)),
+            ("scenario", scenario, list(chosen_suite.scenarios)),
             ("track", track, tracks),
         ):
             if name not in known:
                 raise ValueError(
-                    f"suite {found.name} has no {what} {name!r} with "
+                    f"suite {chosen_suite.name} has no {what} {name!r} with "
                     f"attackers{suggest(name, known)}"
                 )
         if not 0 < share < 1:
             raise ValueError(
                 f"the share of compromised agents is {share:g}; it must lie between 0 and 1"
             )
-        return cls(found, scenario, track, share)
+        return cls(chosen_suite, scenario, track, share)
 
     def __str__(self) -> str:
         """Return the condition in a few words."""

@@ -78,11 +78,11 @@ def main(study: Study[Options]) -> None:
     """Time all models, and write their costs."""
     asked, sides, scenario = study.options, sorted(study.options.side), make_scenario("paper-3x3")
     models = {name: parse_trust_model(name, scenario) for name in asked.model or trust_models()}
-    found: Found = {}
+    costs: Found = {}
     with one_thread():
         for library in asked.library:
-            found |= measure_models(models, sides, library, study.seed)
-    cells = [(where, Traits.of(models[where[0]]), cell) for where, cell in found.items()]
+            costs |= measure_models(models, sides, library, study.seed)
+    cells = [(where, Traits.of(models[where[0]]), cell) for where, cell in costs.items()]
     rows = [
         (
             name,
@@ -100,7 +100,7 @@ def main(study: Study[Options]) -> None:
     pictured = {
         f"{library}, {largest}": {
             name: cell.timing.each()
-            for (name, *where), cell in found.items()
+            for (name, *where), cell in costs.items()
             if cell.timing and where == [library, largest]
         }
         for library in asked.library
@@ -119,11 +119,11 @@ def main(study: Study[Options]) -> None:
         "other; fixed costs make them less than the model's own.",
     ]
     for library in asked.library:
-        headings, *lines = _lines(models, found, sides, library)
+        headings, *lines = _lines(models, costs, sides, library)
         parts += [f"## Nanoseconds per rating, {library}", markdown_table(headings, lines, names=2)]
     reasons = [
         f"- Left out: {name} on {library}, {size}: {cell.left_out}."
-        for (name, library, size), cell in found.items()
+        for (name, library, size), cell in costs.items()
         if cell.left_out
     ]
     study.page(
@@ -154,7 +154,7 @@ def measure_models(
         library: See `Options`.
         seed: Random seed of the ratings.
     """
-    found: Found = {}
+    costs: Found = {}
     jobs = {
         (name, s): (name, model, s, library, seed)
         for s in sizes(sides, library)
@@ -170,10 +170,10 @@ def measure_models(
                     ready.append(trust_update(*jobs[name, size]))
             except Exception as error:  # from a foreign model, or without a compiler
                 reason = str(error).strip().partition("\n")[0] or repr(error)
-            found[name, library, size] = Cell(None, reason)
+            costs[name, library, size] = Cell(None, reason)
         for timing in measure(ready, _REPEATS, _SLICE_S):
-            found[timing.contestant.name, library, size] = Cell(timing)
-    return found
+            costs[timing.contestant.name, library, size] = Cell(timing)
+    return costs
 
 
 def compile_ahead(jobs: Mapping[tuple[str, Size], tuple[Any, ...]]) -> dict[tuple[str, Size], str]:
@@ -203,13 +203,13 @@ def _load_torch() -> None:
     one_thread().__enter__()  # for the life of the process
 
 
-def growth(found: Found, name: str) -> tuple[float, float]:
+def growth(costs: Found, name: str) -> tuple[float, float]:
     """Return the powers of S and P in the time of an update on NumPy, at the largest sizes; NaN if
     unknown.
     """
     seconds = {
         size: spread(cell.timing.seconds).value
-        for (model, library, size), cell in found.items()
+        for (model, library, size), cell in costs.items()
         if (model, library) == (name, "NumPy") and cell.timing
     }
 
@@ -227,7 +227,7 @@ def growth(found: Found, name: str) -> tuple[float, float]:
 
 
 def _lines(
-    models: Mapping[str, TrustModel[Any]], found: Found, sides: Sequence[int], library: str
+    models: Mapping[str, TrustModel[Any]], costs: Found, sides: Sequence[int], library: str
 ) -> list[list[str]]:
     """Return the table of a library: its headings, and a row for each model."""
     grows = library == "NumPy"
@@ -240,8 +240,8 @@ def _lines(
         ]
     ]
     for name, model in models.items():
-        cells = [_nanoseconds(found[name, library, Size(side, side)]) for side in sides]
-        powers = ["-" if math.isnan(power) else f"{power:.2f}" for power in growth(found, name)]
+        cells = [_nanoseconds(costs[name, library, Size(side, side)]) for side in sides]
+        powers = ["-" if math.isnan(power) else f"{power:.2f}" for power in growth(costs, name)]
         lines.append([name, Traits.of(model).cost, *cells, *(powers if grows else [])])
     return lines
 

@@ -151,12 +151,12 @@ def over_runs(measured: Mapping[Key, Sequence[Measured]]) -> dict[Key, Row]:
     Args:
         measured: What each run has measured, by what it is about.
     """
-    found: dict[Key, Row] = {key: {} for key in measured}
+    rows: dict[Key, Row] = {key: {} for key in measured}
     for column in next(iter(measured.values()))[0]:
         values = np.array([[run[column] for run in runs] for runs in measured.values()])
-        for key, one in zip(measured, over_seeds(values, len(values)).estimates, strict=True):
-            found[key][column] = one.interval
-    return found
+        for key, estimate in zip(measured, over_seeds(values, len(values)).estimates, strict=True):
+            rows[key][column] = estimate.interval
+    return rows
 
 
 def compare(
@@ -182,8 +182,8 @@ def compare(
     return dict(sorted(rows.items(), key=lambda row: -row[1]["worst"].value)), leads
 
 
-def _apart(one: Measured, other: Measured) -> Measured:
-    return {column: np.subtract(one[column], other[column]).tolist() for column in one}
+def _apart(own: Measured, other: Measured) -> Measured:
+    return {column: np.subtract(own[column], other[column]).tolist() for column in own}
 
 
 def _save(study: Study[Options], folder: str, run: Run) -> None:
@@ -251,6 +251,6 @@ def _cells(row: Row, columns: Mapping[str, str]) -> list[float]:
 
 def _texts(row: Row, columns: Mapping[str, str]) -> list[str]:
     return [
-        f"{one.value + 0.0:.3f} ± {(one.high - one.low) / 2:.3f}"
-        for one in (row[name] for name in columns)
+        f"{interval.value + 0.0:.3f} ± {(interval.high - interval.low) / 2:.3f}"
+        for interval in (row[name] for name in columns)
     ]

@@ -129,13 +129,13 @@ def main(study: Study[Options]) -> None:
     ]
     rows, pictured = [], dict[str, dict[str, Interval]]()
     for size in sizes:
-        found = measure_lists(chosen, Edges.of(size, study.seed))
+        costs = measure_lists(chosen, Edges.of(size, study.seed))
         rows += [
-            (name, size, one.contestant.amount, *one.each(), memory)
-            for name, (one, memory) in found.items()
+            (name, size, timing.contestant.amount, *timing.each(), memory)
+            for name, (timing, memory) in costs.items()
         ]
-        pictured[f"{size:,} ratings"] = {name: one.each() for name, (one, _) in found.items()}
-        lines = [[name, *_cells(*cell)] for name, cell in found.items()]
+        pictured[f"{size:,} ratings"] = {name: timing.each() for name, (timing, _) in costs.items()}
+        lines = [[name, *_cells(*cell)] for name, cell in costs.items()]
         parts += [
             f"## {size:,} ratings",
             markdown_table(["model", "ms a round", "M ratings/s", "memory"], lines, 1),
@@ -166,10 +166,10 @@ def measure_lists(
         The timing and the peak memory in bytes, from nothing to the end of a round. First stands
         the round of role-trust in plain NumPy, see `plain`.
     """
-    found = {PLAIN: _timed(PLAIN, edges, partial(plain, edges))}
+    costs = {PLAIN: _timed(PLAIN, edges, partial(plain, edges))}
     for name, model in models.items():
-        found[name] = _timed(name, edges, partial(on_edges, edges, model))
-    return found
+        costs[name] = _timed(name, edges, partial(on_edges, edges, model))
+    return costs
 
 
 def on_edges(edges: Edges, model: TrustModel[Any]) -> Callable[[], Any]:
@@ -243,8 +243,8 @@ def file_costs(rows: int, seed: int) -> list[str]:
         rng.integers(0, max(2, rows // EACH**2), rows),
     )
     lines = (
-        f"u{one},i{other},{rating:.2f}\n"
-        for one, other, rating in zip(raters, ratees, rng.random(rows), strict=True)
+        f"u{rater},i{other},{rating:.2f}\n"
+        for rater, other, rating in zip(raters, ratees, rng.random(rows), strict=True)
     )
     with tempfile.TemporaryDirectory() as folder:
         path, rated, means = (

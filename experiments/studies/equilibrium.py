@@ -96,17 +96,17 @@ def main(study: Study[Options]) -> None:
     suite, stored = read_run(results)
     names = suite.model_names
     games = payoffs(attack_scores(suite, stored), names)
-    found, attacks = (
+    values, attacks = (
         equilibrium(games, resamples, study.seed),
         solve(_means(games, None)[0]).attacks,
     )
-    order = sorted(range(len(names)), key=lambda k: -found["alone"][k].value)
-    rows = [(names[k], [found[column][k] for column in _COLUMNS]) for k in order]
+    order = sorted(range(len(names)), key=lambda k: -values["alone"][k].value)
+    rows = [(names[k], [values[column][k] for column in _COLUMNS]) for k in order]
     header = ("model", *with_ends(_COLUMNS))
     study.csv(
         "equilibrium.csv",
         header,
-        [[name, *(x for one in parts for x in one)] for name, parts in rows],
+        [[name, *(x for interval in parts for x in interval)] for name, parts in rows],
     )
     mixed = [
         (
@@ -125,7 +125,7 @@ def main(study: Study[Options]) -> None:
         for where, of in mixed
     ]
     weights = [[f"`{name}`", *map(_text, parts)] for name, parts in rows]
-    facts = [[words, _text(found[name][0])] for name, words in FACTS.items()]
+    facts = [[words, _text(values[name][0])] for name, words in FACTS.items()]
     note = f"suite {suite.name}, {len(games)} conditions, 95% intervals over games"
     study.page(
         "equilibrium.md",
@@ -153,23 +153,23 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
     """
     groups: dict[Condition, dict[tuple[str, str], dict[str, AttackScores]]] = {}
     games = 0  # of every attack; the worst ones of a model may have more
-    for one in attacks:
-        if one.condition.share and one.model in models:
-            group = groups.setdefault(one.condition, {})
-            games = min(games or one.chosen.shape[1], one.chosen.shape[1])
-            if one.method in SHARED:
-                group.setdefault((one.method, one.attack), {})[one.model] = one
+    for attack in attacks:
+        if attack.condition.share and attack.model in models:
+            group = groups.setdefault(attack.condition, {})
+            games = min(games or attack.chosen.shape[1], attack.chosen.shape[1])
+            if attack.method in SHARED:
+                group.setdefault((attack.method, attack.attack), {})[attack.model] = attack
     if not groups:
         raise ValueError("the results have no condition with an attack")
-    found = []
+    payoffs_of_conditions = []
     for condition, group in groups.items():
         common = {
             name: rows
             for (_, name), rows in group.items()
             if len(rows) == len(models)
             and not any(
-                np.isnan([one.chosen[:, :games], one.score[:, :games]]).any()
-                for one in rows.values()
+                np.isnan([attack.chosen[:, :games], attack.score[:, :games]]).any()
+                for attack in rows.values()
             )
         }
         if not common:
@@ -185,8 +185,8 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
             )
             for part in ("chosen", "score")
         )
-        found.append(Payoffs(condition, tuple(common), chosen, measured))
-    return found
+        payoffs_of_conditions.append(Payoffs(condition, tuple(common), chosen, measured))
+    return payoffs_of_conditions
 
 
 def solve(games: Sequence[Floats]) -> Solution:
@@ -211,13 +211,13 @@ def solve(games: Sequence[Floats]) -> Solution:
     whole = np.r_[np.ones(models), np.zeros(conditions)][None]
     bounds = [(0.0, None)] * models + [(None, None)] * conditions
     below = np.vstack(rows)
-    found = linprog(cost, below, np.zeros(len(below)), whole, [1.0], bounds, method="highs")
-    if not found.success:
-        raise ValueError(f"the game has no solution: {found.message}")
-    weights = np.clip(found.x[:models], 0.0, None)
+    solution = linprog(cost, below, np.zeros(len(below)), whole, [1.0], bounds, method="highs")
+    if not solution.success:
+        raise ValueError(f"the game has no solution: {solution.message}")
+    weights = np.clip(solution.x[:models], 0.0, None)
     ends = np.cumsum([game.shape[1] for game in games])[:-1]
-    duals = np.split(np.clip(-found.ineqlin.marginals, 0.0, None) * conditions, ends)
-    return Solution(float(-found.fun), weights / weights.sum(), tuple(duals))
+    duals = np.split(np.clip(-solution.ineqlin.marginals, 0.0, None) * conditions, ends)
+    return Solution(float(-solution.fun), weights / weights.sum(), tuple(duals))
 
 
 def responded(weights: Floats, chosen: Sequence[Floats], measured: Sequence[Floats]) -> float:
@@ -254,11 +254,13 @@ def equilibrium(
     rng = np.random.default_rng(seed)
     numbers = _numbers(*_means(games, None))
     draws = [_numbers(*_means(games, rng)) for _ in range(resamples)]
-    found = {}
+    intervals = {}
     for name, value in numbers.items():
         low, high = np.percentile([draw[name] for draw in draws], [2.5, 97.5], axis=0)
-        found[name] = [Interval(*map(float, ends)) for ends in zip(value, low, high, strict=True)]
-    return found
+        intervals[name] = [
+            Interval(*map(float, ends)) for ends in zip(value, low, high, strict=True)
+        ]
+    return intervals
 
 
 def _numbers(chosen: Sequence[Floats], measured: Sequence[Floats]) -> dict[str, Floats]:

@@ -75,9 +75,12 @@ def main(study: Study[Options]) -> None:
     study.workers = 1  # a question takes all cores itself
     answers = study.play(answer, {name: (name, effort) for name in names}, effort._asdict())
     parts = ["# The paper, answered", _INTRODUCTION]
-    for name, found in answers.items():
-        panels = [Panel(*panel) for panel in found["panels"]]
-        panels = [panel._replace(series=[Series(*one) for one in panel.series]) for panel in panels]
+    for name, finding in answers.items():
+        panels = [Panel(*panel) for panel in finding["panels"]]
+        panels = [
+            panel._replace(series=[Series(*series_fields) for series_fields in panel.series])
+            for panel in panels
+        ]
         rows = [
             (panel.title, series.label, at, *map(float, value))
             for panel in panels
@@ -85,16 +88,16 @@ def main(study: Study[Options]) -> None:
             for at, value in zip(series.at, series.values, strict=True)
         ]
         study.csv(f"findings/{name}.csv", ("figure", "series", "at", "value", "low", "high"), rows)
-        note = f"{found['games']} games for each value; 95% intervals"
-        study.figure(f"findings/{name}.png", panels_figure(found["question"], panels, note))
+        note = f"{finding['games']} games for each value; 95% intervals"
+        study.figure(f"findings/{name}.png", panels_figure(finding["question"], panels, note))
         command = (
             f"findings --question {name} --games {games} --seed {study.seed}{' --quick' * quick}"
         )
-        picture = f"![{found['question']}](findings/{name}.png)"
+        picture = f"![{finding['question']}](findings/{name}.png)"
         parts += [
-            f"## {found['question']}",
+            f"## {finding['question']}",
             picture,
-            found["sentence"],
+            finding["sentence"],
             f"    python -m studies {command}",
         ]
     study.page("findings.md", *parts)

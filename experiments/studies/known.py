@@ -50,20 +50,24 @@ def main(study: Study[Options]) -> None:
     asked, workers = study.options, study.workers if study.workers > 1 else 0
     suite, searches = suite_of(asked.suite), suite_of(asked.searches)
 
-    def kept(candidates: Sequence[KnownAttack], name: str, many: int) -> Iterator[KnownAttack]:
+    def chosen_attacks(
+        candidates: Sequence[KnownAttack], name: str, many: int
+    ) -> Iterator[KnownAttack]:
         matrix = _matrix(suite, searches, candidates, asked.games)
         board = benchmark(None, matrix, workers=workers, out=study.out / name, force=study.again)
-        for condition in dict.fromkeys(one.condition for one in candidates):
+        for condition in dict.fromkeys(attack.condition for attack in candidates):
             names = choice(
-                [one for one in board.attacks if tuple(one.condition) == condition], many
+                [attack for attack in board.attacks if tuple(attack.condition) == condition], many
             )
             yield from (
-                one for one in candidates if one.condition == condition and one.name in names
+                attack
+                for attack in candidates
+                if attack.condition == condition and attack.name in names
             )
 
-    known = tuple(one for one in suite.known if one.condition in searches.conditions)
+    known = tuple(attack for attack in suite.known if attack.condition in searches.conditions)
     searches = searches.model_copy(update={"known": known})
-    found = benchmark(
+    played = benchmark(
         None, searches, workers=workers, out=study.out / "searches", force=study.again
     )
     new = [
@@ -74,14 +78,14 @@ def main(study: Study[Options]) -> None:
             track=cell.track,
             share=cell.share,
         )
-        for cell, result, *_ in found.cells
+        for cell, result, *_ in played.cells
         for row in result.rows
         if row.record
     ]
-    chosen = list(kept(merge_attacks(known, new), "matrix", asked.many))
-    elsewhere = (one for one in suite.known if one not in known)
+    chosen = list(chosen_attacks(merge_attacks(known, new), "matrix", asked.many))
+    elsewhere = (attack for attack in suite.known if attack not in known)
     if others := merge_attacks(elsewhere, _elsewhere(suite, searches, chosen)):
-        chosen += kept(others, "elsewhere", asked.few)
+        chosen += chosen_attacks(others, "elsewhere", asked.few)
     study.text("known.json", KnownAttacks(attacks=tuple(chosen)).model_dump_json(indent=1))
 
 
@@ -94,12 +98,16 @@ def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
             by little.
     """
     treats: dict[str, bool] = {}
-    for one in scores:
-        treats[one.attack] = treats.get(one.attack, False) or one.treats
-    names, models = list(treats), sorted({one.model for one in scores})
+    for attack_scores in scores:
+        treats[attack_scores.attack] = (
+            treats.get(attack_scores.attack, False) or attack_scores.treats
+        )
+    names, models = list(treats), sorted({attack_scores.model for attack_scores in scores})
     left: npt.NDArray[np.float64] = np.ones((len(names), len(models)))
-    for one in scores:
-        left[names.index(one.attack), models.index(one.model)] = np.nanmean([one.chosen, one.score])
+    for attack_scores in scores:
+        left[names.index(attack_scores.attack), models.index(attack_scores.model)] = np.nanmean(
+            [attack_scores.chosen, attack_scores.score]
+        )
     worst, chosen = np.full(len(models), np.inf), list[int]()
     while len(chosen) < min(many, len(names)):
         rest = [k for k in range(len(names)) if k not in chosen]
@@ -119,8 +127,10 @@ def choice(scores: Sequence[AttackScores], many: int) -> list[str]:
 def _matrix(suite: Suite, searches: Suite, candidates: Sequence[KnownAttack], games: int) -> Suite:
     """Return the suite in which all candidates play against all models."""
     stages = dict[str, Stage]()
-    for name in dict.fromkeys(one.scenario for one in candidates):
-        places = dict.fromkeys((one.track, one.share) for one in candidates if one.scenario == name)
+    for name in dict.fromkeys(attack.scenario for attack in candidates):
+        places = dict.fromkeys(
+            (attack.track, attack.share) for attack in candidates if attack.scenario == name
+        )
         shares = {track: tuple(share for at, share in places if at == track) for track, _ in places}
         stages[name] = suite.scenarios[name].model_copy(update={"methods": None, "shares": shares})
     changes = {
@@ -144,11 +154,11 @@ def _elsewhere(
     """
     for scenario, track, share in suite.conditions:
         if scenario not in searches.scenarios:
-            for at in dict.fromkeys(one.condition for one in chosen if one.track == track):
-                for one in [one for one in chosen if one.condition == at][:6]:
+            for at in dict.fromkeys(attack.condition for attack in chosen if attack.track == track):
+                for attack in [attack for attack in chosen if attack.condition == at][:6]:
                     place = {
                         "scenario": scenario,
                         "share": share,
-                        "name": f"{one.name}, of {one.scenario}",
+                        "name": f"{attack.name}, of {attack.scenario}",
                     }
-                    yield one.model_copy(update=place)
+                    yield attack.model_copy(update=place)

@@ -153,8 +153,8 @@ def main(study: Study[Options]) -> None:
         [*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()]
         for run in range(asked.runs)
     ]
-    found, missing = climb(ladders, task, asked.budget, seed, asked.games)
-    rows = ranked(found)
+    climbed, missing = climb(ladders, task, asked.budget, seed, asked.games)
+    rows = ranked(climbed)
     about = f"{task_id.removeprefix('RoleTrust/')}, {rules.name}, {defaults['objective']}"
     if asked.stealth_weight:
         about += f" less {asked.stealth_weight:g} x gap over {_TOLERANCE:g}"
@@ -196,10 +196,10 @@ def climb(
     Returns:
         The results of each rung in each run, and the reasons why some rungs do not apply.
     """
-    found, missing = [], {}
+    searches, missing = [], {}
     for rungs in zip(*ladders, strict=True):
         try:
-            found.append(
+            searches.append(
                 [
                     find(rung, arguments, budget=Budget(budget), seed=run, games=games)
                     for run, rung in enumerate(rungs, start=seed)
@@ -207,15 +207,15 @@ def climb(
             )
         except UnsuitableError as error:
             missing[rungs[0].name] = str(error)
-    return found, missing
+    return searches, missing
 
 
-def ranked(found: Sequence[Sequence[MeasuredSearch]]) -> list[Row]:
+def ranked(searches: Sequence[Sequence[MeasuredSearch]]) -> list[Row]:
     """Return the rungs with their runs and shares: 0 is honest play, the first rung, and 1 is the
     top, see `top`.
     """
     rows = []
-    for runs in found:
+    for runs in searches:
         means = np.array([run.scores.mean() for run in runs])
         score, half, _ = over_games(means if len(runs) > 1 else runs[0].scores)
         # Games without randomness differ only by rounding.
@@ -249,15 +249,15 @@ def lines(rows: Sequence[Row], seed: int) -> list[tuple[Any, ...]]:
     """Return the runs as lines under `HEADER`. The first run has the given seed."""
     table = []
     for row in rows:
-        for run, found in enumerate(row.runs, start=seed):
-            score, half, _ = over_games(found.scores)
+        for run, search in enumerate(row.runs, start=seed):
+            score, half, _ = over_games(search.scores)
             parts = (
                 float(score),
                 float(half),
-                float(found.objective.mean()),
-                float(found.cost.mean()),
+                float(search.objective.mean()),
+                float(search.cost.mean()),
             )
-            table.append((row.name, run, *parts, found.rounds, found.seconds, found.description))
+            table.append((row.name, run, *parts, search.rounds, search.seconds, search.description))
     return table
 
 

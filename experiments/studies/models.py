@@ -138,13 +138,13 @@ def mean_lines(
     """
     sides = [("ToP", roster.provider_names, curves.top)]
     sides += [("ToR", roster.rater_names, curves.tor)] if rates_raters else []
-    found = {}
+    lines = {}
     for trust, names, values in sides:
         bad = np.array([name in attackers for name in names])
         for whose, places in (("honest", ~bad), ("attackers", bad)):
             if places.any():
-                found[trust, whose] = mean_or_nan(values[:, places], axis=(1, 2))
-    return found
+                lines[trust, whose] = mean_or_nan(values[:, places], axis=(1, 2))
+    return lines
 
 
 def models_figure(

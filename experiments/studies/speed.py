@@ -109,10 +109,11 @@ def main(study: Study[Options]) -> None:
     rows = []
     for games, entries in groups:
         made = [make(study.seed) for package, make in entries if importlib.util.find_spec(package)]
-        found = measure(made, _REPEATS, _SLICE_S)
-        peer = found[0] if importlib.util.find_spec(entries[0][0]) else None
+        timings = measure(made, _REPEATS, _SLICE_S)
+        peer = timings[0] if importlib.util.find_spec(entries[0][0]) else None
         rows += [
-            (one.contestant.name, games, *one.rate(), peer and one.ratio(peer)) for one in found
+            (timing.contestant.name, games, *timing.rate(), peer and timing.ratio(peer))
+            for timing in timings
         ]
     study.csv("speed.csv", _HEADINGS, rows)
     lines = [

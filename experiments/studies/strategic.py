@@ -131,12 +131,12 @@ def main(study: Study[Options]) -> None:
     effort = {"runs": asked.runs, "steps": asked.steps, "games": asked.games, "seed": study.seed}
     jobs = {"|".join(map(str, point)): (point, effort) for point in points}
     played = study.play(play_point, jobs, effort)
-    found = {point: played[key] for key, (point, _) in jobs.items() if key in played}
-    measures = _measures(next(iter(found.values())))
+    runs = {point: played[key] for key, (point, _) in jobs.items() if key in played}
+    measures = _measures(next(iter(runs.values())))
     header = ["scenario", "model", "cost", "start", *with_ends(measures, ("", "_half_95"))]
     header += [*with_ends(["anarchy"], ("", "_low_95", "_high_95")), *DEVIATIONS]
-    study.csv("strategic.csv", header, [_line(*one) for one in found.items()])
-    rows = [_cells(*one) for one in found.items()]
+    study.csv("strategic.csv", header, [_line(*item) for item in runs.items()])
+    rows = [_cells(*item) for item in runs.items()]
     headings = ["world", "model", "start", *_COLUMNS, "price of anarchy"]
     note = (
         f"{asked.runs} runs of {asked.steps} steps, {asked.games} games each; 95% intervals "
@@ -146,7 +146,7 @@ def main(study: Study[Options]) -> None:
         "strategic.md", markdown_table(headings, rows, 3), f"{note}. Made by `{study.command}`."
     )
     title = "What is left of welfare when providers and raters learn, by trust model?"
-    figure = panels_figure(title, _panels(found), f"{asked.runs} runs; 95% intervals")
+    figure = panels_figure(title, _panels(runs), f"{asked.runs} runs; 95% intervals")
     study.figure("strategic.png", figure)
 
 
@@ -175,7 +175,7 @@ def play_point(point: Point, effort: Mapping[str, int]) -> Run:
     played = play(game, spread, (MEASURED, seed), (runs, games), rows=1)
     provider, rater = (best_response(game, population, side, seed, games // 2) for side in _WORDS)
     rewards = played.rewards[:, 0].mean(axis=-1)
-    found: dict[str, Floats] = {
+    measures: dict[str, Floats] = {
         "welfare": played.welfare[0].mean(axis=-1),
         "best_welfare": best_welfare(game, seed, runs, games // 2),
         "quality": played.quality[0].mean(axis=-1),
@@ -191,7 +191,7 @@ def play_point(point: Point, effort: Mapping[str, int]) -> Run:
         "moved": moved,
     }
     words = [_in_words("providers", provider.parameters), _in_words("raters", rater.parameters)]
-    return {name: values.tolist() for name, values in found.items()} | dict(
+    return {name: values.tolist() for name, values in measures.items()} | dict(
         zip(DEVIATIONS, words, strict=True)
     )
 
@@ -222,9 +222,10 @@ def _in_words(side: Side, parameters: Floats) -> list[str]:
     """Return a strategy of each run in words."""
     return [
         ", ".join(
-            f"{n} {round(float(v), 2) + 0.0:g}" for n, v in zip(_WORDS[side], one, strict=True)
+            f"{n} {round(float(v), 2) + 0.0:g}"
+            for n, v in zip(_WORDS[side], parameter_values, strict=True)
         )
-        for one in parameters.T
+        for parameter_values in parameters.T
     ]
 
 
@@ -262,16 +263,16 @@ def _cells(point: Point, run: Run) -> list[str]:
     ]
 
 
-def _panels(found: Mapping[Point, Run]) -> list[Panel]:
+def _panels(run_of_point: Mapping[Point, Run]) -> list[Panel]:
     """Return a panel for each scenario and cost: the welfare of each model by the start."""
     panels = []
-    for scenario, cost in dict.fromkeys((point.scenario, point.cost) for point in found):
+    for scenario, cost in dict.fromkeys((point.scenario, point.cost) for point in run_of_point):
         series = []
         for start, label in STARTS.items():
             runs = {
-                one.model: run
-                for one, run in found.items()
-                if (*one[::2], one.start) == (scenario, cost, start)
+                of_point.model: run
+                for of_point, run in run_of_point.items()
+                if (*of_point[::2], of_point.start) == (scenario, cost, start)
             }
             welfare = [estimate(_measured(run, "welfare")).interval for run in runs.values()]
             series.append(Series(label, list(runs), welfare))

@@ -118,8 +118,8 @@ class Study(Generic[Options]):
         made_with = json.loads(
             json.dumps({"study": self._name, "seed": self.seed, **settings, **software()})
         )
-        kept = {} if self.again or not path.exists() else _kept(path, made_with)
-        missing = {key: arguments for key, arguments in jobs.items() if key not in kept}
+        finished = {} if self.again or not path.exists() else _kept(path, made_with)
+        missing = {key: arguments for key, arguments in jobs.items() if key not in finished}
         with progress_bar() as bar:
             task = bar.add_task(self.recipe, total=len(jobs), completed=len(jobs) - len(missing))
             for key, run in _played(work, missing, self.workers):
@@ -127,15 +127,18 @@ class Study(Generic[Options]):
                     print(f"{key}: {run['failed']}", file=sys.stderr)
                     self._failed = True
                 else:
-                    kept[key] = run
+                    finished[key] = run
                     write_json(
                         path,
-                        {"made_with": made_with, "runs": {key: kept[key] for key in sorted(kept)}},
+                        {
+                            "made_with": made_with,
+                            "runs": {key: finished[key] for key in sorted(finished)},
+                        },
                     )
                 bar.update(task, advance=1)
-        if not any(key in kept for key in jobs):
+        if not any(key in finished for key in jobs):
             raise ValueError("no run was finished, so there is nothing to show")
-        return {key: kept[key] for key in jobs if key in kept}
+        return {key: finished[key] for key in jobs if key in finished}
 
     def csv(self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
         """Write a table of numbers."""
@@ -255,7 +258,7 @@ def _given(default: Options, given: Namespace) -> tuple[Options, list[str]]:
             words += (
                 [option]
                 if value is True
-                else [word for one in several for word in (option, str(one))]
+                else [word for argument in several for word in (option, str(argument))]
             )
     return default._replace(**changed), words  # type: ignore[attr-defined]
 
@@ -276,11 +279,11 @@ def _kept(path: Path, made_with: Run) -> dict[str, Run]:
     if other := [
         name for name in {**before, **made_with} if before.get(name) != made_with.get(name)
     ]:
-        told = "; ".join(
+        differences = "; ".join(
             f"{name} is {before.get(name)!r} there and {made_with.get(name)!r} here"
             for name in other
         )
-        raise ValueError(f"{path} holds runs with other settings: {told}; {else_}")
+        raise ValueError(f"{path} holds runs with other settings: {differences}; {else_}")
     return runs
 
 

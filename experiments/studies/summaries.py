@@ -62,7 +62,7 @@ def figures(docs: Path) -> dict[str, Figure]:
         "leave-one-out": ("leave-one-out.csv", "skill"),
         "first-hand": ("first-hand/leaderboard.csv", "skill"),
     }
-    found = {
+    panels_of_figure = {
         name: [Panel("", "", f"{score} of going by trust", _board(rows(table)))]
         for name, (table, score) in boards.items()
     }
@@ -76,9 +76,11 @@ def figures(docs: Path) -> dict[str, Figure]:
         Interval(*(float(row[name] or "nan") for name in ("value", "low", "high")))
         for row in forecasts
     ]
-    one = Series("rated before", [row["model"] for row in forecasts], intervals)
-    found["real"] = [
-        Panel("", "", "correlation of trust with ratings of members that have earlier ones", [one])
+    series = Series("rated before", [row["model"] for row in forecasts], intervals)
+    panels_of_figure["real"] = [
+        Panel(
+            "", "", "correlation of trust with ratings of members that have earlier ones", [series]
+        )
     ]
     costs = [row for row in rows("model-costs.csv") if row["raters"] == row["providers"] == "300"]
     return {
@@ -86,7 +88,8 @@ def figures(docs: Path) -> dict[str, Figure]:
             [_standing(row) for row in rows(f"{STANDARD}.csv")], "skill", alike=True
         ),
         **{
-            name: panels_figure("", panels, "bars: 95% intervals") for name, panels in found.items()
+            name: panels_figure("", panels, "bars: 95% intervals")
+            for name, panels in panels_of_figure.items()
         },
         "model-costs": times_figure(_times((f"{row['library']}, 300 x 300", row) for row in costs)),
         "edge-costs": times_figure(
@@ -114,12 +117,12 @@ def _times(labelled: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str
     """Return the nanoseconds per rating of each model, by the labels of the rows; without those
     that were left out.
     """
-    found: dict[str, dict[str, Interval]] = {}
+    times_of_model: dict[str, dict[str, Interval]] = {}
     for label, row in labelled:
         if row["ns_per_rating"]:
             times = (float(row[f"ns_per_rating{end}"]) for end in ("", "_least", "_greatest"))
-            found.setdefault(label, {})[row["model"]] = Interval(*times)
-    return found
+            times_of_model.setdefault(label, {})[row["model"]] = Interval(*times)
+    return times_of_model
 
 
 def _board(rows: Rows) -> list[Series]:

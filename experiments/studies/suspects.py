@@ -96,7 +96,10 @@ def planted(
     )
     chosen = rng.choice(few, targets, replace=False)
     parts = (
-        (rng.choice(one, many, replace=False) for one, many in ((chosen, rated), (popular, cover)))
+        (
+            rng.choice(agents, many, replace=False)
+            for agents, many in ((chosen, rated), (popular, cover))
+        )
         for _ in accounts
     )
     ratees = np.concatenate([part for both in parts for part in both])
@@ -129,11 +132,11 @@ def plant(options: Options, size: int, targets: int, honest: bool, seed: int) ->
     search = find_suspects(
         make_trust_model(options.model), log, log_rounds(log, _QUARTER), seed=seed
     )
-    found = [
+    shares = [
         (np.isin(accounts, group.raters).sum() / size, group.p * (SHUFFLES + 1) <= 1)
         for group in search.groups
     ]
-    share, accused = max(found, default=(0.0, False))
+    share, accused = max(shares, default=(0.0, False))
     return {"found": float(share), "accused": bool(share and accused)}
 
 
@@ -158,7 +161,7 @@ def main(study: Study[Options]) -> None:
         for size in options.size
         for run in range(options.runs)
     }
-    found = study.play(plant, jobs, settings)
+    runs_by_key = study.play(plant, jobs, settings)
     chance = study.play(
         count_groups,
         {f"shuffled {n}": (options, study.seed + n) for n in range(options.shuffles // _LOGS)},
@@ -167,7 +170,7 @@ def main(study: Study[Options]) -> None:
     rows = []
     for kind, targets, size in product(kinds, options.targets, options.size):
         keys = (f"{kind} {targets} {size} {run}" for run in range(options.runs))
-        runs = [found[key] for key in keys if key in found]
+        runs = [runs_by_key[key] for key in keys if key in runs_by_key]
         share, accused = (
             np.mean([run["found"] for run in runs]),
             sum(run["accused"] for run in runs),

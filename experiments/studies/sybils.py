@@ -87,20 +87,22 @@ def main(study: Study[Options]) -> None:
     options = study.options
     jobs = {str(k): (options, study.seed, k) for k in range(options.runs)}
     runs = list(study.play(measured, jobs, {"seed": study.seed, **options._asdict()}).values())
-    found = {
+    gains_by_key = {
         key: {name: mean_of([run[key][name] for run in runs]) for name in GAINS} for key in runs[0]
     }
     rows = [
-        [*key.split(), *(x for name in GAINS for x in one[name].interval)]
-        for key, one in found.items()
+        [*key.split(), *(x for name in GAINS for x in gain[name].interval)]
+        for key, gain in gains_by_key.items()
     ]
     study.csv("gains.csv", ["model", "topology", "sybils", "bridges", *with_ends(GAINS)], rows)
     study.figure(
         "gains.png",
-        sybils_figure(found, f"{len(runs)} runs, 95% intervals; the worst topology for each"),
+        sybils_figure(
+            gains_by_key, f"{len(runs)} runs, 95% intervals; the worst topology for each"
+        ),
     )
     made = f"{len(runs)} runs, made by `{study.command}`."
-    study.page("gains.md", sentence(found), table(found), made)
+    study.page("gains.md", sentence(gains_by_key), table(gains_by_key), made)
 
 
 def community(members: int, rng: np.random.Generator) -> RatingLog:
@@ -113,11 +115,11 @@ def community(members: int, rng: np.random.Generator) -> RatingLog:
     """
     quality = np.where(rng.random(members) < 0.1, 0.1, rng.uniform(0.7, 1, members))
     partners, pairs = np.ones(members), list[tuple[int, int]]()
-    for one in range(1, members):
-        chances = partners[:one] / partners[:one].sum()
-        for other in rng.choice(one, min(one, 6), replace=False, p=chances).tolist():
-            partners[[one, other]] += 1
-            pairs += [(one, other), (other, one)][: 1 + (rng.random() < 0.8)]
+    for newcomer in range(1, members):
+        chances = partners[:newcomer] / partners[:newcomer].sum()
+        for other in rng.choice(newcomer, min(newcomer, 6), replace=False, p=chances).tolist():
+            partners[[newcomer, other]] += 1
+            pairs += [(newcomer, other), (other, newcomer)][: 1 + (rng.random() < 0.8)]
     raters, ratees = np.array(pairs).T
     values = np.clip(quality[ratees] + rng.normal(0, 0.1, len(pairs)), 0, 1)
     names = [str(k) for k in range(members)]
@@ -137,15 +139,15 @@ def measured(options: Options, seed: int, run: int) -> Run:
     cases: list[tuple[int, int | str, list[int], int | None]] = [
         (n, k, members[:k], None) for n, k in CASES
     ]
-    found = {}
+    gains_by_key = {}
     for model in MODELS if options.log else (*MODELS, PERSONAL):
         for topology in TOPOLOGIES:
             for sybils, bridges, helpers, bought in [*cases, (USUAL[0], "bought", [], members[0])]:
                 attack = SybilGraph(topology, sybils, returned=model == "sybil-rank")
-                found[f"{model} {topology} {sybils} {bridges}"] = gains(
+                gains_by_key[f"{model} {topology} {sybils} {bridges}"] = gains(
                     model, attack, log, options.seeds, helpers, bought
                 )
-    return found
+    return gains_by_key
 
 
 def gains(
@@ -174,32 +176,35 @@ def gains(
     }
 
 
-def models_of(found: Found) -> list[str]:
+def models_of(gains_by_key: Found) -> list[str]:
     """Return the models that were measured, in order."""
-    return list(dict.fromkeys(key.split()[0] for key in found))
+    return list(dict.fromkeys(key.split()[0] for key in gains_by_key))
 
 
 def worst(
-    found: Found, model: str, sybils: int, bridges: int | str, gain: str
+    gains_by_key: Found, model: str, sybils: int, bridges: int | str, gain: str
 ) -> tuple[str, Estimate]:
     """Return the topology with the highest mean gain, and this gain."""
     cases = {
-        topology: found[f"{model} {topology} {sybils} {bridges}"][gain] for topology in TOPOLOGIES
+        topology: gains_by_key[f"{model} {topology} {sybils} {bridges}"][gain]
+        for topology in TOPOLOGIES
     }
     return max(cases.items(), key=lambda case: case[1].mean)
 
 
-def sybils_figure(found: Found, note: str) -> Figure:
+def sybils_figure(gains_by_key: Found, note: str) -> Figure:
     """Return both gains against the number of Sybils and against the number of bridge edges."""
     panels = []
     for gain, what in zip(GAINS, ("share of all trust", "members below the target"), strict=True):
         for along, at in (("Sybils", SYBILS), ("bridge edges", BRIDGES)):
             series = []
-            for model in models_of(found):
+            for model in models_of(gains_by_key):
                 pairs = [(n, USUAL[1]) if along == "Sybils" else (USUAL[0], n) for n in at]
                 series.append(
                     Series(
-                        model, at, [worst(found, model, *pair, gain)[1].interval for pair in pairs]
+                        model,
+                        at,
+                        [worst(gains_by_key, model, *pair, gain)[1].interval for pair in pairs],
                     )
                 )
             title = f"{USUAL[1]} bridge edges" if along == "Sybils" else f"{USUAL[0]} Sybils"
@@ -214,27 +219,29 @@ def percent(share: Estimate) -> str:
     return f"{100 * share.mean:.2f}% ± {100 * share.half:.2f}"
 
 
-def table(found: Found) -> str:
+def table(gains_by_key: Found) -> str:
     """Return the gains of each topology at the usual numbers, and without Sybils."""
     rows = []
-    for model in models_of(found):
-        cells = [found[f"{model} line 0 {USUAL[1]}"]]
-        cells += [found[f"{model} {topology} {USUAL[0]} {USUAL[1]}"] for topology in TOPOLOGIES]
+    for model in models_of(gains_by_key):
+        cells = [gains_by_key[f"{model} line 0 {USUAL[1]}"]]
+        cells += [
+            gains_by_key[f"{model} {topology} {USUAL[0]} {USUAL[1]}"] for topology in TOPOLOGIES
+        ]
         for gain, label in zip(
             GAINS, (f"`{model}`: share", "members below the target"), strict=True
         ):
-            rows.append([label, *(percent(one[gain]) for one in cells)])
+            rows.append([label, *(percent(cell[gain]) for cell in cells)])
     return markdown_table(["", "no Sybils", *TOPOLOGIES], rows, 1)
 
 
-def sentence(found: Found) -> str:
+def sentence(gains_by_key: Found) -> str:
     """Return what the most Sybils gain with the usual bridge edges, and the usual Sybils without
     any.
     """
-    models = models_of(found)
-    many = {model: worst(found, model, SYBILS[-1], USUAL[1], "share") for model in models}
-    none = {model: worst(found, model, USUAL[0], 0, "share")[1].mean for model in models}
-    sold = {model: worst(found, model, USUAL[0], "bought", "share")[1] for model in models}
+    models = models_of(gains_by_key)
+    many = {model: worst(gains_by_key, model, SYBILS[-1], USUAL[1], "share") for model in models}
+    none = {model: worst(gains_by_key, model, USUAL[0], 0, "share")[1].mean for model in models}
+    sold = {model: worst(gains_by_key, model, USUAL[0], "bought", "share")[1] for model in models}
     order = sorted(many, key=lambda model: many[model][1].mean)
     shares = ", ".join(
         f"{percent(many[model][1])} under `{model}` ({many[model][0]})" for model in order

@@ -60,7 +60,9 @@ class Timing(NamedTuple):
 
     def ratio(self, peer: "Timing") -> float:
         """Return how many times faster than a peer this is: the lower quartile over the repeats."""
-        own, other = (np.asarray(one.seconds) / one.contestant.amount for one in (self, peer))
+        own, other = (
+            np.asarray(timing.seconds) / timing.contestant.amount for timing in (self, peer)
+        )
         return float(np.quantile(other / own, 0.25))
 
 
@@ -85,11 +87,11 @@ def measure(contestants: Sequence[Contestant], repeats: int, slice_s: float) -> 
     steps = [_steps_in(contestant, slice_s) for contestant in contestants]
     seconds: list[list[float]] = [[] for _ in contestants]
     for _ in range(repeats):
-        for contestant, n, found in zip(contestants, steps, seconds, strict=True):
-            found.append(_time(contestant, n))
+        for contestant, n, times in zip(contestants, steps, seconds, strict=True):
+            times.append(_time(contestant, n))
     return [
-        Timing(contestant, tuple(found))
-        for contestant, found in zip(contestants, seconds, strict=True)
+        Timing(contestant, tuple(times))
+        for contestant, times in zip(contestants, seconds, strict=True)
     ]
 
 
@@ -112,11 +114,13 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
     return max(1, round(steps * seconds / elapsed))
 
 
-def times_figure(found: Mapping[str, Mapping[str, Interval]]) -> Figure:
+def times_figure(intervals: Mapping[str, Mapping[str, Interval]]) -> Figure:
     """Return the nanoseconds per rating of contestants, in a row each; the outer keys are the
     labels of the series.
     """
-    series = [Series(label, list(times), list(times.values())) for label, times in found.items()]
+    series = [
+        Series(label, list(times), list(times.values())) for label, times in intervals.items()
+    ]
     panel = Panel("", "", "nanoseconds per rating", series, "log")
     return panels_figure("", [panel], "bars: least to greatest of the repeats")
 

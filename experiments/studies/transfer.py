@@ -109,7 +109,7 @@ def main(study: Study[Options]) -> None:
     effort = (columns, asked.budget, asked.games)
     jobs = {row.key(seed): (condition, row, seed, *effort) for row in rows for seed in seeds}
     played = study.play(play_row, jobs, {"condition": condition.describe(), "effort": effort})
-    found = {
+    lines_of_rows = {
         row: {
             name: mean_of([played[row.key(seed)]["utility"][name] for seed in seeds])
             for name in columns
@@ -117,7 +117,11 @@ def main(study: Study[Options]) -> None:
         for row in rows
         if all(row.key(seed) in played for seed in seeds)
     }
-    cells = [(row, name, utility) for row, line in found.items() for name, utility in line.items()]
+    cells = [
+        (row, name, utility)
+        for row, line in lines_of_rows.items()
+        for name, utility in line.items()
+    ]
     study.csv(
         "transfer.csv",
         ("trained_on", "universal", "played_on", "seen", "utility", "half_95"),
@@ -127,10 +131,13 @@ def main(study: Study[Options]) -> None:
         ],
     )
     title = f"Trained on one trust model, played on others ({condition})"
-    study.figure("transfer.png", _figure(title, found), colours=None)
+    study.figure("transfer.png", _figure(title, lines_of_rows), colours=None)
     table = [
-        [row.name, *(f"{one.mean:.2f}{'*' * row.knows(name)}" for name, one in line.items())]
-        for row, line in found.items()
+        [
+            row.name,
+            *(f"{estimate.mean:.2f}{'*' * row.knows(name)}" for name, estimate in line.items()),
+        ]
+        for row, line in lines_of_rows.items()
     ]
     study.page(
         "transfer.md",
@@ -140,7 +147,7 @@ def main(study: Study[Options]) -> None:
         f"{asked.budget:,} rounds of training each. Lower is a better attack. A star: trained on "
         "this trust model. "
         f"Condition: {condition}.",
-        *sentences(found),
+        *sentences(lines_of_rows),
         f"Made by `{study.command}`.",
     )
 
@@ -177,16 +184,16 @@ def play_row(
         The utility by trust model, and the attack in a few words.
     """
     if row.universal:
-        found = SearchResult(CoalitionAttacker(universal_coalitions()[row.name]), 0, row.name)
+        result = SearchResult(CoalitionAttacker(universal_coalitions()[row.name]), 0, row.name)
     else:
-        found = EvolutionSearch(start="random", wide=False).search(
+        result = EvolutionSearch(start="random", wide=False).search(
             condition.arguments(row.name), Budget(budget), seed
         )
-    utility = {model: condition.utility(model, found.attacker, seed, games) for model in models}
-    return {"attack": found.description, "utility": utility}
+    utility = {model: condition.utility(model, result.attacker, seed, games) for model in models}
+    return {"attack": result.description, "utility": utility}
 
 
-def sentences(found: Table) -> list[str]:
+def sentences(table: Table) -> list[str]:
     """Return what the table says about unseen models: of all trained coalitions, and of each
     universal one.
 
@@ -195,8 +202,8 @@ def sentences(found: Table) -> list[str]:
         ['Coalitions trained on one model, on the others: mean utility 0.400; 1 of 1 below 0.5.']
     """  # noqa: E501
     groups: dict[str, list[float]] = {}
-    for row, line in found.items():
-        unseen = [one.mean for name, one in line.items() if not row.knows(name)]
+    for row, line in table.items():
+        unseen = [estimate.mean for name, estimate in line.items() if not row.knows(name)]
         groups.setdefault(row.name if row.universal else "", []).extend(unseen)
     return [
         f"{f'{name}, on models it was not trained on' if name else 'Coalitions trained on one model, on the others'}: "  # noqa: E501
@@ -208,18 +215,18 @@ def sentences(found: Table) -> list[str]:
     ]
 
 
-def _figure(title: str, found: Table) -> Figure:
+def _figure(title: str, table: Table) -> Figure:
     """Return a heat map of the utility: trained on the rows, played on the columns."""
-    rows = [row.name for row in found]
-    columns = [name.rpartition(":")[2] for name in next(iter(found.values()))]
+    rows = [row.name for row in table]
+    columns = [name.rpartition(":")[2] for name in next(iter(table.values()))]
     names = _LETTER * max(map(len, (*rows, *columns)))
     size = max(5.5, _CELL * len(columns) + names + 1.6), _CELL * len(rows) + names + 1.6
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots()
-    values = np.array([[one.mean for one in line.values()] for line in found.values()])
+    values = np.array([[estimate.mean for estimate in line.values()] for line in table.values()])
     colours = LinearSegmentedColormap.from_list("utility", [ATTACKER, "#FDF3EC", HONEST[0]])
     image = axes.imshow(np.ma.masked_invalid(values), cmap=colours, vmin=0, vmax=1, aspect="auto")
-    for k, (row, line) in enumerate(found.items()):
+    for k, (row, line) in enumerate(table.items()):
         for j, name in enumerate(line):
             ink = "white" if abs(values[k, j] - 0.5) > _DARK else INK
             axes.text(

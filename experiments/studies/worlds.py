@@ -87,41 +87,45 @@ def main(study: Study[Options]) -> None:
     worlds = {
         (name, share): World.of(suite.worlds[name], share) for name, _, share in suite.conditions
     }
-    found: dict[World, list[LeaderboardRow]] = {}
+    boards: dict[World, list[LeaderboardRow]] = {}
     for world in sorted({*worlds.values()}):
-        cells = [one for one in played.cells if worlds[one.cell.scenario, one.cell.share] == world]
-        attacks = [
-            one
-            for one in played.attacks
-            if worlds[one.condition.scenario, one.condition.share] == world
+        cells = [
+            cell for cell in played.cells if worlds[cell.cell.scenario, cell.cell.share] == world
         ]
-        found[world] = leaderboard_rows(suite, cells, models, len(cells) // len(models), attacks)
-    centre = World(*(mode(values) for values in zip(*found, strict=True)))
+        attacks = [
+            scored
+            for scored in played.attacks
+            if worlds[scored.condition.scenario, scored.condition.share] == world
+        ]
+        boards[world] = leaderboard_rows(suite, cells, models, len(cells) // len(models), attacks)
+    centre = World(*(mode(values) for values in zip(*boards, strict=True)))
     rows = [
         (*world, row.model, *row.worst[:2], row.tier)
-        for world, board in found.items()
+        for world, board in boards.items()
         for row in board
     ]
     study.csv("worlds.csv", (*World._fields, "model", "skill", "skill_half", "tier"), rows)
     note = f"{suite.games} games for each value; 95% intervals; a ring: told apart from all others"
-    study.figure("worlds.png", worlds_figure(found, centre, models, note))
+    study.figure("worlds.png", worlds_figure(boards, centre, models, note))
     lines = []
-    for world in sorted(found, key=lambda one: (one != centre, one.beside(centre))):
-        skill = {row.model: plus_minus(row.worst) for row in found[world]}
+    for world in sorted(
+        boards, key=lambda candidate: (candidate != centre, candidate.beside(centre))
+    ):
+        skill = {row.model: plus_minus(row.worst) for row in boards[world]}
         lines.append(
             [
                 world.beside(centre),
                 *(skill[name] for name in models),
-                ", ".join(first(found[world])),
+                ", ".join(first(boards[world])),
             ]
         )
-    lines.append(["mean", *(f"{mean_skill(found)[name]:.3f}" for name in models), ""])
+    lines.append(["mean", *(f"{mean_skill(boards)[name]:.3f}" for name in models), ""])
     study.page(
         "worlds.md",
         "# Which worlds decide?",
         "![Worst-case skill of models in worlds that differ from one world in a single "
         "thing](worlds.png)",
-        sentence(found, centre),
+        sentence(boards, centre),
         f"The centre has {centre.agents} agents, {centre.rounds} rounds, {centre.arriving:.0%} of "
         "the ratings "
         f"arriving, a noise of {centre.noise:g} in what raters perceive, and "
@@ -147,16 +151,16 @@ def first(board: Sequence[LeaderboardRow]) -> list[str]:
     return [row.model for row in board if row.tier == 1]
 
 
-def sentence(found: Found, centre: World) -> str:
+def sentence(boards: Found, centre: World) -> str:
     """Return in how many worlds the model with the highest mean leads, is not told apart from
     others, or is behind.
     """
-    means, best = mean_skill(found), Counter(board[0].model for board in found.values())
+    means, best = mean_skill(boards), Counter(board[0].model for board in boards.values())
     leader, *others = sorted(means, key=lambda name: -means[name])
-    leads = sum(first(board) == [leader] for board in found.values())
+    leads = sum(first(board) == [leader] for board in boards.values())
     behind = {
         world.beside(centre): first(board)
-        for world, board in found.items()
+        for world, board in boards.items()
         if leader not in first(board)
     }
     where = "; ".join(
@@ -164,43 +168,49 @@ def sentence(found: Found, centre: World) -> str:
     )
     next_to = "".join(f", and `{name}` the next, {means[name]:.3f}" for name in others[:1])
     return (
-        f"Over {len(found)} worlds `{leader}` has the highest mean, {means[leader]:.3f}{next_to}. "
+        f"Over {len(boards)} worlds `{leader}` has the highest mean, {means[leader]:.3f}{next_to}. "
         "It leads all others "
-        f"in {leads} of them, is not told apart from some in {len(found) - leads - len(behind)}, "
+        f"in {leads} of them, is not told apart from some in {len(boards) - leads - len(behind)}, "
         "and is behind in "
         f"{len(behind)}{f' ({where})' * bool(where)}. The highest of a world is "
         f"{', '.join(f'`{name}` in {number}' for name, number in best.most_common())}. So "
-        f"{f'`{leader}`' if leads == len(found) else 'no model'} may be named the leader of all."
+        f"{f'`{leader}`' if leads == len(boards) else 'no model'} may be named the leader of all."
     )
 
 
-def mean_skill(found: Found) -> dict[str, float]:
+def mean_skill(boards: Found) -> dict[str, float]:
     """Return the mean of each model over the worlds."""
-    models = [row.model for row in next(iter(found.values()))]
+    models = [row.model for row in next(iter(boards.values()))]
     return {
         name: fmean(
-            row.worst.mean for board in found.values() for row in board if row.model == name
+            row.worst.mean for board in boards.values() for row in board if row.model == name
         )
         for name in models
     }
 
 
-def worlds_figure(found: Found, centre: World, models: Sequence[str], note: str) -> Figure:
+def worlds_figure(boards: Found, centre: World, models: Sequence[str], note: str) -> Figure:
     """Return a panel for each thing that is changed, and a ring around each model that is alone in
     the first tier.
     """
     panels, rings = [], []
     for name in World._fields:
-        worlds = [one for one in found if one._replace(**{name: getattr(centre, name)}) == centre]
-        at = [float(getattr(one, name)) for one in worlds]
-        skill = [{row.model: row.worst.interval for row in found[one]} for one in worlds]
-        series = [Series(model, at, [one[model] for one in skill]) for model in models]
+        worlds = [
+            candidate
+            for candidate in boards
+            if candidate._replace(**{name: getattr(centre, name)}) == centre
+        ]
+        at = [float(getattr(candidate, name)) for candidate in worlds]
+        skill = [
+            {row.model: row.worst.interval for row in boards[candidate]} for candidate in worlds
+        ]
+        series = [Series(model, at, [candidate[model] for candidate in skill]) for model in models]
         panels.append(Panel(name, "", "worst-case skill", series, "log"))
         rings.append(
             [
-                (x, found[one][0].worst.mean)
-                for x, one in zip(at, worlds, strict=True)
-                if len(first(found[one])) == 1
+                (x, boards[candidate][0].worst.mean)
+                for x, candidate in zip(at, worlds, strict=True)
+                if len(first(boards[candidate])) == 1
             ]
         )
     figure = panels_figure("Which worlds decide?", panels, note, columns=3)

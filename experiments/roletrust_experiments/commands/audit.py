@@ -176,7 +176,7 @@ def audit(
                 attack_count(len(target or ()) or top + targets + 1, budget, 2),
             )
         advance, seeds = stage(progress, f"Attacking {model}", 1), (seed, seed + 1)
-        found = audit_model(
+        audited = audit_model(
             ranking,
             prices,
             targets=targets,
@@ -193,7 +193,7 @@ def audit(
             )
     many = len(log.values)
     report = AuditReport(
-        ratings.name, many, every, top, rank_by, prices, budget, seeds, model, found, compared
+        ratings.name, many, every, top, rank_by, prices, budget, seeds, model, audited, compared
     )
     write_text(out / "audit.json", report.json().decode() + "\n")
     write_json(out / "audit.schema.json", report.schema())
@@ -203,13 +203,13 @@ def audit(
         journal.path.unlink(missing_ok=True)
     for table in _tables(report):
         console.print(table)
-    far = f", and prices at most {found.apart:.0%} apart" if found.apart > 0 else ""
-    told = (
-        f"{found.played:,} attacks; both searches found the same price for "
-        f"{found.agreement:.0%} of the targets{far}"
+    far = f", and prices at most {audited.apart:.0%} apart" if audited.apart > 0 else ""
+    summary = (
+        f"{audited.played:,} attacks; both searches found the same price for "
+        f"{audited.agreement:.0%} of the targets{far}"
     )
-    tell(f"{told}. Written to {out}: audit.html, audit.png, audit.json, audit.schema.json")
-    low = min(one.value for one in found.medians.values())
+    tell(f"{summary}. Written to {out}: audit.html, audit.png, audit.json, audit.schema.json")
+    low = min(median.value for median in audited.medians.values())
     if fail_below is not None and low < fail_below:
         console.print(
             f"[bold red]Failed:[/] a median price is {low:g}, below {fail_below:g}", soft_wrap=True
@@ -224,11 +224,11 @@ def _estimate(model: str, seconds: float, attacks: int) -> None:
         if seconds * attacks > 120
         else f"{seconds * attacks:,.0f} s"
     )
-    told = (
+    estimate = (
         f"{model} takes {seconds:.2g} s for an attack; up to {attacks:,} attacks take about "
         f"{length}"
     )
-    tell(f"{told}. --budget and --targets make them fewer.")
+    tell(f"{estimate}. --budget and --targets make them fewer.")
 
 
 def _quick_models() -> dict[str, Any]:
@@ -236,19 +236,19 @@ def _quick_models() -> dict[str, Any]:
     time.
     """
     models = {name: make_trust_model(name) for name in trust_models()}
-    traits = {name: Traits.of(one) for name, one in models.items()}
+    traits = {name: Traits.of(model) for name, model in models.items()}
     return {
         name: models[name]
-        for name, one in traits.items()
-        if one.family == "central" and (one.local or one.nearby)
+        for name, traits_of_model in traits.items()
+        if traits_of_model.family == "central" and (traits_of_model.local or traits_of_model.nearby)
     }
 
 
 def _tables(report: AuditReport) -> list[Table]:
     """Return what is found about a model, and models beside each other, as tables of 80 columns."""
-    model, found = report.model, report.audit
+    model, audited = report.model, report.audit
     title = (
-        f"Cheapest attacks found on {escape(model)}, top {report.top} of {found.ranked:,} agents"
+        f"Cheapest attacks found on {escape(model)}, top {report.top} of {audited.ranked:,} agents"
     )
     account, rating = report.prices.account, report.prices.rating
     caption = (
@@ -259,23 +259,35 @@ def _tables(report: AuditReport) -> list[Table]:
     cheap = number_table(
         title, caption, "rank", "ratings", "price", "accounts", "sent", "days", name="target"
     )
-    for goal, median in found.medians.items():
-        whole = [one for one in found.exposures if one.goal == goal]
+    for goal, median in audited.medians.items():
+        whole = [exposure for exposure in audited.exposures if exposure.goal == goal]
         of = f", median of {len(whole)}" if len(whole) > 1 else ""
         cheap.add_row(f"[bold]{WORDS[goal]}{of}[/]", "", "", _cell(median, _amount))
-        for one in whole[:_SHOWN]:
-            best = one.cheapest
+        for exposure in whole[:_SHOWN]:
+            best = exposure.cheapest
             cells = (f"{best.accounts}", f"{best.ratings}", _days(best.days)) if best else ()
-            agent = shown(one.agent) or "nobody has rated"
+            agent = shown(exposure.agent) or "nobody has rated"
             cheap.add_row(
-                f"  {agent}", f"{one.rank:,}", f"{one.ratings:,}", _amount(one.price), *cells
+                f"  {agent}",
+                f"{exposure.rank:,}",
+                f"{exposure.ratings:,}",
+                _amount(exposure.price),
+                *cells,
             )
     moved = number_table(
         "Mean number of ranks that accounts move a target", "", *map(str, ACCOUNTS), name="accounts"
     )
-    for goal, origin in dict.fromkeys((one.goal, one.origin) for one in found.movements):
-        line = [one.places for one in found.movements if (one.goal, one.origin) == (goal, origin)]
-        moved.add_row(f"{WORDS[goal]}, {origin}", *(_cell(one, "{:,.0f}".format) for one in line))
+    for goal, origin in dict.fromkeys(
+        (movement.goal, movement.origin) for movement in audited.movements
+    ):
+        line = [
+            movement.places
+            for movement in audited.movements
+            if (movement.goal, movement.origin) == (goal, origin)
+        ]
+        moved.add_row(
+            f"{WORDS[goal]}, {origin}", *(_cell(place, "{:,.0f}".format) for place in line)
+        )
     if not report.compared:
         return [cheap, moved]
     title = f"Median price in {SHORT} attacks, and correlation r of trust with the next rating"

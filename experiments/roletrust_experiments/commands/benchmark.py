@@ -154,9 +154,11 @@ def benchmark(
             raise ValueError(
                 f"--known is not for the suite {asked.name}, which is one for {asked.kind}"
             )
-        attacks = [one for file in known for one in read_known_attacks(file)]
+        attacks = [known_attack for file in known for known_attack in read_known_attacks(file)]
         check_records(attacks)
-        if lacking := sum(one.condition not in asked.conditions for one in attacks):
+        if lacking := sum(
+            known_attack.condition not in asked.conditions for known_attack in attacks
+        ):
             console.print(
                 f"[yellow]{lacking} known attacks are for conditions that {escape(asked.name)} "
                 "lacks.[/]"
@@ -288,21 +290,21 @@ def _show_cost(suite: AnySuite, workers: int | None) -> None:
             table.add_row(escape(name), f"{trials * len(suite.budgets):,}", f"{rounds:,}")
         console.print(table)
         return
-    for one in suite.worlds.items():
-        name, *values = WorldRow.of(*one)
+    for world_fields in suite.worlds.items():
+        name, *values = WorldRow.of(*world_fields)
         world = ", ".join(
             f"{field} {value}" for field, value in zip(WorldRow._fields[1:], values, strict=True)
         )
         console.print(f"{escape(name)}: [dim]{escape(world)}[/]", soft_wrap=True)
-    found = estimate_cost(suite, suite.cells())
+    costs = estimate_cost(suite, suite.cells())
     caption = (
         "rounds: at the most; time: of one core, estimated from a short trial, too long on a "
         "busy machine"
     )
     table = number_table(f"{suite.name}, estimated", caption, "cells", "rounds", "time")
-    for name, cost in found.items():
+    for name, cost in costs.items():
         table.add_row(name, f"{cost.cells:,}", f"{cost.env_steps:,}", in_time(cost.seconds))
-    total = sum(cost.seconds for cost in found.values())
+    total = sum(cost.seconds for cost in costs.values())
     number = workers or cores()
     console.print(table)
     console.print(
@@ -322,10 +324,10 @@ def _asked_learners(
     if not allow_code:
         check_installed(registry, [name for name in suite.learners if not is_search(name)])
     asked = dict.fromkeys(_expanded(named or ["all"], suite.learners))
-    found = suite.model_copy(update={"learners": tuple(asked)})
-    for name in found.learners:
+    changed = suite.model_copy(update={"learners": tuple(asked)})
+    for name in changed.learners:
         make_search_method(name, next(iter(suite.tasks.values())).id)
-    return found
+    return changed
 
 
 def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path) -> None:
@@ -334,11 +336,11 @@ def _show_learners(suite: LearnersSuite, stored: Sequence[StoredCell], out: Path
     """
     from roletrust_experiments.plots.learners import learners_figure
 
-    scales, found = learner_results(suite, stored)
-    write_csv(out / "learners.csv", HEADER, table_rows(found))
-    write_figure(out / "learners.png", learners_figure(suite.title, found, scales), colours=256)
-    names, largest = ranking(found), suite.budgets[-1]
-    share_of = {(one.budget, one.learner, one.task): one.share for one in found}
+    scales, results = learner_results(suite, stored)
+    write_csv(out / "learners.csv", HEADER, table_rows(results))
+    write_figure(out / "learners.png", learners_figure(suite.title, results, scales), colours=256)
+    names, largest = ranking(results), suite.budgets[-1]
+    share_of = {(result.budget, result.learner, result.task): result.share for result in results}
     rows = {
         (budget, name): [
             _words(share_of.get((budget, name, task))) for task in (ALL_TASKS, *scales)

@@ -158,13 +158,13 @@ def where_searched(parameter: Mapping[str, Any]) -> str:
 
 
 def _entries(names: Iterable[str], entry: Callable[[str], Entry]) -> dict[str, Entry]:
-    found = {}
+    entries = {}
     for name in names:
         try:
-            found[name] = entry(name)
+            entries[name] = entry(name)
         except Exception as error:  # whatever a foreign package raises
-            found[name] = {"error": str(error) or type(error).__name__}
-    return found
+            entries[name] = {"error": str(error) or type(error).__name__}
+    return entries
 
 
 def _parameters(factory: Callable[..., Any]) -> dict[str, Entry]:
@@ -178,34 +178,34 @@ def _parameters(factory: Callable[..., Any]) -> dict[str, Entry]:
         hints = get_type_hints(factory, include_extras=True)
     except Exception:  # the types of a foreign factory may be plain text
         hints = {}
-    found = {}
+    parameters = {}
     for name, parameter in inspect.signature(factory).parameters.items():
         required = parameter.default is parameter.empty
-        found[name] = {
+        parameters[name] = {
             "default": None if required else _as_data(parameter.default),
             "required": required,
             "allowed": allowed(hints[name]) if name in hints else "",
             "meaning": meanings.get(name, ""),
         }
-    return found
+    return parameters
 
 
 def _meanings(factory: Callable[..., Any]) -> dict[str, str]:
     """Return what the docstrings of a factory and its bases say of each parameter, those of the
     factory first.
     """
-    found: dict[str, str] = {}
-    for one in inspect.getmro(factory) if isinstance(factory, type) else (factory,):
+    meanings: dict[str, str] = {}
+    for base in inspect.getmro(factory) if isinstance(factory, type) else (factory,):
         section = re.search(
             r"^(?:Args|Attributes):\n((?: .*\n|\n)*)",
-            f"{inspect.getdoc(one) or ''}\n",
+            f"{inspect.getdoc(base) or ''}\n",
             re.MULTILINE,
         )
         for name, text in re.findall(
             r"^    (\w+): (.*(?:\n     .*)*)", section[1] if section else "", re.MULTILINE
         ):
-            found.setdefault(name, " ".join(text.split()))
-    return found
+            meanings.setdefault(name, " ".join(text.split()))
+    return meanings
 
 
 def _as_data(value: Any) -> Any:

@@ -78,15 +78,15 @@ def compare(
     with progress_bar() as progress:
         task = progress.add_task("", total=len(logs) * len(models))
         for log, content in zip(logs, contents, strict=True):
-            for name, one in models.items():
+            for name, model in models.items():
                 progress.update(task, description=f"{log.name}, {name}", advance=1)
                 try:
-                    found, missing = protocols.measure(one, content)
+                    measures, missing = protocols.measure(model, content)
                 except MemoryError as error:
                     left_out.append(f"{name} on {log.name}: {error}")
                     continue
                 left_out += [f"{what} on {log.name}: {reason}" for what, reason in missing.items()]
-                for (protocol, what), value in found.items():
+                for (protocol, what), value in measures.items():
                     rows.append((log.name, log.sha256, every, protocol, name, what, *value))
                 if rows:  # what is measured is kept
                     write_csv(out / "comparison.csv", HEADER, rows)

@@ -96,7 +96,7 @@ def figures(
             joint_policy = JointPolicy(game, paper.policies)
             label = f"Figure {paper.number}"
             rounds.append(track_curves(joint_policy, seed, progress, label, on_round=watch))
-    found = [
+    checked = [
         claim
         for paper, curves in zip(played, rounds, strict=True)
         for claim in paper.check(curves, game.scenario, paper.attack)
@@ -106,13 +106,13 @@ def figures(
         calm = claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
         probability = float(np.mean(probabilities[: len(calm)], where=calm))
         # Repeated frames have a length; the paper's levels apply if the person is clearly visible.
-        visible = claims.in_clear_view(found)
+        visible = claims.in_clear_view(checked)
         seen = {
             "loop_length_s": loop_length_s(game),
             "probability": probability,
             "in_clear_view": visible,
         }
-        found = claims.for_given_frames(found)
+        checked = claims.for_given_frames(checked)
     written: list[str] = []
     note = loop_note(game)
     for paper, curves in zip(played, rounds, strict=True):
@@ -129,13 +129,15 @@ def figures(
         },
         "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
         **({"footage": seen} if seen else {}),
-        "claims": [claim._asdict() for claim in found],
+        "claims": [claim._asdict() for claim in checked],
         "files": written,
     }
     write_json(out / "results.json", results)
     if seen is None or seen["in_clear_view"]:
         seen_through = "OpenCV's HOG people detector" if service == "hog" else "a synthetic service"
-        console.print(claims_table(f"Su and Saint-Jore (2023), seen through {seen_through}", found))
+        console.print(
+            claims_table(f"Su and Saint-Jore (2023), seen through {seen_through}", checked)
+        )
         calm_s = claims.spans(
             rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
         )
@@ -150,7 +152,7 @@ def figures(
         console.print(
             "[dim]least dip: of the three ToP, the smallest fall while the target moves fast[/]"
         )
-        if any(claim.ok is None for claim in found):
+        if any(claim.ok is None for claim in checked):
             console.print(
                 "[dim]n/a: the bound holds for the rendered scene; in these frames the detector "
                 "still recognises the "
@@ -172,14 +174,14 @@ def figures(
     tell(f"Written to {out}: {', '.join(written)}")
 
 
-def claims_table(title: str, found: Sequence[claims.Claim]) -> Table:
+def claims_table(title: str, checked: Sequence[claims.Claim]) -> Table:
     """Return the table of the paper's claims: the claim, the criterion and the measured value."""
     table = plain_table(title)
     for heading in ("fig", "what", "the paper", "needed", "measured", ""):
         table.add_column(
             heading, justify="right" if heading == "measured" else "left", overflow="fold"
         )
-    for claim, following in zip(found, [*found[1:], None], strict=True):
+    for claim, following in zip(checked, [*checked[1:], None], strict=True):
         verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[
             claim.ok
         ]

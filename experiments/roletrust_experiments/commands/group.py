@@ -50,12 +50,12 @@ class LateCommand(TyperCommand):
     @cached_property
     def loaded(self) -> Any:
         """The command itself."""
-        found = getattr(import_module(self._module), self._attribute)
-        if not isinstance(found, typer.Typer):
+        app_or_function = getattr(import_module(self._module), self._attribute)
+        if not isinstance(app_or_function, typer.Typer):
             app = typer.Typer(add_completion=False, **_STYLE)
-            app.command(self.name)(found)
-            found = app
-        command: Any = typer.main.get_command(found)
+            app.command(self.name)(app_or_function)
+            app_or_function = app
+        command: Any = typer.main.get_command(app_or_function)
         with typer.Context(command, help_option_names=_HELP) as context:
             _plain_flags(command.get_params(context))
         about, examples, rest = cleandoc(command.help or "").partition(EXAMPLES)
@@ -76,7 +76,11 @@ class LateCommand(TyperCommand):
         from roletrust_env.errors import check_unicode
 
         context = self.loaded.make_context(info_name, args, parent, **extra)
-        for option in (one for one in context.command.params if one.param_type_name == "option"):
+        for option in (
+            parameter
+            for parameter in context.command.params
+            if parameter.param_type_name == "option"
+        ):
             value = context.params.get(option.name)
             for text in value if isinstance(value, list | tuple) else [value]:
                 check_unicode(option.opts[0], str(text))

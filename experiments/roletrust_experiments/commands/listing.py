@@ -99,19 +99,25 @@ def list_command(
         raise ValueError(
             "names, --folder and --games are for trained attackers: roletrust list zoo"
         )
-    asked = [one for one in Kind if kind in (None, one) and one is not Kind.ZOO]
-    found: dict[Kind, dict[str, Entry]] = {one: _KINDS[one][0]() for one in asked}
+    asked = [
+        listed_kind
+        for listed_kind in Kind
+        if kind in (None, listed_kind) and listed_kind is not Kind.ZOO
+    ]
+    by_kind: dict[Kind, dict[str, Entry]] = {
+        listed_kind: _KINDS[listed_kind][0]() for listed_kind in asked
+    }
     if kind is Kind.ZOO:
         require("a trained attacker", "train", "safetensors")
     if kind is Kind.ZOO or (kind is None and find_spec("safetensors")):
-        found[Kind.ZOO] = _trained(folder, names or [])
-    holds = games is None or _measure_again(found[Kind.ZOO], folder, games)
+        by_kind[Kind.ZOO] = _trained(folder, names or [])
+    holds = games is None or _measure_again(by_kind[Kind.ZOO], folder, games)
     if as_json:
-        print_json({one.value: entries for one, entries in found.items()})
+        print_json({listed_kind.value: entries for listed_kind, entries in by_kind.items()})
     elif kind is None:
-        _print_names(found)
+        _print_names(by_kind)
     else:
-        _print(found[kind], kind)
+        _print(by_kind[kind], kind)
     if not holds:
         raise typer.Exit(1)
 
@@ -146,8 +152,8 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
 
     attackers = {
         name: load_attacker((folder or ZOO) / name)
-        for name, one in entries.items()
-        if "error" not in one
+        for name, entry in entries.items()
+        if "error" not in entry
     }
     for attacker in attackers.values():
         mind = attacker_for(attacker.network, attacker.card.task.knowledge)
@@ -163,18 +169,18 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
                 "half_95": float(measured.half),
                 "holds": holds,
             }
-    return all(one.get("measured", {}).get("holds", False) for one in entries.values())
+    return all(entry.get("measured", {}).get("holds", False) for entry in entries.values())
 
 
-def _print_names(found: Mapping[Kind, dict[str, Entry]]) -> None:
+def _print_names(by_kind: Mapping[Kind, dict[str, Entry]]) -> None:
     """Print the names of each kind, and why an entry cannot be read."""
-    for kind, entries in found.items():
+    for kind, entries in by_kind.items():
         names = "trained attackers" if kind is Kind.ZOO else escape(", ".join(entries))
         console.print(f"[bold]{kind.value}[/] ({len(entries)}): [cyan]{names}[/]")
         for name, entry in entries.items():
             if "error" in entry:
                 tell_left_out(f"{name}: {entry['error']}")
-    if Kind.ZOO not in found:
+    if Kind.ZOO not in by_kind:
         console.print(
             "[dim]Trained attackers need safetensors: pip install 'roletrust-env\\[train]'[/]"
         )
@@ -218,15 +224,18 @@ def _model(entry: Entry) -> tuple[str, ...]:
     origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
     lacks = [f"unfit: {'; '.join(unfit(entry))}"] if unfit(entry) else []
     lines = [
-        f"{_given(key, one)}  [dim]{escape(one['allowed'])}[/]"
-        for key, one in entry["parameters"].items()
+        f"{_given(key, parameter)}  [dim]{escape(parameter['allowed'])}[/]"
+        for key, parameter in entry["parameters"].items()
     ]
     return _described(entry, origin, *lacks), "\n".join(lines)
 
 
 def _attacker(entry: Entry) -> tuple[str, ...]:
     channels = [f"by {' and '.join(entry['channels'])}"] if entry["channels"] else []
-    where = {_given(key, one): where_searched(one) for key, one in entry["parameters"].items()}
+    where = {
+        _given(key, parameter): where_searched(parameter)
+        for key, parameter in entry["parameters"].items()
+    }
     lines = [f"{given}  [dim]{escape(range)}[/]" for given, range in where.items() if range]
     lines.append(", ".join(given for given, range in where.items() if not range))
     return _described(entry, *channels), "\n".join(line for line in lines if line)
@@ -234,7 +243,7 @@ def _attacker(entry: Entry) -> tuple[str, ...]:
 
 def _learner(entry: Entry) -> tuple[str, ...]:
     return _described(entry), "\n".join(
-        _given(key, one) for key, one in entry["parameters"].items()
+        _given(key, parameter) for key, parameter in entry["parameters"].items()
     )
 
 

@@ -38,19 +38,23 @@ def with_options(group: type) -> Callable[[Callable[..., None]], Callable[..., N
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         options, parameters = (
-            list(inspect.signature(one).parameters.values()) for one in (group, command)
+            list(inspect.signature(function).parameters.values()) for function in (group, command)
         )
-        (at,) = (place for place, one in enumerate(parameters) if one.annotation is group)
+        (at,) = (
+            place for place, parameter in enumerate(parameters) if parameter.annotation is group
+        )
         (grouped,) = parameters[at : at + 1]
         parameters[at : at + 1] = options
 
         @wraps(command)
         def called(**values: Any) -> None:
-            values[grouped.name] = group(**{one.name: values.pop(one.name) for one in options})
+            values[grouped.name] = group(
+                **{parameter.name: values.pop(parameter.name) for parameter in options}
+            )
             command(**values)
 
         called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        called.__annotations__ = {one.name: one.annotation for one in parameters}
+        called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
         return called
 
     return decorate
@@ -59,7 +63,8 @@ def with_options(group: type) -> Callable[[Callable[..., None]], Callable[..., N
 def given_options(context: typer.Context) -> list[str]:
     """Return the options that stand on the command line, such as `--out`."""
     sources = {
-        one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params
+        option.opts[0]: context.get_parameter_source(str(option.name))
+        for option in context.command.params
     }
     return [
         name

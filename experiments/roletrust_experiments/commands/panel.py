@@ -169,9 +169,9 @@ def panel(
         votes.parent.mkdir(parents=True, exist_ok=True)
         write_votes(votes, seed)
     if peers:
-        (one,) = judge or ("judge",)
+        (judge_column,) = judge or ("judge",)
         comparisons, crowd = read_comparisons(
-            votes, one, item, vote=vote, people=people, dialect=dialect, tell=tell
+            votes, judge_column, item, vote=vote, people=people, dialect=dialect, tell=tell
         )
         if measured:
             if crowd is None or (crowd.values == 0.5).all():
@@ -297,10 +297,10 @@ def _progress(play: Callable[[Callable[[str], None]], Iterable[Any]], total: int
 
 def _print(title: str, headings: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
     """Print a table, with half the width of an interval behind its value."""
-    found = [[_INTERVAL.sub(_half, one) for one in line] for line in lines]
-    caption = "± half of the 95% interval" * any("±" in one for line in found for one in line)
+    shortened = [[_INTERVAL.sub(_half, cell) for cell in line] for line in lines]
+    caption = "± half of the 95% interval" * any("±" in cell for line in shortened for cell in line)
     table = number_table(shown(title), caption, *map(shown, headings[1:]), name=shown(headings[0]))
-    for name, *numbers in found:
+    for name, *numbers in shortened:
         table.add_row(shown(name), *map(short, numbers))
     console.print(table)
 

@@ -157,11 +157,15 @@ def play(
         require("--video", "video", "imageio", "imageio_ffmpeg")
     if out is None and video:
         raise ValueError("--video needs a folder to write to; with --json give one with --out")
-    one, *_ = joint_policies.values()
+    first_play, *_ = joint_policies.values()
     config = {
         "command": "roletrust play",
         "games": games,
-        **{key: value for key, value in provenance(one.game, seed).items() if key != "trust_model"},
+        **{
+            key: value
+            for key, value in provenance(first_play.game, seed).items()
+            if key != "trust_model"
+        },
         "attackers": describe_policies(attackers),
         "trust_models": {
             text: describe(joint_policy.game.model) for text, joint_policy in joint_policies.items()
@@ -199,7 +203,11 @@ def play(
     if written:
         tell(f"Written to {out}: {', '.join(written)}", where=aside)
     if not as_json and not video:
-        rater = next(name for name in one.game.roster.names if "SR" in one.game.roster.role(name))
+        rater = next(
+            name
+            for name in first_play.game.roster.names
+            if "SR" in first_play.game.roster.role(name)
+        )
         words = {
             "--attack": attack or [f"{rater}=bad-mouthing"],
             "--model": model,
@@ -266,13 +274,18 @@ def _write(
     """Write all files but videos, and return their names."""
     from roletrust_experiments.plots.curves import curve_figure
 
-    write_csv(out / "curves.csv", HEADER, [row for one in played for row in rows(one)])
+    write_csv(
+        out / "curves.csv", HEADER, [row for played_model in played for row in rows(played_model)]
+    )
     written = ["curves.csv"]
-    for one in played:
-        name = f"{_file('curves', one.model, played)}.png"
-        title = f"{one.game.scenario.name}, {one.model}, {attacks_in_words(attackers)}"
-        identities = one.game.roster.with_reserves(attackers)
-        write_figure(out / name, curve_figure(title, one.game, one.curves, identities))
+    for played_model in played:
+        name = f"{_file('curves', played_model.model, played)}.png"
+        scenario = played_model.game.scenario.name
+        title = f"{scenario}, {played_model.model}, {attacks_in_words(attackers)}"
+        identities = played_model.game.roster.with_reserves(attackers)
+        write_figure(
+            out / name, curve_figure(title, played_model.game, played_model.curves, identities)
+        )
         written.append(name)
     write_json(out / "results.json", results)
     return [*written, "results.json"]
@@ -290,16 +303,16 @@ def _slug(text: str) -> str:
 def _as_data(played: Sequence[Played]) -> dict[str, Any]:
     """Return all measurements by trust model; an undefined value is None, with the reason."""
     return {
-        one.model: {
+        played_model.model: {
             "groups": {
                 group.label: {"agents": group.size, "present at the end": _plain(group.present)}
                 | {name: _plain(estimate) for name, estimate in group.measures.items()}
-                for group in one.groups
+                for group in played_model.groups
             },
-            "damage": {who: _plain(estimate) for who, estimate in one.damage.items()},
-            "metrics": {name: _plain(estimate) for name, estimate in one.metrics.items()},
+            "damage": {who: _plain(estimate) for who, estimate in played_model.damage.items()},
+            "metrics": {name: _plain(estimate) for name, estimate in played_model.metrics.items()},
         }
-        for one in played
+        for played_model in played
     }
 
 
@@ -310,21 +323,25 @@ def _as_table(title: str, played: Sequence[Played], games: int) -> Table:
     headings = (name.replace(" ", "\n") for name in MEASURES)
     table = number_table(escape(title), "", "at end", *headings, name="agents")
     table.padding = (0, 1, 0, 0)  # it fits into 80 columns
-    for one in played:
+    for played_model in played:
         if len(played) > 1:
-            table.add_row(f"[bold]{escape(one.model)}[/]")
-        for group in one.groups:
+            table.add_row(f"[bold]{escape(played_model.model)}[/]")
+        for group in played_model.groups:
             cells = [_shown(estimate) for estimate in group.measures.values()]
             here = f"{group.present.mean:.{0 if games == 1 else 1}f}".removesuffix(".0")
             style = None if group.honest else "dark_orange3"
             table.add_row(escape(group.label), f"{here}/{group.size}", *cells, style=style)
-        for who, estimate in one.damage.items():
+        for who, estimate in played_model.damage.items():
             table.add_row(f"damage, {who}", "", _shown(estimate), style="bold")
-        for name, estimate in one.metrics.items():
+        for name, estimate in played_model.metrics.items():
             if name.startswith(AUC_MEANWHILE):
                 role = name.removeprefix(AUC_MEANWHILE)
                 table.add_row(
-                    f"AUC{role}", "", _shown(estimate), "", _shown(one.metrics[AUC_FINALLY + role])
+                    f"AUC{role}",
+                    "",
+                    _shown(estimate),
+                    "",
+                    _shown(played_model.metrics[AUC_FINALLY + role]),
                 )
             elif not name.startswith(AUC_FINALLY) and not np.isnan(estimate.mean):
                 table.add_row(name, "", _shown(estimate))
@@ -347,13 +364,17 @@ def _notes(played: Sequence[Played], games: int, attackers: Mapping[str, Policy]
         f"{many}; lowest trust: the least mean trust of the group from {start} on, {when}; "
         "what all numbers are: roletrust play --help"
     ]
-    if unrated := [one.model for one in played if not one.game.model.rates_raters]:
+    if unrated := [
+        played_model.model for played_model in played if not played_model.game.model.rates_raters
+    ]:
         lines.append(
             f"no trust in raters: {', '.join(unrated)}: false alarms and recovery are of providers "
             "only"
         )
     measured = [
-        (one.model, name, estimate) for one in played for name, estimate in one.metrics.items()
+        (played_model.model, name, estimate)
+        for played_model in played
+        for name, estimate in played_model.metrics.items()
     ]
     undefined: dict[str, list[str]] = {}
     for model, name, estimate in measured:

@@ -216,7 +216,10 @@ def rate(
         log = reading.read(ratings, stage(progress, f"Reading {ratings.name}"))
         if trusted:
             chosen = replace(
-                chosen, seeds=tuple(find_agent(log, one, ("rater",))["rater"] for one in trusted)
+                chosen,
+                seeds=tuple(
+                    find_agent(log, trusted_name, ("rater",))["rater"] for trusted_name in trusted
+                ),
             )
         roles = {} if explain is None else find_agent(log, explain)
         advance = stage(progress, "Playing rounds")
@@ -224,7 +227,8 @@ def rate(
         if state_or_lead:
             run: Any = _stream(chosen, log, state, reading, rounds)
             trusts = [
-                np.array(list(one().values())) for one in (run.provider_trust, run.rater_trust)
+                np.array(list(read_trust().values()))
+                for read_trust in (run.provider_trust, run.rater_trust)
             ]
         else:
             run = played(chosen, log, numbers_of(log, every, count), pairs=pairs, advance=advance)
@@ -243,14 +247,14 @@ def rate(
         with (
             ThreadPoolExecutor() as pool
         ):  # pyarrow and NumPy sort and write two tables beside each other
-            found = dict(zip(_ROLES, pool.map(ranked, _ROLES, trusts), strict=True))
-            written = _write(out, found, origin, progress, pool)
-        for role, one in found.items():
+            evidence_of = dict(zip(_ROLES, pool.map(ranked, _ROLES, trusts), strict=True))
+            written = _write(out, evidence_of, origin, progress, pool)
+        for role, role_evidence in evidence_of.items():
             unknown = role == "rater" and not chosen.rates_raters
             console.print(
                 f"{escape(name)} has no notion of trust in raters."
                 if unknown
-                else ranking_table(one, role, rank_by, top)
+                else ranking_table(role_evidence, role, rank_by, top)
             )
         for role, agent in roles.items():
             if role == "ratee" or chosen.rates_raters:
@@ -266,9 +270,9 @@ def rate(
             )
             console.print(suspects_table(groups, log))
             rows = [
-                (n, log.rater_names[at], *one[2:])
-                for n, one in enumerate(groups.groups, 1)
-                for at in one.raters
+                (n, log.rater_names[at], *group[2:])
+                for n, group in enumerate(groups.groups, 1)
+                for at in group.raters
             ]
             written += ", suspects.csv"
             write_csv(
@@ -302,8 +306,8 @@ def _stream(
         names = (np.array(list(names), object) for names in (log.rater_names, log.ratee_names))
         people = next(names)[log.raters], next(names)[log.ratees]
         source = {"rating scale": list(reading.ends), "tag": reading.tag, "times": log.clock}
-        kept: Any = {"repeats": reading.repeats, "keep_evidence": True, "source": source}
-        opened = TrustStream.opened(state, model, **kept, **rounds)
+        stream_settings: Any = {"repeats": reading.repeats, "keep_evidence": True, "source": source}
+        opened = TrustStream.opened(state, model, **stream_settings, **rounds)
     with opened as stream:
         before = _apart(stream)
         stream.update(people[0], people[1], log.values, log.times, log.rests)
@@ -319,7 +323,7 @@ def _stream(
 
 def _write(
     out: Path,
-    found: dict[Role, Evidence],
+    evidence_of: dict[Role, Evidence],
     origin: dict[str, str],
     progress: Progress,
     pool: ThreadPoolExecutor,
@@ -327,7 +331,10 @@ def _write(
     """Write the tables of both roles, in one file if it is a Parquet file, and return what was
     written.
     """
-    tables = {out / f"{role}s.csv": one.table(role, origin) for role, one in found.items()}
+    tables = {
+        out / f"{role}s.csv": role_evidence.table(role, origin)
+        for role, role_evidence in evidence_of.items()
+    }
     names = ", ".join(path.name for path in tables)
     if single := out.suffix == ".parquet":
         tables = {out: joined(tables.values())}

@@ -35,40 +35,45 @@ def ranking_table(ranked: Evidence, role: str, rank: str, top: int) -> Table:
     return table
 
 
-def explanation_table(found: Explanation, log: RatingLog, scale: tuple[float, float]) -> Table:
+def explanation_table(
+    explanation: Explanation, log: RatingLog, scale: tuple[float, float]
+) -> Table:
     """Return what makes the trust in an agent, with ratings on their scale."""
-    rated, (worst, best) = found.role == "ratee", scale
+    rated, (worst, best) = explanation.role == "ratee", scale
     names, other = (log.rater_names, "rater") if rated else (log.ratee_names, "ratee")
     title = (
-        f"Trust in the {found.role} {shown(found.name)}: {found.trust:.4f}, rank "
-        f"{found.rank:,} by trust"
+        f"Trust in the {explanation.role} {shown(explanation.name)}: {explanation.trust:.4f}, rank "
+        f"{explanation.rank:,} by trust"
     )
     whose = "its ratings of the agent" if rated else "the agent's ratings of it"
-    many = f"{len(found.reasons)} of {found.n_others:,} {other}s with {found.n_ratings:,} ratings."
+    many = (
+        f"{len(explanation.reasons)} of {explanation.n_others:,} {other}s "
+        f"with {explanation.n_ratings:,} ratings."
+    )
     caption = f"{many} Others: their mean rating. Without: trust after the log without {whose}."
     table = number_table(
         title, caption, "ratings", "others", "trust in it", "without", "change", "rank", name=other
     )
-    for agent, trust, ratings, others, without, rank in found.reasons:
+    for agent, trust, ratings, others, without, rank in explanation.reasons:
         values = [f"{worst + value * (best - worst):g}" for value in ratings[-_SHOWN:].tolist()]
         last = ", ".join(["..."] * (len(ratings) > _SHOWN) + values)
         view = f"{worst + others * (best - worst):.3g}" if others == others else "-"  # NaN
-        trusts = f"{trust:.3f}", f"{without:.4f}", f"{without - found.trust:+.4f}"
+        trusts = f"{trust:.3f}", f"{without:.4f}", f"{without - explanation.trust:+.4f}"
         table.add_row(shown(names[agent]), last, view, *trusts, f"{rank:,}")
     return table
 
 
-def suspects_table(found: Search, log: RatingLog) -> Table:
+def suspects_table(search: Search, log: RatingLog) -> Table:
     """Return the groups of raters that rate alike, and what they do to ranks."""
     caption = (
-        f"In {found.shuffles} shuffled logs: {found.false_groups} groups. Shift: of percentiles of "
-        "their ratees. "
+        f"In {search.shuffles} shuffled logs: {search.false_groups} groups. "
+        "Shift: of percentiles of their ratees. "
         "Apart: from ratings of others. With p = 1/n, the n-th log did as much; above 0.05, it may "
         "be an honest club."
     )
-    title = f"Raters that rate alike beyond chance: {len(found.groups)} groups"
+    title = f"Raters that rate alike beyond chance: {len(search.groups)} groups"
     table = number_table(title, caption, "raters", "ratees", "shift", "shuffled", "apart", "p")
-    for raters, ratees, shift, apart, chance, p in found.groups:
+    for raters, ratees, shift, apart, chance, p in search.groups:
         names = [
             *(log.rater_names[place] for place in raters[:_SHOWN].tolist()),
             *["..."] * (len(raters) > _SHOWN),

@@ -87,21 +87,22 @@ def replay(
     suite, place, row = _choose(results, model, cell, attack, allow_code)
     prepare_folder(out)
     with console.status("Playing"):
-        found = Replay.of(suite, place, row.attack, row.record)
+        replayed = Replay.of(suite, place, row.attack, row.record)
     stored = estimate(as_array(row.measured["utility"])).mean
-    utility, honest = estimate(found.score), estimate(found.honest_score)
+    utility, honest = estimate(replayed.score), estimate(replayed.honest_score)
     condition = f"{place.model}, {place.scenario}, {place.track} {place.share:.0%}"
     title = f"{condition}: {row.attack}"
     table = number_table(escape(title), escape(row.words), "attack", "everybody honest")
     table.add_row(
-        "utility of consumers", *(f"{one.mean:.3f}±{one.half:.3f}" for one in (utility, honest))
+        "utility of consumers",
+        *(f"{interval.mean:.3f}±{interval.half:.3f}" for interval in (utility, honest)),
     )
     table.add_row(
         "rounds in which the most trusted provider is the attacker's",
-        f"{found.believed.mean():.0%}",
+        f"{replayed.believed.mean():.0%}",
         "",
     )
-    for side in found.sides:
+    for side in replayed.sides:
         table.add_row(f"trust in {side.label}", f"{np.nanmean(side.trust):.3f}", "")
     console.print(table)
     if abs(utility.mean - stored) > 1e-6:
@@ -113,15 +114,15 @@ def replay(
         )
     from roletrust_experiments.plots.replay import replay_figure
 
-    write_figure(out / "replay.png", replay_figure(title, found))
+    write_figure(out / "replay.png", replay_figure(title, replayed))
     written = ["replay.png"]
     if video:
         from roletrust_experiments.plots.video import write_video_of_states
 
-        worst, task = int(np.argmin(found.score)), found.found.task
+        worst, task = int(np.argmin(replayed.score)), replayed.attack_found.task
         with progress_bar() as progress:
             write_video_of_states(
-                out / "game.mp4", task.game, found.states(worst), task.identities, progress
+                out / "game.mp4", task.game, replayed.states(worst), task.identities, progress
             )
         written += ["game.mp4", "game.png"]
     tell(f"Written to {out}: {', '.join(written)}")
@@ -138,7 +139,9 @@ def _choose(
     suite, stored = read_run(path)
     if not allow_code:
         check_installed_names(suite)
-    played = {one.cell.key: one for one in stored if one.result.rows}
+    played = {
+        stored_cell.cell.key: stored_cell for stored_cell in stored if stored_cell.result.rows
+    }
     if key is None:
         board = Leaderboard.of(suite, stored)
         names = [row.model for row in board.rows if row.worst_attack]
@@ -147,12 +150,12 @@ def _choose(
         model = model or names[0]
         if model not in names:
             raise ValueError(f"{path} has no attack on {model!r}{suggest(model, names)}")
-        cases = [one for (name, _), one in worst_cases(board.attacks).items() if name == model]
-        attacked = [one for one in cases if suite.tracks[one.condition.track].roles]
-        worst = min(attacked, key=lambda one: one.mean)
+        cases = [case for (name, _), case in worst_cases(board.attacks).items() if name == model]
+        attacked = [case for case in cases if suite.tracks[case.condition.track].roles]
+        worst = min(attacked, key=lambda case: case.mean)
         seeds = sorted({cell.seed for cell, _ in played.values()})
         seed = next(
-            seed for seed, one in zip(seeds, worst.choices, strict=True) if one is worst.common
+            seed for seed, case in zip(seeds, worst.choices, strict=True) if case is worst.common
         )
         key, attack = Cell(model, *worst.condition, worst.common.method, seed).key, worst.attack
     if key not in played:
@@ -161,7 +164,7 @@ def _choose(
     rows = {row.attack: row for row in result.rows}
     if attack is None:
         scores = attack_scores(suite, [played[key]])
-        attack = min(scores, key=lambda one: least_mean(one.chosen)).attack
+        attack = min(scores, key=lambda scored: least_mean(scored.chosen)).attack
     if attack not in rows:
         raise ValueError(f"cell {key} has no attack {attack!r}{suggest(attack, rows)}")
     return suite, cell, rows[attack]

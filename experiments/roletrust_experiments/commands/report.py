@@ -91,16 +91,18 @@ def report(
         ["roletrust", "report", *map(str, paths), *code, *linked, "--out", str(out)]
     )
     replayed = (
-        shlex.join(["roletrust", "replay", str(found.path), *code])
-        if (found := content.robustness)
+        shlex.join(["roletrust", "replay", str(robustness.path), *code])
+        if (robustness := content.robustness)
         else ""
     )
     write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/"), replayed))
     written = "report.html"
-    if found:
-        write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
-        write_games(out / "games.csv.gz", found.leaderboard.cells)
-        write_csv(out / "conditions.csv", ConditionRow._fields, found.conditions)
+    if robustness:
+        write_text(
+            out / "leaderboard.md", leaderboard_markdown(robustness.leaderboard, robustness.command)
+        )
+        write_games(out / "games.csv.gz", robustness.leaderboard.cells)
+        write_csv(out / "conditions.csv", ConditionRow._fields, robustness.conditions)
         written += ", leaderboard.md, games.csv.gz, conditions.csv, worst_cases.csv"
     tell(f"Written to {out}: {written}; {', '.join(drawn)}, each as .csv, .png and .pdf")
 

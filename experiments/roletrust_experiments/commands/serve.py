@@ -104,9 +104,9 @@ def serve(
         _manage(model, store, name, settings, host, 8000 if port is None else port, rounds=rounds)
         return
     of_manager = {
-        one.opts[0]
-        for one in context.command.params
-        if getattr(one, "rich_help_panel", None) == _PANEL
+        parameter.opts[0]
+        for parameter in context.command.params
+        if getattr(parameter, "rich_help_panel", None) == _PANEL
     }
     if wrong := [name for name in given_options(context) if name in of_manager]:
         raise ValueError(f"{', '.join(wrong)}: only a trust manager has that; --store makes one")

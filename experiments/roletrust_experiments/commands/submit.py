@@ -109,15 +109,17 @@ def submit(
         tell(f"Written: {out}, {len(entries.attacks):,} attacks")
         return
     with ResultStore(results) as store:
-        found = make_submission(store, model or (), allow_code=allow_code)
-    write_json(out, found.model_dump(mode="json"))
+        submission = make_submission(store, model or (), allow_code=allow_code)
+    write_json(out, submission.model_dump(mode="json"))
     table = number_table(
-        f"Submission, suite {escape(str(found.suite['name']))}", "± half the 95% interval", "worst"
+        f"Submission, suite {escape(str(submission.suite['name']))}",
+        "± half the 95% interval",
+        "worst",
     )
-    for name, standing in found.standings.items():
+    for name, standing in submission.standings.items():
         table.add_row(escape(name), standing.worst.text)
     console.print(table)
-    tell(f"Written: {out}, {len(found.cells):,} cells")
+    tell(f"Written: {out}, {len(submission.cells):,} cells")
 
 
 def verify(
@@ -169,24 +171,26 @@ def verify(
     [cyan]roletrust verify mymodel.json --cells 10 --seed 7[/]
     """
     require("verifying", "train", "scipy", "cma", "torch", "stable_baselines3")
-    found, suite = read_submission(file)
+    submission, suite = read_submission(file)
     if not allow_code:
         check_installed_names(suite)
-    checks = check_claims(found, suite, own_suite=own_suite)
+    checks = check_claims(submission, suite, own_suite=own_suite)
     seed = secrets.randbelow(2**32) if seed is None else seed
     claims = None
     if all(check.ok for check in checks):  # otherwise games take minutes, and change no verdict
-        claims = sample_claims(found, len(found.cells) if number is None else number, seed)
-        checks += _check_games(found, suite, claims, seed if fresh else None, workers)
+        claims = sample_claims(
+            submission, len(submission.cells) if number is None else number, seed
+        )
+        checks += _check_games(submission, suite, claims, seed if fresh else None, workers)
     console.print(_table(file, checks))
     if claims is None:
         console.print("No cell was played again: what is not ok above needs no game.")
     else:
         console.print(
-            f"{len(claims)} of {len(found.cells):,} cells played again; --seed {seed} chooses the "
-            "same ones"
+            f"{len(claims)} of {len(submission.cells):,} cells played again; "
+            f"--seed {seed} chooses the same ones"
         )
-        if len(claims) < len(found.cells):
+        if len(claims) < len(submission.cells):
             console.print(
                 "[yellow]An entry is ranked only once all its cells have been played: leave out "
                 "--cells.[/]"
@@ -196,7 +200,7 @@ def verify(
 
 
 def _check_games(
-    found: Submission,
+    submission: Submission,
     suite: Suite,
     claims: Sequence[CellClaim],
     fresh: int | None,
@@ -205,14 +209,14 @@ def _check_games(
     """Play the claims again, and return the verdict on each.
 
     Args:
-        found: Submission.
+        submission: Submission.
         suite: Suite of the submission.
         claims: Cells to play.
         fresh: Random seed of the choice of new games, which the claims are played in, too; None for
             none.
         workers: Number of processes.
     """
-    checks, asked, replayed, same = [], [], [], is_same_platform(found)
+    checks, asked, replayed, same = [], [], [], is_same_platform(submission)
     # Rounding decides what a search finds, so elsewhere the attackers of the claims play.
     records: dict[AnyCell, str] = {} if same else {claim.cell: claim.record for claim in claims}
     for claim, again in _played(suite, claims, workers, records=records):
@@ -227,8 +231,10 @@ def _check_games(
         )  # seeds that are none of the suite
         done = list(_played(suite, claims, workers, above))
         checks += check_fresh([claim for claim, _ in done], [again.result for _, again in done])
-    if len(replayed) == len(found.cells) and not any(again.result.failed for again in replayed):
-        checks += check_scores(found, suite, replayed, same)
+    if len(replayed) == len(submission.cells) and not any(
+        again.result.failed for again in replayed
+    ):
+        checks += check_scores(submission, suite, replayed, same)
     return checks
 
 

@@ -197,7 +197,7 @@ def train(
         rules = make_scenario(scenario or defaults["scenario"])
         if fields := parse_settings(settings or []):
             rules = rules.change(**fields)
-        models = [_model_card(one, rules) for one in model or ["role-trust"]]
+        models = [_model_card(model_name, rules) for model_name in model or ["role-trust"]]
         if len(models) > 1 and not _is_coalition(algo):
             many, several = (
                 f"--model is given {len(models)} times",
@@ -225,11 +225,11 @@ def train(
         run = _with_engine(run)
     planned = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
     folders = [RunFolder(out / f"seed-{seed + k}" if runs > 1 else out) for k in range(runs)]
-    for one, folder in [
+    for card, folder in [
         (folder.run(plan, resume), folder) for plan, folder in zip(planned, folders, strict=True)
     ]:
         try:
-            _train(one, folder)
+            _train(card, folder)
         except KeyboardInterrupt:
             again = (
                 shlex.join(["--resume", "--out", str(out)])
@@ -298,7 +298,9 @@ def _train(run: "Run", folder: "RunFolder") -> None:
     write_figure(folder.path / "curve.png", learning_figure(run.algo, attacker, curve))
     save_attacker(attacker, folder.path / "attacker", write_bytes)
     score = attacker.card.score
-    others = ", ".join(f"{one.name} {one.score:.4f}" for one in yardsticks(attacker))
+    others = ", ".join(
+        f"{yardstick.name} {yardstick.score:.4f}" for yardstick in yardsticks(attacker)
+    )
     tell(
         f"{title}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} held-out games; "
         f"{attacker.card.training.seconds:.0f} s"

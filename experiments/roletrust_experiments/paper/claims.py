@@ -90,22 +90,22 @@ def check_bad_mouthing(curves: Curves, scenario: Scenario, attack: Window) -> li
     ]
 
 
-def in_clear_view(found: Sequence[Claim]) -> bool:
+def in_clear_view(checked: Sequence[Claim]) -> bool:
     """Return whether calm trust shows a person in clear view throughout."""
-    return all(claim.ok for claim in found if claim.what == _CALM)
+    return all(claim.ok for claim in checked if claim.what == _CALM)
 
 
-def for_given_frames(found: Sequence[Claim]) -> list[Claim]:
+def for_given_frames(checked: Sequence[Claim]) -> list[Claim]:
     """Return the claims that apply to given frames. They are calibrated to the rendered scene.
 
     No level applies without a person in clear view. The fast target blurs the frames; if the
     detector still recognises the person, there is no dip.
     """
-    if not in_clear_view(found):
-        return [claim._replace(ok=None) for claim in found]
+    if not in_clear_view(checked):
+        return [claim._replace(ok=None) for claim in checked]
     return [
         claim._replace(ok=claim.ok or None) if claim.what.startswith(_DIP) else claim
-        for claim in found
+        for claim in checked
     ]
 
 

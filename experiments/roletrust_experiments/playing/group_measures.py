@@ -177,7 +177,7 @@ def under_attack(
     start, stop = attack_rounds(attackers, rounds)
     judged = [i for i, name in enumerate(roster.names) if _rated(roster.role(name), rates_raters)]
     honest = [i for i in judged if roster.names[i] not in attackers]
-    found = {}
+    scores = {}
     for role, places in _by_role(roster, range(len(roster.names))).items():
         bad = [k for k, i in enumerate(places) if roster.names[i] in attackers]
         trust = curves.trust[:, places]
@@ -188,15 +188,15 @@ def under_attack(
                 bad,
             )
             meanwhile = meanwhile if start < rounds else _undefined(games, _NEVER)
-            found[f"{AUC_MEANWHILE}, {role}"] = unrated or meanwhile
-            found[f"{AUC_FINALLY}, {role}"] = unrated or metrics.auc(trust[-1], bad)
-    found["false alarms"] = metrics.false_alarms(curves.trust, honest, weights=weights)
-    found["utility"] = metrics.utility(curves.top, curves.offered, weights)
+            scores[f"{AUC_MEANWHILE}, {role}"] = unrated or meanwhile
+            scores[f"{AUC_FINALLY}, {role}"] = unrated or metrics.auc(trust[-1], bad)
+    scores["false alarms"] = metrics.false_alarms(curves.trust, honest, weights=weights)
+    scores["utility"] = metrics.utility(curves.top, curves.offered, weights)
     if twin is None:
         why = "a live camera shows nothing twice, so there are no games without the attack"
-        found |= {UTILITY_WITHOUT: _undefined(games, why), RECOVERY: _undefined(games, why)}
+        scores |= {UTILITY_WITHOUT: _undefined(games, why), RECOVERY: _undefined(games, why)}
     else:
-        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.offered, weights)
+        scores[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.offered, weights)
         why = _NEVER if start >= rounds else "the attack lasts to the end"
         over = start < stop < rounds
         back = (
@@ -204,8 +204,8 @@ def under_attack(
             if over
             else _undefined(games, why)
         )
-        found[RECOVERY] = back
-    return {name: _scored(score) for name, score in found.items()}
+        scores[RECOVERY] = back
+    return {name: _scored(score) for name, score in scores.items()}
 
 
 def _measures(

@@ -48,7 +48,7 @@ class Replay(NamedTuple):
     """The games of a benchmark that measured an attack, and the same games with everybody honest.
 
     Attributes:
-        found: The attack.
+        attack_found: The attack.
         seed: Random seed of the games.
         games: Number of games that chose the worst case, and of those that measure it.
         utility: Utility of consumers in each round from the second on under the attack, shape (T -
@@ -61,7 +61,7 @@ class Replay(NamedTuple):
         sides: Trust of each side.
     """
 
-    found: FoundAttack
+    attack_found: FoundAttack
     seed: int
     games: int
     utility: Floats
@@ -84,25 +84,25 @@ class Replay(NamedTuple):
         Raises:
             ValueError: See `find_attack`.
         """
-        found, games = find_attack(suite, cell, attack, record), suite.games
+        attack_found, games = find_attack(suite, cell, attack, record), suite.games
         attacked, honest = (
-            _measured(watch(found.task, attacker, cell.seed, (rows, 2 * games)), row, games)
+            _measured(watch(attack_found.task, attacker, cell.seed, (rows, 2 * games)), row, games)
             for attacker, row, rows in (
-                (found.batch.attacker, found.row, found.rows),
+                (attack_found.batch.attacker, attack_found.row, attack_found.rows),
                 (Scripted({}), 0, 1),
             )
         )
         under, calm = attacked.bought, honest.bought
         return cls(
-            found,
+            attack_found,
             cell.seed,
             games,
             ratio(under.got, under.best),
             ratio(calm.got, calm.best),
             share_of_best(under.got, under.best).value,
             share_of_best(calm.got, calm.best).value,
-            _believed(found, attacked.trust),
-            tuple(_sides(found, attacked.trust)),
+            _believed(attack_found, attacked.trust),
+            tuple(_sides(attack_found, attacked.trust)),
         )
 
     def states(self, game: int) -> Iterator[State]:
@@ -111,10 +111,10 @@ class Replay(NamedTuple):
         Args:
             game: Index among the games that measure the attack.
         """
-        task, batch, row = self.found
+        task, batch, row = self.attack_found
         sources = random_sources(task, self.seed, HELD_OUT)
         for played in attacked_rollout(
-            task, batch.attacker, (self.found.rows, 2 * self.games), *sources
+            task, batch.attacker, (self.attack_found.rows, 2 * self.games), *sources
         ):
             yield one_game(played.state, (row, self.games + game))
 
@@ -127,20 +127,20 @@ def _measured(seen: GameRecord, row: int, games: int) -> GameRecord:
     return GameRecord(seen.trust[:, :, row, games:], own, public, seen.treats[[row]])
 
 
-def _believed(found: FoundAttack, trust: Floats) -> Floats:
+def _believed(attack: FoundAttack, trust: Floats) -> Floats:
     """Return the probability that the most trusted provider belongs to the attacker; ties are
     equally likely.
     """
-    roster = found.task.game.roster
+    roster = attack.task.game.roster
     providers = [place for place, name in enumerate(roster.names) if name in roster.provider_names]
-    own = np.array([roster.names[place] in found.task.identities for place in providers])
+    own = np.array([roster.names[place] in attack.task.identities for place in providers])
     top = trust[:, providers]
     believed: Floats = buy(top, np.broadcast_to(own[:, None].astype(float), top.shape), axis=1).got
     return believed
 
 
-def _sides(found: FoundAttack, trust: Floats) -> Iterator[Side]:
-    roster, own = found.task.game.roster, found.task.identities
+def _sides(attack: FoundAttack, trust: Floats) -> Iterator[Side]:
+    roster, own = attack.task.game.roster, attack.task.identities
     for names, rates, words in (
         (roster.rater_names, True, ("honest raters", "raters of the attacker")),
         (roster.provider_names, False, ("honest providers", "providers of the attacker")),

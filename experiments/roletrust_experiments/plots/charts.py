@@ -122,7 +122,9 @@ def _high(panel: Panel) -> float:
 def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
     """Return a style for each label, the same in all panels; a closed form is a thin grey line."""
     labels = list(
-        dict.fromkeys(one.label for panel in panels for one in panel.series if not one.known)
+        dict.fromkeys(
+            series.label for panel in panels for series in panel.series if not series.known
+        )
     )
     looks: dict[str, dict[str, Any]] = {
         label: {
@@ -132,7 +134,9 @@ def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
         }
         for k, label in enumerate(labels)
     }
-    known = dict.fromkeys(one.label for panel in panels for one in panel.series if one.known)
+    known = dict.fromkeys(
+        series.label for panel in panels for series in panel.series if series.known
+    )
     return looks | {
         label: {"color": QUIET, "linestyle": (0, (1, 1.5)), "linewidth": 1.3} for label in known
     }
@@ -140,24 +144,30 @@ def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
 
 def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
     """Draw a line for each series."""
-    for one in panel.series:
-        value, low, high = np.array(one.values, float).reshape(-1, 3).T
-        at = np.array(one.at, float)
-        if one.known:
-            axes.plot(at, value, label=one.label, zorder=1.5, **looks[one.label])
+    for series in panel.series:
+        value, low, high = np.array(series.values, float).reshape(-1, 3).T
+        at = np.array(series.at, float)
+        if series.known:
+            axes.plot(at, value, label=series.label, zorder=1.5, **looks[series.label])
             continue
         axes.plot(
-            at, value, label=one.label, linewidth=1.6, markersize=5, zorder=3, **looks[one.label]
+            at,
+            value,
+            label=series.label,
+            linewidth=1.6,
+            markersize=5,
+            zorder=3,
+            **looks[series.label],
         )
         axes.errorbar(
             at,
             value,
             yerr=_bars(value, low, high),
             fmt="none",
-            ecolor=looks[one.label]["color"],
+            ecolor=looks[series.label]["color"],
             capsize=2.5,
         )
-    numbers = sorted({float(x) for one in panel.series if not one.known for x in one.at})
+    numbers = sorted({float(x) for series in panel.series if not series.known for x in series.at})
     if panel.scale == "symlog":
         axes.set_xscale("symlog", linthresh=min(x for x in numbers if x > 0), linscale=0.6)
     elif panel.scale == "log":
@@ -173,13 +183,14 @@ def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
 def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
     """Draw a row for each name, with a mark for each series."""
     names = _names(panel)
-    for k, one in enumerate(panel.series):
-        value, low, high = np.array(one.values, float).reshape(-1, 3).T
+    for k, series in enumerate(panel.series):
+        value, low, high = np.array(series.values, float).reshape(-1, 3).T
         places = [
-            names.index(str(name)) + (k - (len(panel.series) - 1) / 2) * _APART for name in one.at
+            names.index(str(name)) + (k - (len(panel.series) - 1) / 2) * _APART
+            for name in series.at
         ]
-        look = {**looks[one.label], "linestyle": ""}
-        axes.plot(value, places, label=one.label, markersize=5.5, zorder=3, **look)
+        look = {**looks[series.label], "linestyle": ""}
+        axes.plot(value, places, label=series.label, markersize=5.5, zorder=3, **look)
         axes.errorbar(
             value,
             places,
@@ -213,7 +224,9 @@ def _bars(value: Any, low: Any, high: Any) -> Any:
 
 def _names(panel: Panel) -> list[str]:
     """Return the names of the rows; none for an axis of numbers."""
-    return list(dict.fromkeys(at for one in panel.series for at in one.at if isinstance(at, str)))
+    return list(
+        dict.fromkeys(at for series in panel.series for at in series.at if isinstance(at, str))
+    )
 
 
 def _short(x: float) -> str:

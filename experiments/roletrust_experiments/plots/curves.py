@@ -248,13 +248,13 @@ def _counted(label: str, values: Floats) -> str:
     """Return the label with the number of agents at the end, if some are absent; values are (T,
     agents, games).
     """
-    there = ~np.isnan(values[-1])
-    if there.all():
+    present = ~np.isnan(values[-1])
+    if present.all():
         return label
-    agents, games = there.shape
+    agents, games = present.shape
     if agents > 1:
-        return f"{label},\n{there.sum() / games:.3g} at the end"
-    return f"{label},\n{f'in {there.sum()} of {games} games' if games > 1 else 'gone'} at the end"
+        return f"{label},\n{present.sum() / games:.3g} at the end"
+    return f"{label},\n{f'in {present.sum()} of {games} games' if games > 1 else 'gone'} at the end"
 
 
 def _middle(values: Floats) -> tuple[Floats, Floats]:

@@ -45,28 +45,29 @@ def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence
 
 
 def learners_figure(
-    about: str, found: Sequence[LearnerResult], scales: Mapping[str, TaskScale]
+    about: str, results: Sequence[LearnerResult], scales: Mapping[str, TaskScale]
 ) -> Figure:
     """Return the figure of a suite for learners: the share of each by the number of rounds that it
     may play.
 
     Args:
         about: Title.
-        found: Results of the learners, see `roletrust_env.benchmarking.learners.results.aggregate`.
+        results: Results of the learners, see
+            `roletrust_env.benchmarking.learners.results.aggregate`.
         scales: Scales of the tasks.
     """
-    panels, budgets = [], sorted({one.budget for one in found})
+    panels, budgets = [], sorted({result.budget for result in results})
     top = Series("share 1", budgets, [Interval(1.0, 1.0, 1.0)] * len(budgets), known=True)
     titles = {task: fill(f"{task}: 1 is {scale.description}", 44) for task, scale in scales.items()}
     for task, title in {ALL_TASKS: ALL_TASKS, **titles}.items():
         series = []
-        for name in ranking(found):
+        for name in ranking(results):
             mine = sorted(
-                (one for one in found if (one.task, one.learner) == (task, name)),
-                key=lambda one: one.budget,
+                (result for result in results if (result.task, result.learner) == (task, name)),
+                key=lambda result: result.budget,
             )
-            shares = [Interval(*(max(x, _LOWEST) for x in one.share)) for one in mine]
-            series.append(Series(name, [one.budget for one in mine], shares))
+            shares = [Interval(*(max(x, _LOWEST) for x in result.share)) for result in mine]
+            series.append(Series(name, [result.budget for result in mine], shares))
         panels.append(
             Panel(title, "rounds of play", "share, interquartile mean", [*series, top], "log")
         )

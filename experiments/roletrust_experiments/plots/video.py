@@ -34,7 +34,7 @@ def write_video(path: Path, joint_policy: JointPolicy, seed: int, progress: Prog
     """
     game = joint_policy.game
     noise, chance = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
-    states = (one.state for one in rollout(joint_policy, noise, chance, (1,)))
+    states = (round.state for round in rollout(joint_policy, noise, chance, (1,)))
     write_video_of_states(
         path, game, states, list(game.roster.with_reserves(joint_policy.policies)), progress
     )

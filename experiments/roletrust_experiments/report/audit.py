@@ -32,28 +32,33 @@ def audit_figure(report: AuditReport) -> Figure:
     """Return what attacks up to a price reach: the share of targets that cross the edge, and the
     ranks they move.
     """
-    found = report.audit
+    audited = report.audit
     figure = Figure(figsize=(10, 3.6), layout="constrained")
     labels = {"pushed": "share of targets pushed over the edge", "places": "ranks moved, mean"}
     for axes, (name, label) in zip(figure.subplots(1, 2), labels.items(), strict=True):
         for (goal, words), colour, dash in zip(
             WORDS.items(), (ATTACKER, *HONEST[:2]), DASHES, strict=False
         ):
-            points = [one for one in found.curve if one.goal == goal]
-            prices, reach = [one.price for one in points], [getattr(one, name) for one in points]
+            points = [point for point in audited.curve if point.goal == goal]
+            prices, reach = (
+                [point.price for point in points],
+                [getattr(point, name) for point in points],
+            )
             axes.step(
                 prices,
-                [one.value for one in reach],
+                [interval.value for interval in reach],
                 where="post",
                 color=colour,
                 linestyle=dash,
                 label=words,
             )
-            ends = [one.low for one in reach], [one.high for one in reach]
+            ends = [interval.low for interval in reach], [interval.high for interval in reach]
             axes.fill_between(prices, *ends, step="post", color=colour, alpha=0.15, linewidth=0)
         axes.set_xscale(
             "symlog",
-            linthresh=max(1e-9, min((one.price for one in found.curve if one.price), default=1.0)),
+            linthresh=max(
+                1e-9, min((point.price for point in audited.curve if point.price), default=1.0)
+            ),
         )
         axes.set_xlabel("price of the attack on one target", color=INK)
         axes.set_ylabel(label, color=INK)

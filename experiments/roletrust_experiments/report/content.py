@@ -30,7 +30,7 @@ class Learners(NamedTuple):
         software: Versions of the software.
         command: Command that plays the suite.
         scales: Scores of share 0 and 1 on each task.
-        found: Results of each learner.
+        results: Results of each learner.
         warnings: Warnings for the reader.
     """
 
@@ -38,7 +38,7 @@ class Learners(NamedTuple):
     software: dict[str, Any]
     command: str
     scales: dict[str, TaskScale]
-    found: list[LearnerResult]
+    results: list[LearnerResult]
     warnings: list[str]
 
     @classmethod
@@ -60,8 +60,8 @@ class Learners(NamedTuple):
         Raises:
             ValueError: No learner has been played.
         """
-        scales, found = learner_results(suite, stored)
-        if not found:
+        scales, results = learner_results(suite, stored)
+        if not results:
             raise ValueError(
                 f"{path} holds no learner that was played; let `roletrust benchmark` go on first"
             )
@@ -76,22 +76,26 @@ class Learners(NamedTuple):
             for who, why in unfit.items()
             if who.partition(" on ")[0] in suite.learners
         ]
-        return cls(suite, software, reproduction_command(suite, path), scales, found, warnings)
+        return cls(suite, software, reproduction_command(suite, path), scales, results, warnings)
 
     @property
     def order(self) -> list[str]:
         """Learners, the best first."""
-        return ranking(self.found)
+        return ranking(self.results)
 
     @property
     def tables(self) -> dict[str, Table]:
         """The table by the name of its figure."""
         tasks, names = [ALL_TASKS, *self.scales], self.order
-        found = sorted(
-            self.found,
-            key=lambda one: (tasks.index(one.task), names.index(one.learner), one.budget),
+        ordered = sorted(
+            self.results,
+            key=lambda result: (
+                tasks.index(result.task),
+                names.index(result.learner),
+                result.budget,
+            ),
         )
-        return {"learners": Table(HEADER, table_rows(found))}
+        return {"learners": Table(HEADER, table_rows(ordered))}
 
     @property
     def shares(self) -> dict[str, dict[str, Interval]]:
@@ -99,7 +103,11 @@ class Learners(NamedTuple):
         learner first.
         """
         largest = self.suite.budgets[-1]
-        mine = {(one.learner, one.task): one.share for one in self.found if one.budget == largest}
+        mine = {
+            (result.learner, result.task): result.share
+            for result in self.results
+            if result.budget == largest
+        }
         nothing = Interval(float("nan"), float("nan"), float("nan"))
         tasks = (ALL_TASKS, *self.scales)
         return {

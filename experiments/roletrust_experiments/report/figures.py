@@ -54,17 +54,17 @@ def write_figures(folder: Path, content: Content, *suffixes: str) -> list[str]:
     # Matplotlib makes labels of ticks when it draws, so that the style must hold until the file is
     # written.
     with rc_context(_STYLE):
-        found = _figures(content.robustness) if content.robustness else {}
+        figures = _figures(content.robustness) if content.robustness else {}
         if learners := content.learners:
-            found["learners"] = learners_figure(
-                learners.suite.title, learners.found, learners.scales
+            figures["learners"] = learners_figure(
+                learners.suite.title, learners.results, learners.scales
             )
-        for name, figure in found.items():
+        for name, figure in figures.items():
             for suffix in suffixes:
                 write_figure(
                     folder / f"{name}{suffix}", figure, colours=256 if suffix == ".png" else None
                 )
-    return list(found)
+    return list(figures)
 
 
 def _figures(robustness: Robustness) -> dict[str, Figure]:
@@ -106,10 +106,10 @@ def leaderboard_figure(standings: Sequence[LeaderboardRow], score: str, alike: b
     if alike:
         marks.insert(1, ("of attacks that serve all raters alike", "alike", ATTACKERS[1], "D"))
     for name, field, colour, mark in marks:
-        found = [getattr(row, field) for row in standings]
-        halves = [0 if np.isnan(one.half) else one.half for one in found]
+        estimates = [getattr(row, field) for row in standings]
+        halves = [0 if np.isnan(estimate.half) else estimate.half for estimate in estimates]
         axes.errorbar(
-            [one.mean for one in found],
+            [estimate.mean for estimate in estimates],
             places,
             xerr=halves,
             fmt=mark,
@@ -154,15 +154,15 @@ def _heatmap(robustness: Robustness) -> Figure:
     low.
     """
     table, models, lowest = robustness.tables["worst_cases"], robustness.order, robustness.lowest
-    found = {
+    means = {
         (row["model"], f"{row['scenario']}, {row['track']} {_percent(row['share'])}"): row["score"]
         for rows in _groups(table).values()
         for row in rows
         if row["share"]
     }
-    where = list(dict.fromkeys(condition for _, condition in found))
+    where = list(dict.fromkeys(condition for _, condition in means))
     values = np.array(
-        [[found.get((model, condition), np.nan) for condition in where] for model in models]
+        [[means.get((model, condition), np.nan) for condition in where] for model in models]
     )
     figure = Figure(figsize=(_WIDTH, _ROW * (len(models) + 7)), layout="constrained")
     axes = figure.subplots()
@@ -186,15 +186,15 @@ def _heatmap(robustness: Robustness) -> Figure:
 
 def _panels(table: Table, draw: Callable[[Axes, Rows], None]) -> Figure:
     """Return a figure with a panel for each value of the first column of a table."""
-    found = _groups(table)
-    wide = min(_PANELS, max(1, len(found)))
-    many = -(-max(1, len(found)) // wide)
+    groups = _groups(table)
+    wide = min(_PANELS, max(1, len(groups)))
+    many = -(-max(1, len(groups)) // wide)
     figure = Figure(figsize=(_WIDTH, 3 * _ROW + _PANEL * many), layout="constrained")
     panels = figure.subplots(many, wide, squeeze=False)
-    for axes, (name, rows) in zip(panels.flat, found.items(), strict=False):
+    for axes, (name, rows) in zip(panels.flat, groups.items(), strict=False):
         draw(axes, rows)
         axes.set_title(name, loc="left", color=INK)
-    for axes in panels.flat[len(found) :]:
+    for axes in panels.flat[len(groups) :]:
         axes.set_visible(False)
     lines = {
         label: line
@@ -248,10 +248,10 @@ def _draw_tradeoff(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any
 
 def _groups(table: Table) -> dict[Any, list[dict[str, Any]]]:
     """Return the rows of a table by the value of the first column."""
-    found: dict[Any, list[dict[str, Any]]] = {}
+    groups: dict[Any, list[dict[str, Any]]] = {}
     for row in table.rows:
-        found.setdefault(row[0], []).append(dict(zip(table.header, row, strict=True)))
-    return found
+        groups.setdefault(row[0], []).append(dict(zip(table.header, row, strict=True)))
+    return groups
 
 
 def _percent(share: float) -> str:

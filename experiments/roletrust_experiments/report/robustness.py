@@ -85,7 +85,7 @@ class Robustness(NamedTuple):
         """
         leaderboard = Leaderboard.of(suite, stored, real)
         attacks = list(leaderboard.attacks)
-        struck = [one for one in attacks if suite.tracks[one.condition.track].roles]
+        struck = [attack for attack in attacks if suite.tracks[attack.condition.track].roles]
         if not struck:
             raise ValueError(
                 f"{path} holds no attack that was played; let `roletrust benchmark` go on first"
@@ -103,10 +103,16 @@ class Robustness(NamedTuple):
             "breakdown": _breakdown(suite, cases),
             "tradeoff": _tradeoff(attacks, cases),
             "moved": Table(MovedRow._fields, list(moved_rows(rows, struck))),
-            "worlds": Table(WorldRow._fields, [WorldRow.of(*one) for one in suite.worlds.items()]),
+            "worlds": Table(
+                WorldRow._fields, [WorldRow.of(*world) for world in suite.worlds.items()]
+            ),
         }
-        first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
-        blind = float(np.mean([_mean(one.measured["blind"]) for one in first] or [np.nan]))
+        first = [
+            attack
+            for attack in struck
+            if attack.model == rows[0].model and _is_worst(attack, cases)
+        ]
+        blind = float(np.mean([_mean(attack.measured["blind"]) for attack in first] or [np.nan]))
         blind = 0.0 if suite.score == "skill" else blind
         where, course = condition_rows(cases, struck, suite.conditions), Convergence.of(struck)
         return cls(
@@ -141,20 +147,20 @@ def _places(suite: Suite, order: Sequence[str]) -> Callable[[AttackScores], tupl
     """Sorts by condition, as the suite has them, and in each the best model first."""
     scenarios, tracks = list(suite.scenarios), list(suite.tracks)
 
-    def place(one: AttackScores) -> tuple[Any, ...]:
-        where = one.condition
-        found = scenarios.index(where.scenario), tracks.index(where.track), where.share
-        return *found, order.index(one.model), one.attack
+    def place(attack: AttackScores) -> tuple[Any, ...]:
+        where = attack.condition
+        condition_place = scenarios.index(where.scenario), tracks.index(where.track), where.share
+        return *condition_place, order.index(attack.model), attack.attack
 
     return place
 
 
-def _is_worst(one: AttackScores, cases: _Worst) -> bool:
+def _is_worst(attack: AttackScores, cases: _Worst) -> bool:
     """Return whether an attack is the worst case; with several seeds, whether most of them choose
     it.
     """
-    case = cases.get((one.model, one.condition))
-    return case is not None and case.common is one
+    case = cases.get((attack.model, attack.condition))
+    return case is not None and case.common is attack
 
 
 def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Table:
@@ -165,23 +171,23 @@ def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Tab
         "condition", "attack", "model", "method",
         "utility", "utility_half_95", "skill", "skill_half_95", "blind", "worst", "treats",
     )  # fmt: skip
-    measured = [(one.measured["utility"], one.measured["blind"]) for one in struck]
+    measured = [(attack.measured["utility"], attack.measured["blind"]) for attack in struck]
     scales = (
         _estimates([by_trust for by_trust, _ in measured]),
         _estimates([skill_by_seed(*pair) for pair in measured]),
     )
     rows: list[tuple[Any, ...]] = []
-    for one, utility, skill in zip(struck, *scales, strict=True):
-        blind = _mean(one.measured["blind"])
+    for attack, utility, skill in zip(struck, *scales, strict=True):
+        blind = _mean(attack.measured["blind"])
         rows.append(
             (
-                *_name(one),
-                one.method,
+                *_name(attack),
+                attack.method,
                 *utility[:2],
                 *skill[:2],
                 blind,
-                _is_worst(one, cases),
-                one.treats,
+                _is_worst(attack, cases),
+                attack.treats,
             )
         )
     place, harm = header.index(scale), dict[tuple[str, str], list[float]]()
@@ -192,8 +198,8 @@ def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Tab
     return Table(header, sorted(rows, key=lambda row: (where.index(row[0]), means[row[:2]])))
 
 
-def _name(one: AttackScores) -> tuple[str, str, str]:
-    return one.condition.description, one.attack, one.model
+def _name(attack: AttackScores) -> tuple[str, str, str]:
+    return attack.condition.description, attack.attack, attack.model
 
 
 def _worst_cases(cases: _Worst, order: Sequence[str]) -> Table:
@@ -204,12 +210,20 @@ def _worst_cases(cases: _Worst, order: Sequence[str]) -> Table:
         "model", "scenario", "track", "share", "attack", "method", "score", "score_half_95", "blind", "games",  # noqa: E501
     )  # fmt: skip
     rows = []
-    for one, found in zip(
-        cases.values(), _estimates([one.score for one in cases.values()]), strict=True
+    for case, estimate in zip(
+        cases.values(), _estimates([case.score for case in cases.values()]), strict=True
     ):
-        blind, games = _mean(one.measured["blind"]), int((~np.isnan(one.score)).sum())
+        blind, games = _mean(case.measured["blind"]), int((~np.isnan(case.score)).sum())
         rows.append(
-            (one.model, *one.condition, one.attack, one.common.method, *found[:2], blind, games)
+            (
+                case.model,
+                *case.condition,
+                case.attack,
+                case.common.method,
+                *estimate[:2],
+                blind,
+                games,
+            )
         )
     return Table(header, sorted(rows, key=lambda row: order.index(row[0])))
 
@@ -218,10 +232,12 @@ def _curves(suite: Suite, attacks: Sequence[AttackScores], cases: _Worst) -> Tab
     """Return utility from round to round; conditions with everybody honest come last."""
     header = ("condition", "attack", "model", "worst", "rounds", "utility")
     rows = []
-    for one in sorted(attacks, key=lambda one: not suite.tracks[one.condition.track].roles):
-        if len(one.by_round):
-            rounds, utility = _thinned(one.by_round)
-            rows.append((*_name(one), _is_worst(one, cases), rounds, utility))
+    for attack in sorted(
+        attacks, key=lambda attack: not suite.tracks[attack.condition.track].roles
+    ):
+        if len(attack.by_round):
+            rounds, utility = _thinned(attack.by_round)
+            rows.append((*_name(attack), _is_worst(attack, cases), rounds, utility))
     return Table(header, rows)
 
 
@@ -230,12 +246,12 @@ def _thinned(by_round: Floats) -> tuple[list[float], list[float]]:
     counted from 1.
     """
     many = -(-len(by_round) // _POINTS)
-    starts, there = np.arange(0, len(by_round), many), ~np.isnan(by_round)
+    starts, known = np.arange(0, len(by_round), many), ~np.isnan(by_round)
     rounds = np.add.reduceat(np.arange(len(by_round)) + 2.0, starts) / np.diff(
         [*starts, len(by_round)]
     )
-    sums = np.add.reduceat(np.where(there, by_round, 0.0), starts)
-    utility: Floats = ratio(sums, np.add.reduceat(there.astype(np.float64), starts))
+    sums = np.add.reduceat(np.where(known, by_round, 0.0), starts)
+    utility: Floats = ratio(sums, np.add.reduceat(known.astype(np.float64), starts))
     return rounds.tolist(), utility.tolist()
 
 
@@ -245,12 +261,18 @@ def _breakdown(suite: Suite, cases: _Worst) -> Table:
     """
     header = ("where", "share", "model", "attack", "score", "score_half_95")
     rows = []
-    for one, found in zip(
-        cases.values(), _estimates([one.score for one in cases.values()]), strict=True
+    for case, estimate in zip(
+        cases.values(), _estimates([case.score for case in cases.values()]), strict=True
     ):
-        for scenario, track in _stand_for(suite, one.condition):
+        for scenario, track in _stand_for(suite, case.condition):
             rows.append(
-                (f"{scenario}, {track}", one.condition.share, one.model, one.attack, *found[:2])
+                (
+                    f"{scenario}, {track}",
+                    case.condition.share,
+                    case.model,
+                    case.attack,
+                    *estimate[:2],
+                )
             )
     tracks = [f"{scenario}, {track}" for scenario in suite.scenarios for track in suite.tracks]
     rows.sort(key=lambda row: (tracks.index(row[0]), row[2], row[1]))
@@ -280,10 +302,12 @@ def _tradeoff(attacks: Sequence[AttackScores], cases: _Worst) -> Table:
         "worst",
     )
     rows = []
-    found = (_estimates([one.measured[name] for one in attacks]) for name in ("damage", "auc"))
-    for one, damage, auc in zip(attacks, *found, strict=True):
+    estimates = (
+        _estimates([attack.measured[name] for attack in attacks]) for name in ("damage", "auc")
+    )
+    for attack, damage, auc in zip(attacks, *estimates, strict=True):
         if not np.isnan([damage.mean, auc.mean]).any():
-            rows.append((*_name(one), *damage[:2], *auc[:2], _is_worst(one, cases)))
+            rows.append((*_name(attack), *damage[:2], *auc[:2], _is_worst(attack, cases)))
     return Table(header, rows)
 
 
@@ -296,10 +320,10 @@ def _estimates(values: Sequence[Floats]) -> list[Estimate]:
     """Return means over seeds and games, (S, G) each, with half their intervals; all show how much
     seeds differ.
     """
-    shapes = np.array([one.shape for one in values] or [(1, 1)])
+    shapes = np.array([value.shape for value in values] or [(1, 1)])
     table = np.full(
         (len(values), *shapes.max(axis=0)), np.nan
     )  # conditions differ in the number of games
-    for place, one in zip(table, values, strict=True):
-        place[:, : one.shape[1]] = one
+    for place, value in zip(table, values, strict=True):
+        place[:, : value.shape[1]] = value
     return over_seeds(table, len(values)).estimates if values else []

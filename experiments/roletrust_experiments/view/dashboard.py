@@ -76,14 +76,14 @@ class Dashboard:
 
     def rounds(self, after: int) -> list[PublishedTrust]:
         """Return the rounds with a stamp after the given one, nanoseconds."""
-        return [one for one in list(self._listener.rounds) if one.stamp > after]
+        return [published for published in list(self._listener.rounds) if published.stamp > after]
 
-    def seconds(self, one: PublishedTrust) -> float:
+    def seconds(self, published: PublishedTrust) -> float:
         """Return the time of a round since the first received one, in seconds of the scenario's
         clock.
         """
         self._origin = self._origin or self._listener.rounds[0].stamp
-        return (one.stamp - self._origin) / 1e9 * self._speed
+        return (published.stamp - self._origin) / 1e9 * self._speed
 
     def parts(self) -> PageParts:
         """Return the parts of the page. Viewers that ask at about the same time get the same

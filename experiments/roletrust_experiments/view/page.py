@@ -111,7 +111,7 @@ class _TrustPlot:
 
     def add(self, rounds: Sequence[PublishedTrust]) -> None:
         """Append rounds; a new agent gets a new line."""
-        trust = [getattr(one, self._kind) for one in rounds]
+        trust = [getattr(published, self._kind) for published in rounds]
         for name in trust[-1]:
             if name not in self._names:
                 self._add_line(name)
@@ -121,7 +121,7 @@ class _TrustPlot:
             for k, name in enumerate(self._names)
         }
         self.source.stream(
-            {"time_s": [self._dashboard.seconds(one) for one in rounds], **columns},
+            {"time_s": [self._dashboard.seconds(published) for published in rounds], **columns},
             rollover=_CURVE_ROUNDS,
         )
 
@@ -169,11 +169,15 @@ class _ArrivalPlot:
         if self._raters.factors != raters[::-1]:
             self._raters.factors = raters[::-1]
             self.figure.height = max(150, 70 + 12 * len(raters))
-        cells = [(one, name) for one in rounds[-_MATCH_ROUNDS:] for name in one.tor]
+        cells = [
+            (published, name) for published in rounds[-_MATCH_ROUNDS:] for name in published.tor
+        ]
         new = {
-            "round": [one.round for one, _ in cells],
+            "round": [published.round for published, _ in cells],
             "rater": [name for _, name in cells],
-            "colour": [ATTACKER if name in one.missing else HONEST[1] for one, name in cells],
+            "colour": [
+                ATTACKER if name in published.missing else HONEST[1] for published, name in cells
+            ],
         }
         self.source.stream(new, rollover=_MATCH_ROUNDS * len(raters))
 

@@ -82,20 +82,23 @@ class Front(Condition):
             self.known(name, CoalitionAttacker(network))
             for name, network in universal_coalitions(wide=False).items()
         ]
-        scripts, found = self._scripts(), dict[str, KnownAttack]()
+        scripts, beginners = self._scripts(), dict[str, KnownAttack]()
         for model in models:
             task, worth = exact_task(self.arguments(model)), dict[str, float]()
             for batch in scripted_batches(task, self.kinds(model), games):
                 seen = measure(task, batch.attacker, seed, (len(batch.names), games)).chosen
                 for k, name in enumerate(batch.names):
                     worth[name] = float(self._skill(seen["utility"][k], seen["blind"][k]).mean())
-            found |= {one.name: one for one in [min(scripts, key=lambda one: worth[one.name])]}
-            coalitions = self.skills(model, ready, seed, games)
-            found |= {
-                one.name: one
-                for one in [min(ready, key=lambda one: coalitions[one.name].chosen.mean())]
+            beginners |= {
+                attack.name: attack
+                for attack in [min(scripts, key=lambda attack: worth[attack.name])]
             }
-        return list(found.values())
+            coalitions = self.skills(model, ready, seed, games)
+            beginners |= {
+                attack.name: attack
+                for attack in [min(ready, key=lambda attack: coalitions[attack.name].chosen.mean())]
+            }
+        return list(beginners.values())
 
     def strangers(self, met: Sequence[KnownAttack]) -> list[KnownAttack]:
         """Return attackers that no training has met: those that the suite knows in this condition.
@@ -110,10 +113,10 @@ class Front(Condition):
         # Those of the evolution strategy are no strangers: some were found against `first-hand` and
         # `leave-one-out`.
         if known := [
-            one for one in known if not one.name.startswith("evolution strategy against ")
+            attack for attack in known if not attack.name.startswith("evolution strategy against ")
         ]:
             return known
-        names = {one.name for one in met}
+        names = {attack.name for attack in met}
         return [script for script in self._scripts() if script.name not in names]
 
     def skills(
@@ -127,15 +130,15 @@ class Front(Condition):
             seed: Random seed; the same one gives all attacks and models the same games.
             games: Number of games that choose, and of others that measure.
         """
-        task, found = exact_task(self.arguments(model)), {}
+        task, skills = exact_task(self.arguments(model)), {}
         for batch in known_batches(task, attacks, 2 * games):
             seen = measure(task, batch.attacker, seed, (len(batch.names), games))
             for k, name in enumerate(batch.names):
                 halves = (seen.chosen, seen.measured)
-                found[name] = Skills(
+                skills[name] = Skills(
                     *(self._skill(half["utility"][k], half["blind"][k]) for half in halves)
                 )
-        return found
+        return skills
 
     def worst(self, model: str, attacks: Sequence[KnownAttack], seed: int, games: int) -> Floats:
         """Return the skill under the attack that is the worst one in the games that choose, shape
@@ -160,10 +163,10 @@ class Front(Condition):
         ]
 
     def _skill(self, utility: Floats, blind: Floats) -> Floats:
-        found = np.round(skill(utility, blind), _DIGITS)
-        if not np.isfinite(found).all():
+        skills = np.round(skill(utility, blind), _DIGITS)
+        if not np.isfinite(skills).all():
             raise ValueError(
                 f"the skill is undefined in {self}: in some game no choice is better than a blind "
                 "one"
             )
-        return found
+        return skills

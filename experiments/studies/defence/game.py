@@ -115,13 +115,15 @@ class Game:
 
     def payoffs(self) -> list[Payoffs]:
         """Return the matrix of each condition."""
-        found = []
+        payoffs = []
         for front, attackers, skills in zip(self.fronts, self.attackers, self._skills, strict=True):
-            names = tuple(one.name for one in attackers)
-            cells = np.array([[skills[one][name] for name in names] for one in self.defences])
+            names = tuple(attacker.name for attacker in attackers)
+            cells = np.array(
+                [[skills[defence][name] for name in names] for defence in self.defences]
+            )
             condition = Condition(*front[1:])
-            found.append(Payoffs(condition, names, *np.moveaxis(cells, 2, 0)))
-        return found
+            payoffs.append(Payoffs(condition, names, *np.moveaxis(cells, 2, 0)))
+        return payoffs
 
     def respond(self, k: int, solution: Solution) -> None:
         """Let each side train a best response to the other's mixture in iteration k, and play the
@@ -157,7 +159,7 @@ class Game:
         is trained against this model alone. `strangers`: under the worst attacker that no training
         has met. `worlds`: the same in other conditions.
         """
-        asked, found = self.asked, dict[str, list[Floats]]()
+        asked, skills_of_column = self.asked, dict[str, list[Floats]]()
         seed = self.seed(_OWN)
         for c, (front, attackers) in enumerate(zip(self.fronts, self.attackers, strict=True)):
             arguments = {name: front.arguments(spec)}
@@ -166,20 +168,24 @@ class Game:
             )
             met = [*attackers, front.known("trained against it alone", own)]
             for column, opponents in (("worst", met), ("strangers", front.strangers(attackers))):
-                found.setdefault(column, []).append(front.worst(spec, opponents, seed, asked.fresh))
-            found.setdefault("clean", []).append(front.clean(spec, seed, asked.fresh))
+                skills_of_column.setdefault(column, []).append(
+                    front.worst(spec, opponents, seed, asked.fresh)
+                )
+            skills_of_column.setdefault("clean", []).append(front.clean(spec, seed, asked.fresh))
         for world in (Front.parse(asked.suite, name) for name in asked.world):
-            found.setdefault("worlds", []).append(
+            skills_of_column.setdefault("worlds", []).append(
                 world.worst(spec, world.strangers(()), seed, asked.fresh)
             )
-        return {column: np.mean(skills, axis=0).tolist() for column, skills in found.items()}
+        return {
+            column: np.mean(skills, axis=0).tolist() for column, skills in skills_of_column.items()
+        }
 
     def _meet(self) -> None:
         """Play all pairs of trust models and attackers that have not met."""
         for front, attackers, skills in zip(self.fronts, self.attackers, self._skills, strict=True):
             for name, spec in self.defences.items():
                 before = skills.setdefault(name, {})
-                if missing := [one for one in attackers if one.name not in before]:
+                if missing := [attacker for attacker in attackers if attacker.name not in before]:
                     before |= front.skills(spec, missing, self.seed(_PAYOFF), self.asked.games)
 
     def _explored(self, weights: Floats) -> Floats:
@@ -201,7 +207,7 @@ def play_game(asked: Options, seed: int) -> Run:
     game, iterations = Game(asked, seed), []
     for k in range(asked.iterations):
         before = game.payoffs()
-        solution = solve([one.chosen.mean(axis=2) for one in before])
+        solution = solve([payoffs.chosen.mean(axis=2) for payoffs in before])
         game.respond(k, solution)
         iterations.append(measure_iteration(before, solution, game.payoffs()))
     last = game.payoffs()
@@ -212,10 +218,11 @@ def play_game(asked: Options, seed: int) -> Run:
         learned[name] = values.index(max(values))
     specs = {label(name, k): game.defences[label(name, k)] for name, k in learned.items()}
     specs |= {spec: spec for spec in (*asked.model, *asked.beside)}
-    weights = solve([one.chosen.mean(axis=2) for one in last]).models
+    weights = solve([payoffs.chosen.mean(axis=2) for payoffs in last]).models
     return {
         "iterations": [
-            {column: skills.tolist() for column, skills in one.items()} for one in iterations
+            {column: skills.tolist() for column, skills in iteration.items()}
+            for iteration in iterations
         ],
         "mixture": dict(zip(game.defences, weights.tolist(), strict=True)),
         "specs": game.defences,
@@ -229,7 +236,7 @@ def least(payoffs: Sequence[Payoffs]) -> Floats:
     """Return the skill of each trust model under the worst attackers, in the games that choose,
     shape (M,).
     """
-    mean: Floats = np.mean([one.chosen.mean(axis=2).min(axis=1) for one in payoffs], axis=0)
+    mean: Floats = np.mean([payoff.chosen.mean(axis=2).min(axis=1) for payoff in payoffs], axis=0)
     return mean
 
 
@@ -252,21 +259,24 @@ def measure_iteration(
     models = len(solution.models)
     value, worst = [], []
     replies = np.zeros(len(after[0].chosen))
-    for one, weights in zip(after, solution.attacks, strict=True):
+    for payoff, weights in zip(after, solution.attacks, strict=True):
         attackers = len(weights)
         mixed, measured = (
-            np.tensordot(solution.models, part[:models], 1) for part in (one.chosen, one.measured)
+            np.tensordot(solution.models, part[:models], 1)
+            for part in (payoff.chosen, payoff.measured)
         )
         value.append(weights @ measured[:attackers] / weights.sum())
         worst.append(measured[np.argmin(mixed.mean(axis=1))])
-        replies += one.chosen.mean(axis=2)[:, :attackers] @ weights / weights.sum()
+        replies += payoff.chosen.mean(axis=2)[:, :attackers] @ weights / weights.sum()
     best = int(np.argmax(replies))
     replied = [
-        weights @ one.measured[best, : len(weights)] / weights.sum()
-        for one, weights in zip(after, solution.attacks, strict=True)
+        weights @ payoff.measured[best, : len(weights)] / weights.sum()
+        for payoff, weights in zip(after, solution.attacks, strict=True)
     ]
     alone = int(np.argmax(least(before)))
-    single = [one.measured[alone, np.argmin(one.chosen[alone].mean(axis=1))] for one in after]
+    single = [
+        payoff.measured[alone, np.argmin(payoff.chosen[alone].mean(axis=1))] for payoff in after
+    ]
     at, under, reply = (np.mean(part, axis=0) for part in (value, worst, replied))
     wins = {"value": at, "attack": at - under, "defence": reply - at, "nash_conv": reply - under}
     return {**wins, "worst": under, "single": np.mean(single, axis=0)}
@@ -295,7 +305,7 @@ def respond_by_attack(
     many = {model: share for model, share in shares.items() if share >= _LEAST}
     tasks = [make_task(**arguments[model]) for model in many]
     weights = np.array(list(many.values()))
-    starts = known_starts("universal", [one.record for one in known], wide=False)
+    starts = known_starts("universal", [attack.record for attack in known], wide=False)
     training = EvolutionStrategy(
         tasks,
         StrategySettings(wide=False),

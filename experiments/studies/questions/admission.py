@@ -28,20 +28,20 @@ def answer(effort: Effort) -> Finding:
     """Play the market with and without admission control, at several thresholds."""
     open_to_all = make_scenario("market").change(max_cycles=effort.rounds(150))
     attacks = _attacks(open_to_all)
-    thresholds = sorted({*effort.some(_THRESHOLDS), _USUAL, _STRICT})
-    found: dict[tuple[str, str, float], Floats] = {}
+    thresholds = sorted({*effort.values_to_try(_THRESHOLDS), _USUAL, _STRICT})
+    measures: dict[tuple[str, str, float], Floats] = {}
     for name, attackers in attacks.items():
         free = play(effort, open_to_all, attackers)
         for threshold in thresholds:
             guarded = open_to_all.change(admission={"threshold": threshold, "rounds": _ROUNDS})
             seen = play(effort, guarded, attackers)
-            found[GAIN, name, threshold] = (seen.bought.got - free.bought.got).mean(axis=0)
-            found[BLIND, name, threshold] = (seen.bought.blind - free.bought.blind).mean(axis=0)
-            found[CUT, name, threshold], found[CAUGHT, name, threshold] = _cut_off(
+            measures[GAIN, name, threshold] = (seen.bought.got - free.bought.got).mean(axis=0)
+            measures[BLIND, name, threshold] = (seen.bought.blind - free.bought.blind).mean(axis=0)
+            measures[CUT, name, threshold], measures[CAUGHT, name, threshold] = _cut_off(
                 open_to_all, attackers, seen
             )
     differences = {
-        f"{words}, {name}": estimate(found[what, name, threshold])
+        f"{words}, {name}": estimate(measures[what, name, threshold])
         for words, what, threshold in (
             (GAIN, GAIN, _USUAL),
             (BLIND, BLIND, _USUAL),
@@ -56,7 +56,7 @@ def answer(effort: Effort) -> Finding:
             "threshold of trust",
             along,
             lines(
-                found,
+                measures,
                 what,
                 [name for name in attacks if attacks[name] or what != CAUGHT],
                 thresholds,
@@ -86,9 +86,9 @@ def sentence(differences: dict[str, Estimate]) -> str:
         }
 
     gains = part(GAIN), part(BLIND), part(STRICT)
-    cut = ", ".join(f"{amount(one)} {where}" for where, one in part(CUT).items())
+    cut = ", ".join(f"{amount(gap)} {where}" for where, gap in part(CUT).items())
     return (
-        f"Better service? {verdict(one for gain in gains for one in gain.values())}: a threshold "
+        f"Better service? {verdict(gap for gain in gains for gap in gain.values())}: a threshold "
         f"of {_USUAL:g} for "
         f"{_ROUNDS} rounds brings consumers who go by trust quality of {listed(gains[0])}, and "
         "those who go blindly of "

@@ -44,7 +44,7 @@ class Effort(NamedTuple):
     seed: int
     quick: bool
 
-    def some(self, values: Iterable[T]) -> tuple[T, ...]:
+    def values_to_try(self, values: Iterable[T]) -> tuple[T, ...]:
         """Return the values to try."""
         return tuple(values)[:_QUICK_VALUES] if self.quick else tuple(values)
 
@@ -119,18 +119,22 @@ class Finding(NamedTuple):
 
 
 def lines(
-    found: Mapping[tuple[str, str, At], Floats], what: str, labels: Iterable[str], at: Sequence[At]
+    measures: Mapping[tuple[str, str, At], Floats],
+    what: str,
+    labels: Iterable[str],
+    at: Sequence[At],
 ) -> list[Series]:
     """Return a line for each label: means over the games with their intervals.
 
     Args:
-        found: Numbers of each game, by what they are, the label and the position, shape (G,) each.
+        measures: Numbers of each game, by what they are, the label and the position, shape (G,)
+            each.
         what: What is drawn.
         labels: Labels of the lines.
         at: Positions.
     """
     return [
-        Series(label, at, [estimate(found[what, label, x]).interval for x in at])
+        Series(label, at, [estimate(measures[what, label, x]).interval for x in at])
         for label in labels
     ]
 
@@ -155,10 +159,10 @@ def verdict(differences: Iterable[Estimate]) -> str:
         >>> verdict([up, up]), verdict([down]), verdict([up, down]), verdict([up, open]), verdict([open])
         ('Yes', 'No, the other way round', 'It depends', 'It depends', 'Not shown')
     """  # noqa: E501
-    found = {sign(difference) for difference in differences}
-    if len(found) != 1:
+    signs = {sign(difference) for difference in differences}
+    if len(signs) != 1:
         return "It depends"
-    return {1: "Yes", -1: "No, the other way round", 0: "Not shown"}[found.pop()]
+    return {1: "Yes", -1: "No, the other way round", 0: "Not shown"}[signs.pop()]
 
 
 def amount(value: Estimate) -> str:
@@ -206,10 +210,16 @@ def listed(differences: Mapping[str, Estimate]) -> str:
         >>> listed({"here": Estimate(0.25, 0.01), "there": Estimate(0.001, 0.01), "yonder": Estimate(0.01, 0.01)})
         '0.250 ± 0.010 more here and neither more nor less there or yonder (within ± 0.020)'
     """  # noqa: E501
-    parts = [f"{in_words(one)} {where}" for where, one in differences.items() if sign(one)]
-    hidden = {where: one for where, one in differences.items() if not sign(one)}
+    parts = [
+        f"{in_words(difference)} {where}"
+        for where, difference in differences.items()
+        if sign(difference)
+    ]
+    hidden = {
+        where: difference for where, difference in differences.items() if not sign(difference)
+    }
     if hidden:
-        bound = max(abs(one.mean) + one.half for one in hidden.values())
+        bound = max(abs(difference.mean) + difference.half for difference in hidden.values())
         words = (
             f"within ± {ceil(bound * 1000 - _SAME) / 1000:.3f}"
             if bound == bound

@@ -43,21 +43,21 @@ _CASES = {
 
 def answer(effort: Effort) -> Finding:
     """Play peers, a third of which attack in one role, in the other role, or in both."""
-    found = {
+    measures = {
         (what, trust, case.words): values
         for case in _CASES.values()
         for (what, trust), values in _play(effort, case).items()
     }
     differences = {
         f"{name}, {what}": estimate(
-            found[what, "ToA", _CASES[name].words] - found[what, trust, _CASES[name].words]
+            measures[what, "ToA", _CASES[name].words] - measures[what, trust, _CASES[name].words]
         )
         for name, trust in _ROLES.items()
         for what in ("gap", "auc")
     }
     words = [case.words for case in _CASES.values()]
     panels = [
-        Panel(title, "", what, lines(found, field, ("ToR", "ToP", "ToA"), words))
+        Panel(title, "", what, lines(measures, field, ("ToR", "ToP", "ToA"), words))
         for field, title, what in (
             ("gap", "how far attackers stand apart", "trust of the honest less that of attackers"),
             ("auc", "how well they are told apart", "AUC: 0.5 as by chance, 1 surely"),
@@ -71,7 +71,7 @@ def sentence(differences: dict[str, Estimate]) -> str:
     attacked role.
     """
     gaps = {name: differences[f"{name}, gap"] for name in _ROLES}
-    hides = verdict(one._replace(mean=-one.mean) for one in gaps.values())
+    hides = verdict(gap._replace(mean=-gap.mean) for gap in gaps.values())
 
     def part(name: str) -> str:
         auc = in_words(differences[f"{name}, auc"], "higher", "lower", "not shown to differ")
@@ -96,12 +96,12 @@ def _play(effort: Effort, case: Case) -> dict[tuple[str, str], Floats]:
     game = Game(_peers(effort, case.turns), "role-trust")
     attackers = {f"srsp_{place}": case.policy for place in range(_PEERS - _ATTACKERS, _PEERS)}
     history = record(JointPolicy(game, attackers), game.random(effort.seed), (effort.games,))
-    bad, found = slice(_PEERS - _ATTACKERS, _PEERS), {}
+    bad, measures = slice(_PEERS - _ATTACKERS, _PEERS), {}
     for name, trusts in {"ToR": history.tor, "ToP": history.top, "ToA": history.trust}.items():
         trust = mean_or_nan(np.asarray(trusts)[SETTLED:], axis=0)
-        found["gap", name] = np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0)
-        found["auc", name] = metrics.auc(trust, range(_PEERS)[bad]).value
-    return found
+        measures["gap", name] = np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0)
+        measures["auc", name] = metrics.auc(trust, range(_PEERS)[bad]).value
+    return measures
 
 
 def _peers(effort: Effort, turns: tuple[str, ...]) -> Scenario:

@@ -62,7 +62,7 @@ def answer(effort: Effort) -> Finding:
                 share: _over_half(case, by_share[0.0]) for share, case in sorted(by_share.items())
             }
     failed = {cell.model: done.failed for cell, done in played.cells if done.failed}
-    breaks = {model: breaking(found) for model, found in left.items() if sign(found[0.0]) > 0}
+    breaks = {model: breaking(values) for model, values in left.items() if sign(values[0.0]) > 0}
     order = sorted(breaks, key=lambda model: (-breaks[model].share, -breaks[model].whole, model))
     panel = Panel(
         f"less than {_LEFT:g} of what going by published trust is worth is left under the worst "
@@ -126,7 +126,10 @@ def _over_half(case: WorstCase, calm: WorstCase) -> Estimate:
     """Return the benefit of trust over a blind choice in utility, minus half of that benefit
     without liars.
     """
-    mine, full = (one.measured["utility"] - one.measured["blind"] for one in (case, calm))
+    mine, full = (
+        case_measures.measured["utility"] - case_measures.measured["blind"]
+        for case_measures in (case, calm)
+    )
     return estimate(np.ravel(mine - _LEFT * full))  # of a single seed
 
 
@@ -136,11 +139,14 @@ def _suite(effort: Effort) -> Suite:
     suite = Suite(
         name="liars",
         scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},
-        tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=effort.some(_SHARES))},
+        tracks={
+            "honest": Track(),
+            "liars": Track(roles=("SR",), shares=effort.values_to_try(_SHARES)),
+        },
         methods=("scripted",),
         attacks=suite_of("attackers").attacks,
         games=max(_LEAST, effort.games // _FEWER),
         seeds=(effort.seed,),
         limit_s=PATIENCE_S,
     )
-    return suite.model_copy(update={"models": effort.some(suite.model_names)})
+    return suite.model_copy(update={"models": effort.values_to_try(suite.model_names)})

@@ -35,7 +35,7 @@ FALLS, FROM = "fall", "from"
 
 def answer(effort: Effort) -> Finding:
     """Play crowds of several sizes with one liar, and with a third of liars."""
-    sizes = effort.some(_SIZES)
+    sizes = effort.values_to_try(_SIZES)
     taken: dict[tuple[str, str, float], Floats] = {}
     for size in sizes:
         scenario = _crowd(size, effort)

@@ -49,7 +49,7 @@ def answer(effort: Effort) -> Finding:
     more identities.
     """
     rng = np.random.default_rng(effort.seed)
-    rounds, liars = effort.rounds(ROUNDS), sorted(effort.some(_LIARS))
+    rounds, liars = effort.rounds(ROUNDS), sorted(effort.values_to_try(_LIARS))
     several = {many: worlds(RATERS - many, many, rounds, effort.games, rng) for many in liars}
     spare = {
         k: worlds(RATERS - k, k * (1 + RESERVE), rounds, effort.games, rng) for k in (1, 2, 3, 4, 6)
@@ -66,11 +66,11 @@ def answer(effort: Effort) -> Finding:
         (f"by published trust, {more}", _CENTRAL, 0, spare),
         (f"each judge by its own trust, {more}", _PERSONAL, 1, spare),
     ):
-        found = {
+        values_of_model = {
             name: [played(name, pair)[part].interval for pair in pairs.values()] for name in models
         }
         shares = [many / RATERS for many in pairs]
-        series = [Series(name, shares, values) for name, values in found.items()]
+        series = [Series(name, shares, values) for name, values in values_of_model.items()]
         limit = 1 / (2 + RESERVE) if pairs is spare else 0.5
         known = (
             []
@@ -96,8 +96,10 @@ def sentence(published: dict[str, Estimate], own: dict[str, Estimate]) -> str:
     """Return the answer from the skill of each model where half of the raters lie, by published and
     by own trust.
     """
-    zero = [name for name, one in published.items() if abs(one.mean) <= _TIE]
-    others = [f"{name} ({amount(one)})" for name, one in published.items() if name not in zero]
+    zero = [name for name, trust_gap in published.items() if abs(trust_gap.mean) <= _TIE]
+    others = [
+        f"{name} ({amount(trust_gap)})" for name, trust_gap in published.items() if name not in zero
+    ]
     best = max(own, key=lambda name: own[name].mean)
     rest = f"; others: {', '.join(others)}" if others else ""
     return (
@@ -133,10 +135,13 @@ def worlds(
     mask[:, 2 * honest :] = False
     truthful = (np.arange(raters) < honest)[:, None, None]
     swapped = np.r_[honest : honest + both, both:honest, :both, honest + both : raters]
-    here, there = seen, seen[:, swapped]  # a rater of B perceives the complement of what is `there`
+    here, world_b = (
+        seen,
+        seen[:, swapped],
+    )  # a rater of B perceives the complement of what is `there`
     return (
         World(np.where(truthful, here, 1 - here), mask, quality, honest),
-        World(np.where(truthful, 1 - there, there), mask[:, swapped], 1 - quality, honest),
+        World(np.where(truthful, 1 - world_b, world_b), mask[:, swapped], 1 - quality, honest),
     )
 
 

@@ -24,20 +24,22 @@ def answer(effort: Effort) -> Finding:
     """Play a crowd of robots with several radii, moving and standing still, with three liars and
     with none.
     """
-    radii = sorted({*effort.some(_RADII), _NEAR, _USUAL, _EVERYONE})
+    radii = sorted({*effort.values_to_try(_RADII), _NEAR, _USUAL, _EVERYONE})
     liars = dict.fromkeys(last(_robots(effort, _USUAL, 0.0), "SR", _LIARS), BadMouthing())
-    found: dict[tuple[str, str, float], Floats] = {}
+    measures: dict[tuple[str, str, float], Floats] = {}
     for label, speed in _SPEEDS.items():
         for radius in radii:
             scenario = _robots(effort, radius, speed)
             calm, struck = play(effort, scenario), play(effort, scenario, liars)
-            found[HARM, label, radius] = lost(struck, calm, honest(scenario, liars))
-            found[UTILITY, label, radius] = metrics.share_of_best(
+            measures[HARM, label, radius] = lost(struck, calm, honest(scenario, liars))
+            measures[UTILITY, label, radius] = metrics.share_of_best(
                 calm.bought.got, calm.bought.best
             ).value
     moving, still = _SPEEDS
     differences = {
-        f"{what}, {radius:g} m, {name}": estimate(found[what, moving, radius] - found[what, *other])
+        f"{what}, {radius:g} m, {name}": estimate(
+            measures[what, moving, radius] - measures[what, *other]
+        )
         for what in (HARM, UTILITY)
         for radius in (_USUAL, _NEAR)
         for name, other in ((EVERYONE, (moving, _EVERYONE)), (STILL, (still, radius)))
@@ -47,7 +49,7 @@ def answer(effort: Effort) -> Finding:
             title,
             f"radius in metres, in an arena of {_ARENA:g} m",
             along,
-            lines(found, what, _SPEEDS, radii),
+            lines(measures, what, _SPEEDS, radii),
         )
         for what, title, along in (
             (HARM, f"what {_LIARS} liars of ten raters take", "trust that the honest lose"),

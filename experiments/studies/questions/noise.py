@@ -34,7 +34,7 @@ RATERS, PROVIDERS, LIAR, SHARE = "ToR", "ToP", "than a liar", "than its share"
 
 def answer(effort: Effort) -> Finding:
     """Play ten raters and ten providers with growing noise, and once with a liar and no noise."""
-    noises = sorted({*effort.some(_NOISES), _SMALL, _LARGE})
+    noises = sorted({*effort.values_to_try(_NOISES), _SMALL, _LARGE})
     loss: dict[tuple[str, str, float], Floats] = {}
     calm = _crowd(1.0, 0.0, effort)
     roster = Roster.of(calm)

@@ -25,16 +25,18 @@ _WHAT = {"trust": "trust of the honest", "utility": "utility of consumers"}
 def answer(effort: Effort) -> Finding:
     """Play all scripted attacks by a third of the raters, and by a third of the providers."""
     suite = _suite(effort)
-    kept = benchmark(suite=suite, progress=False).cells
-    found = {
+    cells = benchmark(suite=suite, progress=False).cells
+    measures = {
         (what, f"{who} attack", place): values
         for place in suite.scenarios
         for who in _TRACKS
-        for what, values in harm(_rows(kept, place, who), _rows(kept, place, "honest")[0]).items()
+        for what, values in harm(_rows(cells, place, who), _rows(cells, place, "honest")[0]).items()
     }
     labels = [f"{who} attack" for who in _TRACKS]
     differences = {
-        f"{what}, {place}": estimate(found[what, labels[0], place] - found[what, labels[1], place])
+        f"{what}, {place}": estimate(
+            measures[what, labels[0], place] - measures[what, labels[1], place]
+        )
         for what in _WHAT
         for place in suite.scenarios
     }
@@ -43,7 +45,7 @@ def answer(effort: Effort) -> Finding:
             title,
             "",
             "less than without the attack",
-            lines(found, what, labels, list(suite.scenarios)),
+            lines(measures, what, labels, list(suite.scenarios)),
         )
         for what, title in _WHAT.items()
     ]
@@ -54,12 +56,12 @@ def sentence(differences: dict[str, Estimate]) -> str:
     """Return the answer from the harm by raters minus that by providers."""
 
     def parts(what: str) -> str:
-        found = {
-            name.partition(", ")[2]: one
-            for name, one in differences.items()
+        parts_of_role = {
+            name.partition(", ")[2]: difference
+            for name, difference in differences.items()
             if name.startswith(what)
         }
-        return listed({f"in {place}": one for place, one in found.items()})
+        return listed({f"in {place}": difference for place, difference in parts_of_role.items()})
 
     return (
         f"{verdict(differences.values())}: where a third of either attack with their worst script, "
@@ -107,6 +109,6 @@ def _suite(effort: Effort) -> Suite:
     )
 
 
-def _rows(kept: Sequence[StoredCell], place: str, track: str) -> tuple[AttackResult, ...]:
+def _rows(cells: Sequence[StoredCell], place: str, track: str) -> tuple[AttackResult, ...]:
     """Return the results on a track."""
-    return next(done.rows for cell, done in kept if (cell.scenario, cell.track) == (place, track))
+    return next(done.rows for cell, done in cells if (cell.scenario, cell.track) == (place, track))

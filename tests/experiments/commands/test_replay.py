@@ -57,10 +57,12 @@ def test_the_states_are_those_of_the_game_that_was_measured() -> None:
         if cell.method == "random search" and cell.model == "role-trust"
     )
     found = Replay.of(SUITE, cell, "random search")
-    whole = watch(found.found.task, found.found.batch.attacker, cell.seed, (1, 2 * SUITE.games))
+    whole = watch(
+        found.attack_found.task, found.attack_found.batch.attacker, cell.seed, (1, 2 * SUITE.games)
+    )
     for game in (0, SUITE.games - 1):
         *_, last = found.states(game)
-        trust = found.found.task.game.agent_trust(last)
+        trust = found.attack_found.task.game.agent_trust(last)
         assert trust == pytest.approx(whole.trust[-1, :, 0, SUITE.games + game])
 
 
@@ -68,8 +70,8 @@ def test_believed_is_the_share_of_rounds_in_which_an_accomplice_is_on_top() -> N
     suite = small(models=["constant"], attacks=["on-off"], methods=["scripted"], tracks=PROVIDERS)
     (cell,) = suite.cells()
     found = Replay.of(suite, cell, "on-off")
-    roster = found.found.task.game.roster
-    mine = sum(name in found.found.task.identities for name in roster.provider_names)
+    roster = found.attack_found.task.game.roster
+    mine = sum(name in found.attack_found.task.identities for name in roster.provider_names)
     assert found.believed == pytest.approx(mine / roster.n_providers)  # all are trusted alike
     assert [side.label for side in found.sides] == [
         "honest raters",

@@ -248,7 +248,7 @@ def _report(
     curves = curves_from_rounds(
         [entry.published for entry in entries], start, plan.period, scenario.period_s
     )
-    measured, expected = (paper.check(one, scenario, paper.attack) for one in (curves, simulated))
+    measured, expected = (paper.check(seen, scenario, paper.attack) for seen in (curves, simulated))
     partial, delays = sum(bool(entry.missing) for entry in entries), _latencies_ms(entries)
     delay = statistics.median(delays) if delays else None
     caption = f"measured on DDS: {len(entries)} rounds, {partial} of them with a rater missing"
@@ -296,10 +296,14 @@ def curves_from_rounds(
         period_s: Time between rounds by the scenario's clock, seconds. The trust after the services
             of round r is at (r + 1) * period_s.
     """
-    number = np.array([round((one.stamp - start) / period) for one in rounds])
+    number = np.array([round((published.stamp - start) / period) for published in rounds])
     raters, providers, nan = rounds[-1].tor, rounds[-1].top, float("nan")
-    tor = np.array([[one.tor.get(name, nan) for name in raters] for one in rounds])[..., None]
-    top = np.array([[one.top.get(name, nan) for name in providers] for one in rounds])[..., None]
+    tor = np.array([[published.tor.get(name, nan) for name in raters] for published in rounds])[
+        ..., None
+    ]
+    top = np.array([[published.top.get(name, nan) for name in providers] for published in rounds])[
+        ..., None
+    ]
     trust = np.concatenate([tor, top], axis=1)
     return Curves(
         (number + 1) * period_s, tor, top, trust, np.full_like(trust, nan), np.full_like(top, nan)
@@ -373,7 +377,7 @@ def _run_team(
             from roletrust_experiments.view.page import run_view_server
 
             page.text = "Starting the nodes."
-            here, there = multiprocessing.Pipe()
+            here, far_end = multiprocessing.Pipe()
             settings: Any = {
                 "team": team,
                 "keys": keys,
@@ -382,7 +386,7 @@ def _run_team(
             }
             settings |= {
                 "listening": page.listening,
-                "take": partial(_ask, there),
+                "take": partial(_ask, far_end),
                 "period_s": period / SECOND,
             }
             nodes.start("view", run_view_server, **settings)

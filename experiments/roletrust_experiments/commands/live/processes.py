@@ -54,13 +54,16 @@ class NodeProcesses:
         """Start a process that waits for `begin`, and then calls `run` with the arguments of
         both.
         """
-        here, there = self._context.Pipe()
+        here, far_end = self._context.Pipe()
         process = self._context.Process(
-            target=run_with_parent, args=(_run_child, there, run, arguments), name=name, daemon=True
+            target=run_with_parent,
+            args=(_run_child, far_end, run, arguments),
+            name=name,
+            daemon=True,
         )
         with without_interrupts():  # they are stopped at the end
             process.start()
-        there.close()
+        far_end.close()
         self._processes[name] = _Process(process, here)
 
     @property
