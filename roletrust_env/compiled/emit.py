@@ -1,7 +1,7 @@
 """The code of a scheduled graph, in the language of LLVM: loops over agents, and over games.
 
-Numbers are vectors of `width` games, whose entries are next to each other in memory; a single game
-is a vector of one. Scratch memory holds one vector of games.
+A batch is played with vectors of `width` games, whose entries are next to each other in memory, a
+single game with numbers. Scratch memory holds one vector of games.
 """
 
 import math
@@ -18,7 +18,7 @@ from roletrust_env.compiled.schedule import Kernel, Positions, Schedule, entries
 ALIGNMENT = 64
 """Number of bytes of a line of the cache, at which arrays in scratch memory begin."""
 
-_TYPES = {"f8": "double", "f4": "float", "i8": "i64", "i4": "i32", "b1": "i1"}
+_TYPES = {"f8": "double", "f4": "float", "i8": "i64", "i4": "i32", "i1": "i8", "b1": "i1"}
 
 
 def emit(inputs: Sequence[Recorded], outputs: Sequence[Recorded], width: int) -> str:
@@ -52,6 +52,7 @@ class _Emitter:
         self._block, self._count = "entry", 0
         self._known: list[dict[str, str]] = [{}]  # name of each result, by loop
         self._here: dict[Recorded, str] = {}  # entries that this turn of the kernel has computed
+        self._first, self._game = "0", "0"  # indices of the games of the vector
         self._variables: list[str] = []  # of the loops around
 
     # --- text
@@ -67,16 +68,19 @@ class _Emitter:
         return name
 
     def _vector(self, element: str) -> str:
-        return f"<{self._width} x {element}>"
+        return element if self._width == 1 else f"<{self._width} x {element}>"
 
     def _type(self, dtype: Any) -> str:
         return self._vector(_element(dtype))
 
     def _number(self, value: Any, dtype: Any) -> str:
-        """Return a number in the language of LLVM."""
-        return f"splat ({_element(dtype)} {_literal(value, dtype)})"
+        """Return a number in the language of LLVM, for all games."""
+        number = _literal(value, dtype)
+        return number if self._width == 1 else f"splat ({_element(dtype)} {number})"
 
     def _splat(self, scalar: str, element: str) -> str:
+        if self._width == 1:
+            return scalar
         vector = self._vector(element)
         first = self._emit(f"insertelement {vector} poison, {element} {scalar}, i64 0")
         zeros = f"{self._vector('i32')} zeroinitializer"
@@ -141,11 +145,13 @@ class _Emitter:
         """Return the address of the entry of all games at a position."""
         if memory in self._scratch:
             return self._entry(self._scratch[memory], self._vector(_stored(dtype)), position)
+        if self._width == 1:
+            return self._entry(self._outside[memory], _stored(dtype), position)
         row = self._emit(f"mul nsw i64 {position}, %games")
-        place = self._emit(f"add nsw i64 {row}, %first")
+        place = self._emit(f"add nsw i64 {row}, {self._first}")
         address = self._entry(self._outside[memory], _stored(dtype), place)
         following = f"getelementptr inbounds {self._vector(_stored(dtype))}, ptr {address}, i64 1"
-        if self._width > 1 and following not in self._known[-1]:
+        if following not in self._known[-1]:
             # The next vector is in another page, so that the processor does not expect it.
             self._declared.add("declare void @llvm.prefetch.p0(ptr, i32, i32, i32)")
             fetched = f"ptr {self._emit(following)}, i32 0, i32 3, i32 1"
@@ -167,7 +173,7 @@ class _Emitter:
     def _from_memory(self, value: str, dtype: Any) -> str:
         if dtype.kind != "b":
             return value
-        return self._emit(f"icmp ne {self._vector('i8')} {value}, zeroinitializer")
+        return self._emit(f"icmp ne {self._vector('i8')} {value}, {self._number(0, np.int8)}")
 
     def _store(self, value: str, dtype: Any, memory: Any, at: Positions) -> None:
         address, kind = self._address(memory, self._position(at), dtype), self._type(dtype)
@@ -188,7 +194,7 @@ class _Emitter:
         if node in self._schedule.inline:
             return self._computed(node, at)
         if node.op == "game":
-            return "%game"
+            return self._game
         if node.op == "constant":
             values = node.data.reshape(-1)[at]
             first = values.flat[0]
@@ -217,7 +223,8 @@ class _Emitter:
     def _operation(self, name: str, dtype: Any, args: Sequence[str]) -> str:
         instruction, kind = INSTRUCTIONS[dtype.kind][name], self._type(dtype)
         if instruction.startswith("llvm."):
-            suffix = f"v{self._width}{dtype.kind}{8 * dtype.itemsize}"
+            lanes = "" if self._width == 1 else f"v{self._width}"
+            suffix = f"{lanes}{dtype.kind}{8 * dtype.itemsize}"
             return self._call(kind, instruction, suffix, args)
         return self._emit(f"{instruction} {kind} {', '.join(args)}")
 
@@ -241,49 +248,44 @@ class _Emitter:
     def _gathered(self, node: Recorded, at: str) -> str:
         """Emit the look-up of an entry of its own for each game."""
         table, element = node.args[0], _stored(node.dtype)
-        found = "poison"
+        found, kind = "poison", self._vector(element)
         for game in range(self._width):
-            place = self._emit(f"extractelement {self._vector('i64')} {at}, i64 {game}")
+            place = at
+            if self._width > 1:
+                place = self._emit(f"extractelement {self._vector('i64')} {at}, i64 {game}")
             if table.op == "constant":
                 address = self._entry(self._table(table.data), element, place)
             else:
-                address = self._address(table, place, node.dtype)
-                address = self._entry(address, element, str(game))
+                address = self._entry(self._address(table, place, node.dtype), element, str(game))
             one = self._emit(f"load {element}, ptr {address}")
-            found = self._emit(
-                f"insertelement {self._vector(element)} {found}, {element} {one}, i64 {game}"
-            )
+            if self._width == 1:
+                found = one
+            else:
+                found = self._emit(f"insertelement {kind} {found}, {element} {one}, i64 {game}")
         return self._from_memory(found, node.dtype)
 
     # --- the function
 
     def code(self) -> str:
-        """Return the code of all kernels. The last vector of games overlaps the one before."""
-        width = self._width
-        more = self._emit(f"add nsw i64 %games, {width - 1}")
-        last = self._emit(f"sub nsw i64 %games, {width}")
-        with self._loop(self._emit(f"udiv i64 {more}, {width}")) as vector:
-            start = self._emit(f"mul nuw nsw i64 {vector}, {width}")
-            self._lines.append(
-                f"  %first = add i64 {self._call('i64', 'llvm.smin', 'i64', [start, last])}, 0"
-            )
-            first = self._splat(self._emit("trunc i64 %first to i32"), "i32")
-            steps = ", ".join(f"i32 {k}" for k in range(width))
-            self._lines.append(f"  %game = add {self._vector('i32')} {first}, <{steps}>")
-            for kernel in self._schedule.kernels:
-                self._kernel(kernel, kernel.shape)
-        pointers = list(self._outside.values())
-        words = ["  %games = load i64, ptr %words"] if width > 1 else []
-        for k, pointer in enumerate(pointers, 1):
+        """Return the code of all kernels, for all games."""
+        if self._width == 1:
+            self._kernels()
+        else:
+            self._batch()
+        pointers = [f"ptr {name}" for name in self._outside.values()]
+        words = []
+        for k, argument in enumerate(["i64 %games", *pointers]):
+            kind, name = argument.split()
             words += [
                 f"  %w{k} = getelementptr i64, ptr %words, i64 {k}",
-                f"  {pointer} = load ptr, ptr %w{k}",
+                f"  {name} = load {kind}, ptr %w{k}",
             ]
+        given = ", ".join(["i64 %games", *pointers])
         return "\n".join(
             [
                 *(f"{name} = {text}" for text, name in self._globals.items()),
                 *sorted(self._declared),
-                f"define internal void @play(i64 %games, {_listed('ptr noalias', pointers)}) {{",
+                f"define internal void @play({given.replace('ptr', 'ptr noalias')}) {{",
                 "entry:",
                 *self._allocas,
                 *self._lines,
@@ -291,13 +293,29 @@ class _Emitter:
                 "}",
                 "define void @run(ptr %words) {",
                 *words,
-                f"  call void @play(i64 {'%games' if width > 1 else 1}, "
-                f"{_listed('ptr', pointers)})",
+                f"  call void @play({given})",
                 "  ret void",
                 "}",
                 "",
             ]
         )
+
+    def _batch(self) -> None:
+        """Emit a loop over vectors of games. The last one overlaps the one before."""
+        width = self._width
+        more = self._emit(f"add nsw i64 %games, {width - 1}")
+        last = self._emit(f"sub nsw i64 %games, {width}")
+        with self._loop(self._emit(f"udiv i64 {more}, {width}")) as vector:
+            start = self._emit(f"mul nuw nsw i64 {vector}, {width}")
+            self._first = self._call("i64", "llvm.smin", "i64", [start, last])
+            first = self._splat(self._emit(f"trunc i64 {self._first} to i32"), "i32")
+            steps = ", ".join(f"i32 {k}" for k in range(width))
+            self._game = self._emit(f"add {self._vector('i32')} {first}, <{steps}>")
+            self._kernels()
+
+    def _kernels(self) -> None:
+        for kernel in self._schedule.kernels:
+            self._kernel(kernel, kernel.shape)
 
     def _kernel(self, kernel: Kernel, shape: Sequence[int]) -> None:
         """Emit the loops of a kernel over the rest of its shape."""
@@ -318,10 +336,6 @@ class _Emitter:
             if source is not target or source in self._scratch:
                 self._store(value, source.dtype, target, positions)
         self._known.pop()
-
-
-def _listed(kind: str, names: Sequence[str]) -> str:
-    return ", ".join(f"{kind} {name}" for name in names)
 
 
 def _strides(at: Positions) -> list[int] | None:

@@ -144,12 +144,18 @@ def _makes_like(function: Any) -> Any:
 
 
 _METHODS: dict[str, Callable[..., Any]] = {
-    **{"sum": _sum, "mean": _mean, "any": _any, "all": _all, "clip": _clip},
-    **{"max": partial(reduce, np.maximum), "min": partial(reduce, np.minimum)},
+    "sum": _sum,
+    "mean": _mean,
+    "any": _any,
+    "all": _all,
+    "clip": _clip,
+    "max": partial(reduce, np.maximum),
+    "min": partial(reduce, np.minimum),
     "astype": lambda array, dtype, copy=True: cast(array, dtype),
     "reshape": lambda array, *shape: view(array, lambda positions: positions.reshape(*shape)),
     "copy": lambda array: array,
-    **{name: _views(getattr(np, name)) for name in ("swapaxes", "ravel")},
+    "swapaxes": _views(np.swapaxes),
+    "ravel": _views(np.ravel),
 }
 """Functions that are also methods of arrays."""
 
@@ -179,16 +185,32 @@ class _Namespace(SimpleNamespace):
 
 _NAMESPACE: Any = _Namespace(
     **_METHODS,
-    **{"where": where, "einsum": _einsum, "bitcast": bitcast, "matmul": _matmul},
-    **{"concat": concat, "concatenate": concat, "stack": _stack, "sort": _sort},
-    **{"argsort": _argsort, "take_along_axis": _take_along, "broadcast_to": broadcast},
+    where=where,
+    einsum=_einsum,
+    bitcast=bitcast,
+    matmul=_matmul,
+    concat=concat,
+    concatenate=concat,
+    stack=_stack,
+    sort=_sort,
+    argsort=_argsort,
+    take_along_axis=_take_along,
+    broadcast_to=broadcast,
+    moveaxis=_views(np.moveaxis),
+    expand_dims=_views(np.expand_dims),
+    transpose=_views(np.transpose),
+    permute_dims=_views(np.transpose),
     linalg=SimpleNamespace(solve=_solve),
     finfo=np.finfo,
     round=partial(elementwise, np.rint),
     asarray=lambda values, dtype=None, device=None, copy=None: constant(values, dtype),
-    **{name: _views(getattr(np, name)) for name in ("moveaxis", "expand_dims", "squeeze")},
-    **{name: _views(getattr(np, name)) for name in ("transpose", "permute_dims", "flip", "take")},
-    **{name: _makes(getattr(np, name)) for name in ("zeros", "ones", "full", "arange", "eye")},
-    **{f"{name}_like": _makes_like(getattr(np, name)) for name in ("zeros", "ones", "empty")},
+    zeros=_makes(np.zeros),
+    ones=_makes(np.ones),
+    full=_makes(np.full),
+    arange=_makes(np.arange),
+    eye=_makes(np.eye),
+    zeros_like=_makes_like(np.zeros),
+    ones_like=_makes_like(np.ones),
+    empty_like=_makes_like(np.zeros),
 )
 Recorded.namespace = _NAMESPACE
