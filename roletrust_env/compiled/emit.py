@@ -1,7 +1,8 @@
 """The code of a scheduled graph, in the language of LLVM: loops over agents, and over games.
 
 A batch is played with vectors of `width` games, whose entries are next to each other in memory, a
-single game with numbers. Scratch memory holds one vector of games.
+single game with numbers. Scratch memory holds one vector of games; the lock of Python keeps threads
+from using it at the same time.
 """
 
 import math
@@ -16,7 +17,7 @@ from roletrust_env.compiled.record import INSTRUCTIONS, Recorded, UnrecordableEr
 from roletrust_env.compiled.schedule import Kernel, Positions, Schedule, entries, operands
 
 ALIGNMENT = 64
-"""Number of bytes of a line of the cache, at which arrays in scratch memory begin."""
+"""Number of bytes of a line of the cache, at which arrays begin."""
 
 _TYPES = {"f8": "double", "f4": "float", "i8": "i64", "i4": "i32", "i1": "i8", "b1": "i1"}
 

@@ -139,7 +139,11 @@ class Program(NamedTuple):
             raise _refusal(f"{type(error).__name__}: {error}") from error
         after, outputs = map_leaves(constant, after), map_leaves(constant, outputs)
         results = Layout(outputs)
-        if [shape for shape, _ in Layout(after).arrays] != [shape for shape, _ in before.arrays]:
+        structures = [
+            [(shape, dtype.kind) for shape, dtype in layout.arrays]
+            for layout in (before, Layout(after))
+        ]
+        if structures[0] != structures[1]:
             raise _refusal("a round changes the structure of the state")
         next_state = [
             cast(leaf, dtype) for leaf, (_, dtype) in zip(arrays(after), before.arrays, strict=True)

@@ -1,14 +1,13 @@
 """Compiled rounds play as the rules do."""
 
 import copy
-import pickle
 
 import numpy as np
 import pytest
-from recorded_rounds import Round, act, batch_gap, episode_gap, largest_gap, record, start
+from recorded_rounds import Round, batch_gap, episode_gap, largest_gap, record, start
 
 from roletrust_env import Game, make_scenario, scenarios, trust_models
-from roletrust_env.compiled.engine import CompiledBatch, CompiledGame, Program
+from roletrust_env.compiled.engine import CompiledBatch, Program
 from roletrust_env.compiled.record import UnrecordableError
 from roletrust_env.trees import arrays
 
@@ -22,11 +21,6 @@ EXACT = 1e-12
 def test_episode_is_that_of_the_rules(model):
     program = record("paper-3x3", model)
     assert episode_gap("paper-3x3", model, program, 40) < EXACT
-
-
-@pytest.mark.parametrize("preset", ["peers", "robots-that-move", "market"])
-def test_presets_are_those_of_the_rules(preset):
-    assert episode_gap(preset, "role-trust", record(preset, "role-trust"), 30) < EXACT
 
 
 @pytest.mark.slow
@@ -98,25 +92,8 @@ def test_results_that_somebody_keeps_are_not_written_to():
     assert largest_gap(tuple(kept), tuple(copies)) == 0
 
 
-@pytest.mark.parametrize("clone", [copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
-def test_copy_goes_on_alone(clone):
-    game = Game(make_scenario("paper-3x3"))
-    state, random = start(game)
-    compiled = CompiledGame(record("paper-3x3", "role-trust"))
-    compiled.begin(state)
-    actions = act(state, np.random.default_rng(0))
-    compiled.play(*actions, random.round_key())
-    twin, key = clone(compiled), random.round_key()
-    before = twin.state
-    compiled.play(*actions, key)
-    assert largest_gap(twin.state, before) == 0
-    twin.play(*actions, key)
-    assert largest_gap(twin.state, compiled.state) == 0
-
-
-@pytest.mark.parametrize("preset", sorted(REFUSED_PRESETS))
-def test_refused_presets(preset):
-    scenario = make_scenario(preset)
+def test_city_is_refused():
+    scenario = make_scenario("city")
     state, random = start(Game(make_scenario("paper-3x3")))
     with pytest.raises(UnrecordableError):
         Program.record(
@@ -140,25 +117,3 @@ def test_rule_that_branches_on_a_value_is_refused():
             state,
             (state.quality, state.ratings, random.round_key()),
         )
-
-
-def test_policies_draw_the_numbers_of_the_rules():
-    scenario = make_scenario("paper-3x3")
-    game = Game(scenario)
-    state, random = start(game)
-
-    class Drawn(Round):
-        def __call__(self, state, key, random):
-            return super().__call__(state, random.uniform((3,)), state.service, key, random)
-
-    program = Program.record(
-        lambda like: Drawn(scenario, "role-trust", like), state, (random.round_key(),)
-    )
-    compiled, reference = CompiledGame(program), Drawn(scenario, "role-trust", game.like)
-    compiled.begin(state)
-    twin = copy.deepcopy(random)
-    for _ in range(5):
-        state, shown = reference(state, key=random.round_key(), random=random)
-        played = compiled.play(twin.round_key(), random=twin)
-        assert largest_gap(shown, played) < EXACT
-    assert len(program.keys.arrays) == 2
