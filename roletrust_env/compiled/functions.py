@@ -16,9 +16,11 @@ _LOG_2 = 0.693145751953125, 1.4286068203094173e-06
 _PI = 3.140625, 9.67502593994140625e-4, 1.5099579909783765e-07
 
 
-def _series(x: Any, coefficients: list[float]) -> Any:
-    """Return the value of a polynomial, the constant coefficient first."""
-    return reduce(lambda value, c: value * x + c, coefficients[-2::-1], coefficients[-1])
+def _series(x: Any, most: float, coefficients: list[float]) -> Any:
+    """Return the value of a power series for |x| up to `most`, to the rounding of x."""
+    least = np.finfo(x.dtype).eps / 4
+    used = [c for k, c in enumerate(coefficients) if abs(c) * most**k > least]
+    return reduce(lambda value, c: value * x + c, used[-2::-1], used[-1])
 
 
 def _bits(x: Any) -> Any:
@@ -36,7 +38,7 @@ def log(x: Any) -> Any:
     exponent = xp.astype(bits >> facts.nmant, np.int32) - bias + xp.astype(high, np.int32)
     f = xp.where(high, m * 0.5, m) - 1.0
     s = f / (2.0 + f)
-    found = s * _series(s * s, [2 / (2 * k + 1) for k in range(11)])
+    found = s * _series(s * s, 0.03, [2 / (2 * k + 1) for k in range(12)])
     found = xp.astype(exponent, x.dtype) * math.log(2) + found
     found = xp.where(x < facts.tiny, -np.inf, xp.where(x < np.inf, found, x))
     return xp.where(x < 0, np.nan, found)
@@ -50,7 +52,7 @@ def log1p(x: Any) -> Any:
 
 
 def _small_expm1(x: Any) -> Any:
-    return x * _series(x, [1 / math.factorial(k) for k in range(1, 14)])
+    return x * _series(x, 0.4, [1 / math.factorial(k) for k in range(1, 15)])
 
 
 def exp(x: Any) -> Any:
@@ -84,7 +86,7 @@ def _sine(x: Any, turn: float) -> Any:
     r = reduce(lambda rest, part: rest - (turns - turn) * part, _PI, x)
     odd = turns - 2.0 * xp.floor(turns * 0.5)
     signs = [(-1) ** k / math.factorial(2 * k + 1) for k in range(12)]
-    return (1.0 - 2.0 * odd) * r * _series(r * r, signs)
+    return (1.0 - 2.0 * odd) * r * _series(r * r, (math.pi / 2) ** 2, signs)
 
 
 def sin(x: Any) -> Any:

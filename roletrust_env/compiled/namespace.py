@@ -76,25 +76,34 @@ def _einsum(subscripts: str, *arrays: Any) -> Array:
     return _sum(math.prod(factors), tuple(range(len(result), len(names))))
 
 
-def _sorted(array: Array, values: Array) -> Array:
-    """Return values in the order of an array along the last axis; ties stay in their order."""
+def _ranks(array: Array) -> Array:
+    """Return the rank of each entry along the last axis: 0 for the least; ties in their order."""
     places = np.arange(array.shape[-1])
     here, there = array[..., :, None], array[..., None, :]
-    earlier = places < places[:, None]
-    ranks = _sum((there < here) | ((there == here) & earlier), -1)
-    placed = ranks[..., None, :] == places[:, None]
-    return _sum(where(placed, values[..., None, :], np.zeros((), values.dtype)), -1)
+    return _sum((there < here) | ((there == here) & (places < places[:, None])), -1)
+
+
+def _placed(values: Array, ranks: Array) -> Array:
+    """Return values at their ranks along the last axis."""
+    chosen = ranks[..., None, :] == np.arange(ranks.shape[-1])[:, None]
+    return _sum(where(chosen, values[..., None, :], np.zeros((), values.dtype)), -1)
 
 
 def _sort(array: Any, axis: int = -1, **options: Any) -> Array:
     rows = _NAMESPACE.moveaxis(array, axis, -1)
-    return _NAMESPACE.moveaxis(_sorted(rows, rows), -1, axis)
+    return _NAMESPACE.moveaxis(_placed(rows, _ranks(rows)), -1, axis)
 
 
 def _argsort(array: Any, axis: int = -1, **options: Any) -> Array:
+    array = constant(array)
+    if array.ranks is not None and array.ranks[0] == axis:
+        return array.ranks[1]
     rows = _NAMESPACE.moveaxis(array, axis, -1)
-    order = _sorted(rows, broadcast(np.arange(rows.shape[-1]), rows.shape))
-    return _NAMESPACE.moveaxis(order, -1, axis)
+    ranks = _ranks(rows)
+    order = _placed(broadcast(np.arange(rows.shape[-1]), rows.shape), ranks)
+    order = _NAMESPACE.moveaxis(order, -1, axis)
+    order.ranks = axis, _NAMESPACE.moveaxis(ranks, -1, axis)
+    return order
 
 
 def _take_along(array: Any, places: Any, axis: int = -1) -> Array:

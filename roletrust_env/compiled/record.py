@@ -86,9 +86,10 @@ class Recorded(NDArrayOperatorsMixin):
             that a view shows, in the shape of the view; the axis of a concatenation.
         shape: Shape in one game.
         dtype: Dtype of NumPy.
+        ranks: Of what `argsort` returned, the axis and the rank of each entry.
     """
 
-    __slots__ = ("__weakref__", "args", "data", "dtype", "op", "shape")
+    __slots__ = ("__weakref__", "args", "data", "dtype", "op", "ranks", "shape")
 
     device = None  # as of an array that JAX traces
     namespace: ClassVar[Any]  # set by the module of this name, which is written with these arrays
@@ -98,6 +99,7 @@ class Recorded(NDArrayOperatorsMixin):
     ) -> None:
         self.op, self.args, self.data, self.shape = op, args, data, shape
         self.dtype: Any = np.dtype(dtype)
+        self.ranks: tuple[int, Recorded] | None = None
 
     def __repr__(self) -> str:
         return f"Recorded({self.op}, shape={self.shape}, dtype={self.dtype})"
