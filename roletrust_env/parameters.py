@@ -201,6 +201,27 @@ def whole_number(name: str, value: Any, least: int = 0) -> int:
     return number
 
 
+def check_instance(name: str, value: Any, kind: Any, allowed: str) -> None:
+    """Refuse an object of another class.
+
+    Args:
+        name: What the object is, for the error message.
+        value: Object to check.
+        kind: Class that it must have, or a union of classes.
+        allowed: What is allowed, in words.
+
+    Raises:
+        ValueError: The object is not an instance of `kind`.
+
+    Example:
+        >>> check_instance("task", 3, str, "a text")
+        Traceback (most recent call last):
+        ValueError: task must be a text, got 3
+    """
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} must be {allowed}, got {short(repr(value))}")
+
+
 _TRUTH = pydantic.TypeAdapter(bool)
 
 

@@ -49,15 +49,25 @@ class Registry(Generic[T]):
             factory: Function of the parameters that makes an object, usually its class.
 
         Raises:
-            ValueError: The name is taken, or is not a word of letters, digits, `-`, `_` and `.`.
+            ValueError: The name is taken, or is not a word of letters, digits, `-`, `_` and `.`;
+                or the factory cannot be called.
         """
-        if not name or not all(c.isalnum() or c in "-_." for c in name):
+        if (
+            not isinstance(name, str)
+            or not name
+            or not all(c.isalnum() or c in "-_." for c in name)
+        ):
             raise ValueError(
                 f"{name!r} is not a valid name of a {self.kind}; use letters, digits, '-', '_' and "
                 "'.'"
             )
         if name in self._factories:
             raise ValueError(f"{self.kind} {name!r} is already registered")
+        if not callable(factory):
+            raise ValueError(
+                f"the factory of {self.kind} {name!r} must be a class or a function, "
+                f"got {short(repr(factory))}"
+            )
         self._factories[name] = factory
 
     def unregister(self, name: str) -> None:
@@ -90,6 +100,8 @@ class Registry(Generic[T]):
             ValueError: The name is unknown (the message lists the known names), or its plug-in
                 cannot be loaded.
         """
+        if not isinstance(name, str):
+            raise ValueError(f"the name of a {self.kind} must be a text, got {short(repr(name))}")
         if registered := self.registered(name):
             return registered
         plugins = self._plugins()

@@ -21,7 +21,7 @@ from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Action, Actions, Noise, State
 from roletrust_env.game.views import AgentView, ObservationVector, ProviderView, RaterView, view_of
-from roletrust_env.parameters import Amount, Share
+from roletrust_env.parameters import Amount, Share, check_instance
 from roletrust_env.randomness import Random
 from roletrust_env.shapes import GameFlags, PerGame, PerProvider, PerRater, ProviderFlags
 from roletrust_env.trees import arrays
@@ -306,6 +306,7 @@ class AttackTask(Frozen):
         accomplices: Sequence[str] = (),
         consumers: Consumers = "public",
     ) -> None:
+        check_instance("game", game, Game, "a Game; make_task() makes the game of a scenario, too")
         roster = game.roster
         _check_choice("objective", objective, get_args(Objective))
         _check_choice("knowledge", knowledge, get_args(Knowledge))

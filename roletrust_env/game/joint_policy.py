@@ -13,6 +13,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.state import Actions, State
 from roletrust_env.game.views import AgentView, IdentityView, ProviderView, RaterView, ViewLayout
+from roletrust_env.parameters import check_instance
 from roletrust_env.randomness import Random, generator
 from roletrust_env.world.group import Role
 from roletrust_env.world.presence import PRESENT
@@ -126,6 +127,8 @@ class JointPolicy(Frozen):
     """
 
     def __init__(self, game: Game, policies: Mapping[str, Policy]) -> None:
+        check_instance("game", game, Game, "a Game")
+        check_instance("policies", policies, Mapping, "a mapping from names of agents to policies")
         self.game = game
         self.policies = dict(policies)
         honest, roster = Policy(), game.roster

@@ -7,6 +7,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.state import Actions, Noise, State
+from roletrust_env.parameters import check_instance
 from roletrust_env.randomness import Random
 from roletrust_env.shapes import PerAgent, PerPair, PerProvider, Shape
 
@@ -142,7 +143,7 @@ def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = (
         batch: Shape of the batch of games.
 
     Raises:
-        ValueError: `batch` is no tuple, or a policy fails.
+        ValueError: An argument is of another class, or a policy fails.
 
     Example:
         >>> import roletrust_env
@@ -151,6 +152,8 @@ def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = (
         >>> history.top[30].round(3)
         array([1., 1., 1.])
     """
+    check_instance("joint_policy", joint_policy, JointPolicy, "a JointPolicy")
+    check_instance("random", random, Random, "a Random, as game.random(seed=0) makes it")
     game = joint_policy.game
     rows, offered = [], []
     for before, actions, state, rewards, _ in rollout(joint_policy, random, random, batch):

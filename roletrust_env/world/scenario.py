@@ -10,7 +10,15 @@ import numpy.typing as npt
 from pydantic import Field, NonNegativeInt, PositiveInt, ValidationError, model_validator
 
 from roletrust_env.errors import validation_message
-from roletrust_env.parameters import Amount, Factor, Lam, PositiveAmount, Share, ZeroOrAmount
+from roletrust_env.parameters import (
+    Amount,
+    Factor,
+    Lam,
+    PositiveAmount,
+    Share,
+    ZeroOrAmount,
+    check_instance,
+)
 from roletrust_env.world.field_hints import give_hints
 from roletrust_env.world.group import AgentGroup, FrozenModel
 
@@ -294,6 +302,7 @@ def load_scenario(path: str | Path) -> Scenario:
     Raises:
         ValueError: The file cannot be read, is neither TOML nor YAML, or holds no valid scenario.
     """
+    check_instance("path", path, str | Path, "the path of a TOML or YAML file")
     path = Path(path)
     readers: dict[str, Callable[[str], Any]] = {
         ".toml": tomllib.loads,
