@@ -356,7 +356,7 @@ def refuse_unknown_parameters(cls: Class) -> Class:
     `UnknownParameterError`, which is a `TypeError`.
 
     Example:
-        >>> @refuse_unknown
+        >>> @refuse_unknown_parameters
         ... @dataclasses.dataclass
         ... class Box:
         ...     size: float = 0.0
