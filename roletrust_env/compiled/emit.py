@@ -153,7 +153,7 @@ class _Emitter:
         address = self._entry(self._outside[memory], _stored(dtype), place)
         following = f"getelementptr inbounds {self._vector(_stored(dtype))}, ptr {address}, i64 1"
         if following not in self._known[-1]:
-            # The next vector is in another page, so that the processor does not expect it.
+            # The rows are too many for the processor to fetch the next vector by itself.
             self._declared.add("declare void @llvm.prefetch.p0(ptr, i32, i32, i32)")
             fetched = f"ptr {self._emit(following)}, i32 0, i32 3, i32 1"
             self._lines.append(f"  call void @llvm.prefetch.p0({fetched})")

@@ -20,7 +20,7 @@ SLOW_S = 2.0
 """Number of seconds of compiling from which a line says so."""
 
 Function = Callable[[int], None]
-"""Function of the address of seven words: the number of games, and the address of each block."""
+"""Function of the address of its arguments, see `roletrust_env.compiled.emit.emit`."""
 
 
 @cache
@@ -87,9 +87,8 @@ def _object_code(source: str) -> bytes:
         if (code := _cached(path)) is not None:  # another process has compiled it meanwhile
             return code
         code = _compiled(source, path)
-        for suffix, content in ((".ll", source.encode()), (".o", _signed(code))):
-            with replacing(path.with_suffix(suffix)) as temporary:
-                temporary.write_bytes(content)
+        with replacing(path) as temporary:
+            temporary.write_bytes(_signed(code))
         return code
 
 
