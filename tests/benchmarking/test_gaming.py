@@ -130,7 +130,7 @@ def test_trust_that_depends_on_other_games_is_refused(name: str) -> None:
     usual = play_cell(suite, cell._replace(model="beta"))
     inside = play_cell(suite, cell)
     assert _worst(inside) > _worst(usual) + 0.1
-    with refuses(ValueError, "gaming_models:RowPeek"):
+    with refuses(ValueError, f"gaming_models:{name}"):
         play_cell(suite, cell, isolated=True)
 
 
