@@ -98,7 +98,7 @@ class Perturbations:
 
     def strength(self, round: Array) -> Array:
         """Return the strength in each round; rounds and strengths have the same shape (...)."""
-        return self._table[round]
+        return self._table[round[None]][0]  # compiled torch refuses an index without axes
 
 
 def strength_in(perturbations: Iterable[Perturbation], round: int) -> float:

@@ -129,7 +129,8 @@ def audit(
     [cyan]roletrust audit log.csv.gz --other mean --other role-trust[/]
 
     [dim]# in CI, a scorer of your own: accounts cost 2, ratings 5, and no goal may cost less than
-    100[/] [cyan]roletrust audit log.csv --scorer exec:./my-score --price-account 2 --price-rating 5
+    100[/]
+    [cyan]roletrust audit log.csv --scorer exec:./my-score --price-account 2 --price-rating 5
     --fail-below 100[/]
     """
     if count is not None and (reading.every is not None or price_day):

@@ -142,7 +142,8 @@ def benchmark(
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
 
-    [dim]# your own learner beside PPO, in one or two minutes[/] [cyan]roletrust benchmark --suite
+    [dim]# your own learner beside PPO, in one or two minutes[/]
+    [cyan]roletrust benchmark --suite
     learners-quick --learner mypackage.mine:MyLearner --learner PPO[/]
     """
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")

@@ -135,10 +135,12 @@ def panel(
     [dim]# 20 of your own labels in labels.csv (item, truth)[/]
     [cyan]roletrust panel votes.csv --truth labels.csv[/]
 
-    [dim]# a judge is a model and a prompt; which method, and how many labels?[/] [cyan]roletrust
+    [dim]# a judge is a model and a prompt; which method, and how many labels?[/]
+    [cyan]roletrust
     panel votes.csv --judge model --judge prompt --truth truth --kind subset --measure[/]
 
-    [dim]# what do bought judges do?[/] [cyan]roletrust panel votes.csv --truth truth --measure
+    [dim]# what do bought judges do?[/]
+    [cyan]roletrust panel votes.csv --truth truth --measure
     --bribes 100 --method majority --method first-hand[/]
     """
     plan = Plan(

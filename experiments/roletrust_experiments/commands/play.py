@@ -133,9 +133,10 @@ def play(
     [cyan]roletrust play --attack sr_1=bad-mouthing --json | jq '.measured | map_values(.damage)'[/]
 
     [dim]# a seller that leaves when it is distrusted and returns as a newcomer, up to three
-    times[/] [cyan]roletrust play --set
-    'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]' --attack
-    sp_5=whitewashing:reserve=3[/]
+    times[/]
+    [cyan]roletrust play --set
+    'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]'
+    --attack sp_5=whitewashing:reserve=3[/]
 
     [dim]# your own scenario, with some fields changed[/]
     [cyan]roletrust play mine.toml --set lam=0.7 --set 'admission={threshold=0.3}'[/]

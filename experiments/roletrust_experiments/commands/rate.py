@@ -148,7 +148,8 @@ def rate(
     [dim]# members rate members, with rounds of 30 days[/]
     [cyan]roletrust rate log.csv.gz --same-agents --scale -10 10 --every 2592000[/]
 
-    [dim]# two models on a synthetic log, with rounds of a week[/] [cyan]roletrust rate results/log
+    [dim]# two models on a synthetic log, with rounds of a week[/]
+    [cyan]roletrust rate results/log
     --compare --synthetic --model role-trust --model beta --every 604800[/]
     """
     every, state_or_lead, single = (

@@ -74,7 +74,8 @@ def replay(
     [dim]# the worst that happened to a trust model, with a video[/]
     [cyan]roletrust replay results/quick/results.sqlite --model role-trust --video[/]
 
-    [dim]# one attack in one condition[/] [cyan]roletrust replay results/quick/results.sqlite --cell
+    [dim]# one attack in one condition[/]
+    [cyan]roletrust replay results/quick/results.sqlite --cell
     'beta|market|raters|0.3|scripted|0' --attack rank-lies[/]
     """
     require("a replay", "train", "scipy", "cma")  # as the benchmark whose suite it reads

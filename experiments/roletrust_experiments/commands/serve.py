@@ -88,9 +88,11 @@ def serve(
 
     [bold]Examples[/]
 
-    [dim]# a game of two raters and one provider[/] [cyan]roletrust serve role-trust --port 8080[/]
+    [dim]# a game of two raters and one provider[/]
+    [cyan]roletrust serve role-trust --port 8080[/]
     [cyan]curl localhost:8080 -d '{"game": 1, "round": 0, "raters": 2, "providers": 1, "ratings":
-    \[]}'[/] [cyan]curl localhost:8080 -d '{"game": 1, "round": 1, "raters": 2, "providers": 1,
+    \[]}'[/]
+    [cyan]curl localhost:8080 -d '{"game": 1, "round": 1, "raters": 2, "providers": 1,
     "ratings": \[\[0, 0, 0.9]]}'[/]
 
     [dim]# a model in a process of its own[/]

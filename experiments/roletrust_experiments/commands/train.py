@@ -149,7 +149,8 @@ def train(
     [dim]# a coalition that learns by evolution, against two trust models in turn[/]
     [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
 
-    [dim]# one by an evolution strategy, which needs fewer rounds[/] [cyan]roletrust train
+    [dim]# one by an evolution strategy, which needs fewer rounds[/]
+    [cyan]roletrust train
     CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
 
     [dim]# five seeds, for one rung of a ladder[/]

@@ -104,7 +104,8 @@ def agent(
     [cyan]roletrust live agent sp_1 --frames walk.mp4 --loop --rounds 7200[/]
 
     [dim]# a camera with ten rounds of good pictures and ten of bad ones, in turn; a rater that
-    always rates 0.2[/] [cyan]roletrust live agent sp_2 --attack on-off:period=20[/] [cyan]roletrust
+    always rates 0.2[/]
+    [cyan]roletrust live agent sp_2 --attack on-off:period=20[/] [cyan]roletrust
     live agent sr_2 --attack bad-mouthing:level=0.2[/]
 
     [dim]# trained attackers, see `roletrust list`; of the coalition, this rater is a member[/]
