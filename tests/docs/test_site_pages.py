@@ -75,7 +75,7 @@ def test_signatures_are_short():
             "function",
             damage,
             (
-                "(trust: Floats, paired: Floats, agents: Sequence[int], weights: Floats | "
+                "(trust: TrustByRound, paired: TrustByRound, agents: Sequence[int], weights: Floats | "
                 "None=None)",
                 "Score",
             ),
