@@ -75,8 +75,8 @@ def test_signatures_are_short():
             "function",
             damage,
             (
-                "(trust: TrustByRound, paired: TrustByRound, agents: Sequence[int], weights: Floats | "
-                "None=None)",
+                "(trust: TrustByRound, paired: TrustByRound, agents: Sequence[int], "
+                "weights: RoundWeights | None=None)",
                 "Score",
             ),
         ),
