@@ -81,7 +81,7 @@ def test_signatures_are_short():
             ),
         ),
         ("class", Travos, ("(error=0.2, threshold=0.95, bins=5)", "")),
-        ("method", Game.published, ("(state: State)", "tuple[Array, Array]")),
+        ("method", Game.published, ("(state: State)", "tuple[PerRater, PerProvider]")),
         ("attribute", 3, None),
     ):
         assert as_written(None, what, "it", thing, None, "(...)", None) == signature
