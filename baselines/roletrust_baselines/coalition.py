@@ -93,11 +93,11 @@ class AgreeingRater(WindowedAttack):
     """Rater of a coalition that lies about each provider by its rank.
 
     Raters need no messages to agree: all of them see the same published trust, and the means of
-        their perceptions come closer to each other with every service.
+    their perceptions come closer to each other with every service.
 
     They have no noise of their own, also outside the attack: in place of its last perception, a
-        rater reports the mean of all its perceptions of a provider. It looks more consistent than
-        an honest rater.
+    rater reports the mean of all its perceptions of a provider. It looks more consistent than an
+    honest rater.
 
     Attributes:
         by: Value that ranks the providers: `"perceived"` is the rater's mean perception, or
@@ -364,8 +364,8 @@ class ReviewBurst(Promotion):
     every period.
 
     Spammers often review together in bursts: Fei et al. (2013), "Exploiting Burstiness in Reviews
-        for Review Spammer Detection". Between two bursts the raters are honest and repair their
-        trust. The rule of the lies is our choice.
+    for Review Spammer Detection". Between two bursts the raters are honest and repair their trust.
+    The rule of the lies is our choice.
 
     Attributes:
         burst: Number of rounds of lies at the beginning of each period.

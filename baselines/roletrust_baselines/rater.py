@@ -167,7 +167,7 @@ class FlipFlop(TargetedLyingRater):
     """Flip-flop ratings: a rater that rates 1 and 0 in turn, whatever it perceives.
 
     It exploits the stability term of a model: the trust of the providers oscillates although their
-        service does not. The attack is strongest if several raters play it in step.
+    service does not. The attack is strongest if several raters play it in step.
 
     Attributes:
         period: Number of successive rounds with a rating of 1, followed by as many with a rating of

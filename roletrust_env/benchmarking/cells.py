@@ -412,7 +412,7 @@ def _measure_batch(
     """Return the results of a batch of attacks, and the error messages of the attacks that failed.
 
     An attack that fails does not affect the others: each attack of a failed batch is measured by
-        itself.
+    itself.
 
     Raises:
         Exception: All attacks fail.

@@ -51,8 +51,8 @@ class TrustStream:
     late ratings are dropped, trust is still that of one log of the ratings that were taken.
 
     One time that is wrong by years ends all rounds before it, and later ratings are late: a lead
-        prevents that. After a silence longer than the lead all ratings are ahead until `lead` is
-        raised.
+    prevents that. After a silence longer than the lead all ratings are ahead until `lead` is
+    raised.
 
     Example:
         >>> from roletrust_env import make_trust_model
@@ -372,8 +372,8 @@ class TrustStream:
         """Write the state to a file of NumPy arrays, complete or not at all.
 
         Two processes that load, update and save lose what one of them took: see `opened`. What a
-            process has left in the folder that was killed while it wrote is removed. Where the path
-            is a link, its file is written.
+        process has left in the folder that was killed while it wrote is removed. Where the path is
+        a link, its file is written.
 
         Raises:
             OSError: The file cannot be written. It is as it was.

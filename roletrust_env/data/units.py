@@ -157,7 +157,7 @@ def find_unit(times: Floats) -> str | None:
     before 1973.
 
     The largest decides: from 10 ** 11 on, seconds would be after the year 5000, and milliseconds
-        are after 1973.
+    are after 1973.
     """
     largest = np.abs(times).max(initial=0.0)
     if largest < 1e11:

@@ -184,7 +184,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     ## Rewards
 
     SR: ToR. SP: ToP less the cost of the quality that it delivered (cost x value x quality). SR+SP:
-        ToA less that cost. The weights are the scenario's `rewards`.
+    ToA less that cost. The weights are the scenario's `rewards`.
 
     ## Starting State
 
@@ -203,9 +203,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     ## Information
 
     The infos are for analysis and are never in observations: `trust`; a provider's delivered
-        `quality`; a rater's `received`, the true quality of each provider's last service, shape
-        (P,); an SR+SP agent's `rater_trust` and `provider_trust`; and the `fate`, `"left"` or `"cut
-        off"`, of an agent that is terminated.
+    `quality`; a rater's `received`, the true quality of each provider's last service, shape (P,);
+    an SR+SP agent's `rater_trust` and `provider_trust`; and the `fate`, `"left"` or `"cut off"`, of
+    an agent that is terminated.
 
     ## Arguments
 

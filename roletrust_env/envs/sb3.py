@@ -247,9 +247,9 @@ class AttackVecEnv(BatchVecEnv):
     ended at random.
 
     The infos of a game hold, in every step: `objective`, the objective of the round; `cost`, its
-        unweighted cost; `trust`, the trust of each compromised agent by name (ToR, ToP or ToA by
-        its role); and `honest_trust`, the mean trust of the honest agents that are present, NaN
-        without any.
+    unweighted cost; `trust`, the trust of each compromised agent by name (ToR, ToP or ToA by its
+    role); and `honest_trust`, the mean trust of the honest agents that are present, NaN without
+    any.
 
     Args:
         task: Attack task on NumPy; see `roletrust_env.make_task`.

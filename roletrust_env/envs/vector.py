@@ -202,7 +202,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
 
         Returns:
             A frame for each game, as in Gymnasium: a picture or a text of the first game, and
-                blanks; None with a window.
+            blanks; None with a window.
         """
         first = self._spectator.render()
         if first is None:

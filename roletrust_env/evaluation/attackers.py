@@ -194,7 +194,7 @@ class Scripted:
     honestly.
 
     The policies use every channel, also those that the action of a task lacks: presence, silence
-        and treatment.
+    and treatment.
     """
 
     policies: Mapping[str, Policy]

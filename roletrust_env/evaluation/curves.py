@@ -60,8 +60,8 @@ def record_curves(
     """Play games of `max_cycles` rounds as one batch, and return their curves.
 
     The noise of the games and the random numbers of the policies are drawn apart: with the same
-        seed games have the same noise under any policies, so that a run under attack can be paired
-        with one without.
+    seed games have the same noise under any policies, so that a run under attack can be paired with
+    one without.
 
     Args:
         joint_policy: Game and policies of its agents.

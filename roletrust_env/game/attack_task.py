@@ -265,13 +265,12 @@ class AttackTask(Frozen):
         compromised: Names of the agents that the attacker controls, each once. Their identities in
             reserve belong to the attacker, too; policies use them, but an action does not, see
             `step`.
-        objective: Objective of each round, by the trust after the round:
-            `"damage"`, the mean over the honest providers of 1 - ToP; `"exploit"`, the mean over
-            the attacker's providers of ToP times 1 - delivered quality, which is bad service sold
-            on good trust; for a provider with several identities the mean over the present ones;
-            `"promote"`, the same for the accomplices; `"mislead"`, the best quality on offer, less
-            the quality that consumers got from the provider with the highest trust before the
-            round, see `game.consumer`.
+        objective: Objective of each round, by the trust after the round: `"damage"`, the mean over
+            the honest providers of 1 - ToP; `"exploit"`, the mean over the attacker's providers of
+            ToP times 1 - delivered quality, which is bad service sold on good trust; for a provider
+            with several identities the mean over the present ones; `"promote"`, the same for the
+            accomplices; `"mislead"`, the best quality on offer, less the quality that consumers got
+            from the provider with the highest trust before the round, see `game.consumer`.
         stealth: Price of a trust gap. The gap of a compromised agent is the mean trust of the
             present honest agents of its role, less its own trust. For an SR+SP agent, and for an
             agent with several identities that have been present, the largest gap counts. The cost

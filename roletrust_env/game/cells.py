@@ -266,7 +266,7 @@ def for_batch(constant: Array, shape: tuple[int, ...]) -> Array:
     """Return a constant, such as one of shape (S, P), for every game of a batch.
 
     It is a view and not a copy: on the CPU, compiled torch takes as long to write booleans as for
-        the trust model.
+    the trust model.
     """
     if constant.shape == shape:
         return constant

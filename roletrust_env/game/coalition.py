@@ -367,8 +367,7 @@ class Coalition(Frozen):
         """Return the decision of an action, shape (action_size, ...), in [0, 1].
 
         As far as the coalition decides on them: lies about each provider, qualities of each
-            provider, silence about each provider, and the treatment of each rater by each own
-            provider.
+        provider, silence about each provider, and the treatment of each rater by each own provider.
         """
         at, parts = 0, dict[str, Array]()
         for name, size in self.sizes.items():

@@ -21,7 +21,7 @@ def utility(
     best quality offered.
 
         utility = sum over rounds t of offered[t, argmax trust[t - 1]] / sum over rounds t of max
-        offered[t]
+                offered[t]
 
     The consumer knows the trust published after the previous round. Ties are broken uniformly. If
     providers treat raters differently, every rater is such a consumer, and both sums are over all
@@ -97,7 +97,7 @@ def robustness(served: FlagsByRound, buyers: Sequence[int], sellers: Sequence[in
     vulnerable, below 0 defeated.
 
         RE = (services that honest buyers had from honest sellers - from dishonest sellers) /
-        services that they had
+                services that they had
 
     Args:
         served: Boolean array of shape (T, S, P, ...), true where the provider served the rater.

@@ -40,7 +40,7 @@ def auc(trust: AgentFloats, attackers: Sequence[int]) -> Score:
     honest agent.
 
         auc = (pairs with trust[attacker] < trust[honest] + half of the pairs with equal trust) /
-        pairs
+                pairs
 
     This is the statistic of Mann and Whitney (1947) divided by the number of pairs (Hanley and
     McNeil 1982).
@@ -100,7 +100,7 @@ def rounds_to_detection(
     agents below it.
 
         rounds = min {r >= 0: share of the honest k with trust[start + r, k] <= max over attackers
-        of trust[start + r]
+                of trust[start + r]
                       is at most alarms}
 
     Args:

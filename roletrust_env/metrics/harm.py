@@ -69,7 +69,7 @@ def recovery(
     recovered.
 
         recovery = min {r >= 0: |mean over k of trust[stop + r, k] - mean over k of paired[stop + r,
-        k]| <= within}
+                k]| <= within}
 
     Args:
         trust: Trust under the attack, shape (T, N, ...), NaN where an agent is absent.

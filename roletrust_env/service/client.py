@@ -278,7 +278,7 @@ class TrustClient:
         """Return the answer to a signed request.
 
         It is signed anew only where it cannot have counted: if its first delivery is refused as
-            replayed, because another process with this key was quicker, or a later one as too old.
+        replayed, because another process with this key was quicker, or a later one as too old.
         """
         with self._turn:
             asked, signatures = (kind, contents), 0

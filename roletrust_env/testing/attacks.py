@@ -47,7 +47,8 @@ def check_attack(attack: Policy, *, torch: bool = True) -> None:
 
     Warns:
         UserWarning: The attack plays like an honest agent for 25 rounds. An attack that begins
-            later does that on purpose; in other attacks it is a mistake.
+        later does that on
+            purpose; in other attacks it is a mistake.
 
     Example:
         >>> from roletrust_env import make_attacker

@@ -80,9 +80,10 @@ def provider_trust(
     """Return the trust of each provider, ToP (Algorithm 2): its ratings' level, their steadiness,
     their raters' trust.
 
-        rho[i, j] = sinc(1 - f[i, j]) * sinc(delta[i, j]) ** dt[i, j],   delta = |f - the last
-        rating that i gave j| QoP[j]    = mean over the raters i of j of rho[i, j] * ToR[i] * f[i,
-        j] ToP[j]   <- lam * QoP[j] + (1 - lam) * ToP[j]
+        rho[i, j] = sinc(1 - f[i, j]) * sinc(delta[i, j]) ** dt[i, j],
+                delta = |f - the last rating that i gave j|
+        QoP[j]    = mean over the raters i of j of rho[i, j] * ToR[i] * f[i, j]
+        ToP[j]   <- lam * QoP[j] + (1 - lam) * ToP[j]
 
     Args:
         ratings: Ratings f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored,

@@ -132,10 +132,10 @@ def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
     b), boolean.
 
     On NumPy it compares the mass beyond x, seen from the mean, with q, which takes few integrals:
-        by Chernoff's bound the mass is at most the density relative to its peak. And it is above q
-        if the logarithm of that density is above 1 + ln(y) - y, y = -ln(q) > 1, which holds in the
-        limit a = 1, b without end, and by a margin elsewhere; this was checked on a grid. Elsewhere
-        the quantiles are computed, once for all x, since a compiler has to unroll the calls.
+    by Chernoff's bound the mass is at most the density relative to its peak. And it is above q if
+    the logarithm of that density is above 1 + ln(y) - y, y = -ln(q) > 1, which holds in the limit a
+    = 1, b without end, and by a margin elsewhere; this was checked on a grid. Elsewhere the
+    quantiles are computed, once for all x, since a compiler has to unroll the calls.
 
     Args:
         q: Mass, in [1e-6, 0.5).

@@ -97,8 +97,7 @@ def start_on_edges(
     """Return the state before any rating, without known pairs.
 
     The formula of the start is that of the grid: all agents start alike, so a grid of one pair
-        shows all values. Where trust depends on the number of agents, a round without ratings sets
-        it.
+    shows all values. Where trust depends on the number of agents, a round without ratings sets it.
 
     Args:
         model: Central model.

@@ -50,7 +50,7 @@ def meet(rule: Encounters, own: Array, n_providers: int, noise: Array) -> Array:
     """Return the providers that each rater meets, all different and none of them itself.
 
     Every set of providers is equally likely: Floyd's algorithm (Bentley and Floyd 1987, "A Sample
-        of Brilliance").
+    of Brilliance").
 
     Args:
         rule: Number k of providers to meet.

@@ -103,10 +103,10 @@ class DeepSet:
     (2017).
 
     For each provider i with features x_i: u_i = tanh(A x_i + a), v_i = tanh(B u_i + C mean_j u_j +
-        b), and (l_i, q_i, g_i) = 0.5 + 0.5 tanh(3 (D v_i + E x_i + d)). The decision is the lie 0.5
-        + g_i (l_i - 0.5), of which 0.5 is the truth, and the quality q_i if the provider is an
-        accomplice. The gate g_i lets a liar tell the truth most of the time, and so keep its trust.
-        A second, smaller network decides for each identity in reserve whether it shall be present.
+    b), and (l_i, q_i, g_i) = 0.5 + 0.5 tanh(3 (D v_i + E x_i + d)). The decision is the lie 0.5 +
+    g_i (l_i - 0.5), of which 0.5 is the truth, and the quality q_i if the provider is an
+    accomplice. The gate g_i lets a liar tell the truth most of the time, and so keep its trust. A
+    second, smaller network decides for each identity in reserve whether it shall be present.
 
     A wide network also decides on silence, s_i = 0.5 + 0.5 tanh(3 (S v_i + T x_i + s)), and on the
     treatment of each rater k with the account z_ki by its own provider i: 0.5 + 0.5 tanh(3 (H w_ki

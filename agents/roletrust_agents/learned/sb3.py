@@ -20,7 +20,7 @@ def policy_of(model: Any, task: AttackTask) -> LearnedPolicy:
     `JointPolicy`.
 
     The policy plays wherever a scripted one plays: in `JointPolicy`, in `Player`, in `evaluate` and
-        in every batch. It acts without exploration.
+    in every batch. It acts without exploration.
 
     Args:
         model: Trained model, such as `PPO`, `SAC` or `RecurrentPPO`, with the spaces of

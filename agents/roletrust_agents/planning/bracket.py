@@ -11,22 +11,22 @@ Upper bound, for one compromised rater: with the symbols of `Damage`, N = T - 1 
 = sinc, and the contribution g(x, l) = x s(1 - x) s(x - l) of a rating x after the rating l,
 
     for all x, l in [0, 1]:  g(x, l) + 2 sqrt(1 - x) >= 1 + s(1 - l) - s(1 - x)
-    (1)
+            (1)
 
 In words: if a rating contributes little, it or the rating before is far from the truth. The first
 rating contributes no less than after a rating of 1. So the sum over the rounds, with s(0) = 1 at
 its start and s <= 1 at its end, averaged over the providers, is
 
     sum of G[n] >= N - 2 sum of U[n],    U[n] = (E[n] - (1 - lam) E[n - 1]) / lam
-    (2)
+            (2)
 
 for the means G of g and U of u over the providers. The ratings of the attacker reduce the damage of
 round n by v[n] G[n] with v[n] = share * remaining_weight * ToR of the attacker. As 0 <= G <= 1,
 this is at least p G[n] - max(0, p - v[n]) for every price p >= 0. With (2), the score of a game is
 at most
 
-    constant - p N + sum over n of the maximum over E of  reward(n, E, 0) + max(0, p - v[n](E)) + 2
-    p k[n] E         (3)
+    constant - p N + sum over n of the maximum over E of
+            reward(n, E, 0) + max(0, p - v[n](E)) + 2 p k[n] E         (3)
 
 where k is 1, and 1 / lam in the last round. Every E[n] is now chosen independently, between 0 and 1
 - (1 - lam)^n. The function to maximise is linear except for two kinks, so the maximum is at one of

@@ -44,8 +44,10 @@ class Exploit:
     """Task of a provider that exploits its trust among honest raters: the state is ToP, the action
     is the quality q.
 
-        reward[t] = ToP[t] * (1 - q[t]) ToP[t + 1] = lam * sinc(1 - q[t]) * sinc(|q[t] - q[t - 1]|)
-        * ToR[t + 1] * q[t] + (1 - lam) * ToP[t] ToR[t] = 1 - (1 - initial) * (1 - lam)^t
+        reward[t] = ToP[t] * (1 - q[t])
+        ToP[t + 1] = lam * sinc(1 - q[t]) * sinc(|q[t] - q[t - 1]|) * ToR[t + 1] * q[t] + (1 - lam)
+                * ToP[t]
+        ToR[t] = 1 - (1 - initial) * (1 - lam)^t
 
     ToP[t] is updated in round t by the ratings of q[t - 1]. For q[0], the term with the last action
     is left out.

@@ -4,8 +4,8 @@ last action.
 The backward pass is Bellman's principle of optimality (Bellman, Dynamic Programming, 1957). With
 the state z, the last action l and D decisions,
 
-    V[D](z, l) = 0,    V[t](z, l) = max over a of  r[t](z, l, a) + V[t + 1](z', a),    z' = f[t](z,
-    l, a)
+    V[D](z, l) = 0,    V[t](z, l) = max over a of  r[t](z, l, a) + V[t + 1](z', a),
+            z' = f[t](z, l, a)
 
 Actions are restricted to levels, so l needs no interpolation; V is interpolated linearly in z. The
 forward pass then plays greedily by V with the exact f on finer actions, and a gradient search
@@ -76,9 +76,9 @@ class GridSolution:
         """Estimate of the distance between `total` and the optimum; it is not a proven bound.
 
         It is the larger of two differences: between the values on the last two grids, and between
-            the value on the last grid and `total`. By Richardson's extrapolation, the first one is
-            the error of the last grid if errors are proportional to the cell size, and larger than
-            the error if they fall faster.
+        the value on the last grid and `total`. By Richardson's extrapolation, the first one is the
+        error of the last grid if errors are proportional to the cell size, and larger than the
+        error if they fall faster.
         """
         return max(abs(self.values[-1] - self.values[-2]), abs(self.values[-1] - self.total))
 

@@ -183,7 +183,7 @@ class CoalitionPpo:
     networks of the second half are compared.
 
     The network does not learn when to call identities in reserve: a universal coalition does so as
-        before, and a random network calls none.
+    before, and a random network calls none.
 
     Attributes:
         start: `"universal"` begins with the best of the universal coalitions, `"random"` with a

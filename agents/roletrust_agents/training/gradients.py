@@ -29,8 +29,8 @@ class GradientAscent(AdamTraining[GradientSettings]):
     """Gradient ascent in progress.
 
     A network that is far below the best one in a validation is given up: the next step goes on from
-        the best one at half the learning rate. Otherwise a network that has lost its slopes, as its
-        units saturate, would stay so. A backward pass counts no rounds.
+    the best one at half the learning rate. Otherwise a network that has lost its slopes, as its
+    units saturate, would stay so. A backward pass counts no rounds.
 
     For the arguments see `CoalitionTraining`. The learning rate is 0 when the budget is played.
 

@@ -185,8 +185,10 @@ class Rev2(ByPairMeans):
     Rating Platforms" (2018), without the terms of behaviour, which need texts and times:
 
         G[j]    = (beta mean of G + sum over the raters i of j of R[i, j] w[i, j]) / (beta + number
-        of raters of j) R[i, j] = (F[i] + 1 - |w[i, j] - G[j]| / 2) / 2 F[i]    = (alpha mean of F +
-        sum over the providers j that i rated of R[i, j]) / (alpha + number of these)
+                of raters of j)
+        R[i, j] = (F[i] + 1 - |w[i, j] - G[j]| / 2) / 2
+        F[i]    = (alpha mean of F + sum over the providers j that i rated of R[i, j]) / (alpha +
+                number of these)
 
     with w = 2 x - 1, where x is the mean of all ratings that i gave j so far; in the paper a pair
     has one rating. Means are over agents with ratings; the authors' code takes medians and names
@@ -235,8 +237,9 @@ class TwoWayMean(ByPairMeans):
     """Two-way mean: each rating is the provider's level plus the rater's generosity, and both are
     means of the rest.
 
-        level[j]      = mean over the raters i of j of x[i, j] - generosity[i] generosity[i] = sum
-        over the providers j that i rated of (x[i, j] - level[j]) / (their number + 1)
+        level[j]      = mean over the raters i of j of x[i, j] - generosity[i]
+        generosity[i] = sum over the providers j that i rated of (x[i, j] - level[j]) / (their
+                number + 1)
 
     where x is the mean of all ratings that i gave j so far. The 1 in the denominator stands for one
     rating without generosity, so that the level of a provider with a single rater is defined.
@@ -314,7 +317,7 @@ class GeometricMedian(ByRatingVectors):
     smoothed algorithm of Weiszfeld, for vectors with missing entries:
 
         c[j] <- sum over the raters i of j of x[i, j] / max(d[i], 1e-4) / sum over them of 1 /
-        max(d[i], 1e-4)
+                max(d[i], 1e-4)
 
     with d, x and both trusts as in `ByRatingVectors`. At most 60 iterations start from 1/2.
     """

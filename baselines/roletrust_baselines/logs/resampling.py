@@ -60,7 +60,7 @@ def auc(score: Floats, bad: Floats, strata: Ints) -> Callable[[Floats], float]:
     than the others.
 
         auc = sum over strata of the pairs (bad, other) with score[bad] < score[other], ties half /
-        number of pairs
+                number of pairs
 
     Args:
         score: Score of each value, shape (n,).

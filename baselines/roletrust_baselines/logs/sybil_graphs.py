@@ -28,11 +28,11 @@ class SybilGraph:
         parallel: a -> s_k for each k
 
     There all bridge edges, the good ratings by honest members, end at the target: everything else
-        is behind it. This project adds a topology with as many ways in as there are bridges, so
-        that no identity is behind another:
+    is behind it. This project adds a topology with as many ways in as there are bridges, so that no
+    identity is behind another:
 
         layers:   bridge edges end at a, s_1, s_2, ... in turn; each of these rates all others, and
-            they rate a
+                they rate a
 
     Attributes:
         topology: Way in which the identities vouch for one another.

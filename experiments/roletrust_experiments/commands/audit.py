@@ -105,20 +105,19 @@ def audit(
     at what price.
 
     Hostile accounts join the last twelve rounds of the log, beside its ratings: new ones, aged
-        ones, which first rate others, and hijacked ones of active raters. A search looks for the
-        cheapest attack that pushes a target out of
-    the top, or into it: each agent of the top, agents that are drawn below it, and one that nobody
-        has rated. It knows the log and sees the ranks, and there may be a cheaper attack. A second
-        search from the next seed shows its chance.
+    ones, which first rate others, and hijacked ones of active raters. A search looks for the
+    cheapest attack that pushes a target out of the top, or into it: each agent of the top, agents
+    that are drawn below it, and one that nobody has rated. It knows the log and sees the ranks, and
+    there may be a cheaper attack. A second search from the next seed shows its chance.
 
     Prices may be in any currency; by default a new account is the unit. A goal fails (--fail-below)
     by the median price of its targets, since the last of the top and the first below it are always
     cheap.
 
     Written: [green]audit.html[/], the page with the curve of effect against price, which
-        [green]audit.png[/] has; [green]audit.json[/], all numbers and every rating of the cheapest
-        attacks; [green]audit.schema.json[/], its JSON Schema. Columns and dialect of the file are
-        found as by `roletrust rate`, with the same options.
+    [green]audit.png[/] has; [green]audit.json[/], all numbers and every rating of the cheapest
+    attacks; [green]audit.schema.json[/], its JSON Schema. Columns and dialect of the file are found
+    as by `roletrust rate`, with the same options.
 
     [bold]Examples[/]
 

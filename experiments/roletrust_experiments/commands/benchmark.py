@@ -143,8 +143,8 @@ def benchmark(
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
 
     [dim]# your own learner beside PPO, in one or two minutes[/]
-    [cyan]roletrust benchmark --suite
-    learners-quick --learner mypackage.mine:MyLearner --learner PPO[/]
+    [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner
+    --learner PPO[/]
     """
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     if ray is not None:

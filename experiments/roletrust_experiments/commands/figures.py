@@ -57,7 +57,7 @@ def figures(
     rater 3 rates 0.5 whatever it sees (bad-mouthing, 20-45 s).
 
     Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/]. The state after
-        round r, counted from 0, is at time (r + 1) x 0.5 s.
+    round r, counted from 0, is at time (r + 1) x 0.5 s.
 
     With --frames, all three cameras see the same picture: 120 s of video, or 240 images, one for
     each round; fewer with --loop. Rows whose bounds only hold for the rendered scene say n/a. If no

@@ -90,12 +90,12 @@ def list_command(
 
     [dim]# the trained attackers that come with the project, and your own, with their scores
     measured again[/]
-    [cyan]roletrust list zoo[/] [cyan]roletrust list zoo --folder results/train
-    --games 256[/]
+    [cyan]roletrust list zoo[/]
+    [cyan]roletrust list zoo --folder results/train --games 256[/]
 
     [dim]# for scripts: the models with useful gradients[/]
-    [cyan]roletrust list models --json | jq
-    '.models | map_values(select(.differentiable)) | keys'[/]
+    [cyan]roletrust list models
+    --json | jq '.models | map_values(select(.differentiable)) | keys'[/]
     """
     if kind is not Kind.ZOO and (names or folder or games):
         raise ValueError(

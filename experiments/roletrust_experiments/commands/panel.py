@@ -119,7 +119,7 @@ def panel(
     the verdict on the other items is what it trusts.
 
     Written: [green]judges.csv[/], the trust in each judge; [green]verdicts.csv[/], the verdict on
-        each item, empty in a tie.
+    each item, empty in a tie.
 
     With --measure, the truth is hidden, and methods get few labels of it, drawn many times: how
     often is each right, with how many labels, and with labels of another kind of item (--kind)?
@@ -136,12 +136,12 @@ def panel(
     [cyan]roletrust panel votes.csv --truth labels.csv[/]
 
     [dim]# a judge is a model and a prompt; which method, and how many labels?[/]
-    [cyan]roletrust
-    panel votes.csv --judge model --judge prompt --truth truth --kind subset --measure[/]
+    [cyan]roletrust panel votes.csv --judge model --judge prompt --truth truth --kind subset
+    --measure[/]
 
     [dim]# what do bought judges do?[/]
-    [cyan]roletrust panel votes.csv --truth truth --measure
-    --bribes 100 --method majority --method first-hand[/]
+    [cyan]roletrust panel votes.csv --truth truth --measure --bribes 100 --method majority
+    --method first-hand[/]
     """
     plan = Plan(
         tuple(sorted(set(labels))) if labels else Plan().labels, draws, budget=bribes, seed=seed

@@ -100,7 +100,7 @@ def play(
     r"""Play [bold]any scenario[/] with any attackers and trust models, and save the results.
 
     Written: [green]curves.png curves.csv results.json[/], and with --video [green]play.mp4
-        play.png[/]. With several games every mean comes with its 95% confidence interval.
+    play.png[/]. With several games every mean comes with its 95% confidence interval.
 
     Trust and reward are means over the agents of a group that are present; [bold]at end[/]: agents
     present in the last round / all agents. With an attack, the same games are played again with all
@@ -134,8 +134,8 @@ def play(
 
     [dim]# a seller that leaves when it is distrusted and returns as a newcomer, up to three
     times[/]
-    [cyan]roletrust play --set
-    'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]'
+    [cyan]roletrust play
+    --set 'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]'
     --attack sp_5=whitewashing:reserve=3[/]
 
     [dim]# your own scenario, with some fields changed[/]

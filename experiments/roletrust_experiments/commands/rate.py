@@ -113,13 +113,13 @@ def rate(
     which; an option overrides each.
 
     Ratings count round by round: by time (--every), by number (--count), or all in one round.
-        Several ratings of one agent by another in a round count as one, their mean. Rows may be in
-        any order of time.
+    Several ratings of one agent by another in a round count as one, their mean. Rows may be in any
+    order of time.
 
     Written: [green]ratees.csv raters.csv[/], with trust and evidence: a 95% interval, the number of
-        ratings, of other agents in them, and of effectively independent ones, the last rating, the
-        window of the log, model and version. First are those with the highest lower end of the
-        interval. With --out trust.parquet both roles are one table.
+    ratings, of other agents in them, and of effectively independent ones, the last rating, the
+    window of the log, model and version. First are those with the highest lower end of the
+    interval. With --out trust.parquet both roles are one table.
 
     --explain shows the most important raters of an agent, and its trust without the ratings of
     each; of a rater, its ratings that agree and differ most with the trust in those that it rates,
@@ -149,8 +149,8 @@ def rate(
     [cyan]roletrust rate log.csv.gz --same-agents --scale -10 10 --every 2592000[/]
 
     [dim]# two models on a synthetic log, with rounds of a week[/]
-    [cyan]roletrust rate results/log
-    --compare --synthetic --model role-trust --model beta --every 604800[/]
+    [cyan]roletrust rate results/log --compare --synthetic --model role-trust --model beta
+    --every 604800[/]
     """
     every, state_or_lead, single = (
         reading.every,

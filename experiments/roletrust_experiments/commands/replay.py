@@ -66,8 +66,8 @@ def replay(
     the search runs again, with its seed and budget, and takes as long as in the benchmark.
 
     Written: [green]replay.png[/], the utility of consumers and the trust of both sides, round by
-        round; and with --video [green]game.mp4[/] and its last round, [green]game.png[/]. In the
-        video, the attacker's agents are marked.
+    round; and with --video [green]game.mp4[/] and its last round, [green]game.png[/]. In the video,
+    the attacker's agents are marked.
 
     [bold]Examples[/]
 
@@ -75,8 +75,8 @@ def replay(
     [cyan]roletrust replay results/quick/results.sqlite --model role-trust --video[/]
 
     [dim]# one attack in one condition[/]
-    [cyan]roletrust replay results/quick/results.sqlite --cell
-    'beta|market|raters|0.3|scripted|0' --attack rank-lies[/]
+    [cyan]roletrust replay results/quick/results.sqlite --cell 'beta|market|raters|0.3|scripted|0'
+    --attack rank-lies[/]
     """
     require("a replay", "train", "scipy", "cma")  # as the benchmark whose suite it reads
     if video:

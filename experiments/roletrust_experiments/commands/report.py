@@ -45,10 +45,10 @@ def report(
     incomplete: the page shows the cells that have been played.
 
     Written: [green]report.html[/], the page; a [green].csv[/] with the numbers of each figure, and
-        a [green].png[/] and a [green].pdf[/] of it; [green]leaderboard.md[/], the leaderboard in
-        Markdown; [green]games.csv.gz[/], the utility of every game; and [green]conditions.csv[/],
-        how well each condition tells models apart. Of the tables, [green]worst_cases.csv[/] has a
-        row for each model and condition.
+    a [green].png[/] and a [green].pdf[/] of it; [green]leaderboard.md[/], the leaderboard in
+    Markdown; [green]games.csv.gz[/], the utility of every game; and [green]conditions.csv[/], how
+    well each condition tells models apart. Of the tables, [green]worst_cases.csv[/] has a row for
+    each model and condition.
 
     [bold]Examples[/]
 

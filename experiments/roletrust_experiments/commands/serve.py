@@ -78,9 +78,9 @@ def serve(
     agents[/].
 
     The protocol is that of models outside: a line of JSON with the ratings of a round, and a line
-        with the trust after it. So a system in another language can use a trust model of this
-        package, and a model of another package can be measured in a process of its own, where it
-        sees ratings and nothing else.
+    with the trust after it. So a system in another language can use a trust model of this package,
+    and a model of another package can be measured in a process of its own, where it sees ratings
+    and nothing else.
 
     With --store it is a trust manager: agents register, report signed ratings, and ask whom to
     trust. What it has acknowledged is in the store, and another model or length of a round is
@@ -90,10 +90,10 @@ def serve(
 
     [dim]# a game of two raters and one provider[/]
     [cyan]roletrust serve role-trust --port 8080[/]
-    [cyan]curl localhost:8080 -d '{"game": 1, "round": 0, "raters": 2, "providers": 1, "ratings":
-    \[]}'[/]
-    [cyan]curl localhost:8080 -d '{"game": 1, "round": 1, "raters": 2, "providers": 1,
-    "ratings": \[\[0, 0, 0.9]]}'[/]
+    [cyan]curl localhost:8080 -d
+    '{"game": 1, "round": 0, "raters": 2, "providers": 1, "ratings": \[]}'[/]
+    [cyan]curl localhost:8080 -d
+    '{"game": 1, "round": 1, "raters": 2, "providers": 1, "ratings": \[\[0, 0, 0.9]]}'[/]
 
     [dim]# a model in a process of its own[/]
     [cyan]roletrust benchmark --model 'exec:roletrust serve mypackage.mymodel:MyModel'[/]

@@ -87,16 +87,16 @@ def submit(
     [bold]Examples[/]
 
     [dim]# submit a model of your own[/]
-    [cyan]roletrust benchmark --suite standard --model
-    mypackage.mymodel:MyModel --out results/mine[/]
-    [cyan]roletrust submit
-    results/mine/results.sqlite --model mypackage.mymodel:MyModel --out mymodel.json[/]
+    [cyan]roletrust benchmark --suite standard --model mypackage.mymodel:MyModel
+    --out results/mine[/]
+    [cyan]roletrust submit results/mine/results.sqlite --model mypackage.mymodel:MyModel
+    --out mymodel.json[/]
 
     [dim]# submit attacks, here a script of yours and what searches find, against one trust model[/]
-    [cyan]roletrust benchmark --suite standard --attack rank-lies:bend=2 --model beta --out
-    results/lies[/]
-    [cyan]roletrust submit results/lies/results.sqlite --attacks --finder "A.
-    Author" --out lies.json[/]
+    [cyan]roletrust benchmark --suite standard --attack rank-lies:bend=2 --model beta
+    --out results/lies[/]
+    [cyan]roletrust submit results/lies/results.sqlite --attacks --finder "A. Author"
+    --out lies.json[/]
     """
     require("a submission", "train", "scipy", "cma")  # as the benchmark whose suite it reads
     if finder and not attacks:

@@ -126,11 +126,10 @@ def train(
     play it anywhere.
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/],
-        checkpoints, and, except by learners of coalitions, a log for TensorBoard. The score is the
-        mean reward per round in held-out games. An interrupted run continues with [cyan]--resume
-        --out DIR[/]; to continue several runs, give the whole command again with [cyan]--resume[/].
-        On the same machine, the same seed gives the same result to the last bit if the run is not
-        interrupted.
+    checkpoints, and, except by learners of coalitions, a log for TensorBoard. The score is the mean
+    reward per round in held-out games. An interrupted run continues with [cyan]--resume --out
+    DIR[/]; to continue several runs, give the whole command again with [cyan]--resume[/]. On the
+    same machine, the same seed gives the same result to the last bit if the run is not interrupted.
 
     [bold]Examples[/]
 
@@ -150,8 +149,8 @@ def train(
     [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
 
     [dim]# one by an evolution strategy, which needs fewer rounds[/]
-    [cyan]roletrust train
-    CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
+    [cyan]roletrust train CollusionAttack --learner evolution-strategy --objective mislead
+    --model role-trust[/]
 
     [dim]# five seeds, for one rung of a ladder[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]

@@ -82,7 +82,7 @@ def harm(attacks: Sequence[AttackResult], calm: AttackResult) -> dict[str, Float
 
     Returns:
         For each game, (G,): `trust`, what honest agents lose, see `metrics.damage`, and `utility`,
-            what consumers lose, see `metrics.utility`.
+        what consumers lose, see `metrics.utility`.
     """
     by_trust = max(attacks, key=lambda row: np.nanmean(as_array(row.chosen["damage"])))
     by_utility = min(attacks, key=lambda row: np.nanmean(as_array(row.chosen["utility"])))

@@ -43,7 +43,7 @@ class StrangePictures:
     """The pictures of cameras without a key and without a place in the scenario.
 
     They cost the raters next to nothing: one picture is looked at every few rounds, the turn passes
-        from camera to camera, and nobody has a turn if the known cameras took too long.
+    from camera to camera, and nobody has a turn if the known cameras took too long.
 
     Args:
         detector: Detector of people.

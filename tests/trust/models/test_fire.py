@@ -106,7 +106,7 @@ def test_witnesses_of_unknown_credibility_by_hand() -> None:
     """The judge rated 1, and a round later a stranger rates 0.
 
     Own: value 1, weight .5^(1/5). Witness: value -1, weight .5 (the default). Neither deviates from
-        itself.
+    itself.
     """
     model = make_trust_model("fire")
     state = play(model, [[1], [None]], [[None], [0]])

@@ -54,8 +54,7 @@ def test_a_constant_difference_is_unlearnt_by_hand() -> None:
     the other.
 
     Round 1: both hear 0.75. Round 2, N = 1, b = 1/4: the one hears (1 + 0.75) / 2, the other (0.75
-        + 0.5) / 2. Round 4, N = 3, b = 3/8: the one hears (1 + 0.875) / 2, the other (0.625 + 0.5)
-        / 2.
+    + 0.5) / 2. Round 4, N = 3, b = 3/8: the one hears (1 + 0.875) / 2, the other (0.625 + 0.5) / 2.
     """
     model = make_trust_model(
         "regression-aligned", lam=0.999

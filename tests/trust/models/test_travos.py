@@ -87,8 +87,8 @@ def test_a_first_round_by_hand() -> None:
     below 13/15 is 8/15.
 
     It asks the second, which saw one failure: mu = 1/3, sd = 1 / sqrt(18), in the second bin, which
-        holds 1/5 of what has never been tried. So mu' = 7/15 and sd' = 0.8 / sqrt(12) + 0.2 /
-        sqrt(18) = 0.27808.
+    holds 1/5 of what has never been tried. So mu' = 7/15 and sd' = 0.8 / sqrt(12) + 0.2 / sqrt(18)
+    = 0.27808.
     """
     model = make_trust_model("travos")
     state = model.update(model.start(np.zeros((2, 1))), Ratings(np.array([[1.0], [0.0]])))

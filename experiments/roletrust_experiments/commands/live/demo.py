@@ -164,8 +164,8 @@ def demo(
     the claims of the paper.
 
     Written: [green]figure.png figure.csv figure-simulated.csv results.json[/];
-        [green]journal.jsonl[/], the journal of the manager; [green]recording[/], all messages
-        except pictures; and [green]keys[/].
+    [green]journal.jsonl[/], the journal of the manager; [green]recording[/], all messages except
+    pictures; and [green]keys[/].
 
     [bold]Examples[/]
 

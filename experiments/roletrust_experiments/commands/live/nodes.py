@@ -105,8 +105,8 @@ def agent(
 
     [dim]# a camera with ten rounds of good pictures and ten of bad ones, in turn; a rater that
     always rates 0.2[/]
-    [cyan]roletrust live agent sp_2 --attack on-off:period=20[/] [cyan]roletrust
-    live agent sr_2 --attack bad-mouthing:level=0.2[/]
+    [cyan]roletrust live agent sp_2 --attack on-off:period=20[/]
+    [cyan]roletrust live agent sr_2 --attack bad-mouthing:level=0.2[/]
 
     [dim]# trained attackers, see `roletrust list`; of the coalition, this rater is a member[/]
     [cyan]roletrust live agent sr_2 --attack learned:path=rater-3x3[/]

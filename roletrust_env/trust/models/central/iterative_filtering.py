@@ -58,7 +58,7 @@ class IterativeFiltering(Published):
     largest entry: trust in a rater is relative to the best rater.
 
     Sharper weights would take sides without a reason: of two raters who disagree, rounding would
-        decide which is right.
+    decide which is right.
 
     Attributes:
         lam: Weight of the newest rating in the mean of each pair, in [0.5, 1).

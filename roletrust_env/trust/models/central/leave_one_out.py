@@ -55,15 +55,19 @@ class LeaveOneOut(Published):
     """Leave-one-out trust: a rater is trusted as far as it agrees with the others, a provider as
     trusted raters say.
 
-        s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1        f and 1 only where i
-        rated j x[i, j]  = s[i, j] / n[i, j],   v[i, j] = n[i, j] / (1 + limit n[i, j]),   w[i, j] =
-        v[i, j] ToR[i] m[j]     = sum over i of w[i, j] x[i, j] / sum of w[i, j] b        = initial
-        - modesty max(initial - median over the rated providers j of m[j], 0) c[i, j]  = (prior b +
-        sum over k of w[k, j] x[k, j]) / (prior + W[i, j]),   W[i, j] = sum over k of w[k, j],
+        s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1
+                f and 1 only where i rated j
+        x[i, j]  = s[i, j] / n[i, j],   v[i, j] = n[i, j] / (1 + limit n[i, j]),
+                w[i, j] = v[i, j] ToR[i]
+        m[j]     = sum over i of w[i, j] x[i, j] / sum of w[i, j]
+        b        = initial - modesty max(initial - median over the rated providers j of m[j], 0)
+        c[i, j]  = (prior b + sum over k of w[k, j] x[k, j]) / (prior + W[i, j]),
+                W[i, j] = sum over k of w[k, j],
                    both without i itself, or with the share `own` of its weight
-        e[i, j]  = v[i, j] W[i, j] / (W[i, j] + prior) ToR[i]   = ((doubt + sum over j of e[i, j] (1
-        - |x[i, j] - c[i, j]|)) / (1 + sum over j of e[i, j]))^power ToP[j]   = (prior b + sum over
-        i of w[i, j] x[i, j]) / (prior + sum over i of w[i, j])
+        e[i, j]  = v[i, j] W[i, j] / (W[i, j] + prior)
+        ToR[i]   = ((doubt + sum over j of e[i, j] (1 - |x[i, j] - c[i, j]|)) / (1 + sum over j of
+                e[i, j]))^power
+        ToP[j]   = (prior b + sum over i of w[i, j] x[i, j]) / (prior + sum over i of w[i, j])
 
     ToR is of the raters of the round; others keep theirs. ToP has w and b with ToR as just updated.
     The ratings of a provider fade in each round in which it is rated. The median is the upper of

@@ -90,9 +90,11 @@ class DeviationWeighted(Smoothed):
     """Deviation-weighted mean: the less a rater has deviated from the average rating, the more it
     counts.
 
-        fbar[j] = mean over the raters i of j of f[i, j] R[i]   <- lam (1 - mean over the providers
-        j that i rated of |f[i, j] - fbar[j]|) + (1 - lam) R[i] T[j]   <- lam (sum over the raters i
-        of j of R[i] f[i, j] / sum of R[i]) + (1 - lam) T[j],   R as just updated
+        fbar[j] = mean over the raters i of j of f[i, j]
+        R[i]   <- lam (1 - mean over the providers j that i rated of |f[i, j] - fbar[j]|) + (1 -
+                lam) R[i]
+        T[j]   <- lam (sum over the raters i of j of R[i] f[i, j] / sum of R[i]) + (1 - lam) T[j],
+                R as just updated
 
     The literature has many models of this kind, such as that of Liu et al. (2011). This one claims
     to match none of them, and is named for what it does.
@@ -146,9 +148,10 @@ class ByCentre(Smoothed, ABC):
     """Base of trust models that are defined by a centre of each provider's ratings. Both trusts
     follow from it.
 
-    centre[j] = the model's own, of f[i, j] over the raters i of j T[j]     <- lam centre[j] + (1 -
-    lam) T[j] R[i]     <- lam (1 - mean over the providers j that i rated of |f[i, j] - centre[j]|)
-    + (1 - lam) R[i]
+    centre[j] = the model's own, of f[i, j] over the raters i of j
+    T[j]     <- lam centre[j] + (1 - lam) T[j]
+    R[i]     <- lam (1 - mean over the providers j that i rated of |f[i, j] - centre[j]|)
+                + (1 - lam) R[i]
     """
 
     @abstractmethod
@@ -221,8 +224,8 @@ class HuberMean(ByCentre):
 
     Huber (1964), with a fixed width in place of an estimated scale, since ratings have one already:
 
-        centre = sum over raters i of w[i] f[i] / sum of w[i],   w[i] = min(1, width / |f[i] -
-        centre|)
+        centre = sum over raters i of w[i] f[i] / sum of w[i],
+                w[i] = min(1, width / |f[i] - centre|)
 
     The centre is computed by 30 such steps from the median, see `STEPS` for how near they come.
     Smoothing and the trust of raters are those of `ByCentre`.

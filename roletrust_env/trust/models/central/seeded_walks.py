@@ -163,8 +163,8 @@ class BySeeds(Published, ABC):
 def visits(graph: WalkGraph, alpha: float, back: bool) -> Trusts:
     """Return how often a walker visits each agent on average, the start included.
 
-        v = p + (1 - alpha) C^T v,   C[i, j] = l[i, j] / sum over j of l[i, j],   p the shares of
-        walkers at the start
+        v = p + (1 - alpha) C^T v,   C[i, j] = l[i, j] / sum over j of l[i, j],
+                p the shares of walkers at the start
 
     over the agents. A provider j that cannot rate has C[j, i] = l[i, j] / sum over i of l[i, j] if
     `back`, and else an empty row. A walk ends at an agent with an empty row, and in each step with

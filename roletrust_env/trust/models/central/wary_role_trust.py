@@ -49,14 +49,18 @@ class WaryRoleTrust(Published):
     to the consensus, and providers by good, steady ratings of trusted raters. Four things are new.
     Each is switched off by one value of one parameter:
 
-        w[i, j] = fresh[i, j] max(ToR[i], 0.01)^power              1 for a rating of this round,
-        times keep each round c[j]    = sum over the raters i of w[i, j] g[i, j] / sum of w[i, j]
-        g[i, j] is i's last rating of j QoR[i]  = 1 - mean over the providers j that i rated of
-        sqrt(|f[i, j] - c[j]|) ToR[i] <- lam QoR[i] + (1 - lam) ToR[i] QoP[j]  = sum over the raters
-        i of w[i, j] sinc(1 - g[i, j]) g[i, j] / sum of w[i, j],    ToR as just updated d[j]    =
-        QoP[j] - ToP[j],   h = the median of d over the providers that were rated, the upper of two
-        own[j]  = min(d[j] - (h if h < -shock else 0), 0) ToP[j] <- ToP[j] + lam (own[j] + rise
-        (d[j] - own[j]))
+        w[i, j] = fresh[i, j] max(ToR[i], 0.01)^power
+                1 for a rating of this round, times keep each round
+        c[j]    = sum over the raters i of w[i, j] g[i, j] / sum of w[i, j]
+                g[i, j] is i's last rating of j
+        QoR[i]  = 1 - mean over the providers j that i rated of sqrt(|f[i, j] - c[j]|)
+        ToR[i] <- lam QoR[i] + (1 - lam) ToR[i]
+        QoP[j]  = sum over the raters i of w[i, j] sinc(1 - g[i, j]) g[i, j] / sum of w[i, j],
+                ToR as just updated
+        d[j]    = QoP[j] - ToP[j],
+                h = the median of d over the providers that were rated, the upper of two
+        own[j]  = min(d[j] - (h if h < -shock else 0), 0)
+        ToP[j] <- ToP[j] + lam (own[j] + rise (d[j] - own[j]))
 
     - `power`: The mean is weighted, where the paper's is plain. ToR then decides which raters count
       and does not lower ToP. With 0 all raters count alike.

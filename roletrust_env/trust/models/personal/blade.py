@@ -55,8 +55,8 @@ class Blade(Personal):
     distributions with one more x, each with its probability q(x). The model keeps the Dirichlet
     distribution with the mixture's mean and mean square:
 
-        n <- (n + q) D / (D + (N + 2) g),   N = sum of n,   D = sum of n (N - n + 2 (1 - q)),   g =
-        sum of q (1 - q)
+        n <- (n + q) D / (D + (N + 2) g),   N = sum of n,   D = sum of n (N - n + 2 (1 - q)),
+                g = sum of q (1 - q)
 
     It counts one more if q is certain, and nothing if advice says nothing.
 

@@ -54,19 +54,21 @@ class Fire(Personal):
     Huynh, Jennings and Shadbolt, "An integrated trust and reputation model for open multi-agent
     systems" (2006), with v = 2f - 1 in [-1, 1], ages dt in rounds, l = -5 / ln .5 and g = -ln .5:
 
-        component   = sum w v / sum w,   reliability = (1 - exp(-g sum w)) (1 - half of sum w |v -
-        component| / sum w) interaction:  i's own last 10 ratings of j, w = exp(-dt / l) witness:
-        the newest rating that each k gave j, w = max(credibility, 0) exp(-dt / l) T           = sum
-        of weight * reliability * component / sum of weight * reliability,   weights 2 and 1
+        component   = sum w v / sum w,
+                reliability = (1 - exp(-g sum w)) (1 - half of sum w |v - component| / sum w)
+        interaction:  i's own last 10 ratings of j, w = exp(-dt / l)
+        witness:      the newest rating that each k gave j, w = max(credibility, 0) exp(-dt / l)
+        T           = sum of weight * reliability * component / sum of weight * reliability,
+                weights 2 and 1
 
     Each time that i and k rate a provider in the same round, k gets a credibility rating of `1 -
     |v_k - v_i|` if that difference is below `tolerance`, else of -1; its credibility is sum w v /
     sum w over all of these. The model publishes trust and credibility mapped to [0, 1].
 
     Not included: role-based trust, certified reputation, and how witnesses are found. The values of
-        `tolerance`, `credibility` and the component weights could not be checked in the paper.
-        Added where the paper leaves something
-    open: T is updated for providers that were rated in the round; it stays where all weights are 0.
+    `tolerance`, `credibility` and the component weights could not be checked in the paper. Added
+    where the paper leaves something open: T is updated for providers that were rated in the round;
+    it stays where all weights are 0.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].

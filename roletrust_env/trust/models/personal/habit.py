@@ -41,10 +41,11 @@ class Habit(Personal):
     parameters 1 + n[k, j]. The reputation model is a Dirichlet process: provider j is like provider
     l, or like none, with probabilities
 
-        w[j, l]    ~ product over all k of  B(1 + n[k, j] + n[k, l]) B(1) / (B(1 + n[k, j]) B(1 +
-        n[k, l])) w[j, none] ~ alpha,     B(a) = product of Gamma(a[x]) / Gamma(sum of a) T[i, j]
-        = sum over l of w[j, l] * mean level under 1 + n[i, j] + n[i, l],   of none under 1 + n[i,
-        j]
+        w[j, l]    ~ product over all k of
+                B(1 + n[k, j] + n[k, l]) B(1) / (B(1 + n[k, j]) B(1 + n[k, l]))
+        w[j, none] ~ alpha,     B(a) = product of Gamma(a[x]) / Gamma(sum of a)
+        T[i, j]    = sum over l of w[j, l] * mean level under 1 + n[i, j] + n[i, l],
+                of none under 1 + n[i, j]
 
     where l is any other provider with ratings. The weight of l is the probability of the ratings of
     j given those of l, relative to that without them. For an adviser it is the integral over p of

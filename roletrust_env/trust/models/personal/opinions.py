@@ -126,18 +126,19 @@ class SubjectiveLogic(Personal):
     that of `roletrust_env.trust.models.personal.opinions`:
 
         own[i, j]     from evidence: each rating f counts as f of a success and 1 - f of a failure,
-        and none fades adviser[i, k] from evidence: each time that both rate a provider in one
-        round, 1 - |f[i, j] - f[k, j]| of a
+                and none fades
+        adviser[i, k] from evidence: each time that both rate a provider in one round, 1 - |f[i, j]
+                - f[k, j]| of a
                       success, the rest of a failure
         T[i, j]       = expectation of own[i, j] fused with each own[k, j] discounted by adviser[i,
-        k]
+                k]
 
     An adviser reports its whole opinion, which follows from its ratings so far. An adviser does not
     count before the judge has compared ratings with it.
 
     Not included: networks of more than one adviser between judge and provider. Added where the
-        paper leaves something
-    open: the evidence about advisers; T is updated for providers that were rated in the round.
+    paper leaves something open: the evidence about advisers; T is updated for providers that were
+    rated in the round.
 
     Attributes:
         initial: Base rate: the trust in raters and providers before any evidence, in [0, 1].

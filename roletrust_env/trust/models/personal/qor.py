@@ -53,21 +53,21 @@ class QualityOfRecommendation(Personal):
     Things: a context-aware and multi-service approach" (2013), with ratings N = 2f - 1 in [-1, 1]
     of age dt in rounds:
 
-        T[i, j]   = sum over k and its ratings of w QR[i, k] N / sum of w,   w = theta^((s + 1) dt),
-        s = (N^2 - N) / 2 r         = 1 - |N[k, j] - N[i, j]|,  the mean over the providers j that
-        both rated in the round QR[i, k] <- (sum of c QR over all QR[i, k] so far + r) / (sum of c +
-        1),  c = theta^dt,  1 at first
+        T[i, j]   = sum over k and its ratings of w QR[i, k] N / sum of w,
+                w = theta^((s + 1) dt),  s = (N^2 - N) / 2
+        r         = 1 - |N[k, j] - N[i, j]|,
+                the mean over the providers j that both rated in the round
+        QR[i, k] <- (sum of c QR over all QR[i, k] so far + r) / (sum of c + 1),  c = theta^dt,  1
+                at first
 
     A rating of -1 fades twice as fast as one of 0 or 1. A judge's own ratings count with QR 1. The
     model publishes T and QR mapped to [0, 1].
 
     Not included: contexts, since services have none here (their distance d is 0 in a further factor
-        l^d of w).
-    Uncertain: in the only public code r is inside the sum, once for each of its terms. Added where
-        the paper leaves
-    something open: r weighs 1, as C_F, since a judge's own feedback does; there is one QR per
-        round, whatever the order of the services; the last 10 ratings of a rater for a provider
-        count; T is updated for providers that were rated in the round.
+    l^d of w). Uncertain: in the only public code r is inside the sum, once for each of its terms.
+    Added where the paper leaves something open: r weighs 1, as C_F, since a judge's own feedback
+    does; there is one QR per round, whatever the order of the services; the last 10 ratings of a
+    rater for a provider count; T is updated for providers that were rated in the round.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].

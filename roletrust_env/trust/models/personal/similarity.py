@@ -142,8 +142,8 @@ class PeerTrust(Personal):
     the judge.
 
         Sim(v, w) = 1 - sqrt(mean over providers both have rated of the squared difference of their
-        mean ratings) T[w, j]   = sum over ratings x of j by v of Sim(v, w) x / sum over the same of
-        Sim(v, w)
+                mean ratings)
+        T[w, j]   = sum over ratings x of j by v of Sim(v, w) x / sum over the same of Sim(v, w)
 
     Xiong and Liu (2004), with the personalised similarity measure for the credibility of raters;
     without the factors of transaction and community context, and without time windows: every rating

@@ -64,10 +64,10 @@ class Travos(Personal):
     a failure.
 
     Added where the paper leaves something open: an opinion is what an adviser holds before the
-        round in which the judge sees the outcome; an adviser that has seen nothing has none; a bin
-        holds its lower edge; and the credence of a judge in an adviser, which the paper has of each
-        opinion only, is the mean of rho over the opinions that the adviser now holds, or 1 / `bins`
-        where it holds none, which is the rho of an untried opinion. The choice of advisers is not
+    round in which the judge sees the outcome; an adviser that has seen nothing has none; a bin
+    holds its lower edge; and the credence of a judge in an adviser, which the paper has of each
+    opinion only, is the mean of rho over the opinions that the adviser now holds, or 1 / `bins`
+    where it holds none, which is the rho of an untried opinion. The choice of advisers is not
     included: all are asked.
 
     The memory grows with S^2, not with S^2 P, also during a round.

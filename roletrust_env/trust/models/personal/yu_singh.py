@@ -51,18 +51,17 @@ class YuSingh(Personal):
     Yu, Singh and Sycara, "Developing trust in large-scale peer-to-peer systems" (2004), for judge
     i, adviser k and provider j:
 
-        C[i, k] <- C[i, k] (1 - (1 - beta) |f[k, j] - f[i, j]|)      for each j that both rated in
-        the round; 1 at first T[i, j]  = h local + (1 - h) sum over k of C[i, k] said[k, j] / sum
-        over k of C[i, k]
+        C[i, k] <- C[i, k] (1 - (1 - beta) |f[k, j] - f[i, j]|)
+                for each j that both rated in the round; 1 at first
+        T[i, j]  = h local + (1 - h) sum over k of C[i, k] said[k, j] / sum over k of C[i, k]
 
     `local` is the mean of i's last `memory` ratings of j, and h is their number over `memory`.
     After `memory` ratings a judge relies on its own experience alone. `said` is the newest rating
     that k gave j, if any.
 
     Not included: the search for witnesses along chains of referrals. A judge hears all raters.
-        Added where the paper
-    leaves something open: without advisers T is all `local`, and it is updated for providers that
-        were rated in the round.
+    Added where the paper leaves something open: without advisers T is all `local`, and it is
+    updated for providers that were rated in the round.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].

@@ -46,11 +46,13 @@ class ZhangCohen(Personal):
     """Zhang-Cohen: advisers weighted by agreement with the judge, and with all raters while
     evidence is scarce.
 
-        private = (agreeing + 1) / (N + 2)         over the N ratings that judge and adviser have in
-        common public  = (consistent + 1) / (all + 2)     over all ratings by the adviser; near the
-        others' mean is consistent w       = min(1, N / N_min),   N_min = -ln((1 - confidence) / 2)
-        / (2 error^2) C       = w private + (1 - w) public T       = C-weighted mean of opinions,
-        then the usual smoothing
+        private = (agreeing + 1) / (N + 2)
+                over the N ratings that judge and adviser have in common
+        public  = (consistent + 1) / (all + 2)
+                over all ratings by the adviser; near the others' mean is consistent
+        w       = min(1, N / N_min),   N_min = -ln((1 - confidence) / 2) / (2 error^2)
+        C       = w private + (1 - w) public
+        T       = C-weighted mean of opinions, then the usual smoothing
 
     Zhang and Cohen (2008). Two ratings are in common if they are of one provider in one round, and
     agree to the share `1 - |f - g|`: with f of a success and 1 - f of a failure each, that is what
