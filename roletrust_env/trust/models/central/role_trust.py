@@ -60,9 +60,8 @@ class RoleTrust(Published):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         tor = smooth(self._rater_quality(ratings), state.tor, self.lam, ratings.count(RATER))
         elapsed: Array | None = ratings.read(state.elapsed)
-        # The identity takes less time than the comparison, and that less than powers.
-        if isinstance(elapsed, np.ndarray) and (elapsed is ones(elapsed) or (elapsed == 1).all()):
-            elapsed = None
+        if isinstance(elapsed, np.ndarray) and (elapsed == 1).all():
+            elapsed = None  # this comparison takes less time than powers
         quality = provider_quality(ratings, tor, ratings.read(state.last), elapsed)
         top = smooth(quality, state.top, self.lam, ratings.count(PROVIDER))
         if ratings.full:
