@@ -14,9 +14,9 @@ from roletrust_env.compiled.record import (
     Recorded,
     Shape,
     UnrecordableError,
-    cast,
     constant,
     make_input,
+    to_dtype,
 )
 from roletrust_env.randomness import Random
 from roletrust_env.trees import arrays, map_leaves
@@ -146,7 +146,8 @@ class Program(NamedTuple):
         if structures[0] != structures[1]:
             raise _refusal("a round changes the structure of the state")
         next_state = [
-            cast(leaf, dtype) for leaf, (_, dtype) in zip(arrays(after), before.arrays, strict=True)
+            to_dtype(leaf, dtype)
+            for leaf, (_, dtype) in zip(arrays(after), before.arrays, strict=True)
         ]
         width = 1 if not batch else 64 // like.dtype.itemsize
         source = emit(

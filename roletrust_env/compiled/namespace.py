@@ -14,12 +14,12 @@ from roletrust_env.compiled.record import (
     UnrecordableError,
     bitcast,
     broadcast,
-    cast,
     concat,
     constant,
     elementwise,
     gather,
     reduce,
+    to_dtype,
     view,
     where,
 )
@@ -29,7 +29,7 @@ def _sum(array: Any, axis: Any = None, *, dtype: Any = None, keepdims: bool = Fa
     array = constant(array)
     if dtype is None:
         dtype = np.int64 if array.dtype.kind in "bi" else array.dtype
-    return reduce(np.add, cast(array, dtype), axis, keepdims)
+    return reduce(np.add, to_dtype(array, dtype), axis, keepdims)
 
 
 def _mean(array: Any, axis: Any = None, *, keepdims: bool = False) -> Array:
@@ -39,11 +39,11 @@ def _mean(array: Any, axis: Any = None, *, keepdims: bool = False) -> Array:
 
 
 def _any(array: Any, axis: Any = None, *, keepdims: bool = False) -> Array:
-    return reduce(np.logical_or, cast(array, bool), axis, keepdims)
+    return reduce(np.logical_or, to_dtype(array, bool), axis, keepdims)
 
 
 def _all(array: Any, axis: Any = None, *, keepdims: bool = False) -> Array:
-    return reduce(np.logical_and, cast(array, bool), axis, keepdims)
+    return reduce(np.logical_and, to_dtype(array, bool), axis, keepdims)
 
 
 def _stack(arrays: Sequence[Any], axis: int = 0) -> Array:
@@ -160,7 +160,7 @@ _METHODS: dict[str, Callable[..., Any]] = {
     "clip": _clip,
     "max": partial(reduce, np.maximum),
     "min": partial(reduce, np.minimum),
-    "astype": lambda array, dtype, copy=True: cast(array, dtype),
+    "astype": lambda array, dtype, copy=True: to_dtype(array, dtype),
     "reshape": lambda array, *shape: view(array, lambda positions: positions.reshape(*shape)),
     "copy": lambda array: array,
     "swapaxes": _views(np.swapaxes),

@@ -178,7 +178,7 @@ def _node(op: str, args: Sequence[Any], data: Any, shape: Shape, dtype: Any) -> 
 def constant(values: Any, dtype: Any = None) -> Array:
     """Return a constant; a recorded array is returned as it is, or cast."""
     if isinstance(values, Recorded):
-        return values if dtype is None else cast(values, dtype)
+        return values if dtype is None else to_dtype(values, dtype)
     if isinstance(values, list | tuple) and any(isinstance(part, Recorded) for part in values):
         return Recorded.namespace.stack(values)
     array = np.array(values, dtype, order="C")
@@ -215,7 +215,7 @@ def elementwise(ufunc: Any, *inputs: Any) -> Array:
     return _node(name, args, None, shape, made)
 
 
-def cast(array: Any, dtype: Any) -> Array:
+def to_dtype(array: Any, dtype: Any) -> Array:
     """Return an array in another dtype."""
     array = constant(array)
     if array.dtype == dtype:
@@ -260,7 +260,7 @@ def where(condition: Any, yes: Any, no: Any) -> Array:
     """Return entries of one array where a condition holds, and of another elsewhere."""
     kinds = [x.dtype if isinstance(x, Recorded) else x for x in (yes, no)]
     dtype = np.result_type(*kinds)
-    args = [cast(condition, bool), constant(yes, dtype), constant(no, dtype)]
+    args = [to_dtype(condition, bool), constant(yes, dtype), constant(no, dtype)]
     if (known := _computed(np.where, args)) is not None:
         return known
     shape = np.broadcast_shapes(*(arg.shape for arg in args))
@@ -289,7 +289,7 @@ def reduce(ufunc: Any, array: Any, axis: Any = None, keepdims: bool = False) -> 
 def gather(table: Array, places: Array) -> Array:
     """Return rows of a table at places along its first axis; those outside are the last row."""
     rows, length = math.prod(table.shape[1:]), table.shape[0]
-    at = cast(places, np.int64).reshape((*places.shape, *[1] * (table.ndim - 1)))
+    at = to_dtype(places, np.int64).reshape((*places.shape, *[1] * (table.ndim - 1)))
     at = where(at < 0, at + length, at).clip(0, length - 1)
     at = at * rows + np.arange(rows).reshape(table.shape[1:])
     return _node("gather", (concat([table]), at), None, at.shape, table.dtype)
@@ -299,7 +299,7 @@ def concat(arrays: Sequence[Any], axis: int = 0) -> Array:
     """Return arrays one after the other along an axis; they lie together in memory."""
     parts = [constant(array) for array in arrays]
     dtype = np.result_type(*(part.dtype for part in parts))
-    parts = [cast(part, dtype) for part in parts]
+    parts = [to_dtype(part, dtype) for part in parts]
     if (known := _computed(lambda *values: np.concatenate(values, axis), parts)) is not None:
         return known
     shape = np.concatenate([np.empty(part.shape, bool) for part in parts], axis).shape

@@ -14,7 +14,7 @@ from roletrust_env.envs.actions import check_action
 from roletrust_env.envs.arguments import Engine, is_compiled, refuse_unknown
 from roletrust_env.envs.spec import TaskSpec
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
-from roletrust_env.envs.task_batch import TaskRound, compiled_game, task_spaces
+from roletrust_env.envs.task_batch import TaskRound, compile_task, task_spaces
 from roletrust_env.errors import suggest
 from roletrust_env.game.attack_task import AttackTask, TaskState
 from roletrust_env.game.make_task import make_task
@@ -118,7 +118,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self.render_mode = render_mode
         self.metadata = deepcopy(self.metadata)  # wrappers add render modes
         self.engine = engine
-        self._compiled = compiled_game(self.task) if is_compiled(engine) else None
+        self._compiled = compile_task(self.task) if is_compiled(engine) else None
         self._played: TaskState | None = None  # by the rules; the compiled engine has its own
         self._random: Random | None = None
         self._playing, self._end, self._length = False, 0, 0

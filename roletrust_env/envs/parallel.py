@@ -235,7 +235,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.game = Game(scenario.change(**changes) if changes else scenario, trust_model)
         refuse_empty_start(self.game.scenario)
         self.engine = engine
-        self._compiled = compiled_game(self.game) if is_compiled(engine) else None
+        self._compiled = compile_game(self.game) if is_compiled(engine) else None
         self.layout = layout = self.game.layout
         self.render_mode = render_mode
         self.metadata = deepcopy(self.metadata)  # wrappers add render modes
@@ -464,7 +464,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         return {agent: infos[agent] for agent in agents}
 
 
-def compiled_game(game: Game) -> "CompiledGame":
+def compile_game(game: Game) -> "CompiledGame":
     """Return the rounds of a game in the compiled engine.
 
     Raises:

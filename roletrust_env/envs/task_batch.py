@@ -39,14 +39,14 @@ class TaskRound(NamedTuple):
     observation: Array
 
 
-def compiled_game(task: AttackTask) -> "CompiledGame":
+def compile_task(task: AttackTask) -> "CompiledGame":
     """Return the rounds of one game of a task in the compiled engine, see `record_task`."""
     from roletrust_env.compiled import CompiledGame
 
     return CompiledGame(record_task(task, batch=False))
 
 
-def compiled_batch(task: AttackTask) -> "CompiledBatch":
+def compile_batch(task: AttackTask) -> "CompiledBatch":
     """Return the rounds of a batch of a task in the compiled engine, see `record_task`."""
     from roletrust_env.compiled import CompiledBatch
 
@@ -122,7 +122,7 @@ class TaskBatch:
         self.rounds = min(rounds or task.game.scenario.max_cycles, task.game.scenario.max_cycles)
         self.state: TaskState | None = None
         self._whole, self._end = whole, self.rounds + 1
-        self._compiled = compiled_batch(task) if is_compiled(engine) else None
+        self._compiled = compile_batch(task) if is_compiled(engine) else None
         # A state, and what is observed then.
         self._observed: tuple[TaskState | None, Array] = (None, None)
 

@@ -32,7 +32,7 @@ from roletrust_agents.learned.weights import weights_bytes
 from roletrust_agents.training.settings import Algo
 from roletrust_env import Scenario, __version__
 from roletrust_env.envs.arguments import Engine
-from roletrust_env.envs.task_batch import compiled_batch
+from roletrust_env.envs.task_batch import compile_batch
 from roletrust_env.errors import short, validation_message
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import GameMean, over_games
@@ -260,7 +260,7 @@ class Run(UntrustedModel):
 def fastest_engine(task: AttackTask) -> tuple[Engine, str]:
     """Return the fastest engine for batches of a task, and why it is not the compiled one."""
     try:
-        compiled_batch(task)
+        compile_batch(task)
     except ValueError as error:
         return "rules", str(error)
     return "compiled", ""
