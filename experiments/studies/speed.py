@@ -21,6 +21,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import gymnasium
 import numpy as np
@@ -96,6 +97,7 @@ def main(study: Study[Options]) -> None:
         entries: list[_Entry] = [
             ("jaxmarl", simple_spread_on_jax),
             ("jax", batch_on_jax),
+            ("jax", batch_on_jax_games_first),
             *(("torch", partial(batch, library, device)) for library in ("torch", COMPILED)),
         ]
         if device == "cpu":
@@ -294,6 +296,15 @@ def batch_on_jax(games: int, seed: int) -> Contestant:
     from roletrust_env import RoleTrustJaxEnv
 
     return _on_jax("JAX batch", RoleTrustJaxEnv("paper-3x3"), games, seed)
+
+
+def batch_on_jax_games_first(games: int, seed: int) -> Contestant:
+    """Return the batch of `batch_on_jax` with the games first, as `jax.vmap` puts them."""
+    from roletrust_env.envs import jax_env
+
+    with patch.object(jax_env, "games_last", lambda function, *_: function):
+        made = jax_env.RoleTrustJaxEnv("paper-3x3")
+    return _on_jax("JAX batch, games first", made, games, seed)
 
 
 def simple_spread_on_jax(games: int, seed: int) -> Contestant:

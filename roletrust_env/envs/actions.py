@@ -19,27 +19,33 @@ Joint = npt.NDArray[np.float64]
 _ARRAYS = {np.ndarray}
 
 
-def check_action(
-    action: Any, shape: tuple[int, ...], low: float = 0.0, what: str = "the action"
-) -> npt.NDArray[np.float32]:
+def is_plain(action: Any, shape: tuple[int, ...], low: float = 0.0) -> bool:
+    """Return whether an action is a valid array of NumPy, of this shape; others may be valid, too,
+    after a closer look.
+    """
+    plain = type(action) is np.ndarray and action.shape == shape and action.dtype.kind in NUMBERS
+    return plain and within(action, low)
+
+
+def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> npt.NDArray[np.float32]:
     """Return an action as an array of float32.
 
     Args:
         action: Action of one game, or of a batch.
         shape: Shape that it must have.
         low: Lower bound of its entries; the upper bound is 1.
-        what: Name of the action in errors.
 
     Raises:
         ValueError: The action has the wrong shape, or holds NaN or a value outside [low, 1].
     """
-    action = numpy_array(what, action, f"numbers, of shape {shape}")
-    if action.shape != shape or action.dtype.kind not in NUMBERS:
-        raise ValueError(
-            f"{what} has shape {action.shape} and dtype {action.dtype}; it must be numbers, of "
-            f"shape {shape}"
-        )
-    check_within(what, action, low)
+    if not is_plain(action, shape, low):
+        action = numpy_array("the action", action, f"numbers, of shape {shape}")
+        if action.shape != shape or action.dtype.kind not in NUMBERS:
+            raise ValueError(
+                f"the action has shape {action.shape} and dtype {action.dtype}; it must be "
+                f"numbers, of shape {shape}"
+            )
+        check_within("the action", action, low)
     checked: npt.NDArray[np.float32] = action.astype(np.float32, copy=False)
     return checked
 
@@ -57,6 +63,7 @@ class JointAction:
         ends = np.cumsum(sizes).tolist()
         self._sizes = dict(zip(roster.names, sizes, strict=True))
         self._shapes = [(size,) for size in sizes]
+        self._size = sum(sizes)
         self._slots = {
             agent: slice(end - size, end)
             for (agent, size), end in zip(self._sizes.items(), ends, strict=True)
@@ -88,7 +95,10 @@ class JointAction:
         """
         if agent not in self._sizes:
             raise ValueError(f"there is no agent {agent!r}; there are {shown(list(self._sizes))}")
-        what, shape = f"the action of {agent!r}", (self._sizes[agent],)
+        shape = (self._sizes[agent],)
+        if is_plain(action, shape):
+            return np.array(action, np.float64)
+        what = f"the action of {agent!r}"
         action = numpy_array(what, action, f"numbers, of shape {shape}")
         if action.dtype.kind not in NUMBERS:
             raise ValueError(
@@ -103,7 +113,7 @@ class JointAction:
 
     def place(self, actions: Mapping[str, Joint]) -> Joint:
         """Return the checked actions of some agents in one vector, with 0 for the others."""
-        joint = np.zeros(sum(self._sizes.values()))
+        joint = np.zeros(self._size)
         for agent, action in actions.items():
             joint[self._slots[agent]] = action
         return joint
