@@ -1,0 +1,29 @@
+"""The pages of the API name what there is."""
+
+import re
+from pathlib import Path
+from pkgutil import resolve_name
+
+import pytest
+
+PAGES = sorted((Path(__file__).parents[2] / "docs" / "api").glob("*.rst"))
+DIRECTIVE = re.compile(r"\.\. (?:py:)?(auto\w+|currentmodule|module):: ([\w.]+)$", re.MULTILINE)
+
+
+def documented(page: Path) -> list[tuple[str, str]]:
+    """The module in force and the name of each object that a page documents."""
+    module, names = "", []
+    for kind, name in DIRECTIVE.findall(page.read_text()):
+        if kind.startswith("auto"):
+            names.append((module, name))
+        else:
+            module = name
+    return names
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_documented_name_exists(page):
+    names = documented(page)
+    assert names or page.stem == "index"
+    for module, name in names:
+        resolve_name(name if name.startswith("roletrust_") else f"{module}.{name}")
