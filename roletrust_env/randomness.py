@@ -13,14 +13,14 @@ from roletrust_env.parameters import whole_number
 
 Keys = npt.NDArray[np.uint32]
 
-STREAMS = 12
-"""Number of random streams of a round, each with its own key. One of them, `POLICIES`, is not part
-of the noise."""
+STREAMS = 14
+"""Number of random streams, each with its own key. Two of them, `POLICIES` and `LENGTHS`, are not
+part of the noise."""
 
 POLICIES = 8
 """Stream of the numbers that policies draw. Streams that were added later have higher numbers."""
 
-_LENGTHS = STREAMS
+LENGTHS = 12
 """Stream of the lengths of games, which is none of a round: games that end sooner have the same
 rounds until then."""
 
@@ -141,7 +141,7 @@ class Random:
             batch: Shape of the batch.
         """
         key = self._on_device(
-            np.stack(self._subkey(_LENGTHS, np.asarray([self._rounds], np.uint32)))
+            np.stack(self._subkey(LENGTHS, np.asarray([self._rounds], np.uint32)))
         )
         games = counter_rng.counters(self.like, math.prod(batch))
         chance = counter_rng.uniform(self.like, 1, games, key).reshape(batch)

@@ -68,13 +68,11 @@ class _Step(NamedTuple):
     """A state of the games that may be played again: the number of the state before, what came in
     and what came out.
 
-    Arrays are of shape (..., n), a column for each of n games; `before` and `mask` are None if
-    there is none.
+    Arrays are of shape (..., n), a column for each of n games; `before` is None at the start.
     """
 
     before: int | None
-    given: Array
-    mask: Array | None
+    given: list[Array | None]
     trust: list[Array]
 
 
@@ -89,13 +87,11 @@ class _Trace:
         ]  # which no model can predict
         self.steps: dict[int, _Step] = {}
 
-    def add(
-        self, before: int | None, given: Array, mask: Array | None, state: "IsolatedState"
-    ) -> None:
+    def add(self, before: int | None, given: list[Array | None], state: "IsolatedState") -> None:
         """Keep a state."""
         trust = [self._columns(part) for part in state[1:] if part is not None]
         self.steps[int(state.number.flat[0])] = _Step(
-            before, self._columns(given), None if mask is None else self._columns(mask), trust
+            before, [None if part is None else self._columns(part) for part in given], trust
         )
 
     def _columns(self, array: Array) -> Array:
@@ -113,11 +109,11 @@ class _Trace:
         states: dict[int | None, IsolatedState] = {}
         largest = 0.0
         for number, step in self.steps.items():
+            given = [None if part is None else alone(part) for part in step.given]
             if step.before is None:
-                state = model.start(alone(step.given), self.peers)
+                state = model.start(given[0], self.peers)
             else:
-                mask = None if step.mask is None else alone(step.mask)
-                state = model.update(states[step.before], Ratings(alone(step.given), mask))
+                state = model.update(states[step.before], _from_arrays(*given))
             states[number] = state
             trusts = [part for part in state[1:] if part is not None]
             for own, other in zip(trusts, step.trust, strict=True):
@@ -175,7 +171,7 @@ class IsolatedModel:
         if not isinstance(like, np.ndarray):
             raise ValueError(f"{self} works on NumPy arrays, not on {type(like).__name__}")
         state = self._state(like, self._ask("start", like, peers))
-        self._follow(_Trace(like.shape[2:], peers)).add(None, like, None, state)
+        self._follow(_Trace(like.shape[2:], peers)).add(None, [like], state)
         return state
 
     def update(self, state: IsolatedState, ratings: Ratings) -> IsolatedState:
@@ -187,13 +183,11 @@ class IsolatedModel:
         numbers = np.unique(state.number)
         if len(numbers) != 1:
             raise ValueError(f"{self} cannot mix games of different states")
-        before = int(numbers[0])
-        after = self._state(
-            ratings.values, self._ask("update", before, ratings.values, ratings.mask)
-        )
+        before, given = int(numbers[0]), _to_arrays(ratings)
+        after = self._state(ratings.values, self._ask("update", before, *given))
         for trace in self._traces:
             if before in trace.steps:
-                trace.add(before, ratings.values, ratings.mask, after)
+                trace.add(before, given, after)
         return after
 
     def rater_trust(self, state: IsolatedState) -> Array:
@@ -270,6 +264,19 @@ class IsolatedModel:
         return arrays
 
 
+def _to_arrays(ratings: Ratings) -> list[Array | None]:
+    """Return the values and the mask of ratings, and of the experience of the raters if it is
+    another.
+    """
+    own = ratings.experience
+    return [ratings.values, ratings.mask, *([] if own is ratings else [own.values, own.mask])]
+
+
+def _from_arrays(values: Array, mask: Array | None, *own: Array | None) -> Ratings:
+    """Return the ratings that `_to_arrays` took apart."""
+    return Ratings(values, mask, experience=Ratings(*own) if own else None)
+
+
 def _write(stream: IO[bytes], message: bytes) -> None:
     """Write a message with its length before it."""
     stream.write(len(message).to_bytes(_LENGTH, "big") + message)
@@ -322,14 +329,14 @@ class _Model:
         """Start games, and return the number of the state and its trust."""
         return self._numbered(GridRun(self._model, like, peers))
 
-    def update(self, number: int, ratings: Any, mask: Any) -> list[Any]:
+    def update(self, number: int, *given: Any) -> list[Any]:
         """Play a round, and return the number of the state and its trust."""
         if number not in self._runs:
             raise ValueError(
                 f"it keeps the latest {_STATES} states only, so games cannot go back further"
             )
         run = copy(self._runs[number])
-        run.update(Ratings(ratings, mask))
+        run.update(_from_arrays(*given))
         return self._numbered(run)
 
     def _numbered(self, run: GridRun) -> list[Any]:

@@ -18,7 +18,7 @@ from roletrust_env.shapes import PerProvider, PerRater, ProviderFlags, Shape
 from roletrust_env.trust.edge_run import EdgeRun
 from roletrust_env.trust.edges import edge_model, start_on_edges, takes_peers
 from roletrust_env.trust.key_index import Floats
-from roletrust_env.trust.model import TrustModel, start_model
+from roletrust_env.trust.model import Traits, TrustModel, start_model
 from roletrust_env.trust.model_checks import needs_watching, try_trust_model, watched_update
 from roletrust_env.trust.ratings import Ratings, sum_at
 from roletrust_env.world.access import meet
@@ -74,6 +74,7 @@ class Cells(Frozen):
         self._places = xp.arange(roster.n_providers, device=like.device)
         try_trust_model(model, self._peers, like)
         self._watched = needs_watching(model)
+        self._personal = Traits.of(model).family == "personal"
 
     def start(self, nothing: PerCell) -> tuple[Any, PerProvider]:
         """Return the state of the trust model before any rating, and zeros of shape (P, ...).
@@ -118,6 +119,8 @@ class Cells(Frozen):
         met: Met,
         ratings: PerCell,
         rated: CellFlags | None,
+        service: PerCell,
+        served: CellFlags | None,
         round: Annotated[Array, Shape("...", "whole")],
     ) -> tuple[Any, PerRater, PerProvider]:
         """Return the state of the trust model after the ratings of a round, and the trust as `read`
@@ -128,11 +131,16 @@ class Cells(Frozen):
             met: Providers of the cells.
             ratings: Ratings, shape (S, K, ...).
             rated: Whether there is a rating, boolean, shape (S, K, ...); None if everywhere.
+            service: Perceived quality of the services of the round before, shape (S, K, ...), which
+                only the judges of a personal model remember.
+            served: Whether there was a service, boolean, shape (S, K, ...); None if everywhere.
             round: Number of the round, shape (...).
         """
+        own = Ratings(service, served) if self._personal else None
+        given = Ratings(ratings, rated, experience=own)
         if self._watched:
-            return watched_update(self._model, trust, Ratings(ratings, rated), round)
-        after = self._model.update(trust, Ratings(ratings, rated))
+            return watched_update(self._model, trust, given, round)
+        after = self._model.update(trust, given)
         return after, *self.read(after)
 
     def read(self, trust: Any) -> tuple[PerRater, PerProvider]:
@@ -221,6 +229,8 @@ class MetCells(Cells):
         met: Met,
         ratings: PerCell,
         rated: CellFlags | None,
+        service: PerCell,
+        served: CellFlags | None,
         round: Annotated[Array, Shape("...", "whole")],
     ) -> tuple[SparseTrust, PerRater, PerProvider]:
         """See `Cells.update`.

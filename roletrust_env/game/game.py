@@ -160,6 +160,12 @@ class Game(Frozen):
             raise ValueError(
                 f"trust_model is {trust_model!r}; it must be a trust model, or the name of one"
             )
+        by_model = isinstance(scenario.access, Choice) and scenario.access.by == "model"
+        if by_model and not hasattr(trust_model, "preference"):
+            raise ValueError(
+                f"trust model {trust_model!r} has no choice rule, a method preference(state, "
+                "noise); access.by must be 'published' or 'own'"
+            )
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
         self._cells = self._make_cells()
@@ -313,8 +319,9 @@ class Game(Frozen):
         complete = withheld is None and self._is_complete(state)
         if complete:
             ratings = copy(ratings)  # their sender may write to its array again
+        given, received = (None, None) if complete else (rated, state.awaiting)
         trust, tor, top = cells.update(
-            state.trust, state.met, ratings, None if complete else rated, state.round
+            state.trust, state.met, ratings, given, state.service, received, state.round
         )
         if self._on_numpy:
             self._published["last"] = trust, (tor, top)
@@ -337,7 +344,7 @@ class Game(Frozen):
         if motion is not None and isinstance(rules.access, InRange):
             motion = mobility.move(rules.access, motion, noise.goal)
 
-        met, served = self._served(state, population, motion, top, noise)
+        met, served = self._served(state, population, motion, (trust, top), noise)
         chosen = intended(actions, state.properties)
         if actions.treatment is not None:
             quality = mean_or_zero(chosen, served)
@@ -477,7 +484,7 @@ class Game(Frozen):
         state: State,
         population: Population | None,
         motion: mobility.Motion | None,
-        top: Array,
+        trust: tuple[Any, PerProvider],
         noise: Noise,
     ) -> tuple[Any, Array]:
         """Return the providers of the cells in this round, and whether each serves the rater,
@@ -494,8 +501,26 @@ class Game(Frozen):
             )
             served = served & near
         if isinstance(rules.access, Choice):
-            served = access.choose_providers(rules.access, top, served, noise.choice)
+            preference = self._preference(rules.access, *trust, noise.choice)
+            served = access.choose_providers(
+                rules.access, preference, served, noise.choice, noise.explore
+            )
         return met, served
+
+    def _preference(
+        self, rule: Choice, trust: Any, top: PerProvider, noise: PerPair
+    ) -> Annotated[Array, Shape("R P ...")]:
+        """Return how much each rater wants each provider, shape (S, P, ...), or (1, P, ...) if all
+        want the same.
+        """
+        judge_trust = getattr(self.model, "judge_trust", None)
+        if rule.by == "model":
+            preference: Array = self.model.preference(trust, noise)  # type: ignore[attr-defined]
+            return preference
+        if rule.by == "own" and judge_trust is not None:
+            own: Array = judge_trust(trust)
+            return own
+        return top[None, ...]
 
     def _is_complete(self, state: State) -> bool:
         """Return whether every pair has a service that awaits its rating, in all games of a batch.

@@ -9,7 +9,7 @@ import numpy as np
 from roletrust_env import counter_rng
 from roletrust_env.arrays import Array
 from roletrust_env.game.state import Noise
-from roletrust_env.randomness import POLICIES, STREAMS
+from roletrust_env.randomness import LENGTHS, POLICIES, STREAMS
 from roletrust_env.world.heterogeneity import varies
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Choice, Encounters, InRange, Scenario
@@ -24,7 +24,9 @@ rounds."""
 _OF_THE_START = ("position", "ability", "bias", "scale")
 """NoiseSource that only the start of a game takes."""
 
-_STREAM = dict(zip(Noise._fields, (k for k in range(STREAMS) if k != POLICIES), strict=True))
+_STREAM = dict(
+    zip(Noise._fields, (k for k in range(STREAMS) if k not in (POLICIES, LENGTHS)), strict=True)
+)
 
 _Kind = tuple[Callable[..., Array], tuple[int, ...]]
 """Function that makes random numbers, and their shape in one game."""
@@ -52,11 +54,13 @@ class NoiseSource:
         s, p, n = roster.n_raters, roster.n_providers, roster.n_agents
         moves = isinstance(scenario.access, InRange)
         choice: _Kind | None = None
-        if isinstance(scenario.access, Choice | Encounters):
-            choice = (
-                counter_rng.uniform,
-                (s, p if isinstance(scenario.access, Choice) else scenario.access.providers),
-            )
+        explore: _Kind | None = None
+        if isinstance(scenario.access, Choice):
+            choice = counter_rng.uniform, (s, p)
+            if scenario.access.explore > 0:
+                explore = counter_rng.uniform, (s,)
+        elif isinstance(scenario.access, Encounters):
+            choice = counter_rng.uniform, (s, scenario.access.providers)
         fields: dict[str, _Kind | None] = {
             "perception": (counter_rng.normal, (s, width)),
             "lost": (counter_rng.uniform, (s, width)) if scenario.ratings.lost > 0 else None,
@@ -69,6 +73,7 @@ class NoiseSource:
             "ability": (counter_rng.uniform, (p,)) if varies(roster, "ability") else None,
             "bias": (counter_rng.uniform, (s,)) if varies(roster, "bias") else None,
             "scale": (counter_rng.uniform, (s,)) if varies(roster, "scale") else None,
+            "explore": explore,
         }
         self._fields = {name: kind for name, kind in fields.items() if kind is not None}
         self.starts = any(name in self._fields for name in _OF_THE_START)

@@ -116,9 +116,9 @@ class Noise(NamedTuple):
     None where unused.
 
     Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `choice` (S, P,
-    ...), for encounters with k providers (S, k, ...); `presence` (N, ...); `value` (P, ...); `goal`
-    (N, 2, ...); and at the start only `position` (N, 2, ...), `ability` (P, ...), `bias` and
-    `scale` (S, ...).
+    ...), for encounters with k providers (S, k, ...); `explore` (S, ...); `presence` (N, ...);
+    `value` (P, ...); `goal` (N, 2, ...); and at the start only `position` (N, 2, ...), `ability`
+    (P, ...), `bias` and `scale` (S, ...).
     """
 
     perception: PerPair
@@ -132,6 +132,7 @@ class Noise(NamedTuple):
     ability: PerProvider | None = None
     bias: PerRater | None = None
     scale: PerRater | None = None
+    explore: PerRater | None = None
 
     def __repr__(self) -> str:
         return shapes(self)

@@ -28,7 +28,13 @@ class TrustModel(Protocol[State]):
     files.
 
     A personal model may have a method `judge_trust(state)` that returns the trust of each rater in
-    each provider, shape (S, P, ...), where `provider_trust` returns what is published.
+    each provider, shape (S, P, ...), where `provider_trust` returns what is published. The services
+    that the raters received are in `ratings.experience`: row i is known to rater i alone.
+
+    A model may have a choice rule of its own, for scenarios in which `Choice.by` is `model`:
+    `preference(state, noise)` returns how much each rater wants each provider, shape (S, P, ...),
+    of which the largest are chosen. The noise is uniform in [0, 1), of the same shape. Row i may
+    depend on what rater i knows alone.
 
     A model is immutable. Its memory is a state, a NamedTuple of arrays that `update` replaces. A
     model written with operators and `roletrust_env.arrays.namespace` runs on NumPy and torch, for
@@ -80,7 +86,7 @@ class Traits(NamedTuple):
     Attributes:
         rates_raters: Whether it has a notion of rater trust.
         family: Point of view: `"central"` sees all ratings as a manager does; in `"personal"` every
-            rater is a judge.
+            rater is a judge, which remembers the services that it received.
         source: Paper that describes it.
         differentiable: Whether trust follows ratings without jumps, so that gradients are of use.
         cost: Growth of time and memory with S raters and P providers, such as `"S P"` or `"S^2 P"`.

@@ -5,20 +5,21 @@ The trust T of the judges in the providers has shape (S, P, ...). Their credence
 advisers has shape (S, S, ...). Axis 0 is the judge, axis 1 the judged agent. A compromised judge
 counts as one of S, and no more.
 
-For a judge, its own ratings are outcomes and the ratings of others are opinions. Where judge and
-adviser rate a provider in the same round, the outcome shows how good the opinion was. Credence is
-updated first, then trust with the new credence.
+For a judge, the services that it received are outcomes: it remembers them whether its ratings of
+them arrived or not. The delivered ratings of others are opinions, and nothing else of theirs
+reaches it. Where a judge has an outcome and an adviser an opinion of a provider in the same round,
+the outcome shows how good the opinion was. Credence is updated first, then trust with the new
+credence.
 """
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Any
-
-import numpy as np
+from typing import Annotated, Any, NamedTuple
 
 from roletrust_env.arrays import Array, device_of, is_compiling, namespace, total
 from roletrust_env.shapes import PerAdviser, PerPair, PerProvider, PerRater, Shape
-from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trees import AMOUNTS, ValueRange
+from roletrust_env.trust.ratings import PROVIDER, Ratings
 
 
 class Personal:
@@ -85,57 +86,50 @@ def by_judges(of: Callable[[slice], Array], like: PerPair) -> Array:
     return parts[0] if len(parts) == 1 else namespace(like).concat(parts)
 
 
-def by_pairs(of: Callable[[slice, slice], Array], like: PerPair) -> Array:
-    """Return a function's results for all pairs of a judge and an adviser; see `by_judges`. NumPy
-    takes each pair once.
-
-    Args:
-        of: Symmetric function of a slice of judges and one of advisers, whose axes 0 and 1 are
-            these.
-        like: Array of shape (S, P, ...).
-    """
-    many, rows = like.shape[0], max(1, _BLOCK // max(1, math.prod(like.shape)))
-    if rows >= many or not isinstance(like, np.ndarray):
-        return by_judges(lambda judges: of(judges, slice(None)), like)
-    values = np.empty((many, many, *like.shape[2:]), like.dtype)
-    for at in range(0, many, rows):
-        block, rest = slice(at, at + rows), slice(at, None)
-        values[block, rest] = part = of(block, rest)
-        values[rest, block] = part.swapaxes(0, 1)
-    return values
-
-
 def compare_opinions(ratings: Ratings, worth: Callable[[Array], Array]) -> PerAdviser:
     """Return the value of a round's opinions to each judge, summed over common providers, shape (S,
-    S, ...).
+    S, ...); 0 for a judge and itself.
 
     Args:
-        ratings: Ratings f of the round, on a grid.
-        worth: Function from an opinion's distance to the outcome to its value: |f[i, j] - f[k, j]|
+        ratings: Ratings f of the round, on a grid, with the experience x of the judges.
+        worth: Function from an opinion's distance to the outcome to its value: |x[i, j] - f[k, j]|
             in [0, 1].
     """
-    said, met = ratings.values, ratings.weights
+    own, said, met = ratings.experience, ratings.values, ratings.weights
 
-    def of(judges: slice, advisers: slice) -> Array:
-        value = worth(abs(said[judges, None] - said[None, advisers]))
-        return total(value if ratings.full else met[judges, None] * met[None, advisers] * value, 2)
+    def of(judges: slice) -> Array:
+        value = worth(abs(own.values[judges, None] - said[None]))
+        full = ratings.full and own.full
+        return total(value if full else own.weights[judges, None] * met[None] * value, 2)
 
-    return by_pairs(of, said)
+    return others(said) * by_judges(of, said)
 
 
 def in_common(ratings: Ratings) -> PerAdviser:
-    """Return the number of providers that judge and adviser both rated in the round, shape (S, S,
-    ...).
+    """Return the number of providers that a judge met and an adviser rated in the round, shape (S,
+    S, ...); 0 for a judge and itself.
+    """
+    return others(ratings.values) * product(
+        ratings.experience.weights, ratings.weights.swapaxes(0, 1)
+    )
+
+
+def news(ratings: Ratings) -> PerPair:
+    """Return what a judge learns of each provider in the round: the number of ratings by others,
+    and 1 more for a service of its own, shape (S, P, ...).
     """
     met = ratings.weights
-    if ratings.full and isinstance(met, np.ndarray):
-        return credences(met, ratings.shape[1])
-    return product(met, met.swapaxes(0, 1))
+    return ratings.reduce(met, PROVIDER) - met + ratings.experience.weights
 
 
 def credence_sum(credence: PerAdviser, said: PerPair) -> PerPair:
     """Return the sum over the advisers k of C[i, k] said[k, j], shape (S, P, ...)."""
     return product(credence, said)
+
+
+def heard(credence: PerAdviser | float, said: PerPair) -> PerPair:
+    """Return the sum over the advisers k other than i of C[i, k] said[k, j], shape (S, P, ...)."""
+    return product(others(said) * credence, said)
 
 
 def product(first: Array, second: Array) -> Array:
@@ -149,34 +143,59 @@ def product(first: Array, second: Array) -> Array:
     )
 
 
-def with_self(credence: PerAdviser) -> PerAdviser:
-    """Return the credence with 1 for each judge in itself, shape (S, S, ...): own experience counts
-    in full.
-    """
-    return 1 - others(credence) * (1 - credence)
-
-
 def weighted_advice(
-    credence: PerAdviser, sums: PerPair, counts: PerPair
+    credence: PerAdviser, said: "Evidence", own: "Evidence"
 ) -> tuple[PerPair, PerPair]:
     """Return the mean rating of each provider for each judge, weighted by the credence in the
-    raters.
+    raters; its own experience counts in full.
 
     Args:
         credence: Credence of the judges in the raters, shape (S, S, ...), at least 0.
-        sums: Sums of ratings, by rater and provider, shape (S, P, ...).
-        counts: Numbers of ratings, of the same shape.
+        said: Ratings that were delivered.
+        own: Experience of the judges.
 
     Returns:
         The means, shape (S, P, ...), in [0, 1], and 0 where there are no ratings; and their total
         weights.
     """
-    weight = credence_sum(credence, counts)
-    return _in_range(mean_of_sums(credence_sum(credence, sums), weight)), weight
+    weight = heard(credence, said.counts) + own.counts
+    return _in_range(mean_of_sums(heard(credence, said.sums) + own.sums, weight)), weight
 
 
 # --- what is remembered
 # -----------------------------------------------------------------------------
+
+
+class Evidence(NamedTuple):
+    """Sums over ratings, or over services, by rater and provider.
+
+    Attributes:
+        counts: Number of ratings, which may be weighted, shape (S, P, ...).
+        sums: Sum of the ratings, weighted alike, shape (S, P, ...).
+    """
+
+    counts: Annotated[PerPair, AMOUNTS]
+    sums: Annotated[PerPair, ValueRange(0, "counts")]
+
+    @classmethod
+    def none(cls, like: PerPair) -> "Evidence":
+        """Return the evidence before any rating; for `like` see `TrustModel.start`."""
+        xp = namespace(like)
+        return cls(xp.zeros_like(like), xp.zeros_like(like))
+
+    @classmethod
+    def of(cls, ratings: Ratings) -> "Evidence":
+        """Return the evidence of one round."""
+        return cls(ratings.weights, ratings.values)
+
+    def after(self, ratings: Ratings) -> "Evidence":
+        """Return the evidence after one more round."""
+        return Evidence(self.counts + ratings.weights, self.sums + ratings.values)
+
+    @property
+    def means(self) -> PerPair:
+        """The mean rating of each pair, shape (S, P, ...); 0 without any."""
+        return mean_of_sums(self.sums, self.counts)
 
 
 def credences(like: PerPair, value: float) -> PerAdviser:

@@ -76,10 +76,9 @@ class RandomOrder:
 
     def update(self, state: OrderedState, ratings: Ratings) -> OrderedState:
         """Return the state after one more round. See `TrustModel.update`."""
-        mask = None if ratings.mask is None else _seen(ratings.mask, state)
-        return state._replace(
-            inner=self.model.update(state.inner, Ratings(_seen(ratings.values, state), mask))
-        )
+        experience = ratings.experience
+        own = None if experience is ratings else _in_order(experience, state)
+        return state._replace(inner=self.model.update(state.inner, _in_order(ratings, state, own)))
 
     def rater_trust(self, state: OrderedState) -> PerRater:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""
@@ -92,6 +91,12 @@ class RandomOrder:
     def _judge_trust(self, state: OrderedState) -> Array:
         judged = self.model.judge_trust(state.inner)  # type: ignore[attr-defined]
         return _back(_back(judged, state.raters[:, None, ...]), state.providers[None, ...], axis=1)
+
+
+def _in_order(ratings: Ratings, state: OrderedState, experience: Ratings | None = None) -> Ratings:
+    """Return ratings in the order that the model sees, with this experience."""
+    mask = None if ratings.mask is None else _seen(ratings.mask, state)
+    return Ratings(_seen(ratings.values, state), mask, experience=experience)
 
 
 def _seen(values: Array, state: OrderedState) -> Array:

@@ -95,11 +95,12 @@ class Ratings:
         (array([0.7, 0.4]), array([0.7, 0.4]))
     """
 
+    _experience: "Ratings | None" = None  # on a grid alone
     providers: Annotated[Array, Shape("E", "whole")] | None = None
     twins: Annotated[Array, Shape("P", "whole")] | None = None
     slots: Annotated[Array, Shape("E", "whole")] | None = None
     median_of_all: Callable[[Array, Array], float] | None = None
-    _pairs: "Ratings | None" = None  # these four are of edges alone
+    _pairs: "Ratings | None" = None  # these five are of edges alone
 
     def __init__(
         self,
@@ -112,6 +113,7 @@ class Ratings:
         twins: Annotated[Array, Shape("P", "whole")] | None = None,
         pairs: "Ratings | None" = None,
         slots: Annotated[Array, Shape("E", "whole")] | None = None,
+        experience: "Ratings | None" = None,
     ) -> None:
         """Take ratings on a grid; with raters, providers and a shape, take edges, at most one for
         each pair.
@@ -127,6 +129,7 @@ class Ratings:
             pairs: Known pairs on edges, which have a memory; None if these are the pairs of the
                 round.
             slots: See `Ratings`; needed with `pairs`.
+            experience: See `Ratings`; only on a grid.
 
         Raises:
             ValueError: The mask has another shape than the ratings.
@@ -139,7 +142,9 @@ class Ratings:
         )
         if raters is not None:
             self.providers, self.twins, self.slots, self._pairs = providers, twins, slots, pairs
-        elif mask is not None:
+        else:
+            self._experience = experience
+        if raters is None and mask is not None:
             if mask.shape != values.shape:
                 raise ValueError(
                     f"mask has shape {tuple(mask.shape)}; it must be that of the ratings, "
@@ -155,6 +160,15 @@ class Ratings:
         Read only.
         """
         return ones(self.values) if self._weights is None else self._weights
+
+    @property
+    def experience(self) -> "Ratings":
+        """Services that the raters themselves received, as they perceived them, on a grid.
+
+        A rater remembers them, whether its rating was sent, lost, late or withheld. These are the
+        ratings themselves if nothing else is known, as in a log.
+        """
+        return self if self._experience is None else self._experience
 
     @property
     def pairs(self) -> "Ratings":

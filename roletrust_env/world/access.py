@@ -18,17 +18,21 @@ def in_range(raters: Array, providers: Array, radius: float) -> Array:
     return ((raters[:, None, ...] - providers[None, ...]) ** 2).sum(axis=2) <= radius**2
 
 
-def choose_providers(rule: Choice, top: Array, available: Array, noise: Array) -> Array:
-    """Return the providers that each rater chooses by their published trust.
+def choose_providers(
+    rule: Choice, trust: Array, available: Array, noise: Array, explore: Array | None = None
+) -> Array:
+    """Return the providers that each rater chooses by trust, or at random where it explores.
 
     Softmax choice without replacement is the greedy choice of trust / temperature plus Gumbel noise
     (Kool, van Hoof and Welling 2019, "Stochastic Beams and Where to Find Them").
 
     Args:
         rule: Number of providers to choose, and temperature.
-        top: Published ToP, shape (P, ...).
+        trust: Trust of each rater in each provider, shape (S, P, ...), or (1, P, ...) if it is that
+            of all.
         available: Boolean array of shape (S, P, ...), true where the rater can choose the provider.
         noise: Uniform noise, shape (S, P, ...).
+        explore: Uniform noise, shape (S, ...); None if nobody explores.
 
     Returns:
         Boolean array of shape (S, P, ...). In each row, `rule.providers` entries are true, or all
@@ -36,11 +40,11 @@ def choose_providers(rule: Choice, top: Array, available: Array, noise: Array) -
     """
     xp = namespace(noise)
     if rule.temperature > 0:
-        preference = top[None, ...] / rule.temperature - xp.log(
-            -xp.log(xp.clip(noise, 1e-12, 1 - 1e-7))
-        )
+        preference = trust / rule.temperature - xp.log(-xp.log(xp.clip(noise, 1e-12, 1 - 1e-7)))
     else:
-        preference = top[None, ...] + 1e-5 * noise  # breaks ties, and near ties, at random
+        preference = trust + 1e-5 * noise  # breaks ties, and near ties, at random
+    if explore is not None:
+        preference = xp.where((explore < rule.explore)[:, None, ...], noise, preference)
     preference = xp.where(available, preference, -xp.inf)
     rank = xp.argsort(xp.argsort(preference, axis=1), axis=1)
     return available & (rank >= noise.shape[1] - rule.providers)

@@ -46,15 +46,32 @@ class InRange(FrozenModel):
 
 
 class Choice(FrozenModel):
-    """Access by choice: each rater chooses a few providers by their published trust."""
+    """Access by choice: each rater chooses a few providers by trust, and receives their services
+    alone.
+    """
 
     kind: Literal["choice"] = "choice"
     """`choice`."""
     providers: PositiveInt = 1
     """Number of providers that each rater chooses in a round."""
+    by: Literal["published", "own", "model"] = "published"
+    """Trust by which a rater chooses: `published` ToP; its `own` trust under a personal model, and
+    the published one under any other; or the choice rule of the trust `model`."""
+    explore: Share = 0.0
+    """Probability that a rater chooses uniformly at random in a round."""
     temperature: ZeroOrAmount = 0.0
     """Temperature of the softmax of trust, without replacement. At 0 the choice is greedy, and ties
     break at random."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for name in ("explore", "temperature"):
+            if self.by == "model" and getattr(self, name):
+                raise ValueError(
+                    f"{name} is {getattr(self, name)}; it must be 0 where the trust model has the "
+                    "choice, by = 'model'"
+                )
+        return self
 
 
 class Encounters(FrozenModel):

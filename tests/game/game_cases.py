@@ -62,6 +62,7 @@ ACCESS = {
     "in-range": {"kind": "in-range", "radius": 4.0, "arena": 8.0, "speed": 1.5},
     "greedy": {"kind": "choice", "providers": 2},
     "softmax": {"kind": "choice", "providers": 3, "temperature": 0.3},
+    "exploring": {"kind": "choice", "by": "own", "explore": 0.4},
     "encounters": {"kind": "encounters", "providers": 3},
 }
 EVERY_ACCESS = pytest.mark.parametrize("access", ACCESS.values(), ids=ACCESS)
@@ -108,9 +109,10 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     agents += draw(st.lists(st.sampled_from(["SR", "SP", "SR+SP"]).flatmap(groups), max_size=2))
     providers = sum(group["count"] for group in agents if "SP" in group["role"])
     choices = st.builds(
-        lambda k, t: {"kind": "choice", "providers": k, "temperature": t},
+        lambda k, t, e: {"kind": "choice", "providers": k, "temperature": t, "explore": e},
         st.integers(1, providers),
         st.sampled_from([0.0, 0.2]),
+        st.sampled_from([0.0, 0.4]),
     )
     to_meet = providers - any(group["role"] == "SR+SP" for group in agents)
     encounters = st.builds(

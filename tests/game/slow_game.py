@@ -191,7 +191,9 @@ class Slow:
                     within.append((p, j))
             if access.kind == "choice":
                 luck, t = noise.choice[s], access.temperature
-                if t:
+                if noise.explore is not None and noise.explore[s] < access.explore:
+                    within.sort(key=lambda pj: luck[pj[0]], reverse=True)
+                elif t:
                     within.sort(
                         key=lambda pj: self.top[pj[1]] / t - log(-log(luck[pj[0]])), reverse=True
                     )

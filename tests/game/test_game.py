@@ -204,7 +204,8 @@ def test_permuting_agents_of_a_group_permutes_results(
     cells = np.ix_(i, j)
 
     def shuffle(noise: Noise) -> Noise:
-        axes = Noise(cells, cells, cells, i if chance else cells, order, j, order, order, j, i, i)
+        cell_axes = cells, cells, cells, i if chance else cells
+        axes = Noise(*cell_axes, order, j, order, order, j, i, i, i)
         return Noise(*(None if a is None else a[axis] for a, axis in zip(noise, axes, strict=True)))
 
     permuted = play(

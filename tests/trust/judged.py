@@ -55,6 +55,34 @@ def by_history(slow: Callable[..., Trusts], **parameters: float) -> Reference:
     )
 
 
+DELIVERED, RECEIVED = (varied_rounds((5, 4, 2), 12, seed) for seed in (1, 2))
+"""Rounds of ratings that were delivered, and of services that their raters received."""
+
+
+def judge_trust(model: Any, rounds: list[Any], received: list[Any] | None = None) -> np.ndarray:
+    """The trust of each judge after rounds of ratings, and of services that judges received."""
+    state = model.start(np.zeros(rounds[0][0].shape))
+    for now, (values, mask) in enumerate(rounds):
+        own = None if received is None else Ratings(*received[now])
+        state = model.update(state, Ratings(values, mask, experience=own))
+    trust: np.ndarray = model.judge_trust(state)
+    return trust
+
+
+def assert_matches_with_experience(
+    model: Any, slow: Callable[..., Trusts], **parameters: float
+) -> None:
+    """The model computes what a function of delivered ratings and of received services does."""
+    trust = judge_trust(model, DELIVERED, RECEIVED)
+    for game in range(trust.shape[2]):
+        delivered, received = (
+            [np.where(m, f, None)[..., game].tolist() for f, m in rounds]
+            for rounds in (DELIVERED, RECEIVED)
+        )
+        *_, (_, top) = slow(delivered, **parameters, received=received)
+        np.testing.assert_allclose(trust[..., game].mean(axis=0), top, rtol=0, atol=1e-9)
+
+
 def mean(values: Sequence[float], otherwise: float) -> float:
     """The mean of some values, or something else if there are none."""
     return sum(values) / len(values) if values else otherwise

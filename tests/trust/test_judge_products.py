@@ -8,7 +8,7 @@ import torch
 from model_cases import play, random_rounds, read
 
 from roletrust_env.trust import make_trust_model, personal
-from roletrust_env.trust.personal import product, published_raters, weighted_advice, with_self
+from roletrust_env.trust.personal import Evidence, product, published_raters, weighted_advice
 
 
 @pytest.mark.parametrize("batch", [(), (5,), (2, 3)])
@@ -27,16 +27,18 @@ def test_a_judge_hears_whom_it_believes() -> None:
         np.array([[1.0, 0.5], [0.0, 1.0]]),
         np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     )
-    mean, weight = weighted_advice(credence, sums, np.array([[2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
+    said = Evidence(np.array([[2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]), sums)
+    mean, weight = weighted_advice(credence, said, said)
     assert mean == pytest.approx(np.array([[2 / 3, 0, 0.5 / 1.5], [0, 0, 1]]))
     assert weight.tolist() == [[3, 0, 1.5], [2, 0, 1]]
+    mean, weight = weighted_advice(credence, said, Evidence(2 * said.counts, 0 * sums))
+    assert mean == pytest.approx(np.array([[0, 0, 0.5 / 2.5], [0, 0, 0]]))
+    assert weight.tolist() == [[5, 0, 2.5], [4, 0, 2]]
 
 
 def test_nobody_publishes_what_it_thinks_of_itself() -> None:
     credence = np.array([[0.9, 0.2, 0.4], [0.6, 0.9, 0.8], [0.2, 0.4, 0.9]])
     assert published_raters(credence) == pytest.approx([0.4, 0.3, 0.6])
-    assert np.diag(with_self(credence)).tolist() == [1, 1, 1]
-    assert published_raters(with_self(credence)) == pytest.approx([0.4, 0.3, 0.6])
     assert published_raters(np.array([[0.3]])) == 1
 
 

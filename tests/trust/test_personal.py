@@ -32,15 +32,15 @@ def test_what_opinions_were_worth_is_summed_over_what_both_rated() -> None:
     )
     ratings = Ratings(f, m)
     assert personal.compare_opinions(ratings, lambda apart: 1 - apart).tolist() == [
-        [2, 1.25],
-        [1.25, 3],
+        [0, 1.25],
+        [1.25, 0],
     ]
-    assert personal.in_common(ratings).tolist() == [[2, 2], [2, 3]]
+    assert personal.in_common(ratings).tolist() == [[0, 2], [2, 0]]
     assert ratings.rated(PROVIDER).tolist() == [True, True, True]
 
 
 @pytest.mark.parametrize("rows", [1, 2, 9])
-def test_each_pair_is_compared_once_and_a_full_round_needs_no_flags(
+def test_opinions_in_blocks_are_opinions_at_once_and_a_full_round_needs_no_flags(
     rows: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     f = np.random.default_rng(0).random((7, 3, 2))
@@ -48,9 +48,11 @@ def test_each_pair_is_compared_once_and_a_full_round_needs_no_flags(
     for ratings in (Ratings(f), Ratings(f, np.ones(f.shape, bool)), Ratings(f, f > 0.3)):
         met = ratings.weights
         apart = abs(ratings.values[:, None] - ratings.values[None])
-        wanted = (met[:, None] * met[None] * (1 - apart)).sum(axis=2)
+        other = personal.others(f)
+        wanted = other * (met[:, None] * met[None] * (1 - apart)).sum(axis=2)
         assert np.array_equal(personal.compare_opinions(ratings, lambda apart: 1 - apart), wanted)
-        assert np.array_equal(personal.in_common(ratings), (met[:, None] * met[None]).sum(axis=2))
+        common = other * (met[:, None] * met[None]).sum(axis=2)
+        assert np.array_equal(personal.in_common(ratings), common)
 
 
 def test_a_memory_keeps_the_last_ratings_of_each_pair() -> None:

@@ -55,6 +55,21 @@ def test_as_many_as_wanted_of_those_available(
     assert np.array_equal(tensors.numpy(), chosen)
 
 
+def test_who_explores_chooses_at_random_and_others_by_their_own_trust() -> None:
+    random, n = np.random.default_rng(0), 60_000
+    luck, explore = random.random((n, 3)), random.random(n)
+    trust = np.array([[0.2, 0.9, 0.1], [0.9, 0.2, 0.1]])[np.arange(n) % 2]
+    available = np.ones(luck.shape, bool)
+    available[:, 2] = np.arange(n) % 3 > 0
+    chosen = choose_providers(Choice(by="own", explore=0.3), trust, available, luck, explore)
+    assert (chosen.sum(axis=1) == 1).all()
+    explores = explore < 0.3
+    assert (chosen[~explores].argmax(axis=1) == trust[~explores].argmax(axis=1)).all()
+    free = explores & available[:, 2]
+    assert chosen[free].mean(axis=0) == pytest.approx([1 / 3] * 3, abs=0.015)
+    assert chosen[explores & ~free].mean(axis=0) == pytest.approx([0.5, 0.5, 0], abs=0.015)
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_greedy_ties_are_broken_evenly(dtype: type) -> None:
     luck = np.random.default_rng(0).random((30_000, 3), dtype=dtype)

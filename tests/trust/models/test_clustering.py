@@ -4,45 +4,65 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from judged import History, Trusts, by_history, mean, play
+from judged import (
+    History,
+    Trusts,
+    assert_matches_with_experience,
+    by_history,
+    mean,
+    play,
+)
 from model_cases import assert_matches, read
 
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.models.personal.similarity import _connected
 
 
-def slow(history: History, lam: float, initial: float, threshold: float) -> Trusts:
+def slow(
+    history: History,
+    lam: float,
+    initial: float,
+    threshold: float,
+    received: History | None = None,
+) -> Trusts:
+    """Judges know the services that they received, which are their ratings unless given."""
+    received = history if received is None else received
     raters, providers = range(len(history[0])), range(len(history[0][0]))
     trust = [[initial for _ in providers] for _ in raters]
     found = []
     for now, current in enumerate(history, 1):
-        past = [
-            [[at[i][j] for at in history[:now] if at[i][j] is not None] for j in providers]
-            for i in raters
-        ]
-        vectors = [[mean(notes, -1) for notes in row] for row in past]
+        past, seen = (
+            [
+                [[at[i][j] for at in rounds[:now] if at[i][j] is not None] for j in providers]
+                for i in raters
+            ]
+            for rounds in (history, received)
+        )
 
-        def both(i: int, k: int, past: list = past) -> list[int]:
-            return [j for j in providers if past[i][j] and past[k][j]]
+        def both(i: int, k: int, mine: list, past: list = past) -> list[int]:
+            return [j for j in providers if mine[i][j] and past[k][j]]
 
-        def apart(i: int, k: int, vectors: list = vectors, both=both) -> float:
-            return sqrt(mean([(vectors[i][j] - vectors[k][j]) ** 2 for j in both(i, k)], 99))
+        def linked(i: int, k: int, mine: list, past: list = past, both=both) -> bool:
+            squares = [(mean(mine[i][j], -1) - mean(past[k][j], -1)) ** 2 for j in both(i, k, mine)]
+            return sqrt(mean(squares, 99)) <= threshold
 
         clusters = []
         for i in raters:
-            cluster, fresh = {i}, [i]
+            fresh = [k for k in raters if linked(i, k, seen)]
+            cluster = {i, *fresh}
             while fresh:
                 here = fresh.pop()
-                new = [k for k in raters if k not in cluster and apart(here, k) <= threshold]
+                new = [k for k in raters if k not in cluster and linked(here, k, past)]
                 cluster.update(new)
                 fresh += new
             clusters.append(cluster)
         for i in raters:
+            known = [*current[:i], received[now - 1][i], *current[i + 1 :]]
             for j in providers:
-                heard = [current[k][j] for k in clusters[i] if current[k][j] is not None]
+                heard = [known[k][j] for k in clusters[i] if known[k][j] is not None]
                 trust[i][j] = lam * mean(heard, trust[i][j]) + (1 - lam) * trust[i][j]
         credence = [
-            [1.0 if k in clusters[i] else 0.0 if both(i, k) else initial for k in raters]
+            [1.0 if k in clusters[i] else 0.0 if both(i, k, seen) else initial for k in raters]
             for i in raters
         ]
         tor = [mean([credence[i][k] for i in raters if i != k], 1.0) for k in raters]
@@ -58,7 +78,9 @@ def slow(history: History, lam: float, initial: float, threshold: float) -> Trus
     ],
 )
 def test_it_is_the_rule(parameters: dict[str, float]) -> None:
-    assert_matches(make_trust_model("clustering", **parameters), by_history(slow, **parameters))
+    model = make_trust_model("clustering", **parameters)
+    assert_matches(model, by_history(slow, **parameters))
+    assert_matches_with_experience(model, slow, **parameters)
 
 
 def test_raters_at_the_threshold_are_linked() -> None:

@@ -118,7 +118,8 @@ def test_evidence_of_many_raters_does_not_overflow() -> None:
     model = make_trust_model("habit")
     state = model.start(np.zeros((100, 2)))
     best = np.array([[[0], [0], [5000]]])
-    state = model.update(state._replace(counts=state.counts + best), Ratings(np.ones((100, 2))))
+    state = state._replace(own=state.own + best, said=state.said + best)
+    state = model.update(state, Ratings(np.ones((100, 2))))
     assert state.trust == pytest.approx(np.ones((100, 2)), abs=1e-3)
 
 

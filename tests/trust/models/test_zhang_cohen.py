@@ -4,15 +4,30 @@ hand."""
 from math import log
 
 import pytest
-from judged import History, Trusts, by_history, mean, play
+from judged import (
+    History,
+    Trusts,
+    assert_matches_with_experience,
+    by_history,
+    mean,
+    play,
+)
 from model_cases import assert_matches, read
 
 from roletrust_env.trust import make_trust_model
 
 
 def slow(
-    history: History, lam: float, initial: float, tolerance: float, confidence: float, error: float
+    history: History,
+    lam: float,
+    initial: float,
+    tolerance: float,
+    confidence: float,
+    error: float,
+    received: History | None = None,
 ) -> Trusts:
+    """Judges know the services that they received, which are their ratings unless given."""
+    received = history if received is None else received
     raters, providers = range(len(history[0])), range(len(history[0][0]))
     enough = -log((1 - confidence) / 2) / (2 * error**2)
     trust = [[initial for _ in providers] for _ in raters]
@@ -33,21 +48,22 @@ def slow(
 
         def credence(i: int, k: int, now: int = now, public: list[float] = public) -> float:
             pairs = [
-                (at[i][j], at[k][j])
-                for at in history[:now]
+                (own[i][j], at[k][j])
+                for at, own in zip(history[:now], received, strict=False)
                 for j in providers
-                if at[i][j] is not None and at[k][j] is not None
+                if own[i][j] is not None and at[k][j] is not None
             ]
             agreeing = sum(min(f, g) + min(1 - f, 1 - g) for f, g in pairs)
             w = min(1.0, len(pairs) / enough)
             return w * (agreeing + 1) / (len(pairs) + 2) + (1 - w) * public[k]
 
         for i in raters:
+            known = [*current[:i], received[now - 1][i], *current[i + 1 :]]
             for j in providers:
                 said = [
-                    (1.0 if k == i else credence(i, k), current[k][j])
+                    (1.0 if k == i else credence(i, k), known[k][j])
                     for k in raters
-                    if current[k][j] is not None
+                    if known[k][j] is not None
                 ]
                 if said:
                     opinion = sum(c * f for c, f in said) / sum(c for c, _ in said)
@@ -65,7 +81,9 @@ def slow(
     ],
 )
 def test_it_is_the_formula(parameters: dict[str, float]) -> None:
-    assert_matches(make_trust_model("zhang-cohen", **parameters), by_history(slow, **parameters))
+    model = make_trust_model("zhang-cohen", **parameters)
+    assert_matches(model, by_history(slow, **parameters))
+    assert_matches_with_experience(model, slow, **parameters)
 
 
 def test_n_min_is_that_of_the_paper() -> None:

@@ -11,8 +11,8 @@ from roletrust_env.parameters import Factor, checked_dataclass
 from roletrust_env.shapes import PerAdviser, PerPair, Shape
 from roletrust_env.trees import POSITIVE, SHARES
 from roletrust_env.trust.dirichlet import expected_level, in_levels, level_values
-from roletrust_env.trust.personal import Personal, product
-from roletrust_env.trust.ratings import PROVIDER, Ratings
+from roletrust_env.trust.personal import Personal, news, others, product
+from roletrust_env.trust.ratings import Ratings
 
 
 class BladeState(NamedTuple):
@@ -42,7 +42,7 @@ class Blade(Personal):
     Regan, Poupart and Cohen, "Bayesian Reputation Modeling in E-Marketplaces Sensitive to
     Subjectivity, Deception and Change" (2006). Nobody is filtered or discounted: who always says
     the contrary tells as much as who is honest. For each judge i, the service of provider j in a
-    round has a level x, which i sees if it rates j, and which is hidden otherwise; adviser k says
+    round has a level x, which i sees if j serves it, and which is hidden otherwise; adviser k says
     level r. Both distributions are learned, with Dirichlet priors that are uniform:
 
         P(x)       = n[i, j, x] / sum over y of n[i, j, y]
@@ -50,10 +50,10 @@ class Blade(Personal):
         q(x)       ~ P(x) * product over the advisers k that rated j of P(r[k, j] | x)
         T[i, j]    = sum over x of P(x) times the rating that x stands for
 
-    Where i rated j it counts one n[i, j, x], and one m[i, k, x, r] for each k that rated j, too.
-    Where i did not, the exact distribution of the services of j is a mixture of the Dirichlet
-    distributions with one more x, each with its probability q(x). The model keeps the Dirichlet
-    distribution with the mixture's mean and mean square:
+    Where j served i, i counts one n[i, j, x], and one m[i, k, x, r] for each k that rated j in the
+    round. Where j did not, the exact distribution of the services of j is a mixture of the
+    Dirichlet distributions with one more x, each with its probability q(x). The model keeps the
+    Dirichlet distribution with the mixture's mean and mean square:
 
         n <- (n + q) D / (D + (N + 2) g),   N = sum of n,   D = sum of n (N - n + 2 (1 - q)),
                 g = sum of q (1 - q)
@@ -93,16 +93,19 @@ class Blade(Personal):
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp, like = namespace(ratings.values), ratings.values
         said = in_levels(ratings, self.levels)
-        flat = xp.reshape(said, (-1, *said.shape[2:]))
-        pairs = product(flat, flat.swapaxes(0, 1))
-        seen = xp.reshape(pairs, state.common.shape)
-        common = self._faded(state.common + seen, total(seen, 3)[:, :, :, None, ...])
-        chance = xp.log(common / total(common, 3)[:, :, :, None, ...])
-        likely = xp.reshape(product(xp.reshape(chance, pairs.shape), flat), said.shape)
-        own, guess = state.evidence + said, _advised(state.evidence, likely)
-        evidence = xp.where(ratings.weights[:, None, ...] > 0, own, guess)
+        seen = in_levels(ratings.experience, self.levels)
+        flat, theirs = (xp.reshape(part, (-1, *part.shape[2:])) for part in (seen, said))
+        pairs = product(flat, theirs.swapaxes(0, 1))
+        strangers = others(like)[:, None, :, None, ...]
+        counted = strangers * xp.reshape(pairs, state.common.shape)
+        common = self._faded(state.common + counted, total(counted, 3)[:, :, :, None, ...])
+        chance = strangers * xp.log(common / total(common, 3)[:, :, :, None, ...])
+        likely = xp.reshape(product(xp.reshape(chance, pairs.shape), theirs), said.shape)
+        own, guess = state.evidence + seen, _advised(state.evidence, likely)
+        evidence = xp.where(ratings.experience.weights[:, None, ...] > 0, own, guess)
         gain = xp.clip(total(evidence, 1) - total(state.evidence, 1), 0.0, None)[:, None, ...]
-        evidence = xp.where(ratings.rated(PROVIDER), self._faded(evidence, gain), state.evidence)
+        learned = (news(ratings) > 0)[:, None, ...]
+        evidence = xp.where(learned, self._faded(evidence, gain), state.evidence)
         trust = expected_level(evidence, level_values(self.levels, like))
         return BladeState(evidence, common, trust, self._credence(common, like))
 

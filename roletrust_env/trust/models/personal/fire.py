@@ -16,12 +16,13 @@ from roletrust_env.trust.personal import (
     credences,
     in_common,
     mean_of_sums,
+    news,
     nothing_yet,
     others,
     published_raters,
     push,
 )
-from roletrust_env.trust.ratings import PROVIDER, Ratings
+from roletrust_env.trust.ratings import Ratings
 
 _MEMORY = 10  # number of own ratings of a provider in memory
 _FADE = 0.5 ** (1 / 5)  # exp(-1 / l) with l = -5 / ln .5: after five rounds a rating weighs half
@@ -36,8 +37,11 @@ class FireState(NamedTuple):
         trust: Trust T in [0, 1], shape (S, P, ...).
         credibility: Credibility of the witnesses, in [-1, 1], shape (S, S, ...).
         judged: Weight of the credibility ratings behind it, shape (S, S, ...).
-        values: Last ratings that i gave j, on [-1, 1], the newest first, shape (10, S, P, ...).
-        weights: Current weights of these ratings, 0 where there is none, shape (10, S, P, ...).
+        values: Last services of j that i received, on [-1, 1], the newest first, shape (10, S, P,
+            ...).
+        weights: Current weights of these services, 0 where there is none, shape (10, S, P, ...).
+        said: Newest rating that k gave j, on [-1, 1], shape (S, P, ...).
+        said_weights: Current weight of that rating, 0 where there is none, shape (S, P, ...).
     """
 
     trust: Annotated[PerPair, SHARES]
@@ -45,6 +49,8 @@ class FireState(NamedTuple):
     judged: Annotated[PerAdviser, AMOUNTS]
     values: Annotated[Array, Shape("10 S P ..."), SIGNED]
     weights: Annotated[Array, Shape("10 S P ..."), SHARES]
+    said: Annotated[PerPair, SIGNED]
+    said_weights: Annotated[PerPair, SHARES]
 
 
 @checked_dataclass
@@ -56,19 +62,20 @@ class Fire(Personal):
 
         component   = sum w v / sum w,
                 reliability = (1 - exp(-g sum w)) (1 - half of sum w |v - component| / sum w)
-        interaction:  i's own last 10 ratings of j, w = exp(-dt / l)
+        interaction:  the last 10 services of j that i received, w = exp(-dt / l)
         witness:      the newest rating that each k gave j, w = max(credibility, 0) exp(-dt / l)
         T           = sum of weight * reliability * component / sum of weight * reliability,
                 weights 2 and 1
 
-    Each time that i and k rate a provider in the same round, k gets a credibility rating of `1 -
-    |v_k - v_i|` if that difference is below `tolerance`, else of -1; its credibility is sum w v /
-    sum w over all of these. The model publishes trust and credibility mapped to [0, 1].
+    Each time that k rates a provider in the round in which i received its service, k gets a
+    credibility rating of `1 - |v_k - v_i|` if that difference is below `tolerance`, else of -1; its
+    credibility is sum w v / sum w over all of these. The model publishes trust and credibility
+    mapped to [0, 1].
 
     Not included: role-based trust, certified reputation, and how witnesses are found. The values of
     `tolerance`, `credibility` and the component weights could not be checked in the paper. Added
-    where the paper leaves something open: T is updated for providers that were rated in the round;
-    it stays where all weights are 0.
+    where the paper leaves something open: T is updated for providers of which the judge has news
+    in the round; it stays where all weights are 0.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
@@ -91,27 +98,37 @@ class Fire(Personal):
         """
         nothing = nothing_yet(like, _MEMORY)
         credibility = credences(like, self.credibility)
-        return FireState(nothing[0] + self.initial, credibility, 0 * credibility, nothing, nothing)
+        return FireState(
+            nothing[0] + self.initial,
+            credibility,
+            0 * credibility,
+            nothing,
+            nothing,
+            nothing[0],
+            nothing[0],
+        )
 
     def update(self, state: FireState, ratings: Ratings) -> FireState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        outcomes, met = ratings.values, ratings.weights
+        own_ratings = ratings.experience
         judged, count = _FADE * state.judged, in_common(ratings)
         credibility = absorb(
             state.credibility, judged, compare_opinions(ratings, self._credible), count
         )
-        values = push(state.values, 2 * outcomes - 1, ratings)
-        weights = push(_FADE * state.weights, met, ratings)
+        values = push(state.values, 2 * own_ratings.values - 1, own_ratings)
+        weights = push(_FADE * state.weights, own_ratings.weights, own_ratings)
+        said = ratings.write(state.said, 2 * ratings.values - 1)
+        said_weights = ratings.write(_FADE * state.said_weights, 1.0)
         own, own_weight = _interaction(values, weights)
-        heard, heard_weight = _witnesses(credibility, values[0], weights[0])
-        weight = _INTERACTION * own_weight + _WITNESS * heard_weight
+        advice, advice_weight = _witnesses(credibility, said, said_weights)
+        weight = _INTERACTION * own_weight + _WITNESS * advice_weight
         trust = 0.5 + 0.5 * mean_of_sums(
-            _INTERACTION * own_weight * own + _WITNESS * heard_weight * heard, weight
+            _INTERACTION * own_weight * own + _WITNESS * advice_weight * advice, weight
         )
         trust = namespace(ratings.values).where(
-            ratings.rated(PROVIDER) & (weight > _FORGOTTEN), trust, state.trust
+            (news(ratings) > 0) & (weight > _FORGOTTEN), trust, state.trust
         )
-        return FireState(trust, credibility, judged + count, values, weights)
+        return FireState(trust, credibility, judged + count, values, weights, said, said_weights)
 
     def _credible(self, apart: Array) -> Array:
         """Return the credibility rating of a witness by its distance from the outcome, both in [0,

@@ -7,15 +7,15 @@ from typing import Annotated, NamedTuple
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Power, Ridge, Share, Weighting, checked_dataclass
 from roletrust_env.shapes import PerAdviser, PerPair
-from roletrust_env.trees import AMOUNTS, SHARES, ValueRange
+from roletrust_env.trees import SHARES
 from roletrust_env.trust.algorithms import safe_power
 from roletrust_env.trust.personal import (
+    Evidence,
     Personal,
-    by_pairs,
-    credence_sum,
+    by_judges,
     credences,
+    heard,
     mean_of_sums,
-    others,
     product,
 )
 from roletrust_env.trust.ratings import Ratings, occurred
@@ -25,14 +25,14 @@ class FirstHandState(NamedTuple):
     """Memory of the judges.
 
     Attributes:
-        sums: Sum of the ratings of each pair, weighted and faded, shape (S, P, ...).
-        counts: Number of these ratings, weighted and faded alike, shape (S, P, ...).
+        own: Services that each judge received, weighted and faded.
+        said: Ratings that each rater delivered, weighted and faded alike.
         trust: Trust of each judge in each provider, shape (S, P, ...).
         credence: Credence of each judge in each rater, shape (S, S, ...).
     """
 
-    sums: Annotated[PerPair, ValueRange(0, "counts")]
-    counts: Annotated[PerPair, AMOUNTS]
+    own: Evidence
+    said: Evidence
     trust: Annotated[PerPair, SHARES]
     credence: Annotated[PerAdviser, SHARES]
 
@@ -42,13 +42,14 @@ class FirstHand(Personal):
     """First-hand trust: what a judge has seen itself counts most, and agreement with it makes
     others count.
 
-        s[i, j] <- keep s[i, j] + w f[i, j],   n[i, j] <- keep n[i, j] + w      only where i rated j
+        s[k, j] <- keep s[k, j] + w f[k, j],   n[k, j] <- keep n[k, j] + w      only where k rated j
         w        = 1 for the first rating of a pair, 1 + repeats for later ones
-        x[i, j]  = s[i, j] / n[i, j],   v[i, j] = n[i, j] / (1 + limit n[i, j])
-        C[i, k]  = ((doubt + sum over j of v[i, j] v[k, j] (1 - |x[i, j] - x[k, j]|))
-                    / (1 + sum over j of v[i, j] v[k, j]))^power
-        o[i, j]  = own n[i, j] n[i, j] / (n[i, j] + patience)
-        T[i, j]  = (prior initial + o[i, j] x[i, j] + sum over k of C[i, k] v[k, j] x[k, j])
+        x[k, j]  = s[k, j] / n[k, j],   v[k, j] = n[k, j] / (1 + limit n[k, j])
+        s', n', x', v': the same of the services that i itself received, as i perceived them
+        C[i, k]  = ((doubt + sum over j of v'[i, j] v[k, j] (1 - |x'[i, j] - x[k, j]|))
+                    / (1 + sum over j of v'[i, j] v[k, j]))^power
+        o[i, j]  = own n'[i, j] n'[i, j] / (n'[i, j] + patience)
+        T[i, j]  = (prior initial + o[i, j] x'[i, j] + sum over k of C[i, k] v[k, j] x[k, j])
                     / (prior + o[i, j] + sum over k of C[i, k] v[k, j]),   k other than i
 
     It is `leave-one-out` for a judge that has experience of its own: a liar that is the majority
@@ -90,31 +91,39 @@ class FirstHand(Personal):
 
     def start(self, like: PerPair) -> FirstHandState:
         """Return the initial trust and credence of all judges. See `TrustModel.start`."""
-        none = namespace(like).zeros_like(like)
+        none = Evidence.none(like)
         return FirstHandState(
-            none, none, none + self.initial, credences(like, self.doubt**self.power)
+            none, none, none.sums + self.initial, credences(like, self.doubt**self.power)
         )
 
     def update(self, state: FirstHandState, ratings: Ratings) -> FirstHandState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
-        rated, met = ratings.values, ratings.weights
-        remembered = 1 - (1 - self.keep) * met
-        weight = met * (1 + self.repeats * occurred(state.counts))
-        sums, counts = remembered * state.sums + weight * rated, remembered * state.counts + weight
-        means, voice = mean_of_sums(sums, counts), counts / (1 + self.limit * counts)
+        own = self._remembered(state.own, ratings.experience)
+        said = self._remembered(state.said, ratings)
+        seen, reported = own.means, said.means
+        own_voice, voice = self._voice(own), self._voice(said)
 
-        def agree(judges: slice, advisers: slice) -> Array:
-            apart = abs(means[judges, None] - means[None, advisers])
-            return total(voice[judges, None] * voice[None, advisers] * (1 - apart), 2)
+        def agree(judges: slice) -> Array:
+            apart = abs(seen[judges, None] - reported[None])
+            return total(own_voice[judges, None] * voice[None] * (1 - apart), 2)
 
-        compared = product(voice, voice.swapaxes(0, 1))
-        agreement = xp.clip((self.doubt + by_pairs(agree, voice)) / (1 + compared), 0.0, 1.0)
+        compared = product(own_voice, voice.swapaxes(0, 1))
+        agreement = xp.clip((self.doubt + by_judges(agree, voice)) / (1 + compared), 0.0, 1.0)
         credence = safe_power(agreement, self.power)
-        heard, own = (
-            others(voice) * credence,
-            self.own * counts * mean_of_sums(counts, counts + self.patience),
+        weight = self.own * own.counts * mean_of_sums(own.counts, own.counts + self.patience)
+        sums = self.prior * self.initial + weight * seen + heard(credence, voice * reported)
+        trust = sums / (self.prior + weight + heard(credence, voice))
+        return FirstHandState(own, said, xp.clip(trust, 0.0, 1.0), credence)
+
+    def _remembered(self, evidence: Evidence, ratings: Ratings) -> Evidence:
+        """Return the sums s and n after one more round."""
+        kept = 1 - (1 - self.keep) * ratings.weights
+        weight = ratings.weights * (1 + self.repeats * occurred(evidence.counts))
+        return Evidence(
+            kept * evidence.counts + weight, kept * evidence.sums + weight * ratings.values
         )
-        said = self.prior * self.initial + own * means + credence_sum(heard, voice * means)
-        trust = said / (self.prior + own + credence_sum(heard, voice))
-        return FirstHandState(sums, counts, xp.clip(trust, 0.0, 1.0), credence)
+
+    def _voice(self, evidence: Evidence) -> PerPair:
+        """Return the weight v of each pair, shape (S, P, ...)."""
+        return evidence.counts / (1 + self.limit * evidence.counts)

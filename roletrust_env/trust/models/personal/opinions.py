@@ -12,14 +12,15 @@ from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.shapes import PerAdviser, PerPair, PerRater
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.personal import (
+    Evidence,
     Personal,
     by_judges,
     compare_opinions,
     credences,
-    others,
+    news,
     published_raters,
 )
-from roletrust_env.trust.ratings import PROVIDER, Ratings
+from roletrust_env.trust.ratings import Ratings
 
 
 class Opinion(NamedTuple):
@@ -105,16 +106,17 @@ class SubjectiveLogicState(NamedTuple):
     Attributes:
         trust: Trust T, shape (S, P, ...).
         agreed: Evidence for adviser k that judge i has, shape (S, S, ...), 0 for itself.
-        differed: Evidence against it, shape (S, S, ...).
-        successes: Evidence for provider j that i has, shape (S, P, ...).
-        failures: Evidence against it, shape (S, P, ...).
+        differed: Evidence against it, shape (S, S, ...), 0 for itself.
+        own: Services that each judge received; their sums are evidence for a provider, and the
+            rest of their counts evidence against it.
+        said: Ratings that each rater delivered.
     """
 
     trust: Annotated[PerPair, SHARES]
     agreed: Annotated[PerAdviser, AMOUNTS]
     differed: Annotated[PerAdviser, AMOUNTS]
-    successes: Annotated[PerPair, AMOUNTS]
-    failures: Annotated[PerPair, AMOUNTS]
+    own: Evidence
+    said: Evidence
 
 
 @checked_dataclass
@@ -125,20 +127,20 @@ class SubjectiveLogic(Personal):
     Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006); the algebra is
     that of `roletrust_env.trust.models.personal.opinions`:
 
-        own[i, j]     from evidence: each rating f counts as f of a success and 1 - f of a failure,
-                and none fades
-        adviser[i, k] from evidence: each time that both rate a provider in one round, 1 - |f[i, j]
-                - f[k, j]| of a
-                      success, the rest of a failure
-        T[i, j]       = expectation of own[i, j] fused with each own[k, j] discounted by adviser[i,
-                k]
+        own[i, j]     from the services x that i received: each counts as x of a success and 1 - x
+                      of a failure, and none fades
+        said[k, j]    from the ratings f that k delivered, likewise
+        adviser[i, k] from evidence: each time that k rates a provider and i received its service
+                      in one round, 1 - |x[i, j] - f[k, j]| of a success, the rest of a failure
+        T[i, j]       = expectation of own[i, j] fused with each said[k, j] discounted by
+                      adviser[i, k]
 
     An adviser reports its whole opinion, which follows from its ratings so far. An adviser does not
     count before the judge has compared ratings with it.
 
     Not included: networks of more than one adviser between judge and provider. Added where the
-    paper leaves something open: the evidence about advisers; T is updated for providers that were
-    rated in the round.
+    paper leaves something open: the evidence about advisers; T is updated for providers of which
+    the judge has news in the round.
 
     Attributes:
         initial: Base rate: the trust in raters and providers before any evidence, in [0, 1].
@@ -151,26 +153,25 @@ class SubjectiveLogic(Personal):
 
     def start(self, like: PerPair) -> SubjectiveLogicState:
         """Return the state without evidence. See `TrustModel.start`."""
-        nothing, advisers = namespace(like).zeros_like(like), credences(like, 0.0)
-        return SubjectiveLogicState(nothing + self.initial, advisers, advisers, nothing, nothing)
+        none, advisers = Evidence.none(like), credences(like, 0.0)
+        return SubjectiveLogicState(none.sums + self.initial, advisers, advisers, none, none)
 
     def update(self, state: SubjectiveLogicState, ratings: Ratings) -> SubjectiveLogicState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        outcomes, met = ratings.values, ratings.weights
-        two = others(ratings.values)
-        agreed = state.agreed + two * compare_opinions(ratings, lambda apart: 1 - apart)
+        agreed = state.agreed + compare_opinions(ratings, lambda apart: 1 - apart)
         differed = state.differed + compare_opinions(ratings, lambda apart: apart)
-        successes, failures = state.successes + outcomes, state.failures + (met - outcomes)
-        own, adviser = Opinion.of(successes, failures), Opinion.of(agreed, differed)
+        own, said = state.own.after(ratings.experience), state.said.after(ratings)
+        opinion, report = (Opinion.of(each.sums, each.counts - each.sums) for each in (own, said))
+        adviser = Opinion.of(agreed, differed)
 
         def judged(judges: slice) -> Array:
-            advice = own.at(None).discounted(adviser.at((judges, slice(None), None)))
-            return own.at(judges).fused(advice.fused_along(1)).expectation(self.initial)
+            advice = report.at(None).discounted(adviser.at((judges, slice(None), None)))
+            return opinion.at(judges).fused(advice.fused_along(1)).expectation(self.initial)
 
         trust = namespace(ratings.values).where(
-            ratings.rated(PROVIDER), by_judges(judged, outcomes), state.trust
+            news(ratings) > 0, by_judges(judged, ratings.values), state.trust
         )
-        return SubjectiveLogicState(trust, agreed, differed, successes, failures)
+        return SubjectiveLogicState(trust, agreed, differed, own, said)
 
     def rater_trust(self, state: SubjectiveLogicState) -> PerRater:
         """Return the mean expectation of the others for each rater, shape (S, ...)."""

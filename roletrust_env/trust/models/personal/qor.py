@@ -11,17 +11,40 @@ from roletrust_env.trust.personal import (
     Personal,
     absorb,
     compare_opinions,
-    credence_sum,
     credences,
+    heard,
     in_common,
     mean_of_sums,
+    news,
     nothing_yet,
     published_raters,
     push,
 )
-from roletrust_env.trust.ratings import PROVIDER, Ratings, occurred
+from roletrust_env.trust.ratings import Ratings, occurred
 
 _MEMORY = 10  # number of ratings of a rater for a provider in memory
+
+
+class Feedback(NamedTuple):
+    """The last ratings, or services, of each pair.
+
+    Attributes:
+        values: Ratings N in [-1, 1], the newest first, shape (10, S, P, ...).
+        weights: Current weights of these ratings, 0 where there is none, shape (10, S, P, ...).
+    """
+
+    values: Annotated[Array, Shape("10 S P ..."), SIGNED]
+    weights: Annotated[Array, Shape("10 S P ..."), SHARES]
+
+    def after(self, ratings: Ratings, theta: float) -> "Feedback":
+        """Return the feedback after one more round, in which the weights fade."""
+        faded = self.weights * namespace(self.weights).exp(
+            math.log(theta) * (1 + 0.5 * (self.values**2 - self.values))
+        )
+        return Feedback(
+            push(self.values, 2 * ratings.values - 1, ratings),
+            push(faded, ratings.weights, ratings),
+        )
 
 
 class QorState(NamedTuple):
@@ -32,16 +55,16 @@ class QorState(NamedTuple):
         quality: Quality QR of the recommendations of k to i, in [-1, 1], shape (S, S, ...).
         past: Weighted mean of all QR so far, this one included, shape (S, S, ...).
         weight: Sum of the weights c behind it, shape (S, S, ...).
-        values: Last ratings that k gave j, in [-1, 1], the newest first, shape (10, S, P, ...).
-        weights: Current weights of these ratings, 0 where there is none, shape (10, S, P, ...).
+        own: Last services of j that i received.
+        said: Last ratings that k gave j.
     """
 
     trust: Annotated[PerPair, SHARES]
     quality: Annotated[PerAdviser, SIGNED]
     past: Annotated[PerAdviser, SIGNED]
     weight: Annotated[PerAdviser, AMOUNTS]
-    values: Annotated[Array, Shape("10 S P ..."), SIGNED]
-    weights: Annotated[Array, Shape("10 S P ..."), SHARES]
+    own: Feedback
+    said: Feedback
 
 
 @checked_dataclass
@@ -55,19 +78,20 @@ class QualityOfRecommendation(Personal):
 
         T[i, j]   = sum over k and its ratings of w QR[i, k] N / sum of w,
                 w = theta^((s + 1) dt),  s = (N^2 - N) / 2
-        r         = 1 - |N[k, j] - N[i, j]|,
-                the mean over the providers j that both rated in the round
+        r         = 1 - |N[k, j] - N'[i, j]|,
+                the mean over the providers j that k rated and i was served by in the round
         QR[i, k] <- (sum of c QR over all QR[i, k] so far + r) / (sum of c + 1),  c = theta^dt,  1
                 at first
 
-    A rating of -1 fades twice as fast as one of 0 or 1. A judge's own ratings count with QR 1. The
-    model publishes T and QR mapped to [0, 1].
+    N' are the services that the judge itself received. They count with QR 1, in place of its
+    ratings. A rating of -1 fades twice as fast as one of 0 or 1. The model publishes T and QR
+    mapped to [0, 1].
 
     Not included: contexts, since services have none here (their distance d is 0 in a further factor
     l^d of w). Uncertain: in the only public code r is inside the sum, once for each of its terms.
     Added where the paper leaves something open: r weighs 1, as C_F, since a judge's own feedback
     does; there is one QR per round, whatever the order of the services; the last 10 ratings of a
-    rater for a provider count; T is updated for providers that were rated in the round.
+    rater for a provider count; T is updated for providers of which the judge has news in the round.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
@@ -85,25 +109,24 @@ class QualityOfRecommendation(Personal):
         `TrustModel.start`.
         """
         nothing, quality = nothing_yet(like, _MEMORY), credences(like, 1.0)
-        return QorState(nothing[0] + self.initial, quality, quality, quality, nothing, nothing)
+        none = Feedback(nothing, nothing)
+        return QorState(nothing[0] + self.initial, quality, quality, quality, none, none)
 
     def update(self, state: QorState, ratings: Ratings) -> QorState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
-        outcomes, met = ratings.values, ratings.weights
         common = in_common(ratings)
         right = mean_of_sums(compare_opinions(ratings, lambda apart: 1 - 2 * apart), common)
         new, weight = occurred(common), self.theta * state.weight
         quality = xp.where(common > 0, absorb(state.past, weight, right, new), state.quality)
         past = absorb(state.past, weight, new * quality, new)
-        faded = state.weights * xp.exp(
-            math.log(self.theta) * (1 + 0.5 * (state.values**2 - state.values))
-        )
-        values, weights = push(state.values, 2 * outcomes - 1, ratings), push(faded, met, ratings)
-        said = credence_sum(quality, total(weights * values, 0))
-        trust = 0.5 + 0.5 * mean_of_sums(said, total(total(weights, 0), 0))
-        trust = xp.where(ratings.rated(PROVIDER), trust, state.trust)
-        return QorState(trust, quality, past, weight + new, values, weights)
+        own = state.own.after(ratings.experience, self.theta)
+        said = state.said.after(ratings, self.theta)
+        sums = heard(quality, total(said.weights * said.values, 0))
+        weights = heard(1.0, total(said.weights, 0)) + total(own.weights, 0)
+        trust = 0.5 + 0.5 * mean_of_sums(sums + total(own.weights * own.values, 0), weights)
+        trust = xp.where(news(ratings) > 0, trust, state.trust)
+        return QorState(trust, quality, past, weight + new, own, said)
 
     def rater_trust(self, state: QorState) -> PerRater:
         """Return the mean quality of each rater's recommendations to the others, mapped to [0, 1],

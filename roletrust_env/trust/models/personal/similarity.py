@@ -7,104 +7,86 @@ from typing import Annotated, NamedTuple
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.shapes import PerAdviser, PerPair, PerRater
-from roletrust_env.trees import COUNTS, SHARES, ValueRange
+from roletrust_env.trees import SHARES
 from roletrust_env.trust.personal import (
+    Evidence,
     Personal,
-    by_pairs,
+    by_judges,
     credences,
-    mean_of_sums,
+    others,
     product,
     weighted_advice,
-    with_self,
 )
 from roletrust_env.trust.ratings import Ratings, occurred, smooth
-
-
-class Experience(NamedTuple):
-    """All ratings so far, by rater and provider.
-
-    Attributes:
-        counts: Number of ratings, shape (S, P, ...).
-        sums: Sum of the ratings, shape (S, P, ...).
-    """
-
-    counts: Annotated[PerPair, COUNTS]
-    sums: Annotated[PerPair, ValueRange(0, "counts")]
-
-    @classmethod
-    def none(cls, like: PerPair) -> "Experience":
-        """Return the experience before any rating; for `like` see `TrustModel.start`."""
-        xp = namespace(like)
-        return cls(xp.zeros_like(like), xp.zeros_like(like))
-
-    def after(self, ratings: Ratings) -> "Experience":
-        """Return the experience after one more round."""
-        return Experience(self.counts + ratings.weights, self.sums + ratings.values)
 
 
 class SimilarityState(NamedTuple):
     """Memory of a model that weights raters by their similarity to the judge.
 
     Attributes:
-        known: All ratings so far.
+        own: All services that the judges received.
+        said: All ratings that were delivered.
         trust: Trust of each judge in each provider, shape (S, P, ...).
         credence: Credence of each judge in each rater, shape (S, S, ...).
     """
 
-    known: Experience
+    own: Evidence
+    said: Evidence
     trust: Annotated[PerPair, SHARES]
     credence: Annotated[PerAdviser, SHARES]
 
 
-def disagreement(known: Experience) -> tuple[PerAdviser, PerAdviser]:
-    """Return the mean squared difference of two raters' mean ratings over common providers, and
-    their number.
+def disagreement(own: Evidence, said: Evidence) -> tuple[PerAdviser, PerAdviser]:
+    """Return the mean squared difference of the means that a judge and an adviser have of common
+    providers, and the number of these.
 
     The differences are taken one by one, in temporary arrays of shape (S, S, P, ...). A matrix
     product would leave the rounding error of large sums for raters who agree, which a root
     magnifies.
 
+    Args:
+        own: Evidence of the judges.
+        said: Evidence of the advisers.
+
     Returns:
         The mean squares, shape (S, S, ...), in [0, 1], and 0 without common providers; and the
         number of common providers, of the same shape.
     """
-    xp = namespace(known.sums)
-    rated = occurred(known.counts)
-    means = known.sums / xp.where(known.counts > 0, known.counts, 1.0)
+    xp = namespace(own.sums)
+    met, rated = occurred(own.counts), occurred(said.counts)
+    seen, reported = (
+        each.sums / xp.where(each.counts > 0, each.counts, 1.0) for each in (own, said)
+    )
 
-    def squares(judges: slice, advisers: slice) -> Array:
-        apart = (
-            rated[judges, None]
-            * rated[None, advisers]
-            * (means[judges, None] - means[None, advisers])
-        )
+    def squares(judges: slice) -> Array:
+        apart = met[judges, None] * rated[None] * (seen[judges, None] - reported[None])
         return (apart * apart).sum(axis=2)
 
-    common = product(rated, rated.swapaxes(0, 1))
-    return by_pairs(squares, rated) / xp.where(common > 0, common, 1.0), common
+    common = product(met, rated.swapaxes(0, 1))
+    return by_judges(squares, rated) / xp.where(common > 0, common, 1.0), common
 
 
 class OwnState(NamedTuple):
     """Memory of the judges.
 
     Attributes:
-        known: All ratings so far.
+        known: All services that the judges received.
         trust: Trust of each judge in each provider, shape (S, P, ...).
     """
 
-    known: Experience
+    known: Evidence
     trust: Annotated[PerPair, SHARES]
 
 
 @checked_dataclass
 class OwnExperience(Personal):
-    """Control without a reputation system: the mean of a judge's own ratings so far, which no liar
-    reaches.
+    """Control without a reputation system: the mean of the services that a judge itself received,
+    which no liar reaches.
 
-        T[i, j] = sum of the ratings of j by i / number of these ratings
+        T[i, j] = sum of i's perceptions of the services of j / number of these services
 
     A personal model that is no better than this one gains nothing by listening to others. Published
-    trust is the mean of the judges, liars included. Without a rating of its own, a judge keeps its
+    trust is the mean of the judges, liars included. Without a service of its own, a judge keeps its
     trust.
 
     Attributes:
@@ -116,14 +98,14 @@ class OwnExperience(Personal):
 
     def start(self, like: PerPair) -> OwnState:
         """Return the initial trust of all judges. See `TrustModel.start`."""
-        known = Experience.none(like)
+        known = Evidence.none(like)
         return OwnState(known, known.sums + self.initial)
 
     def update(self, state: OwnState, ratings: Ratings) -> OwnState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        known = state.known.after(ratings)
+        known = state.known.after(ratings.experience)
         xp = namespace(ratings.values)
-        own = xp.clip(mean_of_sums(known.sums, known.counts), 0.0, 1.0)
+        own = xp.clip(known.means, 0.0, 1.0)
         return OwnState(known, xp.where(known.counts > 0, own, state.trust))
 
     def rater_trust(self, state: OwnState) -> PerRater:
@@ -147,7 +129,7 @@ class PeerTrust(Personal):
 
     Xiong and Liu (2004), with the personalised similarity measure for the credibility of raters;
     without the factors of transaction and community context, and without time windows: every rating
-    counts for ever. With no provider in common Sim is 0, and a judge's own ratings have Sim = 1.
+    counts for ever. With no provider in common Sim is 0, and a judge's own experience has Sim = 1.
     Added where the paper leaves something open: a judge without any ratings to use keeps its trust,
     and `initial` is the credence of two raters with nothing in common.
 
@@ -162,20 +144,18 @@ class PeerTrust(Personal):
 
     def start(self, like: PerPair) -> SimilarityState:
         """Return the initial trust of all agents. See `TrustModel.start`."""
-        known = Experience.none(like)
-        return SimilarityState(known, known.sums + self.initial, credences(like, self.initial))
+        none = Evidence.none(like)
+        return SimilarityState(none, none, none.sums + self.initial, credences(like, self.initial))
 
     def update(self, state: SimilarityState, ratings: Ratings) -> SimilarityState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
-        known = state.known.after(ratings)
-        squares, common = disagreement(known)
+        own, said = state.own.after(ratings.experience), state.said.after(ratings)
+        squares, common = disagreement(own, said)
         similarity = 1 - xp.sqrt(squares + _TINY)
-        mean, weight = weighted_advice(
-            xp.where(common > 0, similarity, 0.0), known.sums, known.counts
-        )
+        mean, weight = weighted_advice(xp.where(common > 0, similarity, 0.0), said, own)
         trust = xp.where(weight > 0, mean, state.trust)
-        return SimilarityState(known, trust, xp.where(common > 0, similarity, self.initial))
+        return SimilarityState(own, said, trust, xp.where(common > 0, similarity, self.initial))
 
 
 @checked_dataclass
@@ -184,10 +164,11 @@ class Clustering(Personal):
     smoothing.
 
     The idea is that of iCLUB (Liu et al. 2011). Its clustering could not be checked, so this is not
-    claimed to be that model. A rater's vector is its mean rating of every provider so far. Two
-    raters are linked if they have rated a provider in common and their vectors are at most
-    `threshold` apart, as the root mean square over the providers in common. A cluster is a
-    connected set of raters (single linkage). A rater in the judge's cluster has credence 1. A rater
+    claimed to be that model. A rater's vector is its mean rating of every provider so far, and a
+    judge's the mean of the services that it received. Two are linked if they know a provider in
+    common and their vectors are at most `threshold` apart, as the root mean square over the
+    providers in common. A cluster is a connected set of raters (single linkage). A judge's cluster
+    are the raters that it is linked to, with their clusters. A rater in it has credence 1. A rater
     outside has 0 if the two have a provider in common, and `initial` otherwise.
 
     Attributes:
@@ -206,21 +187,29 @@ class Clustering(Personal):
 
     def start(self, like: PerPair) -> SimilarityState:
         """Return the initial trust of all agents. See `TrustModel.start`."""
-        known = Experience.none(like)
-        return SimilarityState(known, known.sums + self.initial, credences(like, self.initial))
+        none = Evidence.none(like)
+        return SimilarityState(none, none, none.sums + self.initial, credences(like, self.initial))
 
     def update(self, state: SimilarityState, ratings: Ratings) -> SimilarityState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
-        known = state.known.after(ratings)
-        squares, common = disagreement(known)
-        together = _connected(
-            cast((common > 0) & (squares <= self.threshold**2), ratings.values.dtype)
+        own, said = state.own.after(ratings.experience), state.said.after(ratings)
+        linked, common = self._links(own, said)
+        clusters = _connected(self._links(said, said)[0])
+        together = cast(product(linked, clusters) > 0, linked.dtype)
+        advice, weight = weighted_advice(
+            together, Evidence.of(ratings), Evidence.of(ratings.experience)
         )
-        heard, weight = weighted_advice(together, ratings.values, ratings.weights)
-        trust = smooth(heard, state.trust, self.lam, weight)
+        trust = smooth(advice, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
-        return SimilarityState(known, trust, credence)
+        return SimilarityState(own, said, trust, credence)
+
+    def _links(self, own: Evidence, said: Evidence) -> tuple[PerAdviser, PerAdviser]:
+        """Return 1 where a judge and an adviser are linked and 0 elsewhere, shape (S, S, ...), and
+        the number of providers that they have in common.
+        """
+        squares, common = disagreement(own, said)
+        return cast((common > 0) & (squares <= self.threshold**2), own.sums.dtype), common
 
 
 def _connected(links: Array) -> Array:
@@ -229,7 +218,7 @@ def _connected(links: Array) -> Array:
 
     Every squaring doubles the length of the paths, and no path needs more than S - 1 links.
     """
-    reached = with_self(links)
+    reached = 1 - others(links) * (1 - links)
     for _ in range(max(links.shape[0] - 2, 0).bit_length()):
         reached = cast(product(reached, reached) > 0, links.dtype)
     return reached

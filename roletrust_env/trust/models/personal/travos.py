@@ -10,7 +10,7 @@ from roletrust_env.parameters import Share, Size, checked_dataclass
 from roletrust_env.shapes import PerAdviser, PerPair, Shape
 from roletrust_env.trees import AMOUNTS, SHARES
 from roletrust_env.trust.beta_distribution import mass_below, mass_between, reputation
-from roletrust_env.trust.personal import Personal, by_judges, others
+from roletrust_env.trust.personal import Evidence, Personal, by_judges, others
 from roletrust_env.trust.ratings import Ratings
 
 _FLAT = 1 / math.sqrt(12)
@@ -22,9 +22,9 @@ class TravosState(NamedTuple):
     """Memory of the judges of TRAVOS.
 
     Attributes:
-        successes: Successes m of provider j that judge i saw, and reports as adviser, shape (S, P,
-            ...).
-        failures: Failures n, shape (S, P, ...).
+        own: Services that each judge received: their sums are its successes m, and the rest of
+            their counts its failures n.
+        said: Ratings that each adviser delivered, likewise.
         good: Successes of judge i after opinions of adviser k in each bin, shape (S, S, bins, ...).
         bad: Failures, of the same shape.
         accuracy: Accuracy rho of such opinions, of the same shape.
@@ -33,8 +33,8 @@ class TravosState(NamedTuple):
         credence: Credence of judge i in adviser k, shape (S, S, ...).
     """
 
-    successes: Annotated[PerPair, AMOUNTS]
-    failures: Annotated[PerPair, AMOUNTS]
+    own: Evidence
+    said: Evidence
     good: Annotated[Array, Shape("S S bins ..."), AMOUNTS]
     bad: Annotated[Array, Shape("S S bins ..."), AMOUNTS]
     accuracy: Annotated[Array, Shape("S S bins ..."), SHARES]
@@ -52,10 +52,10 @@ class Travos(Personal):
     Information Sources" (2006). A judge that saw m successes and n failures of a provider expects
     mu = (m + 1) / (m + n + 2), with a confidence that is the mass of Beta(m + 1, n + 1) within mu
     +- `error`. Above `threshold` that is its trust. Else it asks all advisers for their m and n,
-    called R and S. The mean of such an opinion falls into one of `bins` equal bins. The accuracy of
-    the adviser, rho, is the mass in that bin of the Beta distribution of the judge's own outcomes
-    after earlier opinions of the adviser in the bin. With mu and sd of Beta(R + 1, S + 1), the
-    opinion is weakened:
+    called R and S; these are what they delivered. The mean of such an opinion falls into one of
+    `bins` equal bins. The accuracy of the adviser, rho, is the mass in that bin of the Beta
+    distribution of the judge's own outcomes after earlier opinions of the adviser in the bin. With
+    mu and sd of Beta(R + 1, S + 1), the opinion is weakened:
 
         mu' = 1/2 + rho (mu - 1/2),   sd' = u + rho (sd - u),   u = 1 / sqrt(12)
         m'  = (mu'^2 - mu'^3) / sd'^2 - mu' - 1,   n' the same of 1 - mu'
@@ -89,7 +89,7 @@ class Travos(Personal):
     def start(self, like: PerPair) -> TravosState:
         """Return the state without experience. See `TrustModel.start`."""
         xp, raters = namespace(like), like.shape[0]
-        nothing = xp.zeros_like(like)
+        none, nothing = Evidence.none(like), xp.zeros_like(like)
         untried = xp.zeros(
             (raters, raters, self.bins, *like.shape[2:]), dtype=like.dtype, device=device_of(like)
         )
@@ -101,50 +101,48 @@ class Travos(Personal):
         )
         credence = untried[:, :, 0, ...] + 1 / self.bins
         return TravosState(
-            nothing, nothing, untried, untried, accuracy, confidence, nothing + 0.5, credence
+            none, none, untried, untried, accuracy, confidence, nothing + 0.5, credence
         )
 
     def update(self, state: TravosState, ratings: Ratings) -> TravosState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings.values)
-        failed = ratings.weights - ratings.values
-        before = self._held(state.successes, state.failures)
-        good = state.good + xp.einsum("ij...,kbj...->ikb...", ratings.values, before)
+        own, said = state.own.after(ratings.experience), state.said.after(ratings)
+        outcomes, before = ratings.experience, self._held(state.said)
+        failed = outcomes.weights - outcomes.values
+        good = state.good + xp.einsum("ij...,kbj...->ikb...", outcomes.values, before)
         bad = state.bad + xp.einsum("ij...,kbj...->ikb...", failed, before)
         changed = (good != state.good) | (bad != state.bad)  # few, where ratings are sparse
         by_bin = xp.where(
             changed, self._accuracy(good, bad, cast(changed, good.dtype)), state.accuracy
         )
-        successes, failures = state.successes + ratings.values, state.failures + failed
-        changed = (successes != state.successes) | (failures != state.failures)
-        confidence = self._confidence(successes, failures, cast(changed, good.dtype))
+        changed = own.counts != state.own.counts
+        confidence = self._confidence(*_outcomes(own), cast(changed, good.dtype))
         confidence = xp.where(changed, confidence, state.confidence)
-        now = self._held(successes, failures)
+        now = self._held(said)
 
-        def heard(judges: slice) -> Array:
+        def advice(judges: slice) -> Array:
             accuracy = xp.einsum("ikb...,kbj...->ikj...", by_bin[judges], now)
-            return xp.concat(
-                [_advised(accuracy, judges, successes, failures), accuracy.sum(axis=2)], axis=1
-            )
+            return xp.concat([_advised(accuracy, judges, own, said), accuracy.sum(axis=2)], axis=1)
 
-        advised_and_right, providers = by_judges(heard, successes), successes.shape[1]
+        advised_and_right, providers = by_judges(advice, said.counts), said.counts.shape[1]
         advised, right = (
             advised_and_right[:, :providers, ...],
             advised_and_right[:, providers:, ...],
         )
-        trust = xp.where(confidence > self.threshold, reputation(successes, failures), advised)
+        trust = xp.where(confidence > self.threshold, reputation(*_outcomes(own)), advised)
         held = now.sum(axis=1).sum(axis=1)[None]
         credence = xp.where(held > 0, right / xp.clip(held, 1, None), 1 / self.bins)
-        return TravosState(successes, failures, good, bad, by_bin, confidence, trust, credence)
+        return TravosState(own, said, good, bad, by_bin, confidence, trust, credence)
 
-    def _held(self, successes: Array, failures: Array) -> Array:
+    def _held(self, said: Evidence) -> Array:
         """Return 1 for the bin of adviser k's opinion of provider j, 0 for the other bins, shape
         (S, bins, P, ...).
         """
-        low, high = (edge[:, None, ...] for edge in self._edges(successes))
-        mean = reputation(successes, failures)[:, None, ...]
-        known = (successes + failures > 0)[:, None, ...]
-        return cast(known & (low <= mean) & (mean < high), successes.dtype)
+        low, high = (edge[:, None, ...] for edge in self._edges(said.counts))
+        mean = reputation(*_outcomes(said))[:, None, ...]
+        known = (said.counts > 0)[:, None, ...]
+        return cast(known & (low <= mean) & (mean < high), said.counts.dtype)
 
     def _edges(self, like: Array) -> tuple[Array, Array]:
         """Return the lower and the upper edges of the bins, shape (bins, 1, ...), with an axis for
@@ -186,19 +184,25 @@ class Travos(Personal):
         return mass_between(low, high, successes + 1, failures + 1)
 
 
-def _advised(accuracy: Array, judges: slice, successes: Array, failures: Array) -> Array:
+def _outcomes(evidence: Evidence) -> tuple[PerPair, PerPair]:
+    """Return the successes and the failures of each pair, shape (S, P, ...) each."""
+    return evidence.sums, evidence.counts - evidence.sums
+
+
+def _advised(accuracy: Array, judges: slice, own: Evidence, said: Evidence) -> Array:
     """Return the trust in the providers of judges that ask others, shape (judges, P, ...).
 
     Args:
         accuracy: Accuracy rho of the advisers' opinions, shape (judges, S, P, ...).
         judges: Places of these judges.
-        successes: Successes that every agent saw, shape (S, P, ...).
-        failures: Failures, of the same shape.
+        own: Services that every judge received.
+        said: Ratings that every adviser delivered.
     """
-    own, a, b = reputation(successes, failures), successes + 1, failures + 1
-    spread = (own * (1 - own) / (a + b + 1)) ** 0.5
-    mean = 0.5 + accuracy * (own - 0.5)
-    strangers = others(successes)[judges, :, None, ...]
+    opinion = reputation(*_outcomes(said))
+    spread = (opinion * (1 - opinion) / (said.counts + 3)) ** 0.5
+    mean = 0.5 + accuracy * (opinion - 0.5)
+    strangers = others(opinion)[judges, :, None, ...]
     evidence = strangers * (mean * (1 - mean) / (_FLAT + accuracy * (spread - _FLAT)) ** 2 - 1)
     more, less = mean * evidence - strangers, (1 - mean) * evidence - strangers
+    successes, failures = _outcomes(own)
     return reputation(successes[judges] + more.sum(axis=1), failures[judges] + less.sum(axis=1))

@@ -10,13 +10,13 @@ from roletrust_env.parameters import Inside, Lam, Share, checked_dataclass
 from roletrust_env.shapes import PerAdviser, PerPair, PerRater
 from roletrust_env.trees import COUNTS, SHARES, ValueRange
 from roletrust_env.trust.personal import (
+    Evidence,
     Personal,
     compare_opinions,
     credences,
     in_common,
     published_raters,
     weighted_advice,
-    with_self,
 )
 from roletrust_env.trust.ratings import PROVIDER, Ratings, smooth
 
@@ -25,8 +25,8 @@ class ZhangCohenState(NamedTuple):
     """Memory of the personalised model.
 
     Attributes:
-        common: Number of ratings of one provider in one round by both judge and adviser, shape (S,
-            S, ...).
+        common: Number of ratings of an adviser of providers that served the judge in the same
+            round, shape (S, S, ...).
         agreeing: Number of these that agree, shape (S, S, ...).
         checked: Number of ratings of each adviser that others could be compared with, shape (S,
             ...).
@@ -47,19 +47,19 @@ class ZhangCohen(Personal):
     evidence is scarce.
 
         private = (agreeing + 1) / (N + 2)
-                over the N ratings that judge and adviser have in common
+                over the N ratings that the adviser has in common with the judge
         public  = (consistent + 1) / (all + 2)
                 over all ratings by the adviser; near the others' mean is consistent
         w       = min(1, N / N_min),   N_min = -ln((1 - confidence) / 2) / (2 error^2)
         C       = w private + (1 - w) public
         T       = C-weighted mean of opinions, then the usual smoothing
 
-    Zhang and Cohen (2008). Two ratings are in common if they are of one provider in one round, and
-    agree to the share `1 - |f - g|`: with f of a success and 1 - f of a failure each, that is what
-    both hold. Added where the paper leaves something open: the others' mean is that of the same
-    round, and a rating with no other beside it counts in neither; opinions are the ratings of the
-    round, the judge's own among them with C = 1; the rounds are smoothed where the paper has sums
-    that forget.
+    Zhang and Cohen (2008). A rating of an adviser and a service of the judge are in common if they
+    are of one provider in one round, and agree to the share `1 - |f - g|`: with f of a success and
+    1 - f of a failure each, that is what both hold. Added where the paper leaves something open:
+    the others' mean is that of the same round, and a rating with no other beside it counts in
+    neither; opinions are the ratings of the round, and with C = 1 the services of the judge itself;
+    the rounds are smoothed where the paper has sums that forget.
 
     Attributes:
         lam: Weight of the newest round in the trust of a provider, in [0.5, 1).
@@ -102,8 +102,10 @@ class ZhangCohen(Personal):
             state.consistent + consistent,
         )
         credence = self._credence(*evidence)
-        heard, weight = weighted_advice(with_self(credence), ratings.values, ratings.weights)
-        return ZhangCohenState(*evidence, smooth(heard, state.trust, self.lam, weight))
+        advice, weight = weighted_advice(
+            credence, Evidence.of(ratings), Evidence.of(ratings.experience)
+        )
+        return ZhangCohenState(*evidence, smooth(advice, state.trust, self.lam, weight))
 
     def _consistency(self, ratings: Ratings) -> tuple[Array, Array]:
         """Return how many of each rater's ratings can be compared with others, and how many of
