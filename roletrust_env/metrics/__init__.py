@@ -2,7 +2,15 @@
 each.
 """
 
-from roletrust_env.metrics.consumers import blind_utility, robustness, share_of_best, skill, utility
+from roletrust_env.metrics.consumers import (
+    blind_utility,
+    received,
+    robustness,
+    share_of_best,
+    skill,
+    skill_score,
+    utility,
+)
 from roletrust_env.metrics.detection import (
     Classification,
     auc,
@@ -34,12 +42,14 @@ __all__ = [
     "false_alarms",
     "kendall_tau",
     "present_trust",
+    "received",
     "recovery",
     "return_on_attack",
     "robustness",
     "rounds_to_detection",
     "share_of_best",
     "skill",
+    "skill_score",
     "spearman",
     "utility",
 ]
