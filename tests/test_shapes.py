@@ -96,6 +96,9 @@ def test_every_trust_model_has_the_shapes(trust_model: str) -> None:
         run.play(np.r_[0, 1, 2, 2], np.r_[3, 1, 0, 3], np.r_[0.2, 0.9, 1.0, 0.4])
         run.play(np.r_[1, 4, 1], np.r_[0, 2, 0], np.r_[0.6, 0.1, 0.2])
         assert run.rater_trust.shape == (5,)
+        if hasattr(game.model, "preference"):
+            chosen = Game(scenario.change(access={"kind": "choice", "by": "model"}), game.model)
+            record(JointPolicy(chosen, {}), chosen.random(0), (2,))
     own = [name for name in calls if name.startswith(type(game.model).__module__[14:])]
     assert any(calls[name] for name in own), own
 
@@ -152,9 +155,11 @@ def test_metrics_have_the_shapes(batch: tuple[int, ...]) -> None:
         scores.exploitability({"mixed": scores.damage(trust, paired, [2, 3])})
         if batch:
             scores.skill(got.value, blind.value)
+        scores.received(history, np.ones((history.top.shape[1], *batch)), [0, 1], [1, 2])
     functions = {name for name in calls if name.startswith("metrics.")}
     left = {name for name in functions if not calls[name] and "confidence" not in name}
-    assert left == (set() if batch else {"metrics.consumers.skill"})
+    of_batches = {"metrics.consumers.skill", "metrics.consumers.skill_score"}
+    assert left == (set() if batch else of_batches)
 
 
 def test_a_sparse_game_has_cells_in_place_of_pairs() -> None:

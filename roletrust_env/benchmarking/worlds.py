@@ -142,7 +142,8 @@ class WorldRow(NamedTuple):
             field: _text(getattr(rater, field) for rater in raters)
             for field in ("noise", "bias", "scale")
         }
-        access = _text(value for field, value in world.access if field != "kind")
+        changed = world.access.model_dump(exclude_defaults=True)
+        access = ", ".join(f"{field}={value}" for field, value in changed.items())
         return cls(
             name,
             sum(group.count for group in raters),

@@ -120,6 +120,8 @@ class Planner:
             sum(outcome.reward for _, outcome in rounds).mean(dim=1)
             / task.game.scenario.mean_length
         )
+        if not score.requires_grad:  # nothing that is judged follows from the actions
+            return score
         adam.zero_grad()
         (-score.sum()).backward()
         # Other trust models can have kinks of their own, where the gradient is not finite; it is

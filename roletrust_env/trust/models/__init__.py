@@ -21,6 +21,7 @@ from roletrust_env.trust.models.central.seeded_walks import (
 )
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.blade import Blade
+from roletrust_env.trust.models.personal.block import Block
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.first_hand import FirstHand
 from roletrust_env.trust.models.personal.habit import Habit
@@ -28,6 +29,12 @@ from roletrust_env.trust.models.personal.opinions import SubjectiveLogic
 from roletrust_env.trust.models.personal.qor import QualityOfRecommendation
 from roletrust_env.trust.models.personal.regression_aligned import RegressionAligned
 from roletrust_env.trust.models.personal.similarity import Clustering, OwnExperience, PeerTrust
+from roletrust_env.trust.models.personal.solo import (
+    Subsampled,
+    Thompson,
+    Threshold,
+    UpperConfidence,
+)
 from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_env.trust.models.personal.yu_singh import YuSingh
 from roletrust_env.trust.models.personal.zhang_cohen import ZhangCohen
@@ -51,6 +58,7 @@ OWN = {
     "trimmed-mean": TrimmedMean,
     "wary-role-trust": WaryRoleTrust,
     "blade": Blade,
+    "block": Block,
     "clustering": Clustering,
     "fire": Fire,
     "first-hand": FirstHand,
@@ -59,6 +67,10 @@ OWN = {
     "peer-trust": PeerTrust,
     "qor": QualityOfRecommendation,
     "regression-aligned": RegressionAligned,
+    "solo-subsampled": Subsampled,
+    "solo-thompson": Thompson,
+    "solo-threshold": Threshold,
+    "solo-ucb": UpperConfidence,
     "subjective-logic": SubjectiveLogic,
     "travos": Travos,
     "yu-singh": YuSingh,
