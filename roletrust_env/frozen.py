@@ -1,7 +1,6 @@
 """Objects that do not change once they are made, so that nothing derived from them goes stale."""
 
-import copy
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -29,8 +28,6 @@ class Frozen(metaclass=_Freezing):
         Traceback (most recent call last):
             ...
         AttributeError: weight of Rules cannot be set; make a new object
-        >>> rules.changed(weight=0.7).weight
-        0.7
     """
 
     _frozen = False
@@ -60,9 +57,3 @@ class Frozen(metaclass=_Freezing):
             for array in value if isinstance(value, tuple) else (value,):
                 if isinstance(array, np.ndarray):
                     array.flags.writeable = False
-
-    def changed(self, **attributes: Any) -> Self:
-        """Return a copy with other values of some attributes, which are not checked."""
-        other = copy.copy(self)
-        other.__dict__.update(attributes)
-        return other

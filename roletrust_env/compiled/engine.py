@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env import counter_rng
 from roletrust_env.arrays import Array
 from roletrust_env.compiled.emit import ALIGNMENT, emit
 from roletrust_env.compiled.library import Function, load
@@ -65,10 +66,14 @@ class RecordedRandom(Random):
 
     Attributes:
         keys: An input for each key so far.
+        games: Input for the number of games in the batch.
+        counts_games: Whether a number depends on it, as where several agents share a policy.
     """
 
     def __init__(self, like: Recorded) -> None:
         self.like, self.keys = like, list[Recorded]()
+        self.games = make_input("key", "games", (), np.int32)
+        self.counts_games = False
 
     def key(self, shape: tuple[int, ...]) -> Array:
         """Return a key of a game: the second of four words counts the games."""
@@ -80,6 +85,14 @@ class RecordedRandom(Random):
         """Return the key of the next draw. See `Random.policy_key`."""
         return self.key((4,))[:, None]
 
+    def _numbers(self, distribution: Callable[..., Array], shape: Sequence[int]) -> Array:
+        key, agents = self.policy_key(), math.prod(shape[1:])
+        places = counter_rng.counters(self.like, agents)
+        if agents > 1:  # all games of the first agent come before those of the next one
+            self.counts_games = True
+            places = places * self.games
+        return distribution(self.like, shape[0], places, key).reshape(tuple(shape))
+
 
 class Program(NamedTuple):
     """A recorded round, as source.
@@ -88,7 +101,8 @@ class Program(NamedTuple):
         state: Layout of the state.
         inputs: Layout of the inputs of each game.
         keys: Layout of the keys, which are the same for all games: that of the round, then those of
-            policies.
+            policies, and the number of games if numbers of policies depend on it.
+        draws: Number of keys of policies.
         outputs: Layout of what a round returns.
         source: Source of the round, in the language of LLVM.
         width: Number of games that are played at once.
@@ -97,6 +111,7 @@ class Program(NamedTuple):
     state: Layout
     inputs: Layout
     keys: Layout
+    draws: int
     outputs: Layout
     source: str
     width: int
@@ -133,43 +148,63 @@ class Program(NamedTuple):
         symbols, examples = before.inputs("state"), parameters.inputs("input")
         try:
             after, outputs = make(like)(symbols, *examples, random.key(np.shape(key)), random)
+            after, outputs = map_leaves(constant, after), map_leaves(constant, outputs)
+            results = Layout(outputs)
         except ValueError as error:  # an operation that cannot be recorded, or a game for NumPy
             raise _refusal(error) from error
         except Exception as error:  # a part of another package may raise anything
             raise _refusal(f"{type(error).__name__}: {error}") from error
-        after, outputs = map_leaves(constant, after), map_leaves(constant, outputs)
-        results = Layout(outputs)
         structures = [
             [(shape, dtype.kind) for shape, dtype in layout.arrays]
             for layout in (before, Layout(after))
         ]
         if structures[0] != structures[1]:
-            raise _refusal("a round changes the structure of the state")
+            wider = _in_shapes(state, [shape for shape, _ in structures[1]])
+            if wider is None:
+                raise _refusal("a round changes the structure of the state")
+            return cls.record(make, wider, inputs, batch=batch)
         next_state = [
             to_dtype(leaf, dtype)
             for leaf, (_, dtype) in zip(arrays(after), before.arrays, strict=True)
         ]
         width = 1 if not batch else 64 // like.dtype.itemsize
-        source = emit(
-            [*arrays(symbols), *examples, *random.keys], [*next_state, *arrays(outputs)], width
-        )
-        return cls(before, parameters, Layout(tuple(random.keys)), results, source, width)
+        keys = (*random.keys, *([random.games] if random.counts_games else ()))
+        source = emit([*arrays(symbols), *examples, *keys], [*next_state, *arrays(outputs)], width)
+        draws = len(random.keys) - 1
+        return cls(before, parameters, Layout(keys), draws, results, source, width)
 
     def function(self) -> Function:
         """Return the compiled function."""
         return load(self.source)
 
-    def with_draws(self, inputs: tuple[Any, ...], random: Random | None) -> tuple[Any, ...]:
+    def with_draws(
+        self, inputs: tuple[Any, ...], random: Random | None, games: int
+    ) -> tuple[Any, ...]:
         """Return the inputs of a round and the keys that policies draw in it."""
-        draws = len(self.keys.arrays) - 1
-        if not draws:
+        if not self.draws:
             return inputs
         assert random is not None  # the policies draw from it
-        return *inputs, *(random.policy_key()[:, 0] for _ in range(draws))
+        keys = [random.policy_key()[:, 0] for _ in range(self.draws)]
+        counts = [np.int32(games)] * (len(self.keys.arrays) - 1 - self.draws)
+        return *inputs, *keys, *counts
 
 
 def _refusal(reason: object) -> UnrecordableError:
     return UnrecordableError(f'engine "compiled" cannot play this game: {reason}')
+
+
+def _in_shapes(state: Any, shapes: Sequence[Shape]) -> Any:
+    """Return a state whose arrays are broadcast to larger shapes, as a memory may begin with one
+    row for all agents; None if that does not change it, or cannot be.
+    """
+    leaves = list(map(np.asarray, arrays(state)))
+    try:
+        wider = [np.broadcast_to(*each) for each in zip(leaves, shapes, strict=True)]
+    except ValueError:
+        return None
+    if all(leaf.shape == other.shape for leaf, other in zip(leaves, wider, strict=True)):
+        return None
+    return Layout(state).tree(wider)
 
 
 def _memory(facts: Sequence[Facts], *games: int) -> list[npt.NDArray[Any]]:
@@ -258,7 +293,7 @@ class CompiledGame:
         Returns:
             What the round returns; its arrays are written to in the next round.
         """
-        given = self.program.with_draws(inputs, random)
+        given = self.program.with_draws(inputs, random, 1)
         for memory, value in zip(self._inputs, given, strict=True):
             memory[...] = value
         self._function(self._calls[0])
@@ -291,7 +326,7 @@ class CompiledBatch:
         program = self.program
         games = arrays(state)[0].shape[-1]
         room = max(games, program.width)
-        given = [*arrays(state), *program.with_draws(inputs, random)]
+        given = [*arrays(state), *program.with_draws(inputs, random, games)]
         facts = [*program.state.arrays, *program.inputs.arrays]
         before = [_spread(*each, room) for each in zip(given, facts, strict=False)]
         keys = [np.ascontiguousarray(key, np.uint32) for key in given[len(facts) :]]
@@ -308,6 +343,8 @@ def _spread(value: Any, facts: Facts, room: int) -> npt.NDArray[Any]:
     value = np.asarray(value, dtype)
     if value.ndim == len(shape):
         value = value[..., None]
+    if value.shape[:-1] != shape:  # a memory that begins with one row for all agents
+        value = np.broadcast_to(value, (*shape, value.shape[-1]))
     if value.shape[-1] != room:
         value = value[..., np.minimum(np.arange(room), value.shape[-1] - 1)]
     return np.ascontiguousarray(value)

@@ -100,12 +100,17 @@ def cos(x: Any) -> Any:
 
 
 def power(x: Any, y: Any) -> Any:
-    """Return x to the power y, for x of at least 0 or a constant whole y; NaN for others."""
+    """Return x to the power y; NaN for x below 0 unless y is whole."""
     xp = x.__array_namespace__()
     exponent = y.data.flat[0] if y.op == "constant" and np.ptp(y.data) == 0 else math.nan
     if exponent in range(1, 17):
         return math.prod([x] * int(exponent))
-    return xp.where(y == 0, 1.0, xp.exp(y * xp.log(x)))
+    size = xp.exp(y * xp.log(abs(x)))
+    if x.op == "constant" and (x.data >= 0).all():
+        return xp.where(y == 0, 1.0, size)
+    half = y * 0.5
+    signed = xp.where(half == xp.floor(half), size, xp.where(y == xp.floor(y), -size, math.nan))
+    return xp.where(y == 0, 1.0, xp.where(x < 0, signed, size))
 
 
 def floor_divide(x: Any, y: Any) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from threading import Timer
+from threading import Lock, Timer
 from typing import Any
 
 from roletrust_env.compiled.record import UnrecordableError
@@ -18,6 +18,9 @@ from roletrust_env.storage.files import replacing
 
 SLOW_S = 2.0
 """Number of seconds of compiling from which a line says so."""
+
+PATIENCE_S = 60.0
+"""Number of seconds for which another process may compile the same game; then this one does."""
 
 Function = Callable[[int], None]
 """Function of the address of its arguments, see `roletrust_env.compiled.emit.emit`."""
@@ -47,7 +50,9 @@ def _machine() -> Any:
 
 
 _LOADED: dict[str, Any] = {}
-"""Engine that holds the code of each source."""
+"""Engine that holds the code of each source; code is gone with its engine."""
+
+_LOADING = Lock()
 
 
 def load(source: str) -> Function:
@@ -56,12 +61,13 @@ def load(source: str) -> Function:
     Args:
         source: Source in the language of LLVM.
     """
-    if source not in _LOADED:
-        llvm = _llvm()
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
-        engine.add_object_file(llvm.ObjectFileRef.from_data(_object_code(source)))
-        engine.finalize_object()
-        _LOADED[source] = engine
+    with _LOADING:
+        if source not in _LOADED:
+            llvm = _llvm()
+            engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+            engine.add_object_file(llvm.ObjectFileRef.from_data(_object_code(source)))
+            engine.finalize_object()
+            _LOADED[source] = engine
     kind = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
     return kind(_LOADED[source].get_function_address("run"))
 
@@ -83,13 +89,15 @@ def _object_code(source: str) -> bytes:
         return code
     from filelock import FileLock  # of the extra that brings LLVM
 
-    with FileLock(path.with_suffix(".lock")):
-        if (code := _cached(path)) is not None:  # another process has compiled it meanwhile
+    try:
+        with FileLock(path.with_suffix(".lock"), timeout=PATIENCE_S):
+            if (code := _cached(path)) is None:  # else another process has compiled it meanwhile
+                code = _compiled(source, path)
+                with replacing(path) as temporary:
+                    temporary.write_bytes(_signed(code))
             return code
-        code = _compiled(source, path)
-        with replacing(path) as temporary:
-            temporary.write_bytes(_signed(code))
-        return code
+    except OSError:  # the disk is full, or the lock cannot be had
+        return _compiled(source, path) if code is None else code
 
 
 def _compiled(source: str, path: Path) -> bytes:
@@ -122,20 +130,25 @@ def _signed(code: bytes) -> bytes:
 def _cached(path: Path) -> bytes | None:
     """Return the object code in a file; None if there is none that is whole."""
     try:
-        content = path.read_bytes()
+        content = path.read_bytes() if path.is_file() else b""  # a pipe would be waited for
     except OSError:
         return None
     return content[32:] if content == _signed(content[32:]) else None
 
 
 def cache_folder() -> Path:
-    """Return the user's folder of compiled games; a temporary one if that cannot be written."""
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    """Return the user's folder of compiled games; a temporary one if that cannot be written, or if
+    others can write to it, since its files are run.
+    """
+    home = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    folder = (home if home.is_absolute() else Path.home() / ".cache") / "roletrust"
     try:
-        (home / "roletrust").mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        facts = folder.stat()
     except OSError:
         return _private_folder()
-    return home / "roletrust" if os.access(home / "roletrust", os.W_OK) else _private_folder()
+    private = os.name != "posix" or (facts.st_uid == os.getuid() and not facts.st_mode & 0o022)
+    return folder if private and os.access(folder, os.W_OK) else _private_folder()
 
 
 @cache

@@ -80,7 +80,12 @@ def _ranks(array: Array) -> Array:
     """Return the rank of each entry along the last axis: 0 for the least; ties in their order."""
     places = np.arange(array.shape[-1])
     here, there = array[..., :, None], array[..., None, :]
-    return _sum((there < here) | ((there == here) & (places < places[:, None])), -1)
+    earlier = places < places[:, None]
+    before = (there < here) | ((there == here) & earlier)
+    if array.dtype.kind == "f":  # NaN comes last
+        nothing = here != here
+        before = before | (nothing & ((there == there) | earlier))
+    return _sum(before, -1)
 
 
 def _placed(values: Array, ranks: Array) -> Array:

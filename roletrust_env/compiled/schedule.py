@@ -136,12 +136,16 @@ def _graph_order(ends: Sequence[Recorded]) -> list[Recorded]:
     return list(done)
 
 
+_DEEPEST = 50
+"""Number of operations in a chain that are computed where they are read; the next one is not."""
+
+
 def _inlined(order: Sequence[Recorded], outputs: Sequence[Recorded]) -> set[Recorded]:
     """Return the arrays that are computed where they are read: once, and entry by entry."""
     reads: dict[Recorded, list[Recorded]] = {}
     for arg in [*outputs, *(arg for node in order if node.op != "view" for arg in node.args)]:
         reads.setdefault(arg.args[0] if arg.op == "view" else arg, []).append(arg)
-    return {
+    inlined = {
         node
         for node, uses in reads.items()
         if node.args
@@ -150,3 +154,13 @@ def _inlined(order: Sequence[Recorded], outputs: Sequence[Recorded]) -> set[Reco
         and len(uses) == 1
         and uses[0].size <= node.size
     }
+    depths: dict[Recorded, int] = {}
+    for node in order:
+        depth = max((depths.get(arg, 0) for arg in node.args), default=0)
+        if node.op != "view":
+            depth = depth + 1 if node in inlined else 0
+        if depth > _DEEPEST:
+            inlined.remove(node)
+            depth = 0
+        depths[node] = depth
+    return inlined

@@ -8,9 +8,11 @@ import gymnasium
 
 from roletrust_env.errors import short
 from roletrust_env.frozen import Frozen
+from roletrust_env.game.policy import Policy
 from roletrust_env.memory import check_memory
 from roletrust_env.randomness import own_seeds
 from roletrust_env.trees import arrays
+from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario
 from roletrust_env.world.roster import shown
 
@@ -41,13 +43,19 @@ def refuse_changeable(parts: Iterable[Any]) -> None:
         ValueError: A part has attributes that can be assigned.
     """
     for part in parts:
-        settings = getattr(part, "__dataclass_params__", None)
+        settings, attributes = (
+            getattr(part, "__dataclass_params__", None),
+            getattr(part, "__dict__", {}),
+        )
         frozen = isinstance(part, Frozen) or (settings is not None and settings.frozen)
-        if getattr(part, "__dict__", {}) and not frozen:
+        if attributes and not frozen:
             raise ValueError(
                 f"engine 'compiled' needs parts that cannot change, got {part!r}; make "
                 f"{type(part).__name__} a frozen dataclass"
             )
+        refuse_changeable(
+            value for value in attributes.values() if isinstance(value, Policy | TrustModel)
+        )
 
 
 def refuse_unknown(
@@ -101,7 +109,9 @@ def check_games(name: str, games: int, game: Any) -> None:
     Raises:
         ValueError: It does not fit. The message says about how many games do.
     """
-    check_memory(f"{name}:", games, float(sum(array.nbytes for array in arrays(game))))
+    check_memory(
+        f"{name}:", games, float(sum(getattr(array, "nbytes", 8) for array in arrays(game)))
+    )
 
 
 def seed_spaces(spaces: Mapping[str, gymnasium.Space[Any]], seed: int | None) -> None:

@@ -174,7 +174,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         action = check_action(action, self.action_space.shape or ())
         if not self._playing:
             raise RuntimeError("call reset() before step(): the episode has not begun or is over")
-        outcome, rounds, seen = self._play(action)
+        outcome, rounds, seen, _ = self._play(action)
         caught, round = bool(outcome.caught), int(rounds)
         over = round >= self._length
         self._playing = not (caught or over)
@@ -193,7 +193,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
             played: TaskRound = self._compiled.play(
                 action, self._random.round_key(), random=self._random
             )
-            return played
+            return played.checked()
         noise = self.task.game.draw(self._random)
         self._played, outcome = self.task.step(self._played, action, noise, self._random)
         return TaskRound(outcome, self._played.game.round, self.task.observe(self._played))

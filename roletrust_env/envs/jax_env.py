@@ -255,6 +255,10 @@ class JaxEnv(ABC):
 
     def _checked(self, actions: Mapping[str, Array]) -> dict[str, Array]:
         """Return the action of each agent, whose shape is known before its values are."""
+        if not isinstance(actions, Mapping):
+            raise ValueError(
+                f"actions are {type(actions).__name__}; they must be a dict from agent to action"
+            )
         checked = {}
         for agent in self.agents:
             if agent not in actions:
@@ -448,8 +452,11 @@ class _KeyRandom(Random):
     def _numbers(self, distribution: Callable[..., Array], shape: Sequence[int]) -> Array:
         key = [word.reshape(-1) for word in stream_key(self._key, POLICIES, self._calls)]
         self._calls += 1
-        game = counter_rng.counters(self.like, 1)
-        return distribution(self.like, math.prod(shape[:1]), game, key).reshape(tuple(shape))
+        games = key[0].size
+        agents = math.prod(shape[1:]) // games  # that share a policy
+        places = jnp.repeat(counter_rng.counters(self.like, agents), games)
+        words = [jnp.tile(word, agents) for word in key]
+        return distribution(self.like, shape[0], places, words).reshape(tuple(shape))
 
 
 def _always(_: Array, begin: Callable[[Any], Any], __: Callable[[Any], Any], after: Any) -> Any:

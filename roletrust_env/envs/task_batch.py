@@ -9,7 +9,7 @@ from gymnasium.spaces import Box
 from roletrust_env.arrays import Array, library_of, namespace
 from roletrust_env.envs.arguments import Engine, check_games, is_compiled, refuse_changeable
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
-from roletrust_env.game.state import State
+from roletrust_env.game.state import Actions, State
 from roletrust_env.randomness import Random
 from roletrust_env.trees import map_leaves
 
@@ -32,11 +32,27 @@ class TaskRound(NamedTuple):
         outcome: Outcome of the round.
         round: Number of rounds played, shape (...).
         observation: Observation of the attacker, shape (K, ...).
+        valid: Whether the actions of policies lie in [0, 1], boolean, shape (...); None where that
+            was checked before the round, or where there are no policies.
     """
 
     outcome: Outcome
     round: Array
     observation: Array
+    valid: Array | None = None
+
+    def checked(self) -> "TaskRound":
+        """Return the round, if its actions are valid.
+
+        Raises:
+            ValueError: A policy has returned an action that is NaN or outside [0, 1].
+        """
+        if self.valid is not None and not self.valid.all():
+            raise ValueError(
+                f"round {int(self.round.reshape(-1)[0]) - 1}: an action of a policy is NaN or "
+                "outside [0, 1]; engine='rules' names the agent"
+            )
+        return self
 
 
 def compile_task(task: AttackTask) -> "CompiledGame":
@@ -72,8 +88,10 @@ def record_task(task: AttackTask, *, batch: bool) -> "Program":
             state: TaskState, action: Array, key: Array, random: Random
         ) -> tuple[TaskState, TaskRound]:
             noise = recorded.game.noise(key, state.game.round.shape)
-            after, outcome = recorded.step(state, action, noise, random)
-            return after, TaskRound(outcome, after.game.round, recorded.observe(after))
+            actions, memories = recorded.joint(state, action, random)
+            after, outcome = recorded.advance(state, actions, memories, noise)
+            valid = _all_within(actions) if recorded.joint_policy.policies else None
+            return after, TaskRound(outcome, after.game.round, recorded.observe(after), valid)
 
         return play
 
@@ -86,6 +104,16 @@ def record_task(task: AttackTask, *, batch: bool) -> "Program":
     state = task.start(task.game.draw(random, start=True), random)
     action = np.zeros(task.action_size, task.game.like.dtype)
     return Program.record(make, state, (action, random.round_key()), batch=batch)
+
+
+def _all_within(actions: Actions) -> Array:
+    """Return whether all values of actions lie in [0, 1], boolean, shape (...), for a recording."""
+    parts = [
+        part for part in (actions.quality, actions.ratings, actions.treatment) if part is not None
+    ]
+    xp = namespace(parts[0])
+    flat = xp.concat([part.reshape(-1) for part in parts])
+    return ((flat >= 0) & (flat <= 1)).all()
 
 
 class TaskBatch:
@@ -151,9 +179,10 @@ class TaskBatch:
             noise = self.task.game.draw(random, self.shape)
             after, outcome = self.task.step(self.state, action, noise, random)
         else:
-            after, (outcome, _, observation) = self._compiled.play(
+            after, played = self._compiled.play(
                 self.state, action, random.round_key(), random=random
             )
+            outcome, _, observation, _ = played.checked()
             self._observed = after, observation
         self.state = after if waiting is None else choose(waiting, self.state, after)
         round = after.game.round

@@ -1,18 +1,17 @@
-"""The attacker's side of a game: the compromised agents with their identities, and the attack
-task.
-"""
+"""Attack tasks: games for an attacker that controls the compromised agents."""
 
+import copy
 from collections.abc import Mapping, Sequence
-from functools import reduce
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from pydantic import ConfigDict, ValidationError
 from pydantic.dataclasses import dataclass
 
-from roletrust_env.arrays import Array, mean_or_zero, namespace
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.errors import suggest, validation_message
 from roletrust_env.frozen import Frozen
+from roletrust_env.game.attacker_side import AttackerSide, mean_of
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.coalition import CoalitionMemory
 from roletrust_env.game.consumer import Bought, buy
@@ -23,10 +22,9 @@ from roletrust_env.game.state import Action, Actions, Noise, State
 from roletrust_env.game.views import AgentView, ObservationVector, ProviderView, RaterView, view_of
 from roletrust_env.parameters import Amount, Share, check_instance
 from roletrust_env.randomness import Random
-from roletrust_env.shapes import GameFlags, PerGame, PerProvider, PerRater, ProviderFlags
+from roletrust_env.shapes import GameFlags, PerGame
 from roletrust_env.trees import arrays
-from roletrust_env.world.presence import PRESENT, WAITING, Phases
-from roletrust_env.world.roster import Roster, places
+from roletrust_env.world.roster import places
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
@@ -67,157 +65,6 @@ def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
         return Stealth(**price)
     except ValidationError as error:
         raise ValueError(f"stealth: {validation_message(error)}") from None
-
-
-class AttackerSide(Frozen):
-    """The compromised agents and their identities.
-
-    Args:
-        roster: Agents of the game.
-        compromised: Names of the agents that the attacker controls, without identities in reserve.
-        honest: Names of agents without a scripted attack; those of this side are left out.
-        like: Array of the game's library, dtype and device.
-
-    Attributes:
-        identities: Names of the compromised agents, each followed by its identities in reserve.
-        honest_raters: Indices of the honest raters on the rater axis.
-        honest_providers: Indices of the honest providers on the provider axis.
-    """
-
-    def __init__(
-        self, roster: Roster, compromised: Sequence[str], honest: Sequence[str], like: Array
-    ) -> None:
-        owned = [
-            [name for name, owner in roster.owners.items() if owner == agent]
-            for agent in compromised
-        ]
-        self.identities = tuple(name for names in owned for name in names)
-        others = [name for name in honest if name not in self.identities]
-        self._raters = places(self.identities, roster.rater_names)
-        self._providers = places(self.identities, roster.provider_names)
-        self.honest_raters = places(others, roster.rater_names)
-        self.honest_providers = places(others, roster.provider_names)
-        self._sellers = [
-            owned_places
-            for names in owned
-            if (owned_places := places(names, roster.provider_names))
-        ]
-        self._agents = places(self.identities, roster.names)
-        rows = [
-            name
-            for axis in (roster.rater_names, roster.provider_names)
-            for name in self.identities
-            if name in axis
-        ]
-        self._in_gap = places(rows, roster.names)
-        self._reserve = self._mask(
-            like, [roster.identity_index[place] > 0 for place in self._in_gap]
-        )
-        of_agent = [[k for k, name in enumerate(rows) if name in names] for names in owned]
-        longest = max(map(len, of_agent))
-        self._columns = [[own[min(k, len(own) - 1)] for own in of_agent] for k in range(longest)]
-        masks = (
-            [name in self.identities for name in axis]
-            for axis in (roster.rater_names, roster.provider_names)
-        )
-        self._rates, self._provides = (self._mask(like, mask) for mask in masks)
-        self._is = self._mask(like, [name in self.identities for name in roster.names])
-
-    def joint(self, others: Actions, own: Actions) -> Actions:
-        """Return the actions of all agents: `own` for the attacker's identities, `others` for
-        everybody else.
-        """
-        xp = namespace(own.quality)
-        rates, provides, is_ours = (
-            mask.reshape(-1, *[1] * (own.quality.ndim - 1))
-            for mask in (self._rates, self._provides, self._is)
-        )
-
-        def choose(
-            mine: Array, ours: Array | None, theirs: Array | None, usual: Array
-        ) -> Array | None:
-            if ours is None and theirs is None:
-                return None
-            return xp.where(
-                mine, usual if ours is None else ours, usual if theirs is None else theirs
-            )
-
-        return Actions(
-            quality=xp.where(provides, own.quality, others.quality),
-            ratings=xp.where(rates[:, None, ...], own.ratings, others.ratings),
-            presence=None
-            if own.presence is None
-            else xp.where(is_ours, own.presence, others.presence),
-            withheld=choose(rates[:, None, ...], own.withheld, others.withheld, own.ratings < 0),
-            treatment=choose(
-                provides[None, ...], own.treatment, others.treatment, 0 * own.ratings + 1
-            ),
-        )
-
-    def gone(self, phase: Phases) -> GameFlags:
-        """Return whether all identities are gone for good, shape (...); an identity in reserve is
-        not.
-        """
-        return (phase[self._agents, ...] > PRESENT).all(axis=0)
-
-    def mean_of_sellers(self, values: PerProvider, present: ProviderFlags | None) -> PerGame:
-        """Return the mean over the agents that provide; the value of an agent is the mean of its
-        present identities.
-        """
-        if present is None or all(len(own) == 1 for own in self._sellers):
-            return values[[place for own in self._sellers for place in own], ...].mean(axis=0)
-        means = [mean_or_zero(values[own, ...], present[own, ...]) for own in self._sellers]
-        return namespace(values).stack(means).mean(axis=0)
-
-    def gap(
-        self,
-        trust: tuple[PerRater, PerProvider],
-        present: tuple[Array | None, Array | None],
-        phase: Phases | None,
-        tolerance: float,
-    ) -> Array:
-        """Return the trust gap of each compromised agent to the honest agents of its role, shape
-        (n, ...).
-
-        The largest gap of its roles and identities counts. An identity in reserve has no gap, and
-        an identity that is gone keeps its gap.
-
-        Args:
-            trust: ToR, shape (S, ...), and ToP, shape (P, ...).
-            present: Whether each rater and each provider is present; None where all always are.
-            phase: Phases of all agents, see `Population`; None where all are always present.
-            tolerance: Gap that is subtracted, as it costs nothing.
-        """
-        gaps = []
-        sides = (self.honest_raters, self._raters), (self.honest_providers, self._providers)
-        for values, present_agents, (honest, mine) in zip(trust, present, sides, strict=True):
-            if mine:
-                own = values[mine, ...]
-                gaps.append(
-                    mean_of(values, honest, present_agents) - own - tolerance if honest else 0 * own
-                )
-        xp = namespace(gaps[0])
-        gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
-        if phase is not None:
-            unseen = self._reserve.reshape(-1, *[1] * (gap.ndim - 1)) & (
-                phase[self._in_gap, ...] == WAITING
-            )
-            gap = xp.where(unseen, 0 * gap, gap)
-        return (
-            gap
-            if len(self._columns) == 1
-            else reduce(xp.maximum, (gap[column, ...] for column in self._columns))
-        )
-
-    @staticmethod
-    def _mask(like: Array, flags: Sequence[bool]) -> Array:
-        return namespace(like).asarray(list(flags), device=like.device)
-
-
-def mean_of(values: Array, places: list[int], present: Array | None) -> PerGame:
-    """Return the mean of some rows over those that are present; 0 if none is."""
-    rows = values[places, ...]
-    return rows.mean(axis=0) if present is None else mean_or_zero(rows, present[places, ...])
 
 
 Objective = Literal["damage", "exploit", "promote", "mislead"]
@@ -299,7 +146,7 @@ class AttackTask(Frozen):
         compromised: Sequence[str],
         *,
         objective: Objective = "damage",
-        stealth: Stealth | None = None,
+        stealth: Stealth | Mapping[str, float] | None = None,
         knowledge: Knowledge = "black_box",
         others: Mapping[str, Policy] | None = None,
         accomplices: Sequence[str] = (),
@@ -320,7 +167,7 @@ class AttackTask(Frozen):
         self.game = game
         self.compromised = tuple(compromised)
         self.objective = objective
-        self.stealth = stealth or Stealth()
+        self.stealth = make_stealth(stealth)
         self.knowledge = knowledge
         self.accomplices = tuple(accomplices)
         self.consumers = consumers
@@ -455,7 +302,20 @@ class AttackTask(Frozen):
         """Return the same task on the library, dtype and device of an array."""
         game = Game(self.game.scenario, self.game.model, like)
         other = type(self)(game, self.compromised, **self.options)
-        return other.changed(blind_share=self.blind_share)
+        return other.with_blind_share(self.blind_share)
+
+    def changed(self, **options: Any) -> Self:
+        """Return the same task with other values of some of its `options`.
+
+        Raises:
+            ValueError: There is no such option, or a value is not allowed.
+        """
+        known = self.options
+        for name in options:
+            if name not in known:
+                raise ValueError(f"a task has no option {name!r}{suggest(name, known)}")
+        other = type(self)(self.game, self.compromised, **{**known, **options})
+        return other.with_blind_share(self.blind_share)
 
     def with_blind_share(self, share: float) -> Self:
         """Return the same task in which `mislead` leaves out a share of what a blind choice loses
@@ -465,7 +325,9 @@ class AttackTask(Frozen):
         attack has a positive score if and only if it leaves consumers a lower skill than s, see
         `roletrust_env.metrics.skill`.
         """
-        return self.changed(blind_share=share)
+        other = copy.copy(self)
+        other.__dict__["blind_share"] = share  # nothing else of the task follows from it
+        return other
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
         """Return the qualities that consumers got in a round by the trust before it. See

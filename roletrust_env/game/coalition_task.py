@@ -4,7 +4,7 @@ provider.
 
 from typing import Any
 
-from roletrust_env.arrays import namespace
+from roletrust_env.arrays import cast, namespace
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.coalition import Coalition, CoalitionMemory
 from roletrust_env.game.state import Action, Actions, Noise, State
@@ -67,7 +67,8 @@ class CoalitionTask(AttackTask):
         `AttackTask.joint`.
         """
         if not isinstance(action, Actions):
-            action = self.coalition.actions(self.coalition.decision(action), _known(state))
+            decision = self.coalition.decision(cast(action, self.game.like.dtype))
+            action = self.coalition.actions(decision, _known(state))
         return super().joint(state, action, random)
 
     def advance(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from roletrust_env import Game, Scenario
-from roletrust_env.game.attack_task import AttackerSide
+from roletrust_env.game.attacker_side import AttackerSide
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
 
 SCENARIO = Scenario(

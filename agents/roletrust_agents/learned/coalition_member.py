@@ -68,6 +68,8 @@ class CoalitionMember(Frozen, Policy):
     def __init__(
         self, network: DeepSet, size: CoalitionSize, accomplices: tuple[int, ...], description: str
     ) -> None:
+        if not network.architecture.wide:
+            self.attacks = self.attacks - {"treatment", "silence"}  # type: ignore[misc]
         self._network, self._size, self._accomplices, self._description = (
             network,
             size,

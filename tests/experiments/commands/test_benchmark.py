@@ -63,8 +63,8 @@ def test_a_dry_run_shows_the_worlds_of_a_seed(here: Path) -> None:
     assert len(first) == len(other) == 2
     assert first != other
     assert (
-        "providers 3, lost 0.05, noise 0, bias 0, scale 1, ability 0.3 to 1, access choice providers=2, temperature=0.1"
-        in first[0]
+        "providers 3, lost 0.05, noise 0, bias 0, scale 1, ability 0.3 to 1, "
+        "access choice providers=2, temperature=0.1" in first[0]
     )
     assert not (here / "out").exists()
 
