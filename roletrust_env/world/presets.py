@@ -71,6 +71,8 @@ for _name in (
     "open-system",
     "peers",
     "market",
+    "marketplace",
+    "marketplace-40",
     "subjective",
     "newcomers",
     "city",

@@ -185,3 +185,19 @@ def test_an_accomplice_that_the_game_does_not_have_is_named():
     policy = learned("universal-coalition", accomplices=(10,))
     with refuses(ValueError, "accomplices", "(10,)", "10"):
         record(JointPolicy(game, {"sr_7": policy}), game.random(0))
+
+
+@pytest.mark.parametrize(
+    ("text", "channels"),
+    [
+        ("sr_2=learned:path=universal-coalition,accomplices=[sp_2]", {"quality", "ratings"}),
+        ("sp_2=learned:path=universal-providers,accomplices=[sp_2]", {"quality"}),
+        (
+            "sp_2=learned:path=universal-providers-treatment,accomplices=[sp_2]",
+            {"quality", "treatment"},
+        ),
+    ],
+)
+def test_only_a_wide_network_attacks_by_silence_and_treatment(text, channels):
+    (policy,) = parse_attacks([text], make_scenario("paper-3x3")).values()
+    assert policy.attacks == channels
