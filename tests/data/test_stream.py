@@ -231,6 +231,7 @@ def test_what_no_stream_can_have_is_refused_when_it_is_loaded(
         ("fire", "state_2", 7),
         ("fire", "state_1", -0.5),
         ("fire", "state_3", -0.5),
+        ("fire", "state_5", -0.5),
     }  # no shares
     odd = {(key, value) for key, value in taken if str(key).startswith("state_")}
     assert name not in ("fire", "wary-role-trust") or {(name, *case) for case in odd} <= possible
