@@ -14,7 +14,7 @@ from roletrust_env.frozen import Frozen
 from roletrust_env.game.attacker_side import AttackerSide, mean_of
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.coalition import CoalitionMemory
-from roletrust_env.game.consumer import Bought, buy
+from roletrust_env.game.consumer import Bought, buy, receive
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
@@ -25,6 +25,7 @@ from roletrust_env.randomness import Random
 from roletrust_env.shapes import GameFlags, PerGame
 from roletrust_env.trees import arrays
 from roletrust_env.world.roster import places
+from roletrust_env.world.scenario import Choice
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
@@ -69,7 +70,7 @@ def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
 
 Objective = Literal["damage", "exploit", "promote", "mislead"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]
-Consumers = Literal["public", "raters"]
+Consumers = Literal["public", "raters", "received"]
 
 
 class TaskState(NamedTuple):
@@ -129,7 +130,8 @@ class AttackTask(Frozen):
         accomplices: Names of the providers of `"promote"`, compromised or not.
         consumers: Who consumes: the `"public"`, which goes by the published trust; or the honest
             `"raters"` that are present, each of which goes by what it knows, see
-            `Game.known_trust`.
+            `Game.known_trust`; or these raters by the services that they have `"received"`, in a
+            scenario with access by `Choice`, see `game.consumer.receive`.
 
     Raises:
         ValueError: A name is no agent or occurs twice, an objective lacks its agents, or the name
@@ -186,8 +188,13 @@ class AttackTask(Frozen):
         agents, available = needed.get(objective, ("nobody", [0]))
         if not available:
             raise ValueError(f"the objective {objective!r} needs {agents}, and there is none")
-        if consumers == "raters" and not self._side.honest_raters:
+        if consumers != "public" and not self._side.honest_raters:
             raise ValueError("consumers are the honest raters, and there is none")
+        if consumers == "received" and not isinstance(game.scenario.access, Choice):
+            kind = game.scenario.access.kind
+            raise ValueError(f"consumers 'received' need access by choice, got {kind!r}")
+        if consumers == "received" and not self._side.honest_providers:
+            raise ValueError("consumers 'received' need an honest provider, and there is none")
 
     def __repr__(self) -> str:
         aim = (
@@ -333,6 +340,8 @@ class AttackTask(Frozen):
         """Return the qualities that consumers got in a round by the trust before it. See
         `Game.offered`.
         """
+        if self.consumers == "received":
+            return self._received(before, actions, after)
         if self.consumers == "raters":
             return self._bought_by_raters(self.game.known_trust(before), before, actions, after)
         top = self._of_present(self.game.published(before)[1], before)
@@ -342,7 +351,7 @@ class AttackTask(Frozen):
         """Return the qualities that the same consumers would have got by published trust. See
         `bought`.
         """
-        if self.consumers == "public" or not hasattr(self.game.model, "judge_trust"):
+        if self.consumers != "raters" or not hasattr(self.game.model, "judge_trust"):
             return self.bought(before, actions, after)
         known, published = self.game.known_trust(before), self.game.published(before)[1]
         known = namespace(known).where(
@@ -363,6 +372,19 @@ class AttackTask(Frozen):
         )
         raters = None if present is None else self.game.roster.raters(present)
         return Bought(*(mean_of(part, self._side.honest_raters, raters) for part in of_each))
+
+    def _received(self, before: State, actions: Actions, after: State) -> Bought:
+        """Return the mean qualities that the honest raters received."""
+        game, ability = self.game, before.properties.ability
+        assert isinstance(game.scenario.access, Choice)
+        return receive(
+            after.awaiting,
+            game.offered(before, actions, after),
+            0 * after.quality + 1 if ability is None else ability,
+            self._side.honest_raters,
+            self._side.honest_providers,
+            game.scenario.access.providers,
+        )
 
     def _of_present(self, trust: Array, before: State) -> Array:
         """Return the trust of the providers, (..., P, ...), with NaN where one is absent."""

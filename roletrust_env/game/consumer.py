@@ -1,16 +1,18 @@
-"""A consumer that chooses the most trusted provider in every round."""
+"""What consumers get: from the provider that they trust most, and from those that served them."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.shapes import PairFlags, PerPair, PerProvider
 
 
 class Bought(NamedTuple):
     """Qualities that consumers got, in one round or in many.
 
     Attributes:
-        got: Quality from the most trusted provider; providers with equal trust are equally likely.
-        best: Best quality on offer.
+        got: Quality that consumers got.
+        best: Quality of the best choice.
         blind: Mean quality of a blind choice among all providers.
     """
 
@@ -20,8 +22,8 @@ class Bought(NamedTuple):
 
 
 def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -> Bought:
-    """Return the qualities that consumers get from the providers that serve and have trust; 0 where
-    there is none.
+    """Return the qualities that consumers get from the most trusted of the providers that serve and
+    have trust; 0 where there is none. Providers with equal trust are equally likely.
 
     Args:
         trust: Trust of the providers at the time of the choice; NaN where a provider is absent.
@@ -53,6 +55,51 @@ def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -
     return Bought(
         _mean(quality, chosen, axis), xp.max(quality, axis=axis), _mean(quality, on_offer, axis)
     )
+
+
+def receive(
+    served: PairFlags,
+    offered: PerProvider | PerPair,
+    ability: PerProvider,
+    consumers: Sequence[int],
+    honest: Sequence[int],
+    providers: int = 1,
+) -> Bought:
+    """Return the qualities that consumers received in a round, as means over the consumers, shape
+    (...).
+
+        got   = mean quality of the services that a consumer received
+        best  = mean of the `providers` largest abilities of the honest providers that serve
+        blind = mean ability of the honest providers that serve
+
+    The yardsticks, best and blind, depend on nothing that a trust model or an attacker does. All
+    three are 0 for a consumer without a service, and where no honest provider serves.
+
+    Args:
+        served: Whether a provider served a rater, boolean, shape (S, P, ...).
+        offered: Quality on offer, see `Game.offered`, shape (P, ...) or (S, P, ...).
+        ability: Ability of the providers, shape (P, ...).
+        consumers: Indices of the raters that consume.
+        honest: Indices of the honest providers.
+        providers: Number of services that a consumer chooses in a round.
+
+    Example:
+        >>> import numpy as np
+        >>> served, ability = np.array([[True, False], [False, True]]), np.array([0.9, 0.3])
+        >>> receive(served, ability, ability, [0, 1], [0, 1])._asdict()
+        {'got': np.float64(0.6), 'best': np.float64(0.9), 'blind': np.float64(0.6)}
+    """
+    xp = namespace(ability)
+    mine = served[list(consumers), ...]
+    quality = offered[list(consumers), ...] if offered.ndim == served.ndim else offered[None, ...]
+    serves = offered == offered
+    serves = (serves.any(axis=0) if offered.ndim == served.ndim else serves)[list(honest), ...]
+    able = xp.where(serves, ability[list(honest), ...], -1 + 0 * ability[list(honest), ...])
+    largest = xp.sort(able, axis=0)[-providers:, ...]
+    best, blind = _mean(largest, largest >= 0, 0), _mean(able, serves, 0)
+    counts = cast(mine.any(axis=1) & serves.any(axis=0)[None, ...], ability.dtype)
+    got = _mean(xp.where(mine, quality, 0 * ability), mine, 1)
+    return Bought(*(xp.mean(counts * part, axis=0) for part in (got, best, blind)))
 
 
 def _mean(values: Array, where: Array, axis: int) -> Array:

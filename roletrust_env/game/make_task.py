@@ -55,7 +55,7 @@ def make_task(
         others: Policies of further agents by name, which are neither compromised nor honest, or
             tables of their names and parameters.
         accomplices: Names of the providers of `"promote"`.
-        consumers: Who consumes, `"public"` or `"raters"`, see `AttackTask`.
+        consumers: Who consumes, `"public"`, `"raters"` or `"received"`, see `AttackTask`.
         observation: `"agents"`, the observations and actions of the compromised agents one by one,
             see `AttackTask`; or `"coalition"`, features and a decision for each provider; or
             `"accounts"`, a wide coalition, see `CoalitionTask`.

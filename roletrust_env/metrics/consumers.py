@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from roletrust_env.game.consumer import Bought, buy
+from roletrust_env.game.consumer import Bought, buy, receive
 from roletrust_env.game.rollout import History
 from roletrust_env.metrics.score import (
     FlagsByRound,
@@ -13,7 +13,6 @@ from roletrust_env.metrics.score import (
     RoundWeights,
     Score,
     in_rounds,
-    mean_or_nan,
     ratio,
 )
 from roletrust_env.shapes import Shape
@@ -118,57 +117,33 @@ def skill_score(bought: Bought) -> Annotated[Floats, Shape("G")]:
 
 def received(
     history: History,
-    ability: Annotated[Floats, Shape("P ...")] | Annotated[Floats, Shape("T P ...")],
+    ability: Annotated[Floats, Shape("P ...")],
     consumers: Sequence[int],
     honest: Sequence[int],
     *,
     providers: int = 1,
     weights: RoundWeights | None = None,
 ) -> Bought:
-    """Return the quality that consumers received, and what the honest providers were able to offer.
-
-        got   = sum over rounds and consumers of the mean quality of the services received
-        best  = the same of the mean of the `providers` largest abilities of honest providers
-        blind = the same of the mean ability of the honest providers that are present
-
-    The yardsticks, best and blind, depend on nothing that a trust model or an attacker does. A
-    round in which a consumer receives no service, or no honest provider is present, counts in none
-    of the three.
+    """Return the quality that consumers received, and what the honest providers were able to offer,
+    summed over the rounds, for each game, shape (...). `skill_score` makes the skill of it.
 
     Args:
         history: Record of the games, in which raters choose providers, see `Choice`.
-        ability: Ability of each provider in [0, 1], shape (P, ...), or in each round, shape (T, P,
-            ...).
+        ability: Ability of each provider in [0, 1], shape (P, ...).
         consumers: Indices of the honest raters.
         honest: Indices of the honest providers.
         providers: Number of services that a consumer chooses in a round.
         weights: Weights of the rounds, shape (T,), see `Scenario.round_weights`; None weights all
             alike.
-
-    Returns:
-        Sums for each game, shape (...), of which `skill_score` makes the skill.
     """
-    served = np.asarray(history.served)[:, list(consumers)]  # (T, C, P, ...)
-    offered = np.asarray(history.offered, np.float64)
-    by_rater = offered.ndim == served.ndim
-    offered = offered[:, list(consumers)] if by_rater else offered[:, None]
-    services = served.sum(axis=2)
-    got = ratio(np.where(served, offered, 0.0).sum(axis=2), services)
-
-    acts = ~np.isnan(offered).all(axis=1) if by_rater else ~np.isnan(offered[:, 0])
-    able = np.where(acts, np.broadcast_to(ability, acts.shape), np.nan)[:, list(honest)]
-    blind = mean_or_nan(able, 1)
-    ranked = -np.sort(-able, axis=1)[:, :providers]  # NaN, of who is absent, comes last
-    best = mean_or_nan(ranked, 1)
-
-    counts = (services > 0) & ~np.isnan(blind)[:, None]
-    parts = (
-        got,
-        np.broadcast_to(best[:, None], got.shape),
-        np.broadcast_to(blind[:, None], got.shape),
-    )
+    served, offered = np.asarray(history.served), np.asarray(history.offered, np.float64)
+    able = np.broadcast_to(ability, served.shape[2:])
+    rounds = [
+        receive(*each, able, consumers, honest, providers)
+        for each in zip(served, offered, strict=True)
+    ]
     return Bought(
-        *(in_rounds(np.where(counts, part, 0.0), weights).sum(axis=(0, 1)) for part in parts)
+        *(in_rounds(np.stack(part), weights).sum(axis=0) for part in zip(*rounds, strict=True))
     )
 
 

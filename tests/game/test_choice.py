@@ -4,10 +4,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from refusals import refuses
 
-from roletrust_env import Game, JointPolicy, Scenario, make_trust_model, parallel_env
+from roletrust_env import (
+    Game,
+    JointPolicy,
+    Policy,
+    Scenario,
+    make_task,
+    make_trust_model,
+    parallel_env,
+    record,
+)
 from roletrust_env.game.rollout import Round, rollout
+from roletrust_env.metrics import received
 from roletrust_env.trust.models.personal.similarity import OwnExperience
 from roletrust_env.world import Choice
 
@@ -18,6 +29,15 @@ def market(**access: Any) -> Scenario:
         {"role": "SP", "count": 4, "ability": (0.0, 1.0)},
     ]
     return Scenario(agents=agents, access=Choice(**access), ratings={"lost": 0.3}, max_cycles=25)
+
+
+class Grumbler(Policy):
+    """A rater that rates all services 0.1."""
+
+    attacks = frozenset({"ratings"})
+
+    def ratings(self, view: Any, memory: Any, random: Any) -> Any:
+        return 0 * view.service + 0.1, memory
 
 
 def played(game: Game, batch: tuple[int, ...] = ()) -> list[Round]:
@@ -70,3 +90,36 @@ def test_compiled_rounds_are_those_of_the_rules(name: str) -> None:
         steps = [env.step(actions) for env in envs]
         for agent, seen in steps[0][0].items():
             np.testing.assert_allclose(seen, steps[1][0][agent], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
+def test_a_task_may_be_about_what_consumers_received(asarray: Any) -> None:
+    """The attacker always serves as well as it can, and the rewards are the regret of consumers."""
+    task = make_task(
+        market(by="own", explore=0.2),
+        ("sp_3",),
+        objective="mislead",
+        consumers="received",
+        trust_model="first-hand",
+        others={"sr_5": Grumbler()},
+        like=asarray(np.zeros(())),
+    )
+    random, total = task.game.random(seed=2), 0.0
+    state = task.start(task.game.draw(random, (3,), start=True), random)
+    ability = np.asarray(state.game.properties.ability)
+    ones = asarray(np.ones((1, 3)))
+    for _ in range(task.game.scenario.max_cycles):
+        state, outcome = task.step(state, ones, task.game.draw(random, (3,)), random)
+        total = total + np.asarray(outcome.objective)
+    game = Game(task.game.scenario, task.game.model)
+    history = record(JointPolicy(game, {"sr_5": Grumbler()}), game.random(seed=2), (3,))
+    bought = received(history, ability, range(5), range(3))
+    np.testing.assert_allclose(total, bought.best - bought.got, rtol=0, atol=1e-9)
+
+
+def test_what_was_received_needs_a_choice_and_an_honest_provider() -> None:
+    task = {"objective": "mislead", "consumers": "received"}
+    with refuses(ValueError, "received", "'everyone'"):
+        make_task("paper-3x3", ("sp_0",), **task)
+    with refuses(ValueError, "received"):
+        make_task(market(), ("sp_0", "sp_1", "sp_2", "sp_3"), **task)
