@@ -145,3 +145,14 @@ def test_memory_may_be_a_number():
             return 0 * view.trust + 1 / (1 + memory), memory + 1
 
     assert rewards("rules", 4, others={"sp_0": Counting()}).shape == (12, 4)
+
+
+def test_actions_of_a_coalition_are_decoded_in_the_precision_of_the_game():
+    played = []
+    for engine in ENGINES:
+        env = gymnasium.make("RoleTrust/CollusionAttack-v0", engine=engine, observation="coalition")
+        env.reset(seed=0)
+        random = np.random.default_rng(0)
+        shape = env.action_space.shape
+        played.append([env.step(random.random(shape, np.float32))[1] for _ in range(30)])
+    np.testing.assert_allclose(*played, rtol=0, atol=1e-12)

@@ -340,3 +340,14 @@ def test_games_end_at_random_and_have_the_same_rounds_until_then(make):
     assert not playing.any()
     assert abs(length.mean() - env.game.scenario.mean_length) < 4 * length.std() / games**0.5
     assert length.max() == most
+
+
+def test_agents_that_share_a_policy_draw_numbers_of_their_own():
+    others = {"sr_0": RandomRating(), "sr_1": RandomRating()}
+    env = AttackJaxEnv("RoleTrust/RaterAttack-v0", others=others)
+    _, state = env.reset(jax.random.key(0))
+    actions = {"attacker": jnp.zeros(env.action_space("attacker").shape)}
+    for _ in range(3):
+        _, state, *_ = env.step(jax.random.key(1), state, actions)
+    ratings = np.asarray(state.game.ratings)
+    assert len(np.unique(ratings[:2])) == 6
