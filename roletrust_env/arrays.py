@@ -129,10 +129,15 @@ def cast(array: Array, dtype: Any) -> Array:
     )
 
 
+def all_within(values: Array, low: float = 0.0, high: float = 1.0) -> Array:
+    """Return whether no value is NaN or outside [low, high], as a flag of the array's library."""
+    return ((values >= low) & (values <= high)).all()
+
+
 def within(values: Array, low: float = 0.0, high: float = 1.0) -> bool:
     """Return whether no value is NaN or outside [low, high]."""
     if not isinstance(values, np.ndarray):
-        return bool(((values >= low) & (values <= high)).all())
+        return bool(all_within(values, low, high))
     if not values.size:
         return True
     return bool(values.min() >= low and values.max() <= high)  # both are NaN if a value is

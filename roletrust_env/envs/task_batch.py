@@ -1,15 +1,17 @@
 """A batch of games of an attack task, which all environments of tasks play."""
 
 from collections.abc import Callable
+from functools import reduce
+from operator import and_
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Box
 
-from roletrust_env.arrays import Array, library_of, namespace
+from roletrust_env.arrays import Array, all_within, library_of, namespace
 from roletrust_env.envs.arguments import Engine, check_games, is_compiled, refuse_changeable
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
-from roletrust_env.game.state import Actions, State
+from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
 from roletrust_env.trees import map_leaves
 
@@ -90,7 +92,10 @@ def record_task(task: AttackTask, *, batch: bool) -> "Program":
             noise = recorded.game.noise(key, state.game.round.shape)
             actions, memories = recorded.joint(state, action, random)
             after, outcome = recorded.advance(state, actions, memories, noise)
-            valid = _all_within(actions) if recorded.joint_policy.policies else None
+            valid = None
+            if recorded.joint_policy.policies:
+                chosen = (actions.quality, actions.ratings, actions.treatment)
+                valid = reduce(and_, (all_within(part) for part in chosen if part is not None))
             return after, TaskRound(outcome, after.game.round, recorded.observe(after), valid)
 
         return play
@@ -104,16 +109,6 @@ def record_task(task: AttackTask, *, batch: bool) -> "Program":
     state = task.start(task.game.draw(random, start=True), random)
     action = np.zeros(task.action_size, task.game.like.dtype)
     return Program.record(make, state, (action, random.round_key()), batch=batch)
-
-
-def _all_within(actions: Actions) -> Array:
-    """Return whether all values of actions lie in [0, 1], boolean, shape (...), for a recording."""
-    parts = [
-        part for part in (actions.quality, actions.ratings, actions.treatment) if part is not None
-    ]
-    xp = namespace(parts[0])
-    flat = xp.concat([part.reshape(-1) for part in parts])
-    return ((flat >= 0) & (flat <= 1)).all()
 
 
 class TaskBatch:

@@ -122,11 +122,6 @@ def news(ratings: Ratings) -> PerPair:
     return ratings.reduce(met, PROVIDER) - met + ratings.experience.weights
 
 
-def credence_sum(credence: PerAdviser, said: PerPair) -> PerPair:
-    """Return the sum over the advisers k of C[i, k] said[k, j], shape (S, P, ...)."""
-    return product(credence, said)
-
-
 def heard(credence: PerAdviser | float, said: PerPair) -> PerPair:
     """Return the sum over the advisers k other than i of C[i, k] said[k, j], shape (S, P, ...)."""
     return product(others(said) * credence, said)

@@ -9,7 +9,7 @@ from roletrust_env.trust import PROVIDER, Ratings, personal
 def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     credence, said = rng.random((7, 7, 2)), rng.random((7, 3, 2))
-    at_once = personal.credence_sum(credence, said)
+    at_once = personal.product(credence, said)
     np.testing.assert_allclose(
         at_once, np.einsum("ike,kje->ije", credence, said), rtol=0, atol=1e-12
     )
@@ -22,7 +22,7 @@ def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) ->
 
     assert np.array_equal(personal.by_judges(of, said), at_once)
     assert seen == [slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)]
-    assert np.array_equal(personal.credence_sum(credence, said), at_once)
+    assert np.array_equal(personal.product(credence, said), at_once)
 
 
 def test_what_opinions_were_worth_is_summed_over_what_both_rated() -> None:

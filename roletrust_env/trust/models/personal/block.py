@@ -47,9 +47,10 @@ class Block(Personal):
 
     An adviser contradicts a judge where the mean of its ratings of a provider and the mean of the
     services that the judge received from it are further apart than `limit`, and agrees with it
-    where they are nearer. Both are remembered. A baseline for listeners: a model of the same view
-    that is not better is not worth its formula. Blocking for good is what makes collaboration pay
-    against a malicious agent in Vial, Shakkottai and Srikant (2021), whose algorithm this is not.
+    where they are nearer. Both are remembered, unless `forgive`. A baseline for listeners: a model
+    of the same view that is not better is not worth its formula. Blocking for good is what makes
+    collaboration pay against a malicious agent in Vial, Shakkottai and Srikant (2021), whose
+    algorithm this is not.
 
     By its own choice rule, a judge first goes to providers of which it knows nothing, at random,
     and then to the most trusted one.
@@ -57,7 +58,7 @@ class Block(Personal):
     Attributes:
         initial: Trust without a service or a rating that counts, in [0, 1].
         limit: Distance of the means beyond which an adviser contradicts, in [0, 1].
-        forgive: Whether only the means of now count, not those of earlier rounds.
+        forgive: Whether only the current means count, not those of earlier rounds.
         strangers: Whether a rater that neither agreed nor contradicted counts.
     """
 

@@ -12,13 +12,13 @@ from roletrust_env.trust.personal import (
     absorb,
     by_judges,
     compare_opinions,
-    credence_sum,
     credences,
     in_common,
     mean_of_sums,
     news,
     nothing_yet,
     others,
+    product,
     published_raters,
     push,
 )
@@ -159,8 +159,8 @@ def _witnesses(credibility: Array, values: Array, weights: Array) -> tuple[Array
         weights: Weights by age, shape (S, P, ...).
     """
     asked = others(credibility) * namespace(credibility).clip(credibility, 0.0, None)
-    weight = credence_sum(asked, weights)
-    component = mean_of_sums(credence_sum(asked, weights * values), weight)
+    weight = product(asked, weights)
+    component = mean_of_sums(product(asked, weights * values), weight)
 
     def apart(judges: slice) -> Array:
         return total(asked[judges, :, None] * weights * abs(values - component[judges, None]), 1)

@@ -81,10 +81,9 @@ class RegressionAligned(Personal):
     ratings, all alike.
 
     Zeynalvand et al. (2018) had the idea to align subjective ratings to the seeker's scale by
-    regression. No formula of theirs was found, and this is not their model. Let y be the
-    services that a judge received and x an adviser's ratings of the same providers in the same
-    rounds so far, N of them. A
-    ridge regression of the difference,
+    regression. No formula of theirs was found, and this is not their model. Let y be the services
+    that a judge received and x an adviser's ratings of the same providers in the same rounds so
+    far, N of them. A ridge regression of the difference,
 
         y - x = b + a (x - mean x),   sum of squared errors + ridge (a^2 + b^2) least,
 

@@ -12,12 +12,12 @@ from roletrust_env.trust.personal import (
     Evidence,
     Personal,
     compare_opinions,
-    credence_sum,
     credences,
     mean_of_sums,
     news,
     nothing_yet,
     others,
+    product,
     published_raters,
     push,
 )
@@ -104,8 +104,8 @@ class YuSingh(Personal):
         experiences = total(known, 0)
         local, h = mean_of_sums(total(recent, 0), experiences), experiences / self.memory
         credence = _relative(log_credence)
-        believed = credence_sum(credence, said.counts)
-        advice = mean_of_sums(credence_sum(credence, said.sums), believed)
+        believed = product(credence, said.counts)
+        advice = mean_of_sums(product(credence, said.sums), believed)
         trust = xp.where(believed > 0, h * local + (1 - h) * advice, local)
         trust = xp.where(news(ratings) > 0, trust, state.trust)
         return YuSinghState(trust, log_credence, recent, known, said)
