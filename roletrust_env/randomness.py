@@ -13,7 +13,7 @@ from roletrust_env.parameters import whole_number
 
 Keys = npt.NDArray[np.uint32]
 
-STREAMS = 14
+STREAMS = 15
 """Number of random streams, each with its own key. Two of them, `POLICIES` and `LENGTHS`, are not
 part of the noise."""
 

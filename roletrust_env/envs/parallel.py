@@ -27,7 +27,7 @@ from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.errors import short
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
-from roletrust_env.game.state import State
+from roletrust_env.game.state import State, rateable
 from roletrust_env.game.summary import summarise, summary_size
 from roletrust_env.randomness import Random, generator
 from roletrust_env.trust import TrustModel
@@ -107,7 +107,7 @@ class Observer:
             *published,
             state.value,
             state.quality,
-            *(grid.reshape(-1) for grid in (state.service, state.awaiting)),
+            *(grid.reshape(-1) for grid in rateable(state)),
             *(grid.reshape(-1) for grid in (state.ratings, state.rated)),
             *((trust[-game.roster.n_both :],) if has_both else ()),
         )

@@ -19,10 +19,26 @@ from roletrust_env.game.brief import game_facts
 from roletrust_env.game.cells import Cells, for_batch
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
+from roletrust_env.game.state import (
+    Actions,
+    Counts,
+    Noise,
+    State,
+    fitted,
+    intended,
+    rateable,
+)
 from roletrust_env.game.views import ProviderView, RaterView, ViewLayout, make_views
 from roletrust_env.randomness import Random, generator
-from roletrust_env.shapes import AgentFlags, PerAgent, PerPair, PerProvider, PerRater, Shape
+from roletrust_env.shapes import (
+    AgentFlags,
+    PairFlags,
+    PerAgent,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Shape,
+)
 from roletrust_env.trust import TrustModel, agent_trust
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import access, mobility, rating_delivery
@@ -187,7 +203,9 @@ class Game(Frozen):
             always = bool(rating.all() and providing.all())
             self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
-        self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
+        self._lossless = (
+            scenario.ratings.lost == scenario.ratings.late == 0 and scenario.ratings.open is None
+        )
         self._everyone = open_to_all and not roster.n_both  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
         # The state of the model after the last round with its published trust, so that the trust is
@@ -289,6 +307,9 @@ class Game(Frozen):
             else None,
             properties=self._property_sampler.start(nothing[:, 0, ...], of_providers, *traits),
             met=met,
+            due=rating_delivery.Due(xp.zeros_like(nothing), xp.zeros_like(nothing))
+            if rules.ratings.deadline > 1
+            else None,
         )
 
     def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, PerAgent]:
@@ -297,8 +318,9 @@ class Game(Frozen):
         Args:
             state: State before the round; it is not changed.
             actions: Actions of all agents. Those of absent agents, and ratings of services that
-                were not received, are ignored. A withheld rating never arrives, but the service
-                counts as provided.
+                were not received, are ignored, unless they are claims of a scenario with open
+                reports. A withheld rating is not sent in this round, neither as a claim, but the
+                service counts as provided.
             noise: Noise of the round.
 
         Returns:
@@ -312,7 +334,8 @@ class Game(Frozen):
         xp, rules, roster, cells = namespace(self.like), self.scenario, self.roster, self._cells
         actions = fitted(actions, state)
         withheld, population = actions.withheld, state.population
-        sent = state.awaiting if withheld is None else state.awaiting & ~withheld
+        ready, awaiting = rateable(state)
+        sent = self._sent(state, awaiting, actions, noise)
         ratings, rated, transit = rating_delivery.deliver(
             rules.ratings, state.transit, actions.ratings, sent, noise.lost, noise.late
         )
@@ -377,6 +400,15 @@ class Game(Frozen):
             transit=transit,
             properties=state.properties,
             met=met,
+            due=None
+            if state.due is None
+            else rating_delivery.remaining(
+                rules.ratings,
+                state.due,
+                ready,
+                state.awaiting,
+                awaiting & ~sent & ~served & self._present_pairs(population, served.shape),
+            ),
         )
         return after, self._payoff.rewards(tor, top, counts, quality, state.value)
 
@@ -437,8 +469,7 @@ class Game(Frozen):
             *self.published(state),
             state.value,
             state.quality,
-            state.service,
-            state.awaiting,
+            *rateable(state),
             state.ratings,
             state.rated,
         )
@@ -464,6 +495,33 @@ class Game(Frozen):
             [trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]]
         )
         return of_raters[:, :n_sr, ...], of_providers[:, :n_sp, ...], of_both
+
+    def _sent(self, state: State, awaiting: PairFlags, actions: Actions, noise: Noise) -> PairFlags:
+        """Return which ratings are sent in this round, boolean, shape (S, P, ...).
+
+        Args:
+            state: State before the round.
+            awaiting: Whether there is a service to rate, boolean, shape (S, P, ...).
+            actions: Actions of all agents.
+            noise: Noise of the round.
+        """
+        rule, claimed = self.scenario.ratings, None
+        reports = awaiting if actions.withheld is None else awaiting & ~actions.withheld
+        if rule.open is not None and actions.claims is not None:
+            claimed = self._present_pairs(state.population, awaiting.shape)
+            claimed = claimed if actions.withheld is None else claimed & ~actions.withheld
+        return rating_delivery.choose_reports(rule, reports, claimed, actions.claims, noise.claim)
+
+    def _present_pairs(self, population: Population | None, shape: tuple[int, ...]) -> PairFlags:
+        """Return whether rater and provider are two agents that are present, boolean, in the shape
+        (S, P, ...).
+        """
+        pairs = for_batch(self._not_self, shape)
+        if population is None:
+            return pairs
+        present = population.phase == PRESENT
+        raters, providers = self.roster.raters(present), self.roster.providers(present)
+        return pairs & raters[:, None, ...] & providers[None, ...]
 
     def _acting(self, state: State, population: Population | None) -> Iterator[tuple[Array, Array]]:
         """Yield which raters and which providers act in this round, once for each reason not to

@@ -74,6 +74,7 @@ class NoiseSource:
             "bias": (counter_rng.uniform, (s,)) if varies(roster, "bias") else None,
             "scale": (counter_rng.uniform, (s,)) if varies(roster, "scale") else None,
             "explore": explore,
+            "claim": (counter_rng.uniform, (s, p)) if scenario.ratings.open is not None else None,
         }
         self._fields = {name: kind for name, kind in fields.items() if kind is not None}
         self.starts = any(name in self._fields for name in _OF_THE_START)

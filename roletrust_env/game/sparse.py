@@ -36,15 +36,16 @@ class SparseGame(Game):
       still be read.
     - A rater sees the providers that it met, see `SparseRaterView`; its last `ratings` are in the
       cells of the round before. A provider does not see single ratings.
-    - Ratings arrive at once or are lost, and providers serve all raters alike.
+    - Ratings are of services of the last round, and arrive at once or are lost. Providers serve
+      all raters alike.
 
     Args:
         scenario: Scenario with access of kind `encounters`.
         trust_model: Name of a trust model, or a trust model, see `Game`.
 
     Raises:
-        ValueError: The scenario has another access, late ratings or cameras; the model does not run
-            on edges.
+        ValueError: The scenario has another access, late ratings, open reports, a deadline above
+            1, or cameras; the model does not run on edges.
 
     Example:
         >>> from roletrust_env import JointPolicy, Scenario, SparseGame
@@ -188,6 +189,11 @@ def _check(scenario: Scenario) -> None:
         )
     if scenario.ratings.late > 0:
         raise ValueError(f"ratings.late is {scenario.ratings.late}; it must be 0 in a sparse game")
+    if scenario.ratings.open is not None or scenario.ratings.deadline > 1:
+        raise ValueError(
+            f"ratings.open is {scenario.ratings.open} and ratings.deadline is "
+            f"{scenario.ratings.deadline}; they must be None and 1 in a sparse game"
+        )
     if scenario.service != "synthetic":
         raise ValueError(
             f"service is {scenario.service!r}; it must be 'synthetic' in a sparse game"

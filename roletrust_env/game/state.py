@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import numpy as np
 from array_api_compat import to_device
 
-from roletrust_env.arrays import Array, cast, check_within
+from roletrust_env.arrays import Array, cast, check_within, namespace
 from roletrust_env.game.brief import shapes
 from roletrust_env.shapes import (
     AgentFlags,
@@ -20,7 +20,7 @@ from roletrust_env.trees import map_leaves
 from roletrust_env.world.heterogeneity import AgentProperties
 from roletrust_env.world.mobility import Motion
 from roletrust_env.world.presence import Population
-from roletrust_env.world.rating_delivery import InTransit
+from roletrust_env.world.rating_delivery import Due, InTransit
 
 Action: TypeAlias = Annotated[Array, Shape("A ...")]
 """Action of an attacker as one vector, shape (A, ...)."""
@@ -37,6 +37,9 @@ class Actions(NamedTuple):
         withheld: Ratings that are not sent, boolean, shape (S, P, ...); None where all are sent.
         treatment: Share of its quality that each provider gives each rater, shape (S, P, ...), in
             [0, 1]; None where providers serve all raters alike.
+        claims: Priority of a rating without a service, shape (S, P, ...), in [0, 1], see
+            `RatingDelivery.open`; 0 sends none, and so does None. They are ignored where reports
+            are verified.
     """
 
     quality: PerProvider
@@ -44,6 +47,7 @@ class Actions(NamedTuple):
     presence: AgentFlags | None = None
     withheld: PairFlags | None = None
     treatment: PerPair | None = None
+    claims: PerPair | None = None
 
     def __repr__(self) -> str:
         return shapes(self)
@@ -72,9 +76,10 @@ class State(NamedTuple):
         rated: Whether a rating arrived, boolean, shape (S, P, ...).
         quality: Quality delivered in the last round, shape (P, ...); for a provider that treats
             raters differently the mean over the raters that it served.
-        service: Perceived quality of the services that await their rating, shape (S, P, ...); 0
+        service: Perceived quality of the services of the last round, shape (S, P, ...); 0
             elsewhere.
-        awaiting: Whether a service awaits its rating, boolean, shape (S, P, ...).
+        awaiting: Whether there is such a service, which awaits its rating, boolean, shape (S, P,
+            ...).
         value: Value of the next service of each provider, shape (P, ...).
         counts: Services that SR+SP agents rated and provided; None without such agents.
         population: Presence of the agents; None where it never changes.
@@ -83,6 +88,7 @@ class State(NamedTuple):
         properties: Properties in which agents differ.
         met: Index of the provider of each cell of `service` and `awaiting`, shape (S, K), in a
             `SparseGame`, whose cells are (S, K) in place of (S, P, ...); None elsewhere.
+        due: Services of earlier rounds that can still be rated; None where the deadline is 1.
     """
 
     round: Annotated[Array, Shape("...", "whole")]
@@ -99,6 +105,7 @@ class State(NamedTuple):
     transit: InTransit | None
     properties: AgentProperties
     met: Annotated[Array, Shape("S K", "whole")] | None = None
+    due: Due | None = None
 
     def __repr__(self) -> str:
         # The leaves may be anything: JAX maps trees to shapes, axes and tracers.
@@ -115,10 +122,10 @@ class Noise(NamedTuple):
     """The noise of one round: uniform in [0, 1), except `perception`, which is standard normal.
     None where unused.
 
-    Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `choice` (S, P,
-    ...), for encounters with k providers (S, k, ...); `explore` (S, ...); `presence` (N, ...);
-    `value` (P, ...); `goal` (N, 2, ...); and at the start only `position` (N, 2, ...), `ability`
-    (P, ...), `bias` and `scale` (S, ...).
+    Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `claim` (S, P, ...);
+    `choice` (S, P, ...), for encounters with k providers (S, k, ...); `explore` (S, ...);
+    `presence` (N, ...); `value` (P, ...); `goal` (N, 2, ...); and at the start only `position` (N,
+    2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
     """
 
     perception: PerPair
@@ -133,12 +140,13 @@ class Noise(NamedTuple):
     bias: PerRater | None = None
     scale: PerRater | None = None
     explore: PerRater | None = None
+    claim: PerPair | None = None
 
     def __repr__(self) -> str:
         return shapes(self)
 
 
-_IN_RANGE = "quality", "ratings", "treatment"
+_IN_RANGE = "quality", "ratings", "treatment", "claims"
 """Fields of `Actions` whose values lie in [0, 1]."""
 
 
@@ -150,6 +158,16 @@ def intended(actions: Actions, properties: AgentProperties) -> PerProvider | Per
         actions.quality if properties.ability is None else properties.ability * actions.quality
     )
     return quality if actions.treatment is None else actions.treatment * quality
+
+
+def rateable(state: State) -> tuple[PerPair, PairFlags]:
+    """Return the perceived quality of the services that can be rated, shape (S, P, ...), and a mask
+    of them.
+    """
+    if state.due is None:
+        return state.service, state.awaiting
+    service = namespace(state.service).where(state.awaiting, state.service, state.due.service)
+    return service, state.awaiting | (state.due.rounds > 0)
 
 
 def fitted(actions: Actions, state: State) -> Actions:
@@ -164,7 +182,7 @@ def fitted(actions: Actions, state: State) -> Actions:
         return actions
     cells, population, dtype = state.ratings.shape, state.population, state.ratings.dtype
     agents = None if population is None else population.phase.shape
-    needed = state.quality.shape, cells, agents, cells, cells
+    needed = state.quality.shape, cells, agents, cells, cells, cells
     for name, part, shape in zip(Actions._fields, actions, needed, strict=True):
         if part is None:
             continue
@@ -175,7 +193,8 @@ def fitted(actions: Actions, state: State) -> Actions:
             )
         if name in _IN_RANGE and isinstance(part, np.ndarray):  # others may be compiling
             check_within(name, part)
-    if actions.quality.dtype == actions.ratings.dtype == dtype and actions.treatment is None:
+    usual = actions.treatment is None and actions.claims is None
+    if usual and actions.quality.dtype == actions.ratings.dtype == dtype:
         return actions
     return actions._replace(
         **{

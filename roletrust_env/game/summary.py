@@ -4,7 +4,7 @@ from typing import Annotated
 
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.game.game import Game
-from roletrust_env.game.state import State
+from roletrust_env.game.state import State, rateable
 from roletrust_env.shapes import Shape
 from roletrust_env.world.scenario import InRange
 
@@ -32,7 +32,7 @@ def summarise(game: Game, state: State) -> Annotated[Array, Shape("K ...")]:
         present = xp.ones((roster.n_agents, *batch), dtype=game.like.dtype, device=game.like.device)
     clock = cast(state.round, game.like.dtype) / game.scenario.max_cycles
     parts = [clock, tor, top, state.value, state.quality, present]
-    parts += [state.service, state.awaiting, state.ratings, state.rated]
+    parts += [*rateable(state), state.ratings, state.rated]
     if state.motion is not None and isinstance(game.scenario.access, InRange):
         parts.append(state.motion.position / game.scenario.access.arena)
     return xp.concat([part.reshape(-1, *batch) for part in parts])

@@ -60,7 +60,7 @@ class RaterView(NamedTuple):
         trust: Its own ToR, shape (...).
         published: Published ToP of every provider, shape (P, ...).
         service: Perceived quality of the services that await its rating, shape (P, ...); 0 where
-            none does.
+            none does. With a deadline above 1, these can be services of earlier rounds.
         awaiting: Whether a service awaits its rating, boolean, shape (P, ...).
         ratings: Its ratings that arrived in the last round, shape (P, ...); 0 where none did.
         rated: Whether its rating arrived, boolean, shape (P, ...).

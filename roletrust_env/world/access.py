@@ -45,9 +45,25 @@ def choose_providers(
         preference = trust + 1e-5 * noise  # breaks ties, and near ties, at random
     if explore is not None:
         preference = xp.where((explore < rule.explore)[:, None, ...], noise, preference)
+    return highest(preference, available, rule.providers)
+
+
+def highest(preference: Array, available: Array, number: int) -> Array:
+    """Return the available entries with the highest preference in each row.
+
+    Args:
+        preference: Preference of each rater for each provider, shape (S, P, ...).
+        available: Boolean array of shape (S, P, ...), true where the entry can be chosen.
+        number: Number of entries of each row.
+
+    Returns:
+        Boolean array of shape (S, P, ...). In each row, `number` entries are true, or all available
+        ones if there are fewer.
+    """
+    xp = namespace(preference)
     preference = xp.where(available, preference, -xp.inf)
     rank = xp.argsort(xp.argsort(preference, axis=1), axis=1)
-    return available & (rank >= noise.shape[1] - rule.providers)
+    return available & (rank >= preference.shape[1] - number)
 
 
 def meet(rule: Encounters, own: Array, n_providers: int, noise: Array) -> Array:

@@ -31,7 +31,13 @@ _PART_FIELDS = {
         "leaves": "departs exits stop end",
     },
     "access": {"kind": "type rule", "radius": "range distance", "providers": "count number k"},
-    "ratings": {"lost": "loss drop dropped", "late": "delayed", "delay": "lag"},
+    "ratings": {
+        "deadline": "window expiry",
+        "open": "claims unverified",
+        "lost": "loss drop dropped",
+        "late": "delayed",
+        "delay": "lag",
+    },
     "perturbations": {
         "start": "begin first from",
         "stop": "end last until to",

@@ -86,8 +86,19 @@ class Encounters(FrozenModel):
 
 
 class RatingDelivery(FrozenModel):
-    """Losses and delays of ratings on their way to the trust manager."""
+    """Ratings that a rater can report, and their losses and delays on the way to the trust manager.
 
+    Reports are verified by default: a rater can rate each service that it received, once. They are
+    open with `open`: a rater can also rate providers that did not serve it.
+    """
+
+    deadline: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Number of rounds in which a service can be rated: those after its own. A newer service of the
+    same provider replaces it."""
+    open: PositiveInt | None = None
+    """Largest number of ratings that a rater can send in a round, one for each provider, with or
+    without a service. Ratings of services have priority. None sends ratings of services alone, and
+    all of them."""
     lost: Share = 0.0
     """Probability that a rating is lost."""
     late: Share = 0.0
@@ -168,7 +179,8 @@ class Scenario(FrozenModel):
     """Playback of a video or image folder: `once`, which must last as long as the game, or
     `loop`."""
     ratings: RatingDelivery = RatingDelivery()
-    """Losses and delays of ratings: `lost`, `late`, `delay`."""
+    """Ratings that can be reported, and their losses and delays: `deadline`, `open`, `lost`,
+    `late`, `delay`."""
     perturbations: tuple[Perturbation, ...] = ()
     """Perturbations of all services: `start`, `stop`, `strength`."""
     values: Annotated[tuple[PositiveAmount, ...], Field(min_length=1)] = (1.0,)
