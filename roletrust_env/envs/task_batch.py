@@ -94,7 +94,7 @@ def record_task(task: AttackTask, *, batch: bool) -> "Program":
             after, outcome = recorded.advance(state, actions, memories, noise)
             valid = None
             if recorded.joint_policy.policies:
-                chosen = (actions.quality, actions.ratings, actions.treatment)
+                chosen = actions.quality, actions.ratings, actions.treatment, actions.claims
                 valid = reduce(and_, (all_within(part) for part in chosen if part is not None))
             return after, TaskRound(outcome, after.game.round, recorded.observe(after), valid)
 

@@ -107,6 +107,10 @@ class SideBySide(Policy):
             "withholds", view, memory, random, lambda: view.awaiting[..., 0, :] & False
         )
 
+    def claims(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """See `Policy.claims`."""
+        return self._unusual("claims", view, memory, random, lambda: 0 * view.published[..., 0, :])
+
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.presence`."""
         return _stack(self._rows("presence", view, memory, random))
@@ -193,8 +197,8 @@ class Scripted:
     """An attacker with a policy for each compromised agent; an agent without a policy plays
     honestly.
 
-    The policies use every channel, also those that the action of a task lacks: presence, silence
-    and treatment.
+    The policies use every channel, also those that the action of a task lacks: presence, silence,
+    claims and treatment.
     """
 
     policies: Mapping[str, Policy]

@@ -303,7 +303,7 @@ def _first_of(indices: tuple[int, ...]) -> Callable[[float], Any]:
 _PAPER_ATTACKS = ("on-off", "bad-mouthing")
 
 SERVING_CHANNELS: frozenset[Channel] = frozenset({"quality", "treatment"})
-RATING_CHANNELS: frozenset[Channel] = frozenset({"ratings", "silence"})
+RATING_CHANNELS: frozenset[Channel] = frozenset({"ratings", "silence", "claims"})
 
 
 def paper_attacks() -> tuple[AttackKind, ...]:

@@ -94,6 +94,7 @@ class AttackerSide(Frozen):
             treatment=choose(
                 provides[None, ...], own.treatment, others.treatment, 0 * own.ratings + 1
             ),
+            claims=choose(rates[:, None, ...], own.claims, others.claims, 0 * own.ratings),
         )
 
     def gone(self, phase: Phases) -> GameFlags:

@@ -208,12 +208,15 @@ class Decision(NamedTuple):
         silence: Above 0.5, its raters do not rate the provider, shape (P, ...); None rates all.
         treatment: Share of that quality for each rater by each own provider, shape (S, n, ...);
             None serves all alike.
+        claims: Priority of a rating of each provider without a service, which all its raters have,
+            shape (P, ...), see `RatingDelivery.open`; None claims nothing.
     """
 
     lie: PerProvider | None = None
     quality: PerProvider | None = None
     silence: PerProvider | None = None
     treatment: Annotated[Array, Shape("S n ...")] | None = None
+    claims: PerProvider | None = None
 
 
 class Coalition(Frozen):
@@ -222,14 +225,15 @@ class Coalition(Frozen):
     Args:
         game: Game.
         identities: Names of the compromised agents and of their identities in reserve.
-        wide: Whether its raters can be silent, and its providers keep accounts of the raters, to
-            treat each by its own.
+        wide: Whether its raters can be silent, and claim ratings where reports are open, and its
+            providers keep accounts of the raters, to treat each by its own.
 
     Attributes:
         rates: Whether any of them rates.
         raters: Indices of its raters on the rater axis.
         providers: Indices of its providers on the provider axis.
         silent: Whether it decides on silence.
+        claims: Whether it decides on claims.
         treats: Whether its providers keep accounts.
         has_reserve: Whether any of them has identities in reserve.
     """
@@ -241,6 +245,7 @@ class Coalition(Frozen):
         self.providers = places(identities, roster.provider_names)
         self.rates = bool(self.raters)
         self.silent, self.treats = wide and self.rates, wide and bool(self.providers)
+        self.claims = self.silent and game.scenario.ratings.open is not None
         own = np.isin(np.arange(roster.n_providers), self.providers)
         xp, like = namespace(game.like), game.like
         self._accomplice = xp.asarray(own, dtype=like.dtype, device=like.device)
@@ -367,7 +372,8 @@ class Coalition(Frozen):
         """Return the decision of an action, shape (action_size, ...), in [0, 1].
 
         As far as the coalition decides on them: lies about each provider, qualities of each
-        provider, silence about each provider, and the treatment of each rater by each own provider.
+        provider, silence about each provider, the treatment of each rater by each own provider, and
+        claims about each provider.
         """
         at, parts = 0, dict[str, Array]()
         for name, size in self.sizes.items():
@@ -388,6 +394,7 @@ class Coalition(Frozen):
             "quality": providers * bool(self.providers),
             "silence": providers * self.silent,
             "treatment": raters * len(self.providers) * self.treats,
+            "claims": providers * self.claims,
         }
         return {name: size for name, size in parts.items() if size}
 
@@ -405,7 +412,7 @@ class Coalition(Frozen):
             memory: Memory after `remember`.
         """
         xp, s, nothing = namespace(memory.total), self._game.roster.n_raters, 0 * memory.total
-        lie, quality, silence, treatment = decision
+        lie, quality, silence, treatment, claims = decision
         said = nothing + 1 if lie is None else lie_ratings(memory, lie)
         ratings = xp.broadcast_to(said[None, ...], (s, *said.shape))
         withheld = (
@@ -416,7 +423,12 @@ class Coalition(Frozen):
                 :, self._columns, ...
             ]
         return Actions(
-            nothing + 1 if quality is None else quality, ratings, None, withheld, treatment
+            nothing + 1 if quality is None else quality,
+            ratings,
+            None,
+            withheld,
+            treatment,
+            None if claims is None else xp.broadcast_to(claims[None, ...], ratings.shape),
         )
 
     def gave(self, memory: CoalitionMemory, actions: Actions) -> CoalitionMemory:

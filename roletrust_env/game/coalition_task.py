@@ -18,8 +18,8 @@ class CoalitionTask(AttackTask):
     Rewards and rules are those of `AttackTask`. The observation holds the features of each
     provider, and the action a decision about each provider, so that a network with shared weights
     plays with any number of them. This is what the coalitions of `roletrust_agents` learn with. A
-    wide one also observes the accounts of raters with own providers, and decides on silence and on
-    the treatment of each rater.
+    wide one also observes the accounts of raters with own providers, and decides on silence, on
+    the treatment of each rater and, where reports are open, on claims.
 
     Args:
         *arguments: Arguments of `AttackTask`.

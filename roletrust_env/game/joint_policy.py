@@ -33,7 +33,7 @@ _CHANNELS: dict[Role, frozenset[Channel]] = {
 
 _NONE: frozenset[Channel] = frozenset()
 _TREATMENT: frozenset[Channel] = frozenset({"treatment"})
-_SILENCE: frozenset[Channel] = frozenset({"silence"})
+_REPORTS: frozenset[Channel] = frozenset({"silence", "claims"})
 _PRESENCE: frozenset[Channel] = frozenset({"presence"})
 
 
@@ -109,6 +109,7 @@ class _GroupActions(NamedTuple):
     treatment: Array | None = None
     ratings: Array | None = None
     withheld: Array | None = None
+    claims: Array | None = None
 
 
 class JointPolicy(Frozen):
@@ -153,6 +154,7 @@ class JointPolicy(Frozen):
         )
         self._orders = tuple(_order(list(axis)) for axis in zip(*groups.values(), strict=True))
         self._has_reserve = any(roster.identity_index)
+        self._open = game.scenario.ratings.open is not None
         self._before = list(roster.previous_identity)
         self._turn = namespace(game.like).asarray(
             roster.identity_index, dtype=game.like.dtype, device=game.like.device
@@ -211,6 +213,9 @@ class JointPolicy(Frozen):
                 [action.withheld for action in rating], ratings, lambda rates: rates < 0, raters
             ),
             treatment=None if treatment is None else treatment.swapaxes(0, 1),
+            claims=_unusual(
+                [action.claims for action in rating], ratings, lambda rates: 0 * rates, raters
+            ),
         )
         return actions, tuple(after)
 
@@ -263,7 +268,7 @@ class JointPolicy(Frozen):
             None if group.provider is None else ProviderView(*_take(providers, group.provider))
         )
         rater = None if group.rater is None else type(raters)(*_take(raters, group.rater))
-        quality = treatment = given = withheld = None
+        quality = treatment = given = withheld = claims = None
         if provider is not None and rater is not None:
             trust = self.game.agent_trust(state)[group.agent, ...]
             quality, given, memory = group.policy.both(
@@ -277,7 +282,10 @@ class JointPolicy(Frozen):
             treatment, memory = group.policy.treats(provider, memory, random)
         if rater is not None:
             withheld, memory = group.policy.withholds(rater, memory, random)
-        return _GroupActions(quality, *map(_own_axis_first, (treatment, given, withheld))), memory
+        if rater is not None and self._open:
+            claims, memory = group.policy.claims(rater, memory, random)
+        of_others = map(_own_axis_first, (treatment, given, withheld, claims))
+        return _GroupActions(quality, *of_others), memory
 
 
 def checked_actions(
@@ -321,6 +329,7 @@ def _check_actions(actions: Actions, game: Game, where: str) -> None:
         ("quality", actions.quality, providers),
         ("ratings", actions.ratings, raters),
         ("treatment", treatment, providers),
+        ("claims", actions.claims, raters),
     ):
         if chosen is not None and not within(chosen):
             wrong = ~((chosen >= 0) & (chosen <= 1)).reshape(len(names), -1)
@@ -347,7 +356,7 @@ def _check_seat(game: Game, name: str, policy: Policy, reserve: int) -> None:
     if name not in owners:
         raise ValueError(f"there is no agent {name!r}; the scenario has {shown(names)}")
     further = _TREATMENT if name in game.roster.provider_places else _NONE
-    further |= (_SILENCE if name in game.roster.rater_places else _NONE) | (
+    further |= (_REPORTS if name in game.roster.rater_places else _NONE) | (
         _PRESENCE if reserve else _NONE
     )
     _check_channels(name, game.roster.role(name), policy, further, reserve)

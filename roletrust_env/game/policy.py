@@ -14,9 +14,9 @@ from roletrust_env.randomness import Random
 from roletrust_env.registry import Registry
 from roletrust_env.shapes import GameFlags, PerGame, PerProvider, PerRater, ProviderFlags, Shape
 
-Channel = Literal["quality", "treatment", "ratings", "silence", "presence"]
+Channel = Literal["quality", "treatment", "ratings", "silence", "claims", "presence"]
 """Decision of an agent. `"treatment"` is the share of quality for each rater, `"silence"` the
-ratings it withholds."""
+ratings it withholds, `"claims"` the priority of ratings without a service."""
 
 
 class Policy:
@@ -65,7 +65,7 @@ class Policy:
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[PerProvider, Any]:
         """Return the ratings, shape (P, ...), in [0, 1], and the new memory.
 
-        Ratings of services that the rater did not receive are ignored.
+        Ratings of services that the rater did not receive are ignored, unless it claims them.
         """
         return view.service, memory
 
@@ -77,6 +77,20 @@ class Policy:
 
         Called after `ratings` in a `JointPolicy`; the faces of PettingZoo and a task's action have
         no such channel.
+        """
+        return None, memory
+
+    def claims(
+        self, view: RaterView, memory: Any, random: Random
+    ) -> tuple[PerProvider | None, Any]:
+        """Return the priority of a rating without a service, shape (P, ...), in [0, 1], and the new
+        memory.
+
+        Its value is that of `ratings`. A priority of 0 sends no rating of this provider; None
+        claims nothing.
+
+        Called after `withholds` in a `JointPolicy`, if the scenario has open reports; the faces of
+        PettingZoo and a task's action have no such channel.
         """
         return None, memory
 
@@ -180,6 +194,13 @@ class ByChannel(Policy):
         """See `Policy.withholds`."""
         withheld, mine = self.rates.withholds(view, memory[1], random)
         return withheld, (memory[0], mine)
+
+    def claims(
+        self, view: RaterView, memory: Any, random: Random
+    ) -> tuple[PerProvider | None, Any]:
+        """See `Policy.claims`."""
+        claims, mine = self.rates.claims(view, memory[1], random)
+        return claims, (memory[0], mine)
 
 
 @checked_dataclass

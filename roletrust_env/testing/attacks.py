@@ -22,6 +22,7 @@ _RATERS, _PROVIDERS = ("sr_0", "srsp_0"), ("sp_0", "srsp_0")
 _SEATS: dict[Channel, tuple[str, ...]] = {
     "ratings": _RATERS,
     "silence": _RATERS,
+    "claims": _RATERS,
     "quality": _PROVIDERS,
     "treatment": _PROVIDERS,
     "presence": ("sr_0", "sp_0", "srsp_0"),
