@@ -6,11 +6,11 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from roletrust_baselines.agent_indices import AgentIndices, index_mask, provider_mask
-from roletrust_baselines.rater import LyingRater, praise
+from roletrust_baselines.rater import ClaimingRater, LyingRater, praise
 from roletrust_baselines.treatment import no_accounts, shares
 from roletrust_env.arrays import Array, cast, largest, mean_places, namespace
 from roletrust_env.game.accounts import Accounts
-from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
+from roletrust_env.game.policy import Channel, asleep, wake
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.parameters import (
     Accomplices,
@@ -89,7 +89,7 @@ def ranks(values: Array, left_out: Array | None = None) -> Array:
 
 
 @checked_dataclass
-class AgreeingRater(WindowedAttack):
+class AgreeingRater(ClaimingRater):
     """Rater of a coalition that lies about each provider by its rank.
 
     Raters need no messages to agree: all of them see the same published trust, and the means of
@@ -108,7 +108,6 @@ class AgreeingRater(WindowedAttack):
 
     by: Annotated[Literal["perceived", "published"], GridValues("perceived")] = "perceived"
     accomplices: Annotated[AgentIndices | None, Accomplices()] = None
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
         """Return its false ratings of all providers, shape (P, ...).
@@ -138,14 +137,33 @@ class AgreeingRater(WindowedAttack):
             lying: Whether the rater lies, boolean, shape (...).
         """
         means = estimates.means(view.published)
-        mine = (
-            None if self.accomplices is None else index_mask(self.accomplices, means, "accomplices")
-        )
+        mine = self._accomplice(means)
         xp = namespace(means)
         lies = self.lies(means, ranks(means if self.by == "perceived" else view.published, mine))
         if mine is not None:
             lies = xp.where(mine, 0 * means + 1, lies)
         return xp.where(lying, lies, means)
+
+    def estimates(self, memory: Any) -> Estimates:
+        """Return the estimates in its memory."""
+        estimates: Estimates = memory
+        return estimates
+
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return a mask of the accomplices, and of the others that it is not honest about. See
+        `ClaimingRater.lies_about`.
+        """
+        active, estimates = self.active(view.round), self.estimates(memory)
+        means = estimates.means(view.published)
+        mine = self._accomplice(means)
+        about = self.reports(view, estimates, active) != means
+        return about if mine is None else active & (about | mine)
+
+    def _accomplice(self, rows: Array) -> Array | None:
+        """Return a mask of the accomplices, boolean, shape (P, 1 ...); None without any."""
+        if self.accomplices is None:
+            return None
+        return index_mask(self.accomplices, rows, "accomplices")
 
 
 @checked_dataclass
@@ -206,15 +224,23 @@ class SelfPromotion(LyingRater):
         """Return praise of the accomplices, and `of_others` for the others. See
         `LyingRater.lies`.
         """
-        own = provider_mask(self.accomplices, view, "accomplices")
+        own = self.own(view)
         praised = praise(view.service, self.lift)
         return namespace(praised).where(own, praised, self.of_others(view)), memory
+
+    def own(self, view: RaterView) -> Array:
+        """Return a mask of the accomplices, boolean, shape (P, 1 ...)."""
+        return provider_mask(self.accomplices, view, "accomplices")
 
     def of_others(self, view: RaterView) -> Array:
         """Return the ratings of providers outside the ring, shape (P, ...): the perceived
         quality.
         """
         return view.service
+
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return a mask of the accomplices while active. See `ClaimingRater.lies_about`."""
+        return self.active(view.round) & self.own(view)
 
 
 @checked_dataclass
@@ -233,6 +259,10 @@ class Collusion(SelfPromotion):
     def of_others(self, view: RaterView) -> Array:
         """Return reduced ratings of the other providers. See `SelfPromotion.of_others`."""
         return view.service * (1 - self.sink)
+
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return whether it is active. See `ClaimingRater.lies_about`."""
+        return self.active(view.round)
 
 
 @checked_dataclass
@@ -265,6 +295,12 @@ class Orchestrated(Collusion):
         """Return reduced ratings while its team attacks, and honest ratings otherwise."""
         reduced = super().of_others(view)
         return namespace(reduced).where(self._in_turn(view.round), reduced, view.service)
+
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return a mask of the accomplices, and of all providers while its team attacks. See
+        `ClaimingRater.lies_about`.
+        """
+        return super().lies_about(view, memory) & (self.own(view) | self._in_turn(view.round))
 
     def _in_turn(self, round: Array) -> Array:
         return ((round - self.start) // self.turn) % self.teams == self.team % self.teams
@@ -356,6 +392,14 @@ class Sleeper(RankLies):
         awake, woken = wake(self.active(view.round) & (view.trust >= self.wakes_at), memory[1])
         lying = awake if self.stop is None else awake & (view.round < self.stop)
         return self.reports(view, estimates, lying), (estimates, woken)
+
+    def estimates(self, memory: Any) -> Estimates:
+        """See `AgreeingRater.estimates`."""
+        return super().estimates(memory[0])
+
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return a mask of the lies once it is awake. See `AgreeingRater.lies_about`."""
+        return super().lies_about(view, memory) & memory[1]
 
 
 @checked_dataclass
@@ -476,6 +520,10 @@ class MilkingRing(CheatingRing):
         """
         ratings, estimates = super().ratings(view, memory[0], random)
         return ratings, (estimates, memory[1])
+
+    def estimates(self, memory: Any) -> Estimates:
+        """See `AgreeingRater.estimates`."""
+        return super().estimates(memory[0])
 
 
 @checked_dataclass

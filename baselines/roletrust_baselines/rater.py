@@ -19,12 +19,46 @@ from roletrust_env.parameters import (
 )
 from roletrust_env.randomness import Random
 
+LEAST_CLAIM = 0.01
+"""Priority of a false rating without a service that is equal to published trust."""
+
 
 @checked_dataclass
-class LyingRater(WindowedAttack):
-    """Rater that lies about all providers in a time window."""
+class ClaimingRater(WindowedAttack):
+    """Rater that also sends its false ratings without a service, where reports are open."""
 
     attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
+
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return a mask of the providers that it lies about in this round, boolean, shape (P, ...)
+        or (...).
+
+        Args:
+            view: View of the rater.
+            memory: Memory after the ratings of this round.
+        """
+        raise NotImplementedError
+
+    def claims(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """Return as the priority of each false rating its distance from published trust. See
+        `Policy.claims`.
+        """
+        unserved = view._replace(service=view.published, awaiting=view.awaiting & False)
+        ratings, _ = self.ratings(unserved, memory, random)
+        xp, published = namespace(ratings), view.published
+        priority = xp.clip(abs(ratings - published), LEAST_CLAIM, 1.0)
+        return xp.where(self.lies_about(unserved, memory), priority, 0 * priority), memory
+
+
+def imagined(view: RaterView) -> RaterView:
+    """Return the view with published trust as the quality of services that were not received."""
+    service = namespace(view.service).where(view.awaiting, view.service, view.published)
+    return view._replace(service=service)
+
+
+@checked_dataclass
+class LyingRater(ClaimingRater):
+    """Rater that lies about all providers in a time window."""
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return its false ratings of all providers, shape (P, ...), and its new memory."""
@@ -36,8 +70,13 @@ class LyingRater(WindowedAttack):
         """
         return self.active(view.round)
 
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """See `ClaimingRater.lies_about`."""
+        return self.about(view)
+
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return false ratings while active, and honest ratings otherwise. See `Policy.ratings`."""
+        view = imagined(view)
         lies, memory = self.lies(view, memory, random)
         return namespace(lies).where(self.about(view), lies, view.service), memory
 
@@ -149,6 +188,10 @@ class CamouflageRating(BadMouthing):
         awake, memory = wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)
         return namespace(lies).where(awake, lies, view.service), memory
 
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return a mask of the targets once it is awake. See `ClaimingRater.lies_about`."""
+        return self.about(view) & memory
+
 
 @checked_dataclass
 class Complementary(TargetedLyingRater):
@@ -229,7 +272,8 @@ class RepTrap(TargetedLyingRater):
     Yang, Feng, Sun and Dai (2008), "RepTrap: A Novel Attack on Feedback-Based Reputation Systems".
     In the paper, the traps are objects with few ratings. A rater does not see the number of ratings
     in this game. In our interpretation, a trap is the target with the published trust nearest to
-    0.5. The rater is honest about all other providers, which keeps its own trust high.
+    0.5. The rater is honest about all other providers, which keeps its own trust high. It needs a
+    service to lie about, and claims nothing.
 
     Attributes:
         traps: Number of providers that it lies about at a time.
@@ -247,6 +291,10 @@ class RepTrap(TargetedLyingRater):
         )
         trap = xp.argsort(xp.argsort(unsettled, axis=0, stable=True), axis=0) < self.traps
         return xp.where(trap, cast(service < 0.5, service.dtype), service), memory
+
+    def lies_about(self, view: RaterView, memory: Any) -> Array:
+        """Return a mask of the services that it may lie about. See `ClaimingRater.lies_about`."""
+        return view.awaiting & self.about(view)
 
 
 @checked_dataclass

@@ -62,7 +62,7 @@ def make_ppo(
         first: Network to begin with; None is a random one whose mean actions are near the truth.
 
     Raises:
-        UnsuitableError: A rollout has a single round.
+        UnsuitableError: A rollout has a single round, or a wide coalition has claims to decide on.
         ValueError: A rollout does not fit into the memory.
     """
     from stable_baselines3 import PPO
@@ -78,6 +78,11 @@ def make_ppo(
     rounds, spread = task.game.scenario.max_cycles, float(np.log(settings.first_spread))
     if settings.games * rounds < 2:
         raise UnsuitableError("a rollout of one round is too short for PPO; give more games")
+    if task.coalition.claims:
+        reports = task.game.scenario.ratings.open
+        raise UnsuitableError(
+            f"the network decides on no claims, and ratings.open is {reports}; give wide=false"
+        )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the last batch may be smaller than the others
         model = PPO(
